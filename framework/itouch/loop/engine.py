@@ -161,7 +161,8 @@ class Engine:
     @property
     def notices(self) -> tuple[str, ...]:
         """What is rendered otherwise than the scene says, and why; and hardware that nobody watches over."""
-        alone = [d.name for d in self.model.devices.values() if not d.twin and d.commands and d.cls.watchdog is None]
+        hardware = [device for device in self.model.devices.values() if not device.twin and device.commands]
+        alone = [device.name for device in hardware if device.cls.lets_go(device.params) is None]
         return self.model.notices if self.guarded else (*self.model.notices, *(_UNGUARDED.format(n) for n in alone))
 
     @property

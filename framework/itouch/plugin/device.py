@@ -230,6 +230,19 @@ class Device(Grouped, ABC):
         return cls.exchange_time
 
     @classmethod
+    def lets_go(cls, params: Any) -> float | None:
+        """Return after how many seconds without a command this device, with these parameters, makes itself safe.
+
+        None: it does not, and runs with the guardian and hold-to-run only; by default ``watchdog``.
+        """
+        return cls.watchdog
+
+    @classmethod
+    def opens_twice(cls, params: Any) -> bool:
+        """Tell whether another process can make it safe, with these parameters; by default ``second_opener``."""
+        return cls.second_opener
+
+    @classmethod
     def bind(cls, params: Any, read: Callable[[str, int], bytes]) -> Any:
         """Return what driver and twin are made from: the parameters, with the content of files that they name.
 

@@ -107,7 +107,9 @@ class Servo:
             "notices": list(self.session.notices),
             "remotes": self.remotes.addresses,
             "hardware": self._hardware(),
-            "second_openers": [name for name in self._hardware() if model.devices[name].cls.second_opener],
+            "second_openers": [
+                name for name in self._hardware() if model.devices[name].cls.opens_twice(model.devices[name].params)
+            ],
             "sys_path": [entry for entry in self._config["sys_path"] if entry],
         }
 

@@ -181,7 +181,7 @@ def _build(
         sentence = f"device '{element.name}': plugin '{element.plugin}' has no working driver, it is twin only"
         place = scene.places.of(element, "twin")
         problems.append(Problem("twin-only", sentence, place, 'write twin="yes", or leave --twin away'))
-    elif not element.twin and commands and cls.watchdog is None and not cls.second_opener:
+    elif not element.twin and commands and cls.lets_go(params) is None and not cls.opens_twice(params):
         sentence = f"device '{element.name}': nothing would stop it if this program died, so it is not driven"
         place = scene.places.of(element, "twin") or scene.places.of(element)
         advice = f"'{element.plugin}' must state its own `watchdog`, or that a `second_opener` can make it safe"

@@ -17,6 +17,12 @@ if TYPE_CHECKING:
     from itouch.world import Model
     from itouch_tools.authoring.fixes import Edit
 
+#: What is said of hardware that nothing in itself stops.
+_ALONE = (
+    "device '{}' has no watchdog of its own that its driver knows of: it runs only with the guardian process and "
+    "hold-to-run"
+)
+
 
 def main(argv: Sequence[str]) -> int:
     """Print every problem of scene files."""
@@ -67,6 +73,7 @@ def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None
     from itouch.session.channel_selection import recording_notes, recording_problems
     from itouch.world import compile_scene, further
     from itouch_tools.authoring.lint import odd
+    from itouch_tools.report.safety.rules import alone
 
     catalog = Catalog()
     scene, problems = read_scene(path, catalog, rig=rig)
@@ -80,7 +87,8 @@ def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None
     if model is not None and not unrecordable:
         more = [*more, *odd(model)]
         untold = (notice for notice in model.notices if not _told(notice, more))
-        model = replace(model, notices=(*untold, *recording_notes(model)))
+        unwatched = (_ALONE.format(name) for name in alone(model))
+        model = replace(model, notices=(*untold, *recording_notes(model), *unwatched))
     return (None if unrecordable else model), in_file_order([*problems, *more, *unrecordable])
 
 

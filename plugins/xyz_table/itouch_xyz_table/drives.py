@@ -46,7 +46,7 @@ def opened(params: Any, watchdog: float, patience: float, trace: Trace | None) -
         return Steppers(
             params.tmcl, baud=params.baud, address=params.address, motors=[int(number) for number in params.motors],
             microsteps=params.microsteps, leads=leads, speed=params.speed, acceleration=params.acceleration,
-            watchdog=watchdog, patience=patience, trace=trace,
+            watchdog=watchdog if params.heartbeat else None, patience=patience, trace=trace,
         )  # fmt: skip
     ids = [int(number) for number in params.ids]
     if params.bus:

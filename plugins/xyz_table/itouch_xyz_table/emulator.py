@@ -38,7 +38,9 @@ class TableEmulator(Emulator):
             self._steppers = [
                 VirtualStepper(int(n), microsteps=m) for n, m in zip(params.motors, params.microsteps, strict=True)
             ]
-            self.bus = VirtualTmcl({motor.number: motor for motor in self._steppers}, address=params.address)
+            self.bus = VirtualTmcl(
+                {motor.number: motor for motor in self._steppers}, address=params.address, heartbeat=params.heartbeat
+            )
             self._servos = [*self._steppers]
             x, y, _ = params.travel
             self._lows = dict(zip((motor.number for motor in self._steppers), (-x / 2, -y / 2, 0.0), strict=True))

@@ -70,6 +70,10 @@ class XyzTableParams:
     )
     baud: int = schema.integer(low=9600, high=1_000_000, default=115200, doc="of a TMCL module: speed of its port")
     address: int = schema.integer(low=1, high=255, default=1, doc="of a TMCL module: its address on the line")
+    heartbeat: bool = schema.flag(
+        default=True,
+        doc="of a TMCL module: whether it stops its motors when the host is silent; no: guardian and hold-to-run only",
+    )
     motors: tuple[float, float, float] = schema.quantity(
         "", size=3, low=0, high=5, default=(0.0, 1.0, 2.0), doc="of a TMCL module: numbers of the motors of x, y and z"
     )
@@ -178,6 +182,16 @@ class XyzTable(Device):
         absent = place.startswith("/") and not os.path.exists(place)
         return f"there is nothing at '{place}': look at its plug" if absent else ""
 
+    @classmethod
+    def lets_go(cls, params: Any) -> float | None:
+        """Return the drives' watchdog [s]; None: a module without a heartbeat, which goes on by itself."""
+        return None if cls.opens_twice(params) else cls.watchdog
+
+    @classmethod
+    def opens_twice(cls, params: Any) -> bool:
+        """Tell whether a guardian stops it: one without a heartbeat, whose port takes a second opener."""
+        return bool(params.tmcl) and not params.heartbeat
+
     def __init__(self, params: XyzTableParams) -> None:
         super().__init__(params)
         #: Signed metres a revolution.
@@ -222,6 +236,14 @@ class XyzTable(Device):
         except DeviceError:
             if not self._lost:
                 raise
+        finally:
+            servos.close()
+
+    def make_safe(self, safe: Record) -> None:
+        """Stop the motors where they are, as a heartbeat would: they are neither homed nor led anywhere."""
+        servos = opened(self.params, WATCHDOG, self.patience, self.trace)
+        try:
+            servos.stop()
         finally:
             servos.close()
 

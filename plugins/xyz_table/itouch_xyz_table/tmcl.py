@@ -54,7 +54,7 @@ class Steppers:
     speed, acceleration
         The greatest of an axis [m/s, m/s2].
     watchdog
-        Seconds of silence after which the module stops all motors.
+        Seconds of silence after which the module stops all motors; None: it has no heartbeat, and goes on.
     patience
         Factor on how long answers are waited for.
     """
@@ -70,7 +70,7 @@ class Steppers:
         leads: Sequence[float],
         speed: float,
         acceleration: float,
-        watchdog: float,
+        watchdog: float | None,
         patience: float = 1.0,
         trace: Trace | None = None,
         clock: Callable[[], float] = time.monotonic,
@@ -158,6 +158,9 @@ class Steppers:
             If it goes on, or does not come back.
         """
         axis, began = 0, self.query()[0].position
+        if self._watchdog is None:
+            self._hold(axis, began)
+            return
         lead = self._leads[axis]
         away = self._microsteps[axis] * SLOWLY / abs(lead)
         # Towards the middle of the travel: the low end is where a homed axis stands.
@@ -173,15 +176,19 @@ class Steppers:
                 f"motor {AXES[axis]} turns on without a request for {TRIED / SLOWLY:g} s: the module's heartbeat "
                 f"(global parameter {tm.HEARTBEAT}) does not stop it, so nothing would if this program died"
             )
-        self._driven = True
-        for one, state in enumerate(self.query()):  # each holds where it is; the one that has turned goes back
-            self._ask(one, tm.MOVE, tm.ABSOLUTE, self._steps(one, began if one == axis else state.position))
+        self._hold(axis, began)
         end = self._clock() + BACK * max(1.0, self._patience)
         while self._ask(axis, tm.GET_AXIS, tm.ACTUAL) != self._steps(axis, began):
             if self._clock() > end:
                 raise ServoError(f"motor {AXES[axis]} does not go where it is told")
             time.sleep(_POLL)
         self._last = []
+
+    def _hold(self, axis: int, place: float) -> None:
+        """Let each motor hold where it is; the one that has turned goes back to its place [rev]."""
+        self._driven = True
+        for one, state in enumerate(self.query()):
+            self._ask(one, tm.MOVE, tm.ABSOLUTE, self._steps(one, place if one == axis else state.position))
 
     # --- homing --------------------------------------------------------------------------------------------------
 
@@ -253,7 +260,12 @@ class Steppers:
         ServoError
             If the module has none.
         """
-        advice = "a module without it cannot drive the table, since nothing would stop it if this program died"
+        if self._watchdog is None:
+            return
+        advice = (
+            "a module without it would go on if this program died; "
+            'heartbeat="no" lets it run with the guardian and hold-to-run only'
+        )
         try:
             self._ask(0, tm.SET_GLOBAL, tm.HEARTBEAT, round(1e3 * self._watchdog), bank=0)
             found = self._ask(0, tm.GET_GLOBAL, tm.HEARTBEAT, bank=0)
@@ -266,7 +278,8 @@ class Steppers:
         """Look at what a module forgets that has started anew: its heartbeat, and in turn each motor's speed."""
         turn = self._count % len(self._motors)
         self._count += 1
-        if self._ask(0, tm.GET_GLOBAL, tm.HEARTBEAT, bank=0) != round(1e3 * self._watchdog):
+        beats = self._watchdog is not None
+        if beats and self._ask(0, tm.GET_GLOBAL, tm.HEARTBEAT, bank=0) != round(1e3 * (self._watchdog or 0.0)):
             raise self._anew()
         if abs(self._ask(turn, tm.GET_AXIS, tm.MAX_SPEED) - self._limits[turn]) > 0.02 * self._limits[turn]:
             raise self._anew()

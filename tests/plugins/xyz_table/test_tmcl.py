@@ -175,7 +175,7 @@ def test_an_axis_that_finds_no_switch_is_named(bench: Bench, monkeypatch: pytest
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"heartbeat": False}, "heartbeat cannot be set: .*an unknown parameter; a module without it cannot drive"),
+        ({"heartbeat": False}, "heartbeat cannot be set: .*an unknown parameter; .*heartbeat=.no. lets it run"),
         ({"deaf": True}, r"motor x turns on without a request .* nothing would if this program died"),
     ],
 )
@@ -397,6 +397,60 @@ def test_check_says_that_the_force_is_unknown_and_refuses_touch_off(
     assert cli(["check", str(rig)]) == 2
     told = capsys.readouterr()
     assert "measures no force, so it cannot feel the plate by touch-off" in told.out + told.err
+
+
+def test_a_module_without_a_heartbeat_runs_when_the_scene_says_so(bench: Bench) -> None:
+    bench.module.heartbeat = False
+    device = bench.table(heartbeat=False)
+    device.open()
+    assert not bench.module.tripped
+    goal = [place + 5e-4 for place in bench.truth()]
+    arrive(bench, device, goal)
+    assert bench.truth() == pytest.approx(goal, abs=2e-6)
+    bench.module.restart()
+    with pytest.raises(ServoError, match="the module has started anew"):
+        arrive(bench, device, goal)
+    assert (XyzTable.lets_go(device.params), XyzTable.opens_twice(device.params)) == (None, True)
+    for params in (XyzTableParams(), XyzTableParams(tmcl="/dev/null")):
+        assert (XyzTable.lets_go(params), XyzTable.opens_twice(params)) == (0.1, False)
+
+
+def test_a_second_opener_stops_a_module_without_a_heartbeat_where_it_is(bench: Bench) -> None:
+    """The first one hangs in the middle of a way; the guardian's neither homes nor leads the axes anywhere."""
+    bench.module.heartbeat = False
+    more = {"heartbeat": False, "speed": 0.01}
+    first, guardian = bench.table(**more), bench.table(homing="stops", **more)  # type: ignore[arg-type]
+    first.open()
+    reading, command = records()
+    before = bench.truth()
+    far = [low + 0.9 * length for low, length in zip(LOWS, TRAVEL, strict=True)]
+    command["pose_target"] = (*far, 1.0, 0.0, 0.0, 0.0)
+    first.write(command)
+    first.read(reading)
+    guardian.make_safe(command)
+    assert all(motor.mode == 0 for motor in bench.motors.values())
+    stood = bench.truth()
+    assert all(low - 1e-9 <= at < high for low, at, high in zip(before, stood, far, strict=True))
+
+
+@pytest.mark.parametrize("beats", [True, False])
+def test_check_and_safety_report_say_what_nothing_in_itself_stops(
+    beats: bool, rig: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rig.parent / "rigs" / "wire.xml"
+    path.write_text(path.read_text().replace('tmcl="', f'heartbeat="{"yes" if beats else "no"}" tmcl="'))
+    assert cli(["check", str(rig)]) == 0
+    told = capsys.readouterr().out
+    said = (
+        "device 'table' has no watchdog of its own that its driver knows of: it runs only with the guardian process and"
+    )
+    assert (said in told) is not beats
+    assert cli(["safety-report", str(rig), "--no-run"]) == 0
+    rows = [line for line in capsys.readouterr().out.splitlines() if "table" in line]
+    alone = [row for row in rows if "W2" in row and "it runs with guardian and hold-to-run only" in row]
+    assert len(alone) == (not beats)
+    # Steppers measure no force, with a heartbeat or without.
+    assert [row for row in rows if "K4" in row and "unknown: the device measures none" in row]
 
 
 @pytest.fixture

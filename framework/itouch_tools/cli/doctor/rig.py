@@ -155,7 +155,7 @@ def _nobody_there(one: Watched) -> Iterator[Finding]:
 
 
 def _watchdog(one: Watched) -> Finding:
-    name, own = one.model.name, one.model.cls.watchdog
+    name, own = one.model.name, one.model.cls.lets_go(one.model.params)
     if not one.model.commands:
         return Finding(f"W2 {name}", NOT, "it obeys nothing: there is nothing to cut off")
     if one.model.twin:
@@ -166,7 +166,7 @@ def _watchdog(one: Watched) -> Finding:
             "run this on the device: --twin none",
         )
     if own is None:
-        found = "its plugin declares no watchdog of its own: it runs with the guardian and hold-to-run only"
+        found = "it has no watchdog of its own that its plugin knows of: it runs with the guardian and hold-to-run only"
         advice = "pull its cable with the drive on, without a finger, and see by a meter what it does"
         return Finding(f"W2 {name}", NOT, found, advice)
     found = f"its own watchdog of {own * 1e3:g} ms was armed and accepted when it was opened"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from itouch.plugin import Role
 from itouch.world import Model
 from itouch.world.limits import DEFAULT, REARMS
 from itouch.world.supervision import rules as rules_of
@@ -32,9 +33,32 @@ def rules(model: Model) -> Iterator[Rule]:
     yield from _all(model)
 
 
+def alone(model: Model) -> Iterator[str]:
+    """Yield the names of the hardware that obeys and has no watchdog of its own that its driver knows of."""
+    for device in model.devices.values():
+        if not device.twin and device.commands and device.cls.lets_go(device.params) is None:
+            yield device.name
+
+
+def unfelt(model: Model) -> Iterator[str]:
+    """Yield the names of devices that carry a surface to a finger and measure no force."""
+    for device in model.devices.values():
+        carries = any(channel.role is Role.SURFACE_POSE for channel in device.commands)
+        if carries and not any(channel.role is Role.CONTACT_FORCE for channel in device.reads):
+            yield device.name
+
+
 def _all(model: Model) -> Iterator[Rule]:
     dies = "outputs safe within 200 ms, by the guardian process or the device's own watchdog"
     yield Rule("W2", "all", "death of the servo process", "", dies, "", DEFAULT)
+    for name in unfelt(model):
+        watched = "nothing: no limit of force watches it"
+        yield Rule(
+            "K4", name, "force of the surface on the finger", "unknown: the device measures none", watched, "", ""
+        )
+    for name in alone(model):
+        only = "outputs safe within 200 ms, by the guardian process alone: it runs with guardian and hold-to-run only"
+        yield Rule("W2", name, "death of the servo process", "no watchdog of its own is known", only, "", DEFAULT)
     hardware = any(not device.twin for device in model.devices.values())
     source = "hold-to-run of the scene" if model.scene.safety.hold_to_run else DEFAULT
     asked = hardware or model.scene.safety.hold_to_run
