@@ -47,7 +47,8 @@ PAGES = {
          "contact_heat.energy"),
     ),
     "python-devices.md": Page(
-        "Python: devices", "The drivers of the bundled devices.", ("itouch_usb_arm", "itouch_xyz_table")
+        "Python: devices", "The drivers of the bundled devices, and what brings a surface.",
+        ("itouch_usb_arm", "itouch_xyz_table", "itouch_encountered"),
     ),
 }  # fmt: skip
 

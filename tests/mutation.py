@@ -74,7 +74,7 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
     "thermal-drivers": ("plugins/thermal/itouch_thermal/drivers", ("plugins/thermal_drivers",)),
     "xyz-table": ("plugins/xyz_table/itouch_xyz_table", ("plugins/xyz_table",)),
     "encountered": (
-        "plugins/xyz_table/itouch_encountered", ("integration/test_carried_as_ours.py", "loop/test_missing_plate.py"),
+        "plugins/xyz_table/itouch_encountered", ("integration/test_encountered_surface.py", "loop/test_missing_plate.py"),
     ),
     "usb-arm": ("plugins/usb_arm/itouch_usb_arm", ("plugins/usb_arm",)),
 }  # fmt: skip

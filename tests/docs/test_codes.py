@@ -25,7 +25,15 @@ NOTES = {"mesh-left-out", "mesh-inverted", "mesh-repeated", "mesh-degenerate", "
 
 
 def packages() -> Iterator[Path]:
-    for name in ("itouch", "itouch_tools", "itouch_evidence", "itouch_thermal", "itouch_xyz_table", "itouch_usb_arm"):
+    for name in (
+        "itouch",
+        "itouch_tools",
+        "itouch_evidence",
+        "itouch_thermal",
+        "itouch_xyz_table",
+        "itouch_encountered",
+        "itouch_usb_arm",
+    ):
         spec = find_spec(name)
         assert spec is not None
         assert spec.origin is not None

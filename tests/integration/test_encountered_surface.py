@@ -317,6 +317,15 @@ def test_a_scene_whose_surface_nobody_brings_is_refused_at_its_place(tmp_path: P
     assert problem.place.text[problem.place.column - 1 :].startswith('surface-to="table"')
 
 
+def test_nobody_takes_its_place_by_being_installed(tmp_path: Path) -> None:
+    def finder(group: str) -> dict[str, Found]:
+        other = Found("a", "another", "1", None)  # type: ignore[arg-type]
+        return ({"a": other} if group == "itouch.carriers" else {}) | dict(find(group))
+
+    (one,) = itouch.build(written("level", tmp_path), catalog=Catalog(finder)).model.modalities
+    assert (one.name, type(one.instance)) == ("finger.surface", Encountered)
+
+
 def test_a_modality_of_another_kind_may_not_have_its_name(tmp_path: Path) -> None:
     path = asked_for(written("level", tmp_path), "hum", 'name="finger.surface"')
     with pytest.raises(itouch.SceneError, match="'finger.surface' has the name of what brings the surface of 'table'"):

@@ -17,6 +17,7 @@ MONITORS = "itouch.monitors"
 #: The modality that brings surfaces to fingers that no other modality of a scene brings one to.
 CARRIERS = "itouch.carriers"
 NAMESPACE = "urn:itouch:plugin:"
+_PROGRAM = "itouch-py"
 
 
 class PluginError(ItouchError):
@@ -114,8 +115,12 @@ class Catalog:
         return cls
 
     def carrier(self) -> tuple[str, type[Modality] | None]:
-        """Return who brings surfaces to fingers by default: its name, and its class, or None if it failed to load."""
-        found = next(iter(self._carriers.values()), None)
+        """Return who brings surfaces to fingers by default: its name, and its class, or None if it failed to load.
+
+        It is the program's own: a scene that wants another one says so, and none comes in by being installed.
+        """
+        offered = self._carriers.values()
+        found = next((one for one in offered if one.distribution == _PROGRAM), next(iter(offered), None))
         cls: type[Modality] | None = self._load(found, Modality)
         return ("" if found is None else found.name), cls
 
