@@ -70,14 +70,18 @@ def found() -> tuple[dict[str, dict[str, Row]], dict[str, str]]:
         if model is None:
             raise RuntimeError(f"{file}: {problems}")
         owners = {d.name: "DEV" for d in scene.devices} | {p.name: "PROBE" for p in scene.probes}
+        own: dict[str, tuple[str, str]] = {}
         for modality in model.modalities:
-            titles.setdefault(modality.name, f"`{modality.name}.*`: the modality `{modality.plugin}`")
-            names.setdefault(modality.name, {})
+            called = "PROBE.surface" if modality.default_of else modality.name
+            titles.setdefault(called, f"`{called}.*`: the modality `{modality.plugin}`")
+            names.setdefault(called, {})
+            own |= {f"{modality.name}.{field}": (called, field) for field in modality.fields}
         state = make_state(model)
         for name, field in declared(model).items():
             owner, _, short = name.partition(".") if "." in name else ("", "", name)
             row = Row(*_shape(state[name]), field.unit if field.unit != "1" else "", _linked(field.doc))
-            names[owners.get(owner, owner)].setdefault(short, row)
+            owner, short = own.get(name, (owners.get(owner, owner), short))
+            names[owner].setdefault(short, row)
     return names, titles
 
 
