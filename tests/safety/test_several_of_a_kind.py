@@ -199,7 +199,7 @@ def test_of_several_heat_sinks_the_hottest_counts(tmp_path: Path) -> None:
 # --- a switch that is lost while it is held -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("how", "after"), [("unplugged", 0.0), ("silent", 0.081)])
+@pytest.mark.parametrize(("how", "after"), [("unplugged", 0.081), ("silent", 0.081)])
 def test_a_switch_that_is_lost_is_let_go_though_its_device_is_optional(tmp_path: Path, how: str, after: float) -> None:
     class Pedal(Device):
         Params, watchdog = Nothing, 0.5
@@ -341,3 +341,38 @@ def test_every_force_sensor_of_a_surface_counts(loads: tuple[str, ...]) -> None:
         surface.reading[loads[-1]] = beyond
         with pytest.raises(TripError, match=r"presses with [69]\.0 N"):
             surface.check()
+
+
+@pytest.mark.parametrize("restored", [False, True])
+@pytest.mark.parametrize("pressed", [True, False])
+@pytest.mark.parametrize("fault", ["silent", "hot"])
+def test_rearming_asks_the_devices_own_switch_anew(
+    tmp_path: Path, fault: str, pressed: bool, restored: bool
+) -> None:  # fmt: skip
+    now = {"fails": False, "held": 1.0}
+
+    def says(count: int, reading: Record) -> bool:
+        warm(count, reading)
+        reading[HELD.name] = now["held"]
+        if now["fails"] and fault == "hot":
+            reading["t"] = K0 + 50.0
+        return not (now["fails"] and fault == "silent")
+
+    session = built(tmp_path, says, (PLATE,), (current(limit=4.0),))
+    session.enable()
+    session.run(0.05)
+    now["fails"] = True
+    with pytest.raises(itouch.DeviceFaultError):
+        session.run(2.0)
+    now["fails"], now["held"] = False, float(pressed)
+    if restored:
+        session.save(tmp_path / "stopped.itouch")
+        session.close()
+        devices = catalog({"stranger": type(session.runners[0].device)})
+        session = itouch.restore(tmp_path / "stopped.itouch", catalog=devices)
+    if pressed:
+        session.rearm()
+        session.run(0.2)
+    else:
+        with pytest.raises(itouch.ItouchError, match="nobody holds the dead-man's switch"):
+            session.rearm()

@@ -9,7 +9,7 @@ from itouch.faults import FOREVER, FaultyTwin, Injection, Kind
 from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import DeviceFaultError, Runner, Status
-from itouch.plugin import DeviceError, Record
+from itouch.plugin import DeviceError, Record, Role
 from itouch.safety import LOSSES, HoldToRun, Trip, connect
 from itouch.world import Model
 
@@ -97,8 +97,9 @@ class OperatorCommands:
             With everything that still stands in the way; nothing is enabled then.
         """
         tick = self._tick.item()
-        self._require_hold(tick)
         failures = self._open_latched(tick)
+        self.hold.ask(tick)
+        self._require_hold(tick)
         for runner in self._runners.values():
             try:
                 runner.rearm(tick)
@@ -116,8 +117,13 @@ class OperatorCommands:
             self._statistics.faults[-1]["rearmed_s"] = tick * self._model.period
 
     def _open_latched(self, tick: int) -> list[str]:
-        """Open what a trip has stopped and a restored session found closed, so that it can be asked how it is."""
-        closed = [one for one in self.latched if one.status is Status.CLOSED]
+        """Open what a trip has stopped and a restored session found closed, so that it can be asked how it is.
+
+        The same of what has a dead-man's switch, so that it can be asked whether somebody holds it.
+        """
+        latched = self.latched
+        asked = [one for one in self._runners.values() if one in latched or one.model.reading(Role.DEADMAN) is not None]
+        closed = [one for one in asked if one.status is Status.CLOSED and not one.model.optional] if latched else []
         return [f"device '{name}': {why}" for name, why in connect(closed, tick).items()]
 
     def reconnect(self, device: str) -> None:

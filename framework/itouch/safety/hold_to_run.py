@@ -6,6 +6,7 @@ Hardware always needs it; twins only if the scene says ``hold-to-run="yes"``.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 
@@ -45,6 +46,15 @@ class HoldToRun:
             return True
         oldest = tick - self._ticks
         return any(view.item() > 0.5 and one.knows(index, oldest) for one, index, view in self._switches)
+
+    def ask(self, tick: int) -> None:
+        """Read the switches of hardware anew: no tick does while it is stopped, and somebody may have let go meanwhile.
+
+        What a device says of its own trouble is told when it is re-armed.
+        """
+        for one in {id(one): one for one, _, _ in self._switches if not one.model.twin}.values():
+            with contextlib.suppress(DeviceFaultError):
+                one.read(tick)
 
     def check(self, tick: int) -> None:
         """Stop what acts if nobody holds the switch.

@@ -118,8 +118,8 @@ class Lifecycle(ABC):
         return bool(self._status.item() == ENABLED)
 
     def knows(self, reading: int, since: int) -> bool:
-        """Tell whether the device is open, was not stopped, and has measured this reading in that tick or later."""
-        return self._status.item() in (OPEN, ENABLED) and bool(self._measured[reading] >= since)
+        """Tell whether the device is open, and has measured this reading in that tick or later."""
+        return self._status.item() != CLOSED and bool(self._measured[reading] >= since)
 
     @property
     def status(self) -> Status:
