@@ -376,3 +376,26 @@ def test_rearming_asks_the_devices_own_switch_anew(
     else:
         with pytest.raises(itouch.ItouchError, match="nobody holds the dead-man's switch"):
             session.rearm()
+
+
+# --- a surface that does not rise along its own z -------------------------------------------------------------------
+
+TILTED = """<itouch version="1.0"><devices><device name="arm" plugin="usb-arm"/>
+  <device name="base" plugin="xyz-table"><mount rpy="%s deg"/></device>
+  <device name="table" plugin="xyz-table"><mount on="base" pos="0 0 -8 mm" rpy="%s deg"/></device></devices>
+  <interaction><probe name="finger" pose-from="arm" force-to="arm" surface-to="table"/></interaction></itouch>"""
+
+
+@pytest.mark.parametrize(("base", "table", "tilt"), [
+    ("0 0 0", "0 90 0", "90"), ("0 0 0", "180 0 0", "180"), ("20 0 0", "20 0 0", "40"), ("0 24 0", "0 0 70", "24"),
+    ("0 20 0", "0 0 70", ""), ("30 0 0", "-30 0 0", ""), ("0 0 180", "0 -20 0", ""),
+])  # fmt: skip
+def test_a_surface_that_is_mounted_so_that_it_rises_sideways_is_refused(
+    tmp_path: Path, base: str, table: str, tilt: str
+) -> None:
+    (tmp_path / "scene.xml").write_text(TILTED % (base, table), "utf-8")
+    if not tilt:
+        itouch.build(tmp_path / "scene.xml")
+        return
+    with pytest.raises(itouch.SceneError, match=f"mounted with its z axis {tilt} deg from upright"):
+        itouch.build(tmp_path / "scene.xml")

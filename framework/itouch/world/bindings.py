@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from itouch.monitors.limits import SPEED, SPEED_NEAR
 from itouch.plugin import Role, poses
 from itouch.scene import Scene
 from itouch.scene.elements import Capsule, Probe
@@ -17,6 +19,8 @@ from itouch.schema.fields import specs
 from itouch.world.rig import DeviceModel
 
 _LINEAR = (0, 1, 2)
+#: How far a surface's z may be tilted [rad]: moved sideways it then rises no faster than it may near a finger.
+MOST_TILT = math.asin(SPEED_NEAR / SPEED)
 
 
 def check_bindings(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator[Problem]:
@@ -25,6 +29,7 @@ def check_bindings(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator
         yield from _channels(scene, probe, f"probe '{probe.name}'", devices)
         yield from _locked(scene, probe, "force_to", Role.FORCE_ON_OPERATOR, devices)
         yield from _locked(scene, probe, "surface_to", Role.SURFACE_POSE, devices)
+        yield from _tilted(scene, probe, devices)
     for element in scene.objects:
         yield from _channels(scene, element, f"object '{element.name}'", devices)
     for part in scene.modalities:
@@ -63,6 +68,25 @@ def _locked(
         sentence = f"probe '{probe.name}' can only command locked degrees of freedom of device '{device.name}'"
         advice = f"'{channel.name}' of '{device.name}' has x, y and z locked; bind a device that moves"
         yield Problem("locked-dof", sentence, scene.places.of(probe, field), advice)
+
+
+def _tilted(scene: Scene, probe: Probe, devices: Mapping[str, DeviceModel]) -> Iterator[Problem]:
+    """Find a surface that is mounted so that it does not rise along its own z, which is what limits of speed go by."""
+    device = devices.get(probe.surface_to)
+    if device is None or device.command(Role.SURFACE_POSE) is None:
+        return
+    up, name, seen = np.array([0.0, 0.0, 1.0]), device.name, set[str]()
+    while name in devices and name not in seen:
+        seen.add(name)
+        up, name = poses.rotate(np.array(devices[name].mount[3:]), up), devices[name].carrier
+    tilt = math.degrees(math.acos(max(-1.0, min(1.0, float(up[2])))))
+    if tilt > math.degrees(MOST_TILT):
+        sentence = (
+            f"device '{device.name}' is mounted with its z axis {tilt:.0f} deg from upright, and probe '{probe.name}' "
+            "brings its surface to a finger: sideways it would rise faster than it may near one (K5)"
+        )
+        advice = f"mount it with its z axis at most {math.degrees(MOST_TILT):.0f} deg from upright"
+        yield Problem("bad-value", sentence, scene.places.of(scene.device(device.name), "mount"), advice)
 
 
 def _operators(scene: Scene) -> Iterator[Problem]:
