@@ -52,7 +52,7 @@ class Cached(Pad):
         now = time.monotonic()
         fresh = now - self.begin < 0.3
         self.last = now if fresh else self.last
-        reading["t"], reading["j"], reading["b"] = K0 + 30.0 + 1e-3 * (now % 1.0), 0.0, 1.0
+        reading["t"], reading["j"], reading["b"] = K0 + 30.0 + 1e-3 * (now % 1.0), 0.0, 0.0
         if not fresh:
             self.stamps.measured(*self.honest, ago=now - self.last)
         time.sleep(0.005)
@@ -66,6 +66,7 @@ def test_old_news_is_no_news(tmp_path: Path, honest: tuple[str, ...]) -> None:
     with itouch.build(
         scene(tmp_path, "pad", twin="no"), catalog=catalog({"stranger": cls}), clock=WallClock()
     ) as session:
+        session.hold()
         session.enable()
         with pytest.raises(DeviceFaultError, match="silent") as caught:
             session.run(5.0, each=session.hold)
@@ -85,13 +86,14 @@ def test_the_ages_on_the_way_and_since_are_one(tmp_path: Path) -> None:
             if now - self.begin > 0.3 and now - self.last < 0.3:
                 return False
             self.last = now
-            reading["t"], reading["j"], reading["b"] = K0 + 30.0 + 1e-3 * (now % 1.0), 0.0, 1.0
+            reading["t"], reading["j"], reading["b"] = K0 + 30.0 + 1e-3 * (now % 1.0), 0.0, 0.0
             self.stamps.measured(ago=0.3 if now - self.begin > 0.3 else 0.0)
             return True
 
     with itouch.build(
         scene(tmp_path, "pad", twin="no"), catalog=catalog({"stranger": Both}), clock=WallClock()
     ) as session:
+        session.hold()
         session.enable()
         with pytest.raises(DeviceFaultError, match="silent") as caught:
             session.run(5.0, each=session.hold)

@@ -30,6 +30,7 @@ class Pad(Device):
     watchdog: ClassVar[float | None] = 0.5
     says: ClassVar[Callable[[float], tuple[float, float]]]
     takes_s: ClassVar[float] = 0.0
+    pressed: ClassVar[float] = 1.0
     now: ClassVar[Callable[[], float]] = staticmethod(time.monotonic)
 
     def open(self) -> None:
@@ -41,7 +42,7 @@ class Pad(Device):
         if self.takes_s:
             time.sleep(self.takes_s)
         plate, flux = type(self).says(type(self).now() - self.begin)
-        reading["t"], reading["j"], reading["b"] = K0 + plate, flux, 1.0
+        reading["t"], reading["j"], reading["b"] = K0 + plate, flux, self.pressed
         return True
 
 
@@ -83,12 +84,13 @@ RHYTHMS: dict[str, Callable[[], Iterator[int]]] = {
 
 
 def in_step(folder: Path, says: Callable[[float], tuple[float, float]], rhythm: Iterator[int]) -> itouch.Session:
-    cls: Any = type("InStep", (Pad,), {"says": staticmethod(says)})
+    cls: Any = type("InStep", (Pad,), {"says": staticmethod(says), "pressed": 0.0})
     session = itouch.build(scene(folder, "pad", twin="no"), catalog=catalog({"stranger": cls}))
     cls.now = staticmethod(lambda: session.seconds)
     (runner,) = session.runners
     assert isinstance(runner.device, ThreadedDevice)
     runner.device = Exchanges(runner.device.device, rhythm)
+    session.hold()
     session.enable()
     return session
 
@@ -151,10 +153,11 @@ def test_through_threads_in_real_time(tmp_path: Path, takes: float) -> None:
     cls: Any = type("Threaded", (Pad,), {"says": staticmethod(still(41.0)), "takes_s": takes})
     found = catalog({"stranger": cls})
     session = itouch.build(scene(tmp_path, "pad", twin="no"), catalog=found, clock=WallClock())
+    session.hold()
     session.enable()
     begin = time.monotonic()
     try:
-        session.run(1.5)
+        session.run(1.5, each=session.hold)
         passed = time.monotonic() - begin
         dose = session.state["pad.heat.dose"].item()
     finally:

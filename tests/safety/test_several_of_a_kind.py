@@ -80,6 +80,7 @@ def warm(count: int, reading: Record, name: str = "t") -> None:
 def test_whatever_is_false_is_no_news(tmp_path: Path, no: object, behind: str) -> None:
     def says(count: int, reading: Record) -> object:
         warm(count, reading)
+        reading[HELD.name] = 0.0
         return no if count > 20 else None
 
     session = built(tmp_path, says, (PLATE,), (current(limit=4.0),), blocking=behind != "inline", period=0.002)
@@ -89,6 +90,7 @@ def test_whatever_is_false_is_no_news(tmp_path: Path, no: object, behind: str) -
     if behind == "in a thread":
         assert isinstance(runner.device, ThreadedDevice)
         session.clock = WallClock()
+    session.hold()
     session.enable()
     with pytest.raises(itouch.DeviceFaultError, match=r"was silent for 0\.5"):
         session.run(3.0, each=session.hold)
@@ -399,3 +401,34 @@ def test_a_surface_that_is_mounted_so_that_it_rises_sideways_is_refused(
         return
     with pytest.raises(itouch.SceneError, match=f"mounted with its z axis {tilt} deg from upright"):
         itouch.build(tmp_path / "scene.xml")
+
+
+# --- two who hold ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("other", ["a word", "a switch"])
+def test_who_lets_a_devices_switch_go_is_not_covered_by_another(tmp_path: Path, other: str) -> None:
+    second, now = deadman("second"), {"held": 1.0, "second": float(other == "a switch")}
+
+    def says(count: int, reading: Record) -> None:
+        warm(count, reading)
+        reading[HELD.name], reading["second"] = now["held"], now["second"]
+
+    def each() -> None:
+        if other == "a word":
+            session.hold()
+
+    session = built(tmp_path, says, (PLATE, second), (current(limit=4.0),))
+    session.enable()
+    session.run(0.05, each=each)
+    now["held"] = 0.0
+    with pytest.raises(itouch.DeviceFaultError, match="one of those who held the switch let it go at tick 50"):
+        session.run(1.0, each=each)
+    each()
+    session.rearm()  # the other one holds on
+    session.run(0.3, each=each)
+    now["held"] = 1.0
+    session.run(0.1, each=each)
+    session.close()
+    session.enable()
+    session.run(0.05, each=each)

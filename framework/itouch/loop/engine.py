@@ -516,6 +516,7 @@ class Engine:
         self._unfinished = bool(stopping.item())
         for runner in self._all:
             runner.restore()
+        self._operator.hold.recall(self.ticks)
         self._objects.restore()
         for rig in self._rigs:
             rig.restore()

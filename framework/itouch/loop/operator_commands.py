@@ -58,6 +58,7 @@ class OperatorCommands:
         if needed:
             raise DeviceError("\n".join(needed))
         self._require_hold(tick)
+        self.hold.recall(tick)
         for runner in self._runners.values():
             if runner.status is Status.OPEN:
                 runner.enable()

@@ -29,6 +29,8 @@ class HoldToRun:
             if channel.role is Role.DEADMAN
         ]
         self._said = "nobody holds the switch"
+        #: Which of the devices' switches were held in the tick before, by number; found again from State.
+        self._pressed: frozenset[int] = frozenset()
         #: Whether nothing may act unless the switch is held.
         self.required = asked or any(not s.model.twin for s in supervisors)
 
@@ -44,8 +46,17 @@ class HoldToRun:
         """
         if 0 < self._until.item() - tick <= self._ticks:
             return True
+        return bool(self._pressed_at(tick))
+
+    def _pressed_at(self, tick: int) -> frozenset[int]:
+        """Return which of the devices' switches are held."""
         oldest = tick - self._ticks
-        return any(view.item() > 0.5 and one.knows(index, oldest) for one, index, view in self._switches)
+        listed = enumerate(self._switches)
+        return frozenset(n for n, (one, index, view) in listed if view.item() > 0.5 and one.knows(index, oldest))
+
+    def recall(self, tick: int) -> None:
+        """Begin with those switches of devices that are held now: who let go before has let nothing go."""
+        self._pressed = self._pressed_at(tick)
 
     def ask(self, tick: int) -> None:
         """Read the switches of hardware anew: no tick does while it is stopped, and somebody may have let go meanwhile.
@@ -55,18 +66,25 @@ class HoldToRun:
         for one in {id(one): one for one, _, _ in self._switches if not one.model.twin}.values():
             with contextlib.suppress(DeviceFaultError):
                 one.read(tick)
+        self.recall(tick)
 
     def check(self, tick: int) -> None:
-        """Stop what acts if nobody holds the switch.
+        """Stop what acts if nobody holds the switch, or if one who held it lets go, whoever else holds on.
 
         Raises
         ------
         DeviceFaultError
             Naming the device that has most to fear: the one that is to retract, else the first.
         """
-        if not self.required or self.held(tick):
+        if not self.required:
+            return
+        before, self._pressed = self._pressed, self._pressed_at(tick)
+        let_go = before - self._pressed
+        if self.held(tick) and not let_go:
             return
         acting = [s for s in self._supervisors if s.enabled]
         if acting:
             first = next((s for s in acting if any(c.role is Role.SURFACE_POSE for c in s.model.commands)), acting[0])
-            raise DeviceFaultError(first.model.name, tick, Trip.RELEASED, f"was let go: {self._said}")
+            shared = "one of those who held the switch let it go"
+            said = shared if let_go and self.held(tick) else self._said
+            raise DeviceFaultError(first.model.name, tick, Trip.RELEASED, f"was let go: {said}")
