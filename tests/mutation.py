@@ -49,6 +49,7 @@ SAFETY = (
 )  # fmt: skip
 SCENES = (
     "two_on_one_finger", "laws", "phases", "strangers", "what_attackers_found", "exchanged", "late_in_a_stop",
+    "several_of_a_kind",
 )  # fmt: skip
 #: Room -> the folder of its modules and the tests that answer for it, if they are not those in the folder of its name.
 ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {

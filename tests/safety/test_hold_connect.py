@@ -143,3 +143,33 @@ def test_hardware_is_not_opened_where_no_guardian_can_watch(monkeypatch: pytest.
     assert set(found) == {"one", "two"} and "hardware needs Linux" in found["one"]
     assert isinstance(devices[0].device, Fake)
     assert devices[0].device.calls == []
+
+
+def test_a_switch_of_hardware_is_asked_anew_and_who_lets_one_go_stops_all() -> None:
+    switches = tuple(Channel(name, 1, "1", role=Role.DEADMAN) for name in ("one", "other"))
+    device, now = Fake(), {"one": 1.0, "other": 1.0}
+
+    def says(reading: Record) -> bool:
+        for name, value in now.items():
+            reading[name] = value
+        return True
+
+    device.says = says
+    model_ = model((switches, ARM[1]))
+    data = state(model_)
+    pedal = Supervisor(model_, data, PERIOD, device=device)
+    pedal.reset()
+    hold = HoldToRun(data, [pedal], PERIOD, asked=False)
+    assert not hold.held(0)
+    pedal.open()
+    hold.ask(0)
+    assert hold.held(0)
+    pedal.enable()
+    hold.check(0)
+    now["one"] = 0.0
+    hold.ask(1)  # let go before it counted
+    hold.check(1)
+    now["other"], now["one"] = 0.0, 1.0
+    pedal.read(2)
+    with pytest.raises(DeviceFaultError, match="one of those who held the switch let it go"):
+        hold.check(2)
