@@ -48,7 +48,7 @@ SAFETY = (
     "joined_steps", "edges", "check_warm_up", "at_the_limits", "blind_legs",
 )  # fmt: skip
 SCENES = (
-    "two_on_one_finger", "laws", "phases", "strangers", "what_attackers_found", "exchanged", "late_in_a_stop",
+    "two_on_one_finger", "laws", "phases", "unknown_devices", "attack_findings", "exchanged", "late_in_a_stop",
     "several_of_a_kind",
 )  # fmt: skip
 #: Room -> the folder of its modules and the tests that answer for it, if they are not those in the folder of its name.

@@ -135,7 +135,7 @@ RUNNING = (
     Code("plate-rate", "the plate changes too fast under the finger (T5)", "check the driver of the module"),
     Code("flux", "the mean flux is past its trip (T6)", "check the flux sensor; begin nearer to the skin"),
     Code("dose", "the thermal dose of a session is used up (T3)", "end the session; a dose is not given back"),
-    Code("cold", "a cold plate has been touched for as long as a session allows (T4)",
+    Code("cold", "a cold plate has been touched for as long as a session allows (T4c)",
          "end the session; let the hand get warm"),
     Code("finger-force", "the forces on one finger, taken together, are too large (K1)", "check the force sensors"),
     Code("monitor", "a plugin's monitor has stopped its device", "the sentence says what the device did"),
