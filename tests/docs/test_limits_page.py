@@ -24,7 +24,7 @@ ROWS = {
     ("T2", "low"): [celsius(value[0]) for value in (has.PLATE_TEMPERATURE, has.PLATE_TRIP, has.PLATE_ABSOLUTE)],
     ("T3", "dose"): [celsius(thresholds.DOSE_FROM), f"{has.DOSE_WARNING / 60:g} CEM43", f"{has.DOSE / 60:g} CEM43"],
     ("T4", "contact"): [f"{has.CONTACT_TIME:g} s", f"{has.CONTACT_TIME_LONGEST:g} s", f"{has.CONTACT_TIME_TRIP:g} s"],
-    ("T4c", "below"): [celsius(has.COLD_FROM), f"{has.COLD_TIME:g} s"],
+    ("T4c", "below"): [celsius(has.COLD_FROM), f"{has.COLD_TIME:g} s", celsius(has.COLD_ABSOLUTE)],
     ("T5", "rate"): [f"{has.PLATE_RATE:g} K/s", f"{2 * has.PLATE_RATE:g} K/s"],
     ("T6", "flux"): [f"{has.FLUX / 1e3:g} kW/m²", f"{has.FLUX / 1e3 * 4 / 3:g} kW/m²"],
     ("T7", "sink"): [celsius(value) for value in (has.SINK, has.SINK_TRIP, has.SINK_ABSOLUTE)],

@@ -21,9 +21,9 @@ DOSE_WARNING, DOSE = 60.0, 120.0
 #: T4: time [s] of one contact after which the plate withdraws, the longest that a scene may ask for, and the trip.
 CONTACT_TIME, CONTACT_TIME_LONGEST, CONTACT_TIME_TRIP = 10.0, 60.0, 60.0
 #: T4: time [s] in contact with a plate below so many kelvin, in a whole session: nobody was exposed for longer in the
-#: study that the limits for cold come from (Geng et al. 2006: at most 120 s, pain from 15 degC of contact temperature);
-#: 1 K is for the sensor.
-COLD_FROM, COLD_TIME = 289.15, 120.0
+#: study that the limits for cold come from (Geng et al. 2006: at most 120 s, pain from 15 degC of contact temperature,
+#: the last of these); 1 K is for the sensor.
+COLD_FROM, COLD_TIME, COLD_ABSOLUTE = 289.15, 120.0, 288.15
 #: T5: rate [K/s] of the plate in contact, as a mean over half a second, that cuts the drive down; twice as much trips.
 PLATE_RATE = 10.0
 #: T6: mean over a second of |flux| [W/m2] that cuts the drive down; 4/3 of it trips.

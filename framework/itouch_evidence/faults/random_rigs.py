@@ -139,6 +139,8 @@ class Truth:
     def __init__(self, case: Case) -> None:
         self.case, self.dose, self.cold, self.touch = case, 0.0, 0.0, 0.0
         self.low, self.high, self.push = np.inf, -np.inf, 0.0
+        # A sensor that fails may be off by the kelvin that the count begins earlier for; one that does not may not.
+        self.cold_from = limits.COLD_ABSOLUTE if "<fault " in case.scene else limits.COLD_FROM - 1e-2
 
     def follow(self, session: Session) -> None:
         """Look after each tick of a session."""
@@ -154,7 +156,7 @@ class Truth:
                 self.low, self.high = min(self.low, true), max(self.high, true)
                 if true >= DOSE_FROM:
                     self.dose += period * (0.5 if true >= DOSE_UNIT else 0.25) ** (DOSE_UNIT - true)
-                self.cold += period * (true < limits.COLD_FROM - 1e-2)
+                self.cold += period * (true < self.cold_from)
             if tapped:
                 state = session.state
                 felt = float(np.linalg.norm(state[felt_by][:3]))
