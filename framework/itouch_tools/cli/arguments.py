@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import stat
 import tempfile
 from typing import Any
 
@@ -84,6 +85,8 @@ def output_file(text: str) -> str:
         raise argparse.ArgumentTypeError(f"'{text}' is a folder; name a file")
     if not os.path.isdir(folder):
         raise argparse.ArgumentTypeError(f"there is no folder '{folder}'; make it first")
+    if os.path.exists(text) and stat.S_ISFIFO(os.lstat(text).st_mode):  # a link to one is a shell's: it has its reader
+        raise argparse.ArgumentTypeError(f"'{text}' is a pipe, which may have no reader; name a file, or /dev/stdout")
     if not os.access(text if os.path.exists(text) else folder, os.W_OK):
         raise argparse.ArgumentTypeError(f"'{text}' cannot be written")
     if not os.path.exists(text):
