@@ -538,7 +538,9 @@ def test_a_sequence_in_which_each_tick_fails_ends() -> None:
 
 
 def test_the_numbers_of_the_sequence() -> None:
+    """As the safety case has them; what each does is tested by multiples of it, which a wrong one would not change."""
     assert (LEAVE_TIME, SAFE_TIME, WATCH_TIME) == (0.3, 0.5, 5.0)
+    assert (STANDS, STOOD, NEARER, SETTLE) == (0.3e-3, 0.05, 3e-3, 0.05)
     for load, safe in ((0.09, True), (0.11, False)):
         rig = Rig()
 
