@@ -50,20 +50,16 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile what most tests need once, in two processes, before the workers of a whole run would do so each."""
+    """Compile what most tests need once, as a first start does, before the workers of a whole run would do so each."""
     config = session.config
     if config.args_source is not config.ArgsSource.TESTPATHS or not config.getoption("numprocesses", None):
         return
-    code = "import sys, itouch; session = itouch.build(sys.argv[1]); session.enable(); session.run(float(sys.argv[2]))"
-    scenes = (("four_materials.xml", "9"), ("mesh.xml", "3"))
-    running = [subprocess.Popen([sys.executable, "-c", code, SCENES / name, until]) for name, until in scenes]
-    for process in running:
+    code = "import sys; from itouch.servo.prepare import prepare; prepare(sys.argv[1], seed=0, twin=None, rig=None)"
+    for name in ("four_materials.xml", "mesh.xml"):
         try:
-            process.wait(600.0)
+            subprocess.run([sys.executable, "-c", code, SCENES / name], timeout=600.0, check=False)
         except subprocess.TimeoutExpired:  # the tests compile it themselves then, each worker on its own
-            process.kill()
-            process.wait()
-            print(f"compiling before the tests did not end in 600 s: {process.args}", file=sys.stderr)
+            print(f"compiling {name} before the tests did not end in 600 s", file=sys.stderr)
 
 
 def pytest_collection_finish() -> None:

@@ -25,7 +25,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar, cast
 
-from itouch import caches, shipped
+from itouch import caches, platforms, shipped
 from itouch.fingerprint import fingerprint
 
 shipped.choose_processor()
@@ -46,6 +46,24 @@ CAPACITY = 512_000_000
 _DAY = 86_400.0
 
 
+#: How often [s] a process that waits for what another compiles looks whether it is there.
+_LOOK = 0.02
+#: How long [s] it waits at most: one that is stopped, or waits for a disk, keeps its claim.
+_LONGEST = 120.0
+#: Where the processes that compile for one start say what each is at (``compile_together``); None: this one is alone.
+_together: Path | None = None
+
+
+def compile_together(place: Path | None) -> None:
+    """Compile nothing from here on that another process with the same ``place``, a folder, is compiling: wait for it.
+
+    Nobody waits in a circle: what a kernel calls is compiled before it and calls nothing that waits for it, and a
+    process that ends, however it does, gives back what it was at.  None: compile alone again.
+    """
+    global _together
+    _together = place
+
+
 def kernel(function: Function) -> Function:
     """Compile a function when it is first called, and keep it on disk; division by zero gives what IEEE says.
 
@@ -64,6 +82,15 @@ def _kept(function: Function, found: Any) -> Function:
         store: Any = KernelCache
         found._cache = store(function)
     return cast(Function, found)
+
+
+def _locks(file: int) -> bool:
+    """Claim an open file; tell whether that was possible, as no other process has it."""
+    try:
+        platforms.claim(file)
+    except BlockingIOError:
+        return False
+    return True
 
 
 class _Nowhere(_CacheLocator):
@@ -202,6 +229,8 @@ class KernelCache(FunctionCache):
         self._shipped = IndexDataCacheFile(place, f"{self._base}-{py_func.__code__.co_firstlineno}", "shipped")
         self._making = making is not None
         self._store: _Store | None = None
+        #: What this process compiles while others compile with it: open files, which are locked.
+        self._claims: dict[str, int] = {}
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return what is kept of a function for these types, or None.
@@ -244,9 +273,34 @@ class KernelCache(FunctionCache):
             found = None
         if found is None and self._enabled and not self._making and shipped.fits():
             found = self._load_shipped(sig, target_context)
+        if found is None and _together is not None:
+            found = self._claim(_together, sig, target_context)
         if found is None:
             KernelCache.missed += 1
         return found
+
+    def _claim(self, place: Path, sig: Any, target_context: Any) -> Any:
+        """Return what another process has compiled by the time that nobody is at it, or None: then it is this one's."""
+        said = f"{self._py_func.__module__} {self._base} {fingerprint(self._py_func)} {sig}"
+        try:
+            claim = os.open(
+                place / hashlib.sha256(said.encode()).hexdigest(), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600
+            )
+        except OSError:  # the start that this was for is over
+            return None
+        limit = time.monotonic() + _LONGEST
+        while not _locks(claim):
+            if time.monotonic() > limit:
+                os.close(claim)
+                return None
+            time.sleep(_LOOK)
+        of_numba: Any = super()._load_overload
+        with contextlib.suppress(Exception):  # as above
+            if (found := of_numba(sig, target_context)) is not None:
+                os.close(claim)
+                return found
+        self._claims[str(sig)] = claim
+        return None
 
     def _forget(self) -> None:
         """Take away the list of what is kept for the function: it is written anew with the next kernel."""
@@ -273,3 +327,5 @@ class KernelCache(FunctionCache):
         if self._making and self._impl.check_cachable(data):
             os.makedirs(self._shipped._cache_path, exist_ok=True)
             self._shipped.save(self._index_key(sig, data.codegen), self._impl.reduce(data))
+        if (claim := self._claims.pop(str(sig), None)) is not None:
+            os.close(claim)

@@ -12,12 +12,13 @@ then called so: there is one implementation.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import hashlib
 import inspect
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from typing import Any, Protocol
 
@@ -45,6 +46,8 @@ _KINDS = (
 _made: dict[tuple[Any, ...], Any] = {}
 #: Their addresses, by function and kinds of arguments: a session has dozens of them, and a sweep ten thousand sessions.
 _addresses: dict[tuple[Any, ...], int] = {}
+#: Those that are only listed, while that is asked for (``listing``).
+_listed: dict[tuple[Any, ...], Any] | None = None
 _untyped: Any = numba  # what it exports is not typed
 intrinsic: Any = _intrinsic
 carray, config = _untyped.carray, _untyped.config
@@ -190,7 +193,8 @@ class Chain:
         arrays = (self._entries, self._blocks, self.ends, self.steps)
         addresses = [array.ctypes.data for array in arrays]
         #: Where the chain stands, for compiled code: how many calls, their arrays, and the clock with its memory.
-        self._about = np.array([len(calls), *addresses, _clock_address(), self._memory.ctypes.data], np.int64)
+        count = len(calls) if _listed is None else 0  # what is only listed can't be run
+        self._about = np.array([count, *addresses, _clock_address(), self._memory.ctypes.data], np.int64)
         #: The address of that.
         self.place = int(self._about.ctypes.data)
 
@@ -244,6 +248,30 @@ def runner(calls: Sequence[Call]) -> Callable[[], int]:
     return run
 
 
+@contextlib.contextmanager
+def listing() -> Iterator[Callable[[float], None]]:
+    """Let all entries that are asked for here only be listed: chains are built, but run nothing.
+
+    Yields what compiles the entries that were listed by then, the last of them first, so that two processes that build
+    the same engine, one with a list, meet halfway; told a part of the list, from 0 to 1, it begins that far from its
+    end.  What another process has compiled meanwhile is loaded.
+    """
+    global _listed
+    before, found = _listed, dict[tuple[Any, ...], Any]()
+    _listed = found
+
+    def compile_them(part: float = 0.0) -> None:
+        last_first = list(found.values())[::-1]
+        begin = int(part * len(last_first))
+        for made in last_first[begin:] + last_first[:begin]:
+            made.compile(_SIGNATURE)
+
+    try:
+        yield compile_them
+    finally:
+        _listed = before
+
+
 def is_newest(cls: type, joined: str, alone: str) -> bool:
     """Tell whether no heir has replaced the method ``alone`` of the class whose method ``joined`` would run."""
     ancestry = cls.__mro__
@@ -279,6 +307,8 @@ def _words(arguments: Sequence[Any]) -> list[int]:
 def _entry(call: Call) -> int:
     """Return the address of a function that takes the address of the words, and calls with what they stand for."""
     known = (call.function, _kinds(call.arguments))
+    if _listed is not None:
+        return _written(call)
     if known not in _addresses:
         _addresses[known] = _written(call)
     return _addresses[known]
@@ -300,13 +330,18 @@ def _written(call: Call) -> int:
     lines = [*writer.lines, f"return int64(function({', '.join(passed)}))"]
     body = "\n    ".join([f"w = carray(pointer(words), {writer.count}, int64)", *lines])
     key = (call.function, body, tuple(writer.classes.values()))
+    if _listed is not None:
+        if key not in _listed:
+            _listed[key] = _joined(call.function, body, writer.classes)
+        return 0
     if key not in _made:
-        _made[key] = _compiled(call.function, body, writer.classes)
+        _made[key] = _joined(call.function, body, writer.classes)
+        _made[key].compile(_SIGNATURE)
     return int(_get_wrapper_address(_made[key], _SIGNATURE))
 
 
-def _compiled(function: Callable[..., int], body: str, classes: dict[str, type]) -> Any:
-    """Return the compiled entry of a function with this body; it is kept beside the function."""
+def _joined(function: Callable[..., int], body: str, classes: dict[str, type]) -> Any:
+    """Return the entry of a function with this body, which nothing has compiled yet; it is kept beside the function."""
     inner: Any = getattr(function, "py_func", function)
     name = f"{inner.__name__}_{hashlib.sha256(body.encode()).hexdigest()[:12]}"
     names = {
@@ -315,9 +350,7 @@ def _compiled(function: Callable[..., int], body: str, classes: dict[str, type])
         **{kind.__name__: kind for kind in _KINDS}, **classes,
     }  # fmt: skip
     exec(compile(f"def {name}(words):\n    {body}\n", inspect.getfile(inner), "exec"), names)
-    made: Any = kernel(names[name])
-    made.compile(_SIGNATURE)
-    return made
+    return kernel(names[name])
 
 
 class _Writer:

@@ -14,7 +14,7 @@ from itouch.loop.runner import Runner
 from itouch.loop.write_access import Fence, view_for
 from itouch.plugin import Contact, ContactEvent, DeviceError, Record, Role, TwinInputs
 from itouch.safety import check_warm_up
-from itouch.world import Model, make_state
+from itouch.world import Model
 from itouch.world.plugin_errors import failing
 
 
@@ -27,13 +27,6 @@ def warm_up(model: Model, state: Record, runners: Iterable[Runner]) -> None:
         with failing(f"device '{runner.model.name}'", "the step of its twin", model.place_of(runner.model.name)):
             warm_up_twin(runner, scratch, model.period)
         check_warm_up.warm_up(runner.model, scratch, model.period)
-
-
-def warm_up_modalities(model: Model) -> None:
-    """Exercise the modalities of a model that no engine runs yet."""
-    scratch = make_state(model)
-    reset_modalities(model, scratch)
-    _rehearse_touches(model, scratch)
 
 
 def reset_modalities(model: Model, state: Record) -> None:

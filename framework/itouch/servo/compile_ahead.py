@@ -1,34 +1,51 @@
-"""``python -m itouch.servo.compile_ahead SCENE``: compile what a first start needs besides the modalities."""
+"""``python -m itouch.servo.compile_ahead SCENE``: compile what a first start needs, last things first."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from itouch.servo.parent_process import end_with
 
 
 def main(argv: Sequence[str]) -> int:
-    """Build the scene's engine without modalities; hardware is not opened."""
+    """Build the scene's engine without running anything of it, and compile its steps; hardware is not opened.
+
+    Modalities of which nothing is compiled are left out, and never called: theirs is what Python does, here in vain.
+    """
     parser = argparse.ArgumentParser(prog="itouch.servo.compile_ahead")
     parser.add_argument("scene")
     parser.add_argument("--parent", type=int, required=True)
     parser.add_argument("--twin")
     parser.add_argument("--rig")
+    parser.add_argument("--part", type=float, default=0.0, help="how far from the end to begin")
+    parser.add_argument("--together", type=Path, help="folder in which processes say what they compile")
     options = parser.parse_args(argv)
     end_with(options.parent)
     # from here on it takes long: nothing of it outlives the process that it is for
+    from itouch.compiling import compile_together
+    from itouch.joining import listing
     from itouch.loop import Engine
+    from itouch.plugin import Modality
     from itouch.plugin.discovery import Catalog
     from itouch.session import load_scene
     from itouch.world import Model
 
+    compile_together(options.together)
     catalog = Catalog()
     scene = load_scene(options.scene, rig=options.rig, twin=options.twin, catalog=catalog)
-    bare = replace(scene, modalities=(), rates=replace(scene.rates, modalities=()))
-    Engine(Model.of(bare, catalog))
+    classes = {part.name: catalog.modality(part.plugin, part.local) for part in scene.modalities}
+    joins = {name for name, cls in classes.items() if cls and cls.bound_update is not Modality.bound_update}
+    modalities = tuple(part for part in scene.modalities if part.name in joins)
+    rates = replace(scene.rates, modalities=tuple(each for each in scene.rates.modalities if each[0] in joins))
+    with listing() as compile_listed:
+        with contextlib.suppress(Exception):  # as nothing is run, something may miss what that should have found
+            Engine(Model.of(replace(scene, modalities=modalities, rates=rates), catalog))
+        compile_listed(options.part)
     return 0
 
 

@@ -1,13 +1,16 @@
-"""Building the engine for a run.  What must be compiled is compiled by two processes, and that is said."""
+"""Building the engine for a run.  What must be compiled is compiled on all processors, and that is said."""
 
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from itouch.schema.terminal import MANNER
@@ -17,15 +20,17 @@ if TYPE_CHECKING:
 
 #: A start that has not ended after this time [s], and has not found a kernel on disk, is helped; how often is looked.
 _PATIENCE, _LOOK = 1.6, 0.3
-_LONGEST = 120.0
+#: How many processes help at most: each begins elsewhere in the list, and they look at what the others have done.
+_COMPANIONS = 3
 
 
 class _Companion:
-    """A second process that compiles contact and twins while this one compiles the modalities; started if needed."""
+    """Processes that compile the steps from the last on, while this one begins with the first; started if needed."""
 
     def __init__(self, words: list[str]) -> None:
         self._words = words
-        self._process: subprocess.Popen[bytes] | None = None
+        self._processes: list[subprocess.Popen[bytes]] = []
+        self._folder: Path | None = None
         self._over = threading.Event()
         self._watch = threading.Thread(target=self._look, name="itouch-companion", daemon=True)
 
@@ -43,27 +48,21 @@ class _Companion:
         if not MANNER.quiet:
             print("preparing: compiling the kernels that this needs for the first time, later starts load them ...",
                   file=sys.stderr, flush=True)  # fmt: skip
-        command = [sys.executable, "-m", "itouch.servo.compile_ahead", *self._words, "--parent", str(os.getpid())]
+        count = min(_processors() - 1, _COMPANIONS)
+        if count < 1:
+            return
+        self._folder = Path(tempfile.mkdtemp(prefix="itouch-compiling-"))
+        sys.modules["itouch.compiling"].compile_together(self._folder)
+        command = [sys.executable, "-m", "itouch.servo.compile_ahead", *self._words]
+        command += ["--parent", str(os.getpid()), "--together", str(self._folder)]
         nothing = subprocess.DEVNULL
-        self._process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing)
+        for place in range(count):
+            part = ["--part", str(place / count)]
+            self._processes.append(subprocess.Popen([*command, *part], stdin=nothing, stdout=nothing, stderr=nothing))
 
     def __enter__(self) -> _Companion:
         self._watch.start()
         return self
-
-    @property
-    def started(self) -> bool:
-        """Whether this is a first start."""
-        return self._process is not None
-
-    def wait(self) -> None:
-        """Wait until the companion has compiled its part; whatever became of it, this process compiles the rest."""
-        self._end()
-        if self._process is not None:
-            try:
-                self._process.wait(_LONGEST)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
 
     def _end(self) -> None:
         self._over.set()
@@ -71,9 +70,17 @@ class _Companion:
 
     def __exit__(self, *exception: object) -> None:
         self._end()
-        if self._process is not None and self._process.poll() is None:
-            self._process.kill()
-            self._process.wait()
+        for process in self._processes:  # what is not compiled by now is not needed
+            process.kill()
+            process.wait()
+        if self._folder is not None:
+            sys.modules["itouch.compiling"].compile_together(None)
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _processors() -> int:
+    """Return on how many processors this process may run."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def prepare(scene: str, *, seed: int, twin: str | None, rig: str | None) -> Session:
@@ -85,21 +92,16 @@ def prepare(scene: str, *, seed: int, twin: str | None, rig: str | None) -> Sess
         If the file is wrong.
     """
     words = [scene, *(["--twin", twin] if twin else []), *(["--rig", rig] if rig else [])]
-    with _Companion(words) as companion:
+    with _Companion(words):
         from itouch.plugin.discovery import Catalog
         from itouch.session import Session, is_session, load_scene, restore
 
         if is_session(scene):
-            companion.wait()
             return restore(scene)
-        from itouch.loop.warm_up import warm_up_modalities
         from itouch.world import Model
 
         catalog = Catalog()
         model = Model.of(load_scene(scene, rig=rig, twin=twin, catalog=catalog), catalog)
-        if companion.started:
-            warm_up_modalities(model)
-        companion.wait()
         return Session(model, seed=seed)
 
 
