@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from parts import LIMITS, PLATE, TABLE, Asked
 
 from itouch.monitors import Heat, Surface, TripError
 from itouch.monitors.limits import DeviceLimits
-from itouch_evidence.faults.random_rigs import campaign, draw, run
+from itouch_evidence.faults.random_rigs import NARROWEST, campaign, draw, run, tightened
 
 K0 = 273.15
 
@@ -138,6 +139,16 @@ def test_a_campaign_goes_on_where_it_was_stopped_and_adds_up(
     assert ran == [0, 1, 2, 2, 3]
     assert campaign(1, 9, str(kept)) == 0
     assert "5 random rigs of seed 8, 9, 0 wrong" in capsys.readouterr().out
+
+
+def test_a_rig_that_is_tightened_again_and_again_can_still_be_built() -> None:
+    text = '<limits temperature="21.9 30.1 degC" current="1.00 A"/><safety dose="60.0 s"/>'
+    for seed in range(40):
+        narrower = tightened(text, seed)
+        before, after = (re.findall(r'temperature="([0-9.]+) ([0-9.]+)', one)[0] for one in (text, narrower))
+        assert float(before[0]) <= float(after[0]) < float(after[1]) <= float(before[1])
+        text = narrower
+    assert float(after[1]) - float(after[0]) >= NARROWEST
 
 
 #: Cases of the campaign that have passed a limit once, and what must stop them.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import subprocess
@@ -15,7 +16,7 @@ from itouch.platforms import lives
 from itouch.plugin import TwinInputs
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
-from itouch.servo import wire
+from itouch.servo import twin_server, wire
 from itouch.servo.parent_process import EndOf, gone
 from itouch.servo.twin_server import TwinServer
 from itouch.world.rig import build_devices
@@ -92,6 +93,71 @@ def test_a_second_opener_does_not_take_a_twin_from_its_session(server: tuple[Twi
     assert twin.flags & wire.BEGUN
     first.close()
     second.close()
+
+
+@pytest.mark.parametrize("packet", [b"C", b"C" + bytes(20), b"C" + bytes(120), b"I" + bytes(3)])
+def test_a_packet_that_is_cut_off_ends_its_sender_and_not_the_twin(
+    server: tuple[TwinServer, str], packet: bytes
+) -> None:  # fmt: skip
+    twin, address = server
+    first, second = wire.connect(address, 5.0), wire.connect(address, 5.0)
+    if packet[:1] == wire.COMMAND:
+        first.send(wire.head(wire.INIT, 0, 0) + twin.state.tobytes())
+    second.send(wire.WATCH)
+    twin.step()
+    first.send(packet)
+    for _ in range(3):
+        twin.step()
+    assert bool(twin.flags & wire.LATCHED) is (packet[:1] == wire.COMMAND)  # its session has gone
+    assert second.recv(wire.PACKET)
+    while first.recv(wire.PACKET):
+        pass  # what it was told before; then it is hung up on
+    first.close()
+    second.close()
+
+
+def test_who_talks_without_an_end_does_not_hold_up_a_step(
+    server: tuple[TwinServer, str], monkeypatch: pytest.MonkeyPatch
+) -> None:  # fmt: skip
+    twin, address = server
+    monkeypatch.setattr(twin_server, "PACKETS", 3)
+    line = wire.connect(address, 5.0)
+    twin.step()
+    heard = list[bytes]()
+    monkeypatch.setattr(twin, "_hear", lambda client, packet: heard.append(packet))
+    for number in range(7):
+        line.send(bytes([number]))
+    counts = []
+    for _ in range(4):
+        twin.step()
+        counts.append(len(heard))
+    assert counts == [3, 6, 7, 7]
+    line.close()
+
+
+def test_where_strangers_take_every_place_a_session_waits_for_one() -> None:
+    address = wire.address(f"test-{os.getpid()}", "crowd")
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    listener.bind(address)
+    listener.listen(1)
+    crowd, found = list[socket.socket](), list[socket.socket]()
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            crowd.append(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET))
+            crowd[-1].setblocking(False)
+            crowd[-1].connect(address)
+    with pytest.raises(OSError):
+        wire.connect(address, 0.05)
+    session = threading.Thread(target=lambda: found.append(wire.connect(address, 60.0)))
+    session.start()
+    session.join(0.2)
+    assert session.is_alive()  # it waits, and is not refused
+    for _ in list(crowd):  # the one that found no place is not among them, the session is
+        crowd.append(listener.accept()[0])
+    session.join()
+    assert len(found) == 1
+    for line in (*crowd, *found, listener):
+        line.close()
 
 
 @needs_root

@@ -19,7 +19,7 @@ from run_scene import write_study
 
 from itouch_tools.study import client
 from itouch_tools.study.client import ServedError, connect
-from itouch_tools.study.server import Door, DoorError
+from itouch_tools.study.server import MOST, Door, DoorError
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="processes are ended by signals")
 
@@ -142,14 +142,18 @@ def test_any_language_speaks_the_lines(served: Other) -> None:
         assert [one["id"] for one in told] == ["a", "b", "c", "d", "e"]
         assert told[2]["met"] and told[3]["met"]
         assert told[4]["figures"]["peak_force_N"] > 0.1
-        for wrong in (b"dance\n", b"[1]\n", b'{"do":3}\n', b"\xff\xfe\n", b'{"do":"set"}\n'):
+        endless = b'{"do":"now","id":' + b"[" * 400 + b"]" * 400 + b"}\n"
+        for wrong in (b"dance\n", b"[1]\n", b'{"do":3}\n', b"\xff\xfe\n", b'{"do":"set"}\n',
+                      b'{"do":"now","id":NaN}\n', b'{"do":"now","id":1e999}\n', endless):  # fmt: skip
             raw.send(wrong)
             assert raw.hear()["error"]["code"] == "bad-line"
+        assert raw.say(do="now", id=2.5)["id"] == 2.5
         assert "id" not in raw.say(do="now")
 
 
 @pytest.mark.parametrize(
-    "said", [b'{"token":"wrong"}\n', b'{"do":"now"}\n', b'{"token":7}\n', b"GET / HTTP/1.1\r\n\r\n"]
+    "said",
+    [b'{"token":"wrong"}\n', b'{"do":"now"}\n', b'{"token":7}\n', b"GET / HTTP/1.1\r\n\r\n", b'{"token":"\\ud800"}\n'],
 )
 def test_without_the_key_nobody_comes_in(served: Other, said: bytes) -> None:
     with Raw(served.key) as raw:
@@ -178,6 +182,27 @@ def test_a_line_without_an_end_and_too_many_are_hung_up_on(served: Other) -> Non
                 endless.send(b"x" * 65536)
     with connect(served.key) as touch:
         assert touch.describe()["study"] == "study"
+
+
+def test_strangers_who_say_nothing_keep_nobody_out(tmp_path: Path) -> None:
+    with Door(tmp_path / "key.json") as door:
+        known = socket.create_connection(("127.0.0.1", door.port), timeout=30.0)
+        known.sendall(json.dumps({"token": json.loads((tmp_path / "key.json").read_text())["token"]}).encode() + b"\n")
+        while not any(caller.known for caller in door.callers):
+            door.look(0.1)
+        silent = []
+        for _ in range(3 * MOST):
+            silent.append(socket.create_connection(("127.0.0.1", door.port), timeout=30.0))
+            door.look(1.0)
+        assert len(door.callers) == MOST
+        assert sum(caller.known for caller in door.callers) == 1
+        late = socket.create_connection(("127.0.0.1", door.port), timeout=30.0)
+        late.sendall(json.dumps({"token": json.loads((tmp_path / "key.json").read_text())["token"]}).encode() + b"\n")
+        for _ in range(4):
+            door.look(1.0)
+        assert sum(caller.known for caller in door.callers) == 2
+        for line in (known, late, *silent):
+            line.close()
 
 
 def test_who_asks_without_an_end_costs_no_tick(served: Other) -> None:

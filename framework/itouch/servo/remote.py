@@ -127,7 +127,7 @@ class Remotes:
         scene = self._session.model.scene
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         listener.bind(self.addresses[runner.model.name])
-        listener.listen(8)
+        listener.listen(wire.WAITING)
         config = {
             "scene_xml": write(scene), "source": scene.source, "device": runner.model.name, "watchdog": WATCHDOG,
         }  # fmt: skip

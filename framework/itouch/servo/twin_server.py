@@ -10,6 +10,7 @@ import contextlib
 import json
 import math
 import socket
+import struct
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -29,6 +30,8 @@ from itouch.world.rig import build_devices
 LINGER, REST = 3.0, 0.3
 #: How long [s] it waits for a session at all.
 PATIENCE = 60.0
+#: How many are let in, or sent away, in one step, and how many packets of each are heard.
+KNOCKS, PACKETS = 16, 256
 
 
 class TwinServer:
@@ -67,17 +70,25 @@ class TwinServer:
 
     def _accept(self) -> None:
         with contextlib.suppress(BlockingIOError):
-            client, _ = self._listener.accept()
-            if not wire.same_user(client):  # these names have no owner: anybody on the machine can find them
-                client.close()
-                return
-            client.setblocking(False)
-            self._clients.append(client)
+            for _ in range(KNOCKS):
+                client, _ = self._listener.accept()
+                if not wire.same_user(client):  # these names have no owner: anybody on the machine can find them
+                    client.close()
+                    continue
+                client.setblocking(False)
+                self._clients.append(client)
 
     def _listen(self) -> None:
         for client in list(self._clients):
-            while (packet := self._receive(client)) is not None:
-                self._hear(client, packet)
+            for _ in range(PACKETS):  # who says more in a step waits for the next one, and so does nobody else
+                packet = self._receive(client)
+                if packet is None:
+                    break
+                try:
+                    self._hear(client, packet)
+                except (struct.error, ValueError):  # cut off, or of another version
+                    self._let_go(client)
+                    break
 
     def _receive(self, client: socket.socket) -> bytes | None:
         try:
@@ -88,6 +99,11 @@ class TwinServer:
             packet = b""
         if packet:
             return packet
+        self._let_go(client)
+        return None
+
+    def _let_go(self, client: socket.socket) -> None:
+        """Hang up on who has gone, or speaks another language; without its session the twin makes itself safe."""
         self._clients.remove(client)
         if client in self._watchers:
             self._watchers.remove(client)
@@ -95,7 +111,6 @@ class TwinServer:
             self._primary = None
             self._latch("the connection to the servo process is gone")
         client.close()
-        return None
 
     def _hear(self, client: socket.socket, packet: bytes) -> None:
         kind = packet[:1]

@@ -31,9 +31,13 @@ BEGUN: Final = 8
 
 #: Largest packet [bytes].
 PACKET = 1 << 16
+#: How many may wait to be let in: strangers may knock, too.
+WAITING = 64
 _HEAD = struct.Struct("<cqq")
 #: What the kernel tells of a peer: process, user, group.
 _PEER = struct.Struct("3i")
+#: A span of time for the kernel: seconds and microseconds.
+_TIME = struct.Struct("@ll")
 _TOUCH = struct.Struct("<7d6d6d4d")
 
 
@@ -51,15 +55,24 @@ def connect(where: str, timeout: float | None = None) -> socket.socket:
         If nobody listens there.
     """
     line = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    line.settimeout(timeout)
     try:
+        # The kernel waits: where strangers knock so often that no place is free, who asks without waiting is refused.
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _span(timeout))
         line.connect(where)
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _span(None))
+        line.settimeout(timeout)
         if not same_user(line):
             raise PermissionError(errno.EPERM, "another user listens there")
     except OSError:
         line.close()
         raise
     return line
+
+
+def _span(seconds: float | None) -> bytes:
+    """Return a time [s] as the kernel takes it; None: without an end."""
+    whole = 0.0 if seconds is None else max(seconds, 1e-3)
+    return _TIME.pack(int(whole), int(whole % 1.0 * 1e6))
 
 
 def same_user(line: socket.socket) -> bool:

@@ -26,6 +26,9 @@ _KINDS = (
     "disconnect", "freeze", "nan", "spike", "delay", "drop", "reversed-sign", "saturated", "wrong-units", "garbage",
 )  # fmt: skip
 
+#: Range of temperature [K] that a rig keeps however often it is tightened.
+NARROWEST = 1.0
+
 
 class _Entry:
     """An entry point that is made here."""
@@ -233,9 +236,10 @@ def tightened(text: str, seed: int) -> str:
         return f'{found[1]}="{float(found[2]) * rng.uniform(0.3, 1.0):.3f}'
 
     def narrower(found: re.Match[str]) -> str:
-        return (
-            f'temperature="{float(found[1]) + rng.uniform(0.0, 3.0):.1f} {float(found[2]) - rng.uniform(0.0, 3.0):.1f}'
-        )
+        low, high = float(found[1]) + rng.uniform(0.0, 3.0), float(found[2]) - rng.uniform(0.0, 3.0)
+        if high - low < NARROWEST:  # a rig is tightened at each of its ways back: what is left is no range any more
+            return found[0]
+        return f'temperature="{low:.1f} {high:.1f}'
 
     head, mark, safety = text.rpartition("<safety ")
     if "dose=" not in safety and rng.random() < 0.5:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import hmac
 import json
+import math
 import os
 import secrets
 import selectors
@@ -161,7 +162,7 @@ class Door:
         with contextlib.suppress(OSError):
             line, _ = self._listener.accept()
             line.setblocking(False)
-            if len(self.callers) >= MOST:
+            if len(self.callers) >= MOST and not self._make_room():
                 line.close()
                 return
             with contextlib.suppress(OSError):
@@ -169,6 +170,13 @@ class Door:
             caller = Caller(line, time.monotonic())
             self.callers.append(caller)
             self._events.register(line, selectors.EVENT_READ, caller)
+
+    def _make_room(self) -> bool:
+        """Hang up on who has waited longest without saying the key: strangers keep nobody out; tell whether one did."""
+        strangers = [caller for caller in self.callers if not caller.known]
+        if strangers:
+            self._hang_up(min(strangers, key=lambda caller: caller.since))
+        return bool(strangers)
 
     def _hear(self, caller: Caller) -> None:
         room = LONGEST - len(caller.coming)
@@ -220,21 +228,28 @@ class Door:
         if not caller.known:
             self._admit(caller, given)
             return None
-        if not isinstance(given, dict) or not isinstance(given.get("do"), str):
-            self._say(caller, {"error": {"code": "bad-line", "message": 'a line is JSON: {"do": WORD, ...}'}})
+        if not isinstance(given, dict) or not isinstance(given.get("do"), str) or not _comes_back(given.get("id", "")):
+            said = 'a line is JSON: {"do": WORD, ...}; an "id" is a text or a number'
+            self._say(caller, {"error": {"code": "bad-line", "message": said}})
             return None
         caller.busy = True
         return Request(caller, given["do"], given)
 
     def _admit(self, caller: Caller, given: Any) -> None:
         told = given.get("token") if isinstance(given, dict) else None
-        if isinstance(told, str) and hmac.compare_digest(told.encode(), self._token.encode()):
+        # half of a surrogate pair is a text that JSON may hold and UTF-8 may not
+        if isinstance(told, str) and hmac.compare_digest(told.encode(errors="replace"), self._token.encode()):
             caller.known = True
             self._say(caller, {"itouch": LINES})
             return
         said = f"the first line is the key: {{\"token\": ...}}, as it stands in '{self.path.name}'"
         self._say(caller, {"error": {"code": "no-key", "message": said}})
         self._hang_up(caller)
+
+
+def _comes_back(number: Any) -> bool:
+    """Tell whether what a caller numbers a request with can be said again: JSON has no NaN, and depth has an end."""
+    return isinstance(number, str | int) or (isinstance(number, float) and math.isfinite(number))
 
 
 def _answers(path: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 import socket
 import struct
@@ -17,6 +18,7 @@ from itouch.plugin import DeviceError, Terminal
 from itouch_thermal.drivers import Infrared, LabJack, Mecom
 from itouch_thermal.drivers.labjack import LabJackDriver
 from itouch_thermal.drivers.mecom import MecomClient, MecomError, MecomRefusal, crc16
+from itouch_thermal.drivers.modbus import ModbusLine
 from itouch_thermal.drivers.tec import TecDriver
 from itouch_thermal.drivers.virtual import Plate, VirtualMecom, VirtualT7
 
@@ -87,6 +89,47 @@ def test_any_answer_is_a_value_or_a_named_error(answer: bytes) -> None:
         client = MecomClient(terminal.path, address=2, patience=8.0)
         with pytest.raises(MecomRefusal if answer.startswith(b"+") else MecomError):
             client.read_float(1000)
+        client.close()
+    terminal.close()
+
+
+def another(answer: bytes, data: bytes) -> bytes:
+    """What a controller of the next address answers to a request of the same number."""
+    return check(b"!%02X" % (int(answer[1:3], 16) + 1) + answer[3:7] + data)
+
+
+def test_another_controllers_answer_on_the_same_line_is_not_taken() -> None:
+    terminal, device = Terminal(), VirtualMecom(Plate(plate=300.0, sink=301.5), address=2)
+
+    def step() -> None:
+        data = terminal.receive()
+        for whole in device.take(data).splitlines(keepends=True) if data else ():
+            hot = struct.pack(">f", 39.0).hex().upper().encode() * ((len(whole) - 12) // 8)
+            terminal.send(another(whole, hot) + whole)
+
+    with served(step):
+        client = MecomClient(terminal.path, address=2, patience=8.0)
+        assert client.read_float(1000) == pytest.approx(26.85, abs=1e-4)
+        client.write_float(50001, 1.0)
+        client.close()
+    terminal.close()
+
+
+def test_a_line_that_is_never_quiet_holds_up_nobody() -> None:
+    """Answers to others, one every few milliseconds: each would begin the patience anew."""
+    terminal, said = Terminal(), [0]
+
+    def step() -> None:
+        terminal.receive()
+        if said[0] < 10_000:
+            said[0] += 1
+            terminal.send(check(b"!02FFFF3F800000"))
+
+    with served(step):
+        client = MecomClient(terminal.path, address=2)
+        with pytest.raises(MecomError, match="did not answer 3 times"):
+            client.read_float(1000)
+        assert said[0] < 10_000  # it has not waited for the end of it
         client.close()
     terminal.close()
 
@@ -167,6 +210,34 @@ def test_a_t7_with_habits(piece: int, delay: float, busy: int) -> None:
         with pytest.raises(DeviceError, match="refuses register"):
             driver.exchange(300.0)
         driver.close()
+
+
+def test_answers_of_another_number_without_an_end_hold_up_nobody() -> None:
+    """A T7 whose line brings answers that nobody asked for: the loop gets an error, and not silence."""
+    listener, ending, sent = socket.create_server(("127.0.0.1", 0)), threading.Event(), [0]
+
+    def work() -> None:
+        line.settimeout(0.5)
+        with line:
+            head = line.recv(12)
+            while not ending.is_set() and sent[0] < 20_000:
+                sent[0] += 1
+                with contextlib.suppress(OSError):
+                    line.sendall(bytes((head[0], head[1] ^ 1)) + struct.pack(">HHBBBI", 0, 7, 1, 3, 4, 0))
+                time.sleep(1e-3)
+
+    wire = ModbusLine("T7", f"127.0.0.1:{listener.getsockname()[1]}")
+    line, _ = listener.accept()
+    listener.close()  # who connects anew finds nobody
+    thread = threading.Thread(target=work)
+    thread.start()
+    wire.ask(0)
+    with pytest.raises(DeviceError, match="does not answer"):
+        wire.answer()
+    assert sent[0] < 20_000
+    ending.set()
+    wire.close()
+    thread.join()
 
 
 def test_a_t7_that_answers_too_late_is_told_in_time_and_is_there_again() -> None:

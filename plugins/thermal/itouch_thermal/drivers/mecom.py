@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import struct
 from collections.abc import Sequence
-from time import sleep
+from time import monotonic, sleep
 
 from itouch.plugin import DeviceError, Trace
 from itouch_thermal.drivers.serialport import SerialLine
@@ -17,6 +17,8 @@ from itouch_thermal.drivers.serialport import SerialLine
 #: How long [s] an answer may take, and how often a request is sent; after how long the first one is sent again where a
 #: lost answer would hold up a loop.  (Both have one number: whichever answer comes first counts, the other is late.)
 PATIENCE, TRIES, QUICK = 0.06, 3, 0.02
+#: The address that every controller answers to, with its own.
+ANY = 0
 #: After so long a silence [s] a raised line has its own speed again: 5 s, and some more.
 FALLEN = 5.5
 ERRORS = {
@@ -228,19 +230,25 @@ class MecomClient:
         raise MecomError(f"the TEC controller on {self._line.port} did not answer {turns} times")
 
     def _answer(self, sent: int, wait: float) -> str | None:
-        """Return the payload of the next good answer to this request within ``wait`` seconds, or None."""
+        """Return the payload of the next good answer to this request within ``wait`` seconds, or None.
+
+        What others say on the line meanwhile is not for us, and gains nobody time.
+        """
+        limit = monotonic() + wait
         while True:
-            message = self._line.receive(wait)
+            message = self._line.receive(max(0.0, limit - monotonic()))
             if message is None:
                 return None
             start = message.rfind(b"!")
             body, check = message[max(start, 0) : -4], message[-4:]
             try:
-                number, crc = int(body[3:7], 16), int(check, 16)
+                address, number, crc = int(body[1:3], 16), int(body[3:7], 16), int(check, 16)
             except ValueError:
                 return None
             if start < 0 or number != self._sequence:
                 continue  # an answer that came too late
+            if self._address not in (ANY, address):
+                continue  # another controller's, to another host: it counts its requests from 1, too
             payload = body[7:].decode("ascii", "replace")
             good = crc == crc16(body) or (
                 not payload and crc == sent

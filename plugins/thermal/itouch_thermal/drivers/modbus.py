@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -42,6 +43,7 @@ class ModbusLine:
             raise DeviceError(f"host = '{host}' must be HOST or HOST:PORT")
         self._name, self._host, self._trace, self._failure = name, host, trace, ModbusException
         client: Any = ModbusTcpClient
+        self._patience = PATIENCE * patience
         self._client: Any = client(address, port=int(port or PORT), timeout=PATIENCE * patience, retries=1)
         self._number, self._asked_for = 0, -1
         if not self._client.connect():
@@ -121,9 +123,10 @@ class ModbusLine:
 
     def _fetched(self) -> bytes:
         """Return the data of the answer to the last request: four bytes, an exception's one, or what came of it."""
+        limit = time.monotonic() + self._patience
         while True:
             head = self._client.recv(_HEAD)
-            if len(head) != _HEAD:
+            if len(head) != _HEAD or time.monotonic() > limit:  # answers without an end are no answer
                 return b""
             number, protocol, length, _, function, size = struct.unpack(">HHHBBB", head)
             if protocol or not 3 <= length <= 260:
