@@ -164,3 +164,87 @@ def test_a_surface_that_is_brought_yields_like_one_that_is_carried(made: Made) -
 def test_how_a_surface_stands_is_said_in_whole_numbers_or_real_ones_of_eight_bytes(made: Made) -> None:
     with pytest.raises(itouch.ItouchError, match=r"field 'there', which it does not declare as one number \(f8\)"):
         itouch.build(made(PLUGIN, brings=WHOLE))
+
+
+ALONE = """
+@dataclass(frozen=True, slots=True)
+class Bare:
+    probe: str = schema.ref("probe", doc="the finger")
+
+
+class Alone(Hover):
+    Params = Bare
+
+    def compile(self, name, params, world):
+        robot = world.surfaces[params.probe].device
+        return super().compile(name, Brings(probe=params.probe, robot=robot), world)
+
+
+class Nothing(Alone):
+    def carries(self, model):
+        return None
+"""
+
+
+@pytest.fixture
+def carried(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Made:
+    """Return what installs a robot and three ways to bring its surface, and writes a scene with these attributes."""
+
+    def write(attributes: str, defaults: str = "") -> Path:
+        module = f"strangers_carrier_{next(NUMBERS)}"
+        info = tmp_path / module / f"{module}-1.0.dist-info"
+        info.mkdir(parents=True)
+        (info.parent / f"{module}.py").write_text(PLUGIN + EXAMPLE + ALONE, encoding="utf-8")
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n", encoding="utf-8")
+        ways = "hovering = {0}:Alone\nidle = {0}:Nothing\nasking = {0}:Hover\n"
+        entries = f"[itouch.devices]\nrobo = {{0}}:Presenter\n[itouch.carriers]\n{ways}".format(module)
+        (info / "entry_points.txt").write_text(entries, encoding="utf-8")
+        monkeypatch.syspath_prepend(str(info.parent))
+        text = SCENE.replace("<probe ", f"<probe {attributes} ", 1)
+        text = text.replace("<materials>", f"<defaults>{defaults}</defaults><materials>", 1) if defaults else text
+        path = tmp_path / f"{module}.xml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(("attributes", "defaults"), [('carrier="hovering"', ""), ("", '<probe carrier="hovering"/>')])
+def test_a_scene_says_once_who_brings_surfaces_to_its_probes(carried: Made, attributes: str, defaults: str) -> None:
+    """Without an element of its own: the stranger's prop waits further away than the program's own way has it."""
+    session = itouch.build(carried(attributes, defaults))
+    rows = watched(session, "tip.carrier.away", "tip.carrier.renders")
+    session.run()
+    found = np.array(rows)
+    assert found[found[:, 1] > 0, 1].size > 100  # it is felt
+    modality = next(one for one in session.model.modalities if one.default_of == "tip")
+    assert modality.plugin == "hovering" and modality.instance.__class__.__name__ == "Alone"
+
+
+@pytest.mark.parametrize(
+    ("attributes", "told"),
+    [
+        ('carrier="hoverin"', "nothing called 'hoverin' is installed that brings a surface"),
+        ('carrier="idle"', "modality 'tip.carrier' of 'idle' carries no surface"),
+        (
+            'carrier="asking"',
+            "'asking' can't bring a surface to probe 'tip' by the probe's name alone: it also needs 'robot'",
+        ),
+    ],
+)
+def test_what_can_t_bring_a_surface_by_itself_is_told_at_the_attribute(
+    carried: Made, attributes: str, told: str
+) -> None:
+    with pytest.raises(itouch.SceneError) as caught:
+        itouch.build(carried(attributes))
+    (problem,) = caught.value.problems
+    assert told in problem.sentence and problem.place is not None and problem.place.line > 1
+    if "hoverin" in told:
+        assert "did you mean 'hovering'?" in problem.advice
+
+
+def test_a_carrier_without_a_surface_is_a_mistake(carried: Made) -> None:
+    path = carried('carrier="hovering"')
+    path.write_text(path.read_text(encoding="utf-8").replace('surface-to="presenter"', ""), encoding="utf-8")
+    with pytest.raises(itouch.SceneError, match="with 'carrier' also needs 'surface-to'"):
+        itouch.build(path)

@@ -114,13 +114,20 @@ class Catalog:
         cls: type[Modality] | None = self._load(self._modality(plugin, local), Modality)
         return cls
 
-    def carrier(self) -> tuple[str, type[Modality] | None]:
-        """Return who brings surfaces to fingers by default: its name, and its class, or None if it failed to load.
+    @property
+    def carrier_names(self) -> Sequence[str]:
+        """Names of what can bring a surface to a finger without an element of its own, loadable or not."""
+        return sorted(self._carriers)
 
-        It is the program's own: a scene that wants another one says so, and none comes in by being installed.
+    def carrier(self, name: str = "") -> tuple[str, type[Modality] | None]:
+        """Return who brings surfaces to fingers: its name, and its class, or None if there is none or it did not load.
+
+        Without a name it is the program's own: a scene that wants another one says so, and none comes in by being
+        installed.
         """
         offered = self._carriers.values()
-        found = next((one for one in offered if one.distribution == _PROGRAM), next(iter(offered), None))
+        own = next((one for one in offered if one.distribution == _PROGRAM), next(iter(offered), None))
+        found = self._carriers.get(name) if name else own
         cls: type[Modality] | None = self._load(found, Modality)
         return ("" if found is None else found.name), cls
 

@@ -29,6 +29,8 @@ _SECTION_CLASSES: dict[str, type] = {
     "faults": elements.Faults,
     "record": elements.RecordElement,
 }
+#: What an element lacks as a whole, which says nothing of a part of its attributes.
+_OF_WHOLE_ELEMENTS = ("missing-attribute", "together", "one-of", "requires")
 #: Elements that <defaults> may name.
 DEFAULTABLE: dict[str, type] = {
     tag_of(cls): cls
@@ -181,7 +183,7 @@ class _Assembly:
                 continue
             found: list[Problem] = []
             Binder(self.extensions, found, Places()).bind(node, cls)
-            self.problems += [problem for problem in found if problem.code != "missing-attribute"]
+            self.problems += [problem for problem in found if problem.code not in _OF_WHOLE_ELEMENTS]
 
     def _section(self, tag: str, bound: Any, node: Node) -> None:
         if bound is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import MISSING, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,8 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import Operator, PluginPart, Probe
 from itouch.schema import Problem
-from itouch.schema.fields import specs
+from itouch.schema.diagnostics import did_you_mean
+from itouch.schema.fields import default_of, specs, xml_name
 from itouch.world.files import SceneFiles
 from itouch.world.plugin_errors import failing, failure
 from itouch.world.presented_surfaces import check_carried
@@ -99,15 +100,21 @@ def _default_carriers(
 ) -> list[ModalityModel]:  # fmt: skip
     """Return what brings a surface to each probe that is to be met by one, and to which no modality brings it.
 
-    It is called ``PROBE.surface``.
+    It is called ``PROBE.surface``, and ``PROBE.carrier`` where the probe names it: its fields are a stranger's, who may
+    call them as the framework does its own of the surface.
     """
     served = {one.carries.probe for one in known if one.carries is not None}
     alone = [probe for probe in scene.probes if probe.name in world.surfaces and probe.name not in served]
     found: list[ModalityModel] = []
     for probe in alone:
-        plugin, cls = catalog.carrier()
-        place, name = scene.places.of(probe, "surface_to"), f"{probe.name}.surface"
-        if cls is None:
+        plugin, cls = catalog.carrier(probe.carrier)
+        place = scene.places.of(probe, "carrier" if probe.carrier else "surface_to")
+        name = f"{probe.name}.carrier" if probe.carrier else f"{probe.name}.surface"
+        if probe.carrier and probe.carrier not in catalog.carrier_names:
+            sentence = f"probe '{probe.name}': nothing called '{probe.carrier}' is installed that brings a surface"
+            advice = did_you_mean(probe.carrier, catalog.carrier_names, "the entry-point group 'itouch.carriers' has")
+            problems.append(Problem("unknown-plugin", sentence, place, advice))
+        elif cls is None:
             why = catalog.failures.get(plugin, "no modality is installed that does")
             sentence = f"nothing brings the surface of '{probe.surface_to}' to probe '{probe.name}': {why}"
             advice = "install itouch-py anew, or a package that offers one in the entry-point group 'itouch.carriers'"
@@ -115,10 +122,28 @@ def _default_carriers(
         elif any(one.name == name for one in known):
             sentence = f"modality '{name}' has the name of what brings the surface of '{probe.surface_to}'"
             problems.append(Problem("modality", sentence, place, "give it another name"))
+        elif wanting := _wanting(cls):
+            sentence = f"'{plugin}' can't bring a surface to probe '{probe.name}' by the probe's name alone: {wanting}"
+            advice = "write the modality's own element, which says it"
+            problems.append(Problem("modality", sentence, place, advice))
         else:
             part = PluginPart(plugin, "", cls.Params(probe=probe.name), name)
             found += _compiled(scene, part, cls(), world, 1, devices, problems, probe)
+    for one in found:
+        if one.carries is None:
+            place = scene.places.of(next(probe for probe in alone if probe.name == one.default_of), "carrier")
+            sentence = f"modality '{one.name}' of '{one.plugin}' carries no surface"
+            problems.append(Problem("modality", sentence, place, "its carries returns None"))
     return found
+
+
+def _wanting(cls: type[Modality]) -> str:
+    """Say what keeps a modality from being made by the name of its probe alone: nothing, as a rule."""
+    table = specs(cls.Params)
+    if "probe" not in table or table["probe"].target != "probe":
+        return "it has no attribute 'probe'"
+    others = [xml_name(name) for name in table if name != "probe" and default_of(cls.Params, name) is MISSING]
+    return f"it also needs '{others[0]}'" if others else ""
 
 
 def _has_devices(scene: Scene, part: PluginPart, devices: Mapping[str, DeviceModel], problems: list[Problem]) -> bool:

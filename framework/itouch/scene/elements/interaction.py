@@ -16,6 +16,7 @@ class Probe:
     """What touches: a finger of a given radius bound to devices."""
 
     TAG: ClassVar[str] = "probe"
+    REQUIRES: ClassVar[tuple[tuple[str, str], ...]] = (("carrier", "surface_to"),)
     name: str = name()
     radius: float = quantity("m", low=0.0, high=0.1, default=0.008, doc="radius of the fingertip; 0 is a point")
     pose_from: str = ref("device", reads=(Role.TRACKED_POSE,), doc="the device that tracks it")
@@ -28,6 +29,11 @@ class Probe:
         commands=(Role.SURFACE_POSE,),
         default="",
         doc="the table that carries surfaces to it",
+    )
+    carrier: str = text(
+        default="",
+        doc="what brings the surface to it where no modality of the scene does: a name of the entry-point group "
+        "itouch.carriers; default: the encountered surface that comes with the program",
     )
     clearance: float = quantity(
         "m", low=1e-3, high=0.05, default=0.005, doc="distance that the plate keeps below the surfaces in free space"
