@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import logging
 import os
-import shutil
 import struct
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
+from needed import need_program
 
 from itouch.arms import evdev, gamepad
 from itouch.arms.evdev import Description
@@ -202,9 +202,9 @@ E: 0.010000 0000 0000 0
 """
 
 
-@pytest.mark.skipif(shutil.which("umockdev-run") is None, reason="umockdev is not installed")
 def test_the_kernels_own_numbers_by_a_tool_that_emulates_it(tmp_path: Path) -> None:
     """umockdev answers the ioctls that it knows by their numbers, and plays events into the device."""
+    need_program("umockdev-run", package="umockdev")
     keys, axes = bytearray(96), bytearray(8)
     keys[evdev.GAMEPAD // 8] |= 1 << evdev.GAMEPAD % 8
     axes[0] = 0b111111

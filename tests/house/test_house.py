@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import importlib.metadata
 import re
@@ -56,6 +57,19 @@ def test_no_two_files_of_tests_have_one_name() -> None:
     """They stand in no packages: the second would not be collected."""
     own = [path.name for path in (ROOT / "tests").rglob("test_*.py") if "outside" not in path.parts]
     assert sorted(own) == sorted(set(own))
+
+
+def test_each_test_is_there_on_every_machine() -> None:
+    """What a test lacks it says when it runs (`needed`): one behind an `if` is gone, and the lists of forms with it."""
+    hidden = [
+        f"{path.relative_to(ROOT)}:{inner.lineno}"
+        for path in sorted((ROOT / "tests").rglob("test_*.py"))
+        for statement in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(statement, ast.If | ast.Try)
+        for inner in ast.walk(statement)
+        if isinstance(inner, ast.FunctionDef) and inner.name.startswith("test_")
+    ]
+    assert not hidden
 
 
 def test_decisions_are_numbered_once() -> None:

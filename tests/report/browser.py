@@ -5,13 +5,12 @@ from __future__ import annotations
 import base64
 import json
 import os
-import shutil
 import subprocess
 import tempfile
 from pathlib import Path
 from typing import Any
 
-import pytest
+from needed import need_program
 
 FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
@@ -21,10 +20,7 @@ FLAGS = (
 
 def need_chromium() -> str:
     """Return the browser's path; skip where there is none, fail where ``CI`` is set."""
-    found = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    if found is None:
-        (pytest.fail if os.environ.get("CI") else pytest.skip)("Chromium is not installed")
-    return found
+    return need_program("chromium", "chromium-browser", "google-chrome", package="chromium")
 
 
 class Browser:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 import threading
@@ -13,6 +12,7 @@ import types
 
 import numpy as np
 import pytest
+from needed import need_program
 
 import itouch
 from itouch_tools.sound import output
@@ -280,33 +280,33 @@ def test_a_machine_without_a_card_is_told_nothing(tmp_path):
     assert done.stdout == "silent\n" and done.stderr == ""
 
 
-if shutil.which("pulseaudio") and shutil.which("parec"):
-
-    def test_a_sound_server_plays_the_modes_that_were_asked_for(tmp_path):
-        """A PulseAudio of our own whose only sink is recorded."""
-        os.chmod(tmp_path, 0o700)
-        env = {
-            **os.environ,
-            "XDG_RUNTIME_DIR": str(tmp_path),
-            "PULSE_SERVER": f"unix:{tmp_path}/sock",
-            "HOME": str(tmp_path),
-        }
-        server = subprocess.Popen(
-            ["pulseaudio", "-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no",
-             "-L", "module-null-sink sink_name=out rate=48000 channels=1 format=s16le",
-             "-L", f"module-native-protocol-unix socket={tmp_path}/sock auth-anonymous=1"],
-            env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-        try:
-            until((tmp_path / "sock").exists)
-            words = ["bench", "sound", "--strokes", "4", "--monitor", "out.monitor", "--json", str(tmp_path / "x.json")]
-            done = subprocess.run(
-                [sys.executable, "-m", "itouch_tools.cli", *words], env=env, capture_output=True, text=True
-            )
-        finally:
-            server.terminate()
-            server.wait(10)
-        assert done.returncode == 0, done.stderr
-        found = json.loads((tmp_path / "x.json").read_text())
-        assert found["plays_by"] == "PulseAudio" and found["strokes_heard"] == "4 of 4"
-        assert found["modes_off_by_at_most_Hz"] < 8.0
+def test_a_sound_server_plays_the_modes_that_were_asked_for(tmp_path):
+    """A PulseAudio of our own whose only sink is recorded."""
+    need_program("pulseaudio", package="pulseaudio")
+    need_program("parec", package="pulseaudio-utils")
+    os.chmod(tmp_path, 0o700)
+    env = {
+        **os.environ,
+        "XDG_RUNTIME_DIR": str(tmp_path),
+        "PULSE_SERVER": f"unix:{tmp_path}/sock",
+        "HOME": str(tmp_path),
+    }
+    server = subprocess.Popen(
+        ["pulseaudio", "-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no",
+         "-L", "module-null-sink sink_name=out rate=48000 channels=1 format=s16le",
+         "-L", f"module-native-protocol-unix socket={tmp_path}/sock auth-anonymous=1"],
+        env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        until((tmp_path / "sock").exists)
+        words = ["bench", "sound", "--strokes", "4", "--monitor", "out.monitor", "--json", str(tmp_path / "x.json")]
+        done = subprocess.run(
+            [sys.executable, "-m", "itouch_tools.cli", *words], env=env, capture_output=True, text=True
+        )
+    finally:
+        server.terminate()
+        server.wait(10)
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "x.json").read_text())
+    assert found["plays_by"] == "PulseAudio" and found["strokes_heard"] == "4 of 4"
+    assert found["modes_off_by_at_most_Hz"] < 8.0

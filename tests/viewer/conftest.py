@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 from collections.abc import Iterator
 
 import pytest
+from needed import need_program
 
 
 @pytest.fixture(scope="session")
 def screen() -> Iterator[dict[str, str]]:
     """Yield an environment whose display is a virtual screen."""
-    if shutil.which("Xvfb") is None:
-        (pytest.fail if os.environ.get("CI") else pytest.skip)("Xvfb is not installed")
+    xvfb = need_program("Xvfb", package="xvfb")
     read, write = os.pipe()
     server = subprocess.Popen(
-        ["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x800x24", "-nolisten", "tcp"],
+        [xvfb, "-displayfd", str(write), "-screen", "0", "1280x800x24", "-nolisten", "tcp"],
         pass_fds=[write], stderr=subprocess.DEVNULL,
     )  # fmt: skip
     os.close(write)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import shutil
 import subprocess
 import time
 from collections.abc import Callable, Iterator
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from fake_hd import FakeHd
+from needed import need_program
 
 from itouch.plugin import DeviceError, Field, Record, Trace, read_trace
 from itouch.testing import DeviceTests
@@ -293,9 +293,7 @@ void hdStopScheduler(void) { running = 0; pthread_join(thread, 0); }
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A library with the real signatures, whose arm is one metre away in the direction of each newton."""
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("there is no C compiler")
+    compiler = need_program("cc", package="gcc")
     folder = tmp_path_factory.mktemp("hd")
     (folder / "hd.c").write_text(FAKE_IN_C)
     subprocess.run(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import needed
 import pytest
 
 from itouch_thermal.chip.display import SimulatedDisplay
@@ -17,8 +17,8 @@ Start = Callable[..., SimulatedHost]
 
 @pytest.fixture(scope="session")
 def program() -> Built:
-    if missing():
-        (pytest.fail if os.environ.get("CI") else pytest.skip)(f"the simulated chip needs {missing()}")
+    if lacking := missing():
+        needed.missing(f"the simulated chip needs {lacking}")
     return built()
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import socket
 import struct
 import subprocess
@@ -16,6 +14,7 @@ from typing import Any
 
 import pytest
 import usb.core
+from needed import need_program
 
 from itouch_usb_arm import Disconnected, Falcon, FalconError, NotFound, boot
 from itouch_usb_arm.remote import Remote
@@ -174,11 +173,7 @@ def test_the_command_serves_until_it_is_told_to_end() -> None:
 
 def test_through_libusb_and_usbfs(served: Served, tmp_path: Path) -> None:
     """Real libusb and its ioctls; needs umockdev, gir1.2-umockdev-1.0 and python3-gi."""
-    if shutil.which("umockdev-wrapper") is None:
-        message = "umockdev is not installed (Debian: umockdev gir1.2-umockdev-1.0 python3-gi)"
-        if os.environ.get("CI"):
-            pytest.fail(message)
-        pytest.skip(message)
+    need_program("umockdev-wrapper", package="umockdev gir1.2-umockdev-1.0 python3-gi")
     firmware = tmp_path / "firmware.bin"
     firmware.write_bytes(IMAGE)
     served.arm.faults.unplug_after = len(IMAGE) + 16 * 1200
