@@ -1,17 +1,14 @@
-"""The two forms of the tests: what each runs, what the short one says of the long one, and the page of the long one."""
+"""The two forms of the tests: what each runs, what the short one says of the long one, and what the long one keeps."""
 
 from __future__ import annotations
 
-import datetime
-import subprocess
-import sys
-import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import campaign
+import long_results
 import pytest
 
 HERE = Path(__file__).parent
@@ -21,20 +18,42 @@ LIST = HERE / "long_form.txt"
 #: Tests that stay in the short form whatever they cost, each behind the comment that says why.
 KEPT = HERE / "short_form.txt"
 
-_BEGAN = time.monotonic()
 #: Of this run: how many tests are left to the long form, and what its campaigns told.
 _LEFT: Counter[str] = Counter()
 _TOLD: list[tuple[str, str]] = []
+_DONE = pytest.StashKey[frozenset[str]]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Offer the page of results."""
-    parser.addoption("--results", metavar="FILE", type=Path, help="write what the long form found to this page")
+    parser.addoption(
+        "--results", metavar="FILE.jsonl", type=Path, help="note what ends in it; leave out what has passed"
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Find out which form runs, before any test is collected."""
     campaign.FULL = campaign.chosen(config.option.markexpr)
+    if (path := config.option.results) and not hasattr(config, "workerinput"):
+        if not campaign.FULL:
+            raise pytest.UsageError("--results keeps what the long form found: give it with -m long")
+        config.stash[_DONE] = long_results.passed(path)
+        config.pluginmanager.register(_Keeper(path))
+
+
+class _Keeper(long_results.Keeper):
+    """Hears of every test that ends, in whichever process it ran."""
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Note a part of a test."""
+        told = [str(text) for name, text in report.user_properties if name == "campaign"]
+        self.note(report.nodeid, report.when or "call", report.outcome, report.duration, told)
+
+
+def has_passed(config: pytest.Config) -> frozenset[str]:
+    """Return the tests that had passed when this run began: for all its processes the same."""
+    found = getattr(config, "workerinput", {}).get("passed")
+    return config.stash.get(_DONE, frozenset()) if found is None else frozenset(found)
 
 
 def is_whole(config: pytest.Config) -> bool:
@@ -46,7 +65,7 @@ def is_whole(config: pytest.Config) -> bool:
 @pytest.hookimpl(optionalhook=True)
 def pytest_configure_node(node: Any) -> None:
     """Tell a worker, which is always given names, whether the run is a whole one."""
-    node.workerinput["whole"] = is_whole(node.config)
+    node.workerinput |= {"whole": is_whole(node.config), "passed": sorted(has_passed(node.config))}
 
 
 def stands_in(test: str, listed: frozenset[str]) -> bool:
@@ -94,6 +113,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
                     f"tests/{path.name} names tests that are not there (any more): take these lines out, or give them the "
                     f"new names: {', '.join(gone)}"
                 )
+    if done := has_passed(config):
+        config.hook.pytest_deselected(items=[item for item in items if item.nodeid in done])
+        items[:] = [item for item in items if item.nodeid not in done]
     for item in items:
         if (whole or campaign.FULL) and stands_in(item.nodeid, listed) and not stands_in(item.nodeid, kept):
             item.add_marker("long")
@@ -120,7 +142,9 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Hand the count of a worker to the process that prints."""
+    """Hand the count of a worker to the process that prints; nothing is wrong where all has passed before."""
+    if session.exitstatus == pytest.ExitCode.NO_TESTS_COLLECTED and has_passed(session.config):
+        session.exitstatus = pytest.ExitCode.OK
     output = getattr(session.config, "workeroutput", None)
     if output is not None:
         output["left"] = dict(_LEFT)
@@ -137,31 +161,9 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     if campaign.FULL:
         for _, text in _TOLD:
             terminalreporter.write_line(f"campaign: {text}")
-        if config.option.results:
-            config.option.results.write_text(_page(terminalreporter), encoding="utf-8")
+        if before := len(has_passed(config)):
+            terminalreporter.write_line(f"passed before and left out: {before} tests ({config.option.results})")
     elif _LEFT["long"] or _LEFT["campaign"]:
         terminalreporter.write_line(
             f"left to the long form (-m long): {_LEFT['long']} tests, and the full size of {_LEFT['campaign']} campaigns"
         )
-
-
-def _page(reporter: Any) -> str:
-    """Return the page of a run of the long form."""
-    words = ["git", "-C", str(HERE), "log", "-1", "--format=%h of %cs"]
-    commit = subprocess.run(words, capture_output=True, text=True, check=False).stdout.strip()
-    counts = {name: len(reporter.stats.get(name, ())) for name in ("passed", "failed", "error", "skipped")}
-    command = " ".join(["pytest", *sys.argv[1:]])
-    took = datetime.timedelta(seconds=round(time.monotonic() - _BEGAN))
-    lines = [
-        "# The last whole run of the long form",
-        "",
-        f"`{command}`, {datetime.datetime.now(datetime.UTC).date()}, commit {commit}: "
-        + ", ".join(f"{count} {name}" for name, count in counts.items() if count)
-        + f", in {took}.",
-        "",
-        "| campaign | result |",
-        "|---|---|",
-        *(f"| `{name.split('[')[0]}` | {text} |" for name, text in _TOLD),
-        "",
-    ]
-    return "\n".join(lines)
