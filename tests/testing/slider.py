@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,9 @@ from itouch.plugin import (
     schema,
     wrench,
 )
+
+#: A line of the emulator: where the slider is [m].
+_POSITION = re.compile(rb"P (-?\d+\.\d{9}) (-?\d+\.\d{9}) (-?\d+\.\d{9})")
 
 
 @dataclass(frozen=True)
@@ -128,13 +132,15 @@ class Slider(Device):
             raise DeviceError(f"the slider is gone: {error.strerror}") from error
         if not data:
             raise DeviceError("the slider is gone")
-        lines = (self._rest + data).split(b"\n")
+        lines, fresh = (self._rest + data).split(b"\n"), False
         self._rest = lines.pop()
         for line in lines:
-            if line.startswith(b"P"):
-                x, y, z = map(float, line[1:].split())
+            place = _POSITION.fullmatch(line)  # where nobody reads for long, the port is full, and lines are cut off
+            if place is not None:
+                x, y, z = map(float, place.groups())
                 self._place = (x, y, z)
-        return bool(lines)
+                fresh = True
+        return fresh
 
     def write(self, command: Record) -> None:
         """Send the force."""
