@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -25,7 +26,8 @@ OWN = (
 )  # fmt: skip
 
 
-def names() -> set[str]:
+@functools.cache
+def names() -> frozenset[str]:
     """Return the name of every channel of the installed devices, and of every number that their modalities offer."""
     catalog, found = Catalog(), {"temperature", "desired", "obtained", "true_flux", "readiness", "plate_ready"}
     for name in catalog.device_names:
@@ -36,10 +38,7 @@ def names() -> set[str]:
         for local in catalog.modality_names(plugin):
             modality = catalog.modality(plugin, local)
             found |= {one.key for one in modality.measured} if modality is not None else set()
-    return found | {"deadman", "temperature_target", "output", "actual_current", "twist"}
-
-
-NAMES = names()
+    return frozenset(found | {"deadman", "temperature_target", "output", "actual_current", "twist"})
 
 
 #: Words that are names of channels or fields, and stand for something else: file, what they are there.
@@ -68,7 +67,8 @@ def declared(folder: Path) -> set[str]:
     """Return the names of fields and channels that the source of a folder declares by a literal."""
     found = set()
     for file in folder.rglob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        source = file.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(source)) if "Field(" in source or "Channel(" in source else ():
             if isinstance(node, ast.Call) and _last(node.func) in ("Field", "Channel"):
                 found.add(_first(node))
     return found - {""}
@@ -80,9 +80,20 @@ def _last(node: ast.expr) -> str:
 
 #: Words of every day, by which plugins call a field too.
 PLAIN = {"targets", "reached", "finger", "objects", "open", "line", "memory", "passed", "tracked", "beside", "driver"}
-#: What the framework declares itself, and may look for; what others declare, and it may not.
-ITS_OWN = set().union(*map(declared, PACKAGES))
-OTHERS = NAMES | (declared(PLUGINS) - PLAIN - {part for name in ITS_OWN for part in (name, name.rpartition(".")[2])})
+
+
+@functools.cache
+def its_own() -> frozenset[str]:
+    """Return what the framework declares itself, and may look for."""
+    return frozenset().union(*map(declared, PACKAGES))
+
+
+@functools.cache
+def others() -> frozenset[str]:
+    """Return what others declare, and the framework may not look for."""
+    return names() | (
+        declared(PLUGINS) - PLAIN - {part for name in its_own() for part in (name, name.rpartition(".")[2])}
+    )
 
 
 def _said(tree: ast.AST) -> Iterator[ast.Constant]:
@@ -106,12 +117,12 @@ def decisions(tree: ast.AST) -> Iterator[tuple[int, str]]:
     """
     for node in _said(tree):
         word = node.value
-        if word in ITS_OWN - NAMES or not word.replace(".", "").replace("_", "").replace("*", "").isidentifier():
+        if word in its_own() - names() or not word.replace(".", "").replace("_", "").replace("*", "").isidentifier():
             continue
         pieces = {part for part in word.replace("*", "").split(".") if part}
         ends = {word.strip("_")} if word.startswith("_") or word.endswith("_") else set()
-        split = {part for name in NAMES if "_" in name for part in name.split("_")} - {"target"} if ends else set()
-        if pieces & OTHERS or ends & (OTHERS | split):
+        split = {part for name in names() if "_" in name for part in name.split("_")} - {"target"} if ends else set()
+        if pieces & others() or ends & (others() | split):
             yield node.lineno, word
 
 

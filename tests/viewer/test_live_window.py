@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from shipped import SCENES
 from test_pictures import without_display
-from windows import drive
+from windows import asked, drive
 
 import itouch
 from itouch_evidence import viewer_servo
@@ -125,7 +125,7 @@ SCRIPTS = {
 
 
 @pytest.fixture(scope="module")
-def said(screen, tmp_path_factory):
+def said(request, screen, tmp_path_factory):
     folder = tmp_path_factory.mktemp("live")
     text = (SCENES / "four_materials_hurried.xml").read_text(encoding="utf-8")
     for path in SCENES.rglob("*.xml"):
@@ -138,7 +138,7 @@ def said(screen, tmp_path_factory):
     held = folder / "held.xml"
     held.write_text(text.replace('<safety force="3 N"/>', '<safety force="3 N" hold-to-run="yes"/>'), encoding="utf-8")
     words = [str(scene), str(SCENES / "four_materials_hurried.xml"), str(held)]
-    return drive(PREPARE, SCRIPTS, words, screen, folder)
+    return drive(PREPARE, asked(request, SCRIPTS), words, screen, folder)
 
 
 @pytest.mark.parametrize("name", SCRIPTS)

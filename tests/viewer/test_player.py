@@ -6,7 +6,7 @@ import pytest
 from graphics import need_graphics
 from shipped import SCENES
 from test_pictures import itouch_py
-from windows import drive
+from windows import asked, drive
 
 PREPARE = """
 import sys, numpy as np, itouch, pyglet
@@ -140,8 +140,8 @@ def recorded(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def said(screen, recorded, tmp_path_factory):
-    return drive(PREPARE, SCRIPTS, [str(recorded)], screen, tmp_path_factory.mktemp("player-scripts"))
+def said(request, screen, recorded, tmp_path_factory):
+    return drive(PREPARE, asked(request, SCRIPTS), [str(recorded)], screen, tmp_path_factory.mktemp("player-scripts"))
 
 
 @pytest.mark.parametrize("name", SCRIPTS)

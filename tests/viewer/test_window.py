@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from shipped import SCENES
-from windows import drive
+from windows import asked, drive
 
 #: Runs before every script: a window on a session whose time the script turns.
 PREPARE = """
@@ -243,10 +243,10 @@ SCRIPTS = {
 
 
 @pytest.fixture(scope="module")
-def said(screen, tmp_path_factory):
+def said(request, screen, tmp_path_factory):
     folder = tmp_path_factory.mktemp("window")
     words = [str(SCENES / "four_materials.xml"), str(folder / "saved.itouch")]
-    return drive(PREPARE, SCRIPTS, words, screen, folder)
+    return drive(PREPARE, asked(request, SCRIPTS), words, screen, folder)
 
 
 @pytest.mark.parametrize("name", SCRIPTS)

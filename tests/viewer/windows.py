@@ -9,6 +9,8 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import pytest
+
 #: Lets scripts import what stands beside this file.
 _FOUND = f"import sys\nsys.path.append({str(Path(__file__).parent)!r})\n"
 RUN = """
@@ -50,6 +52,13 @@ for name, script in scripts.items():
             space["window"].close()
     json.dump(said, open(out, "w"))
 """
+
+
+def asked(request: pytest.FixtureRequest, scripts: Mapping[str, str]) -> dict[str, str]:
+    """Return the scripts of which this run asks: those whose tests were not left to the long form."""
+    here = {item.callspec.params.get("name") for item in request.session.items
+            if item.path == request.path and hasattr(item, "callspec")}  # fmt: skip
+    return {name: script for name, script in scripts.items() if name in here}
 
 
 def drive(
