@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,8 +18,9 @@ from test_unknown_devices import Entry, Nothing, catalog, scene
 
 import itouch
 from itouch.exchange import ThreadedDevice
+from itouch.exchange.every_nth_tick import EveryNth
 from itouch.loop import WallClock
-from itouch.monitors import Surface, TripError
+from itouch.monitors import Surface, Trip, TripError
 from itouch.plugin import (
     Channel,
     Device,
@@ -95,6 +97,31 @@ def test_whatever_is_false_is_no_news(tmp_path: Path, no: object, behind: str) -
     session.enable()
     with pytest.raises(itouch.DeviceFaultError, match=r"was silent for 0\.5"):
         session.run(3.0, each=session.hold)
+    session.close()
+
+
+@pytest.mark.parametrize("behind", ["in step", "in a thread"])
+@pytest.mark.parametrize(
+    "time", [{"inside": -1e9}, {"ago": -1e9}, {"inside": math.nan}, {"ago": math.inf}, {"ago": -0.01}]
+)
+def test_no_reading_is_from_the_future_or_from_never(tmp_path: Path, time: dict[str, float], behind: str) -> None:
+    def read(self: Device, reading: Record) -> None:
+        self.count += 1  # type: ignore[attr-defined]
+        reading[HELD.name] = 1.0
+        warm(self.count, reading)  # type: ignore[attr-defined]
+        if self.count > 20:  # type: ignore[attr-defined]
+            self.stamps.measured(**time)
+
+    session = built(tmp_path, warm, (PLATE,), (current(limit=4.0),), blocking=True, period=0.002, read=read)
+    (runner,) = session.runners
+    if behind == "in step":
+        runner.device = EveryNth(runner.device.device, 3)
+    else:
+        session.clock = WallClock()
+    session.enable()
+    with pytest.raises(itouch.DeviceFaultError, match=r"= .* must be seconds that have passed") as caught:
+        session.run(3.0)
+    assert caught.value.trip is Trip.DEVICE_ERROR
     session.close()
 
 
