@@ -49,7 +49,7 @@ SAFETY = (
 )  # fmt: skip
 SCENES = (
     "two_on_one_finger", "laws", "phases", "unknown_devices", "attack_findings", "exchanged", "late_in_a_stop",
-    "several_of_a_kind",
+    "several_of_a_kind", "torque",
 )  # fmt: skip
 #: Room -> the folder of its modules and the tests that answer for it, if they are not those in the folder of its name.
 ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {

@@ -234,3 +234,13 @@ def test_an_interrupted_run_leaves_a_whole_recording(tmp_path: Path) -> None:
     recording = itouch.read(tmp_path / "r.mcap")
     assert recording.whole, recording.losses
     assert len(recording.ticks) > 100
+
+
+def test_a_run_in_real_time_reports_though_it_could_not_be_saved(tmp_path: Path) -> None:
+    saved = tmp_path / f"{'n' * 249}.itouch"  # a longer name than a file may have, with what it is called meanwhile
+    words = [str(SCENES / "first_touch.xml"), "--headless", "--pace", "real", "--for", "0.3s", "--save", str(saved)]
+    done = program("run", *words, "--report", str(tmp_path / "r.json"))
+    assert done.returncode == 2
+    assert "cannot save" in done.stderr
+    assert "0 faults" in done.stdout
+    assert json.loads((tmp_path / "r.json").read_text())["simulated_s"] == pytest.approx(0.3)

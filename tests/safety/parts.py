@@ -33,8 +33,8 @@ from itouch.world.supervision import monitors_of, supervision, watched
 
 PERIOD = 1e-3
 LIMITS = DeviceLimits(
-    force=3.0, speed=0.25, speed_near=0.10, current=2.0, temperature=(288.15, 313.15), watchdog=0.02, plate_force=2.0,
-    contact_time=10.0, plate_rate=10.0, flux=15e3, dose=120.0,
+    force=3.0, torque=0.06, speed=0.25, speed_near=0.10, current=2.0, temperature=(288.15, 313.15), watchdog=0.02,
+    plate_force=2.0, contact_time=10.0, plate_rate=10.0, flux=15e3, dose=120.0,
 )  # fmt: skip
 
 ARM = ((pose(),), (wrench(force=8.0),))

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, FakeTwin, model, record, state
+from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Asked, FakeTwin, model, record, state
 
 from itouch.monitors import (
     Arm,
@@ -19,6 +19,7 @@ from itouch.monitors import (
     Readings,
     Surface,
     Trip,
+    TripError,
     heat_kernels,
     history_kernels,
     readings,
@@ -639,6 +640,21 @@ def test_an_arm_at_its_limits() -> None:
             assert monitor.check(memory, sent, sent, Moment(speed=speed)) == pytest.approx(found)
 
 
+@pytest.mark.parametrize("torque", [0.06, None])
+def test_a_torque_past_the_guard_stops_the_arm(torque: float | None) -> None:
+    arm = Asked(Arm, ARM, dataclasses.replace(LIMITS, torque=torque))
+    arm.sent["wrench"][3:] = (0.0, 0.06, 0.0)
+    assert arm.check() == 1.0
+    arm.sent["wrench"][3:] = (0.05, 0.04, 0.0)
+    if torque is None:
+        assert arm.check() == 1.0  # locked: the guard has none to let through
+        return
+    with pytest.raises(TripError, match=r"was sent 0\.064 N m") as caught:
+        arm.check()
+    assert caught.value.trip is Trip.FINGER_TORQUE
+    assert arm.monitor.rule(int(Trip.FINGER_TORQUE), arm.reading) == "K1"
+
+
 def test_a_pressure_at_its_limits() -> None:
     monitor, memory = made(Push, PAD)
     reading = record(PAD[0])
@@ -933,7 +949,7 @@ def test_the_numbers_of_trips_stay_for_sessions_that_have_stored_them() -> None:
         "0 none 1 not-a-number 2 sensor-range 3 plate-temperature 4 sink-temperature 5 plate-force 6 tracking 7 speed "
         "8 silent 9 device-error 10 calibration 11 overrun 12 dose 13 contact-time 14 plate-rate 15 flux 16 sensor-jump "
         "17 sensor-frozen 18 sensor-disagree 19 runaway 20 released 21 surface-speed 22 modality-error 23 monitor "
-        "24 monitor-error 25 cold 26 finger-force"
+        "24 monitor-error 25 cold 26 finger-force 27 finger-torque"
     )
 
 

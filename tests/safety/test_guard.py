@@ -62,13 +62,60 @@ def test_without_a_limit_no_force_at_all() -> None:
     assert sent.tolist() == [0.0] * 6
 
 
+TURNING = dataclasses.replace(LIMITS, torque=0.06)
+
+
 def test_torques_stay_below_the_ceiling_and_ramp_in() -> None:
-    guard, sent = Guard(wrench(force=8.0, torque=0.2), LIMITS), np.zeros(6)
-    assert guard.limit(np.array([0.0, 0, 0, 0.5, -0.5, 0.1]), sent, 1.0, 1e-3, 1.0) == (1, 0)
-    assert sent.tolist() == [0.0, 0, 0, 0.2, -0.2, 0.1]
-    assert guard.limit(np.array([0.0, 0, 0, 0.05, -0.15, 0.1]), sent, 0.5, 1e-3, 1.0) == (1, 0)
-    assert sent.tolist() == pytest.approx([0.0, 0, 0, 0.05, -0.1, 0.1])
-    assert guard.limit(np.array([0.0, 0, 0, 0.2, -0.2, 0.2]), sent, 1.0, 1e-3, 1.0) == (0, 0)
+    guard, sent = Guard(wrench(force=8.0, torque=0.04), TURNING), np.zeros(6)
+    assert guard.limit(np.array([0.0, 0, 0, 0.05, -0.05, 0.01]), sent, 1.0, 1.0, 1.0) == (1, 0)
+    assert sent.tolist() == [0.0, 0, 0, 0.04, -0.04, 0.01]
+    assert guard.limit(np.array([0.0, 0, 0, 0.01, -0.03, 0.01]), sent, 0.5, 1.0, 1.0) == (1, 0)
+    assert sent.tolist() == pytest.approx([0.0, 0, 0, 0.01, -0.02, 0.01])
+    assert guard.limit(np.array([0.0, 0, 0, 0.04, -0.04, 0.01]), sent, 1.0, 1.0, 1.0) == (0, 0)
+
+
+_small = st.floats(-0.04, 0.04)
+
+
+@given(st.lists(_any, min_size=6, max_size=6), st.lists(_small, min_size=3, max_size=3), st.floats(0, 1))
+def test_a_torque_is_limited_in_size_and_in_its_increase(wanted: list[float], last: list[float], share: float) -> None:
+    guard, sent = Guard(wrench(force=8.0, torque=5.0), TURNING), np.array([0.0, 0, 0, *last])
+    guard.limit(np.array(wanted), sent, share, 1e-3, 1.0)
+    size, before = float(np.linalg.norm(sent[3:])), math.hypot(*last)
+    assert size <= 0.06 * share * (1 + 1e-9) + 1e-15
+    assert size <= before + 1000.0 * 0.020 * 1e-3 + 1e-12  # K3, at the lever of a finger
+    within = np.clip(wanted[3:], -5.0 * share, 5.0 * share)  # what the device can do about each axis
+    assert np.allclose(np.cross(sent[3:], within), 0.0, atol=1e-9)
+
+
+def test_a_torque_grows_as_a_force_does_and_shrinks_at_once() -> None:
+    guard, sent, sizes = Guard(wrench(force=8.0, torque=5.0), TURNING), np.zeros(6), []
+    for wanted in (*[(1.0, -1.0, 1.0)] * 4, (0.0, 0.0, 0.001)):
+        guard.limit(np.array([0.0, 0, 0, *wanted]), sent, 1.0, 1e-3, 1.0)
+        sizes.append(float(np.linalg.norm(sent[3:])))
+    assert sizes == pytest.approx([0.02, 0.04, 0.06, 0.06, 0.001])
+    guard.limit(np.array([0.0, 0, 0, 0.06, 0, 0]), sent, 1.0, 1.0, 1.0, 1.0)  # a newton is left: 20 mN m
+    assert sent.tolist() == pytest.approx([0.0, 0, 0, 0.02, 0, 0])
+
+
+def test_an_arm_without_a_limit_of_torque_gives_none() -> None:
+    sent = np.zeros(6)
+    Guard(wrench(force=8.0, torque=5.0), LIMITS).limit(np.array([1.0, 0, 0, 1, 1, 1]), sent, 1.0, 1.0, 1.0)
+    assert sent.tolist() == [1.0, 0, 0, 0, 0, 0]
+
+
+def test_an_arm_that_is_weaker_along_one_axis_or_one_way_is_asked_for_no_more() -> None:
+    channel = Channel(
+        "push", 6, "N", (-0.5, -2, -2, -0.01, 0, 0), (2, 2, 0, 0.05, 0, 0), safe=(0.0,) * 6, role=Role.FORCE_ON_OPERATOR
+    )  # fmt: skip
+    for wanted, kept in (
+        ((-1.0, 0.5, 0, 0, 0, 0), (-0.5, 0.25, 0, 0, 0, 0)), ((1.0, 0.5, 0, 0, 0, 0), (1.0, 0.5, 0, 0, 0, 0)),
+        ((0.1, 0, 1, 0, 0, 0), (0, 0, 0, 0, 0, 0)), ((0, 0, -1, 0, 0, 0), (0, 0, -1, 0, 0, 0)),
+        ((0, 0, 0, -0.05, 0, 0), (0, 0, 0, -0.01, 0, 0)), ((0, 0, 0, 0.05, 0, 0), (0, 0, 0, 0.01, 0, 0)),
+    ):  # fmt: skip
+        sent = np.zeros(6)
+        Guard(channel, TURNING).limit(np.array(wanted), sent, 1.0, 1.0, 1.0)
+        assert sent.tolist() == pytest.approx(kept)
 
 
 def test_torques_without_a_ceiling_are_nothing() -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,8 +18,9 @@ from test_unknown_devices import Entry, Nothing, catalog, scene
 
 import itouch
 from itouch.exchange import ThreadedDevice
+from itouch.exchange.every_nth_tick import EveryNth
 from itouch.loop import WallClock
-from itouch.monitors import Surface, TripError
+from itouch.monitors import Surface, Trip, TripError
 from itouch.plugin import (
     Channel,
     Device,
@@ -94,6 +97,31 @@ def test_whatever_is_false_is_no_news(tmp_path: Path, no: object, behind: str) -
     session.enable()
     with pytest.raises(itouch.DeviceFaultError, match=r"was silent for 0\.5"):
         session.run(3.0, each=session.hold)
+    session.close()
+
+
+@pytest.mark.parametrize("behind", ["in step", "in a thread"])
+@pytest.mark.parametrize(
+    "time", [{"inside": -1e9}, {"ago": -1e9}, {"inside": math.nan}, {"ago": math.inf}, {"ago": -0.01}]
+)
+def test_no_reading_is_from_the_future_or_from_never(tmp_path: Path, time: dict[str, float], behind: str) -> None:
+    def read(self: Device, reading: Record) -> None:
+        self.count += 1  # type: ignore[attr-defined]
+        reading[HELD.name] = 1.0
+        warm(self.count, reading)  # type: ignore[attr-defined]
+        if self.count > 20:  # type: ignore[attr-defined]
+            self.stamps.measured(**time)
+
+    session = built(tmp_path, warm, (PLATE,), (current(limit=4.0),), blocking=True, period=0.002, read=read)
+    (runner,) = session.runners
+    if behind == "in step":
+        runner.device = EveryNth(runner.device.device, 3)
+    else:
+        session.clock = WallClock()
+    session.enable()
+    with pytest.raises(itouch.DeviceFaultError, match=r"= .* must be seconds that have passed") as caught:
+        session.run(3.0)
+    assert caught.value.trip is Trip.DEVICE_ERROR
     session.close()
 
 
@@ -325,6 +353,96 @@ def test_what_acts_on_a_finger_that_no_probe_tells_of_is_unmonitored(
         assert [(one.code, one.severity) for one in problems if said in one.sentence] == [
             ("unmonitored-drive", "warning")
         ]
+
+
+@pytest.mark.parametrize("command", [wrench(force=8.0), pose_target(low=(0, 0, 0), high=(0.1, 0.1, 0.1), speed=0.2)])
+def test_what_a_script_would_command_on_a_finger_that_no_probe_tells_of_is_not_enabled(
+    tmp_path: Path, command: Channel
+) -> None:
+    def says(count: int, reading: Record) -> None:
+        reading["pose"] = (1e-3 * (1.3 * count % 300.0), 0.0, 0.1, 1.0, 0.0, 0.0, 0.0)
+
+    bound = "surface-to" if command.size == 7 else "pose-from"
+    said = f"no probe says where the finger is that '{command.name}' acts on: add a probe with {bound}=\"pad\""
+    session = built(tmp_path, says, (pose(),), (command,))
+    assert f"device 'pad' is only read, it can't be enabled: {said}" in session.notices
+    for act in (session.enable, session.rearm):
+        with pytest.raises(DeviceError, match=re.escape(f"device 'pad' can't be enabled: {said}")):
+            act()
+        assert not session.runners[0].enabled
+    session.close()
+
+
+class Stand(Device):
+    """A tracker that pushes nobody, or what does on it."""
+
+    Params, watchdog = Nothing, 0.5
+
+    def open(self) -> None:
+        self.count = 0
+
+    def close(self) -> None: ...
+
+    def read(self, reading: Record) -> None:
+        self.count += 1
+        if "pose" in reading:
+            reading["pose"] = (1e-3 * (1.3 * self.count % 300.0), 0.0, 0.1, 1.0, 0.0, 0.0, 0.0)
+        if HELD.name in reading:
+            reading[HELD.name] = 1.0
+
+
+def test_a_fast_finger_stops_what_is_mounted_on_its_tracker_and_pushes_it(tmp_path: Path) -> None:
+    tracker = type("Tracker", (Stand,), {"reads": (pose(), HELD), "commands": ()})
+    glove = type("Glove", (Stand,), {"reads": (HELD,), "commands": (wrench(force=8.0),)})
+    path = tmp_path / "scene.xml"
+    path.write_text(
+        '<itouch version="1.0"><devices><device name="eye" plugin="eye" twin="no"/><device name="glove" plugin="glove" '
+        'twin="no"><mount on="eye"/></device></devices><interaction><probe name="finger" pose-from="eye"/></interaction>'
+        "</itouch>", "utf-8",
+    )  # fmt: skip
+    session = itouch.build(path, catalog=catalog({"eye": tracker, "glove": glove}))
+    session.enable()
+    with pytest.raises(itouch.DeviceFaultError, match=r"'glove' moves at 1\.\d+ m/s \(K2"):
+        session.run(0.2)
+
+
+def still(reading: Record) -> None:
+    reading["pose"], reading[HELD.name] = (0.0, 0.0, 0.010, 1.0, 0.0, 0.0, 0.0), 1.0
+
+
+@pytest.mark.parametrize("bound", ['force-to="arm"', ""])
+def test_an_arm_leaves_to_a_plate_what_that_presses_with_whoever_commands_its_force(tmp_path: Path, bound: str) -> None:
+    class Plate(Stand):
+        reads, commands = (pose(locked=(3, 4, 5)), measured_wrench(force=50.0)), (TABLE[1][0],)
+
+        def open(self) -> None:
+            self.at = np.zeros(3)
+
+        def read(self, reading: Record) -> None:
+            reading["pose"] = (*self.at, 1.0, 0.0, 0.0, 0.0)
+            reading["wrench"] = (0.0, 0.0, -1.5, 0.0, 0.0, 0.0)
+
+        def write(self, command: Record) -> None:
+            self.at = command["pose_target"][:3].copy()
+
+    arm = type("Arm", (Stand,), {"reads": (pose(), HELD), "commands": (wrench(force=8.0),)})
+    arm.read = lambda self, reading: still(reading)  # type: ignore[attr-defined]
+    path = tmp_path / "scene.xml"
+    path.write_text(
+        '<itouch version="1.0"><devices><device name="arm" plugin="arm" twin="no"/><device name="table" plugin="table" '
+        'twin="no"><calibration method="none"/></device></devices><interaction><probe name="finger" pose-from="arm" '
+        f'{bound} surface-to="table"/></interaction></itouch>', "utf-8",
+    )  # fmt: skip
+    session, sizes = itouch.build(path, catalog=catalog({"arm": arm, "table": Plate})), [0.0]
+
+    def each() -> None:
+        session.state["arm.command.wrench"][0] = 5.0
+        sizes.append(session.state["arm.sent.wrench"][0].item())
+
+    session.enable()
+    session.run(1.5, each=each)
+    session.close()
+    assert max(sizes) <= 1.5 + 1e-9
 
 
 # --- several force sensors under one surface ------------------------------------------------------------------------

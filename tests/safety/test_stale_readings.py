@@ -97,7 +97,9 @@ def test_a_thread_does_what_was_told(tmp_path: Path) -> None:
     cls = arm(exchange_time=0.017, lasts=0.017)
     assert oldest(cls, None, twin=False) == pytest.approx(0.0255)
     with itouch.build(
-        scene(tmp_path, "hand", twin="no"), catalog=catalog({"stranger": cls}), clock=WallClock()
+        scene(tmp_path, "hand", twin="no", more='<interaction><probe name="tip" pose-from="hand"/></interaction>'),
+        catalog=catalog({"stranger": cls}),
+        clock=WallClock(),
     ) as session:
         session.enable()
         with pytest.raises(DeviceFaultError) as caught:

@@ -576,10 +576,24 @@ def test_starting_anew_forgets_the_last_trip() -> None:
     assert rig.state["it.readings.known"].item() == 0
 
 
+def test_what_acts_on_a_finger_of_which_nothing_tells_is_not_enabled() -> None:
+    one = model(ARM)
+    it = Supervisor(one, state(one), PERIOD, device=Fake())
+    it.reset()
+    it.open()
+    it.read(0)
+    it.blind = "no probe"
+    with pytest.raises(DeviceError, match="device 'it' can't be enabled: no probe"):
+        it.enable()
+    it.blind = ""
+    it.enable()
+    assert it.enabled
+
+
 def test_the_trip_has_a_name_in_reports() -> None:
     assert Trip.NOT_A_NUMBER.label == "not-a-number"
-    assert len({trip.label for trip in Trip}) == len(Trip) == 27
-    assert [int(trip) for trip in Trip] == list(range(27))
+    assert len({trip.label for trip in Trip}) == len(Trip) == 28
+    assert [int(trip) for trip in Trip] == list(range(28))
 
 
 def test_at_first_nothing_may_approach_and_the_whole_force_is_let_through() -> None:

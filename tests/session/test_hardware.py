@@ -126,7 +126,8 @@ def unwilling(scene: Path, error: Exception) -> tuple[itouch.Session, type[Devic
 
     cls.close = close  # type: ignore[method-assign]
     text = scene.read_text(encoding="utf-8")
-    scene.write_text(text.replace("<devices>", '<devices><device name="other" plugin="stick" twin="no"/>'))
+    text = text.replace("<devices>", '<devices><device name="other" plugin="stick" twin="no"/>')
+    scene.write_text(text.replace("<interaction>", '<interaction><probe name="thumb" pose-from="other"/>'))
     session = itouch.build(scene, catalog=catalog(cls))
     session.enable()
     session.tick()

@@ -8,9 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from test_hardware import Params, catalog
 
 import itouch
-from itouch.session import participants
+from itouch.plugin import Device, Record, current, deadman, plate_temperature
+from itouch.session import SessionError, participants
 from itouch.session.participants import LASTS, Used, read, write
 
 SCENE = """<itouch version="1.0">
@@ -195,3 +197,81 @@ def test_what_several_plates_gave_one_finger_counts_together_in_the_next_session
     session.run(0.002)
     assert used(session)[0] == pytest.approx(14.0)
     session.close()
+
+
+class Pad(Device):
+    """A plate that is driven, as hardware."""
+
+    Params, watchdog = Params, 0.5
+    reads, commands = (plate_temperature(), deadman()), (current(limit=4.0),)
+
+    def open(self) -> None:
+        self.count = 0
+
+    def close(self) -> None: ...
+
+    def read(self, reading: Record) -> None:
+        self.count += 1
+        reading["plate_temperature"], reading["deadman"] = 303.15 + 1e-3 * (self.count % 7), 1.0
+
+
+def real(folder: Path, code: str = "P01") -> itouch.Session:
+    path = folder / f"{code}.xml"
+    path.write_text(
+        f'<itouch version="1.0"><devices><device name="pad" plugin="stick" twin="no"/></devices><safety participant="{code}"/>'
+        "</itouch>", "utf-8",
+    )  # fmt: skip
+    return itouch.build(path, catalog=catalog(Pad))
+
+
+def test_what_a_script_uses_that_ticks_by_itself_is_noted(tmp_path: Path) -> None:
+    session = real(tmp_path)
+    session.enable()
+    session.tick()
+    use(session, 6.0, 2.0)
+    session.tick()
+    session.close()
+    assert read("P01")[0].values[:2] == (6.0, 2.0)
+
+
+def test_a_participant_is_in_one_session_on_hardware_at_a_time(tmp_path: Path) -> None:
+    one, other = real(tmp_path), real(tmp_path)
+    one.enable()
+    use(one, 6.0)
+    for act in (other.enable, other.rearm):
+        with pytest.raises(SessionError, match="participant 'P01' is in another session that runs: end that one first"):
+            act()
+        assert not other.runners[0].enabled
+    other.close()
+    twin = itouch.build(scene(tmp_path))  # a simulated finger is nobody's
+    twin.run(0.01)
+    twin.close()
+    another = real(tmp_path, "P02")
+    another.enable()
+    another.close()
+    one.tick()
+    one.close()
+    then = real(tmp_path)
+    then.enable()
+    assert used(then)[0] == 6.0
+    then.close()
+
+
+def test_a_killed_session_keeps_no_participant(tmp_path: Path) -> None:
+    folder = str(participants.folder())
+    code = (
+        "import os, sys; from itouch.platforms import claim\n"
+        f"os.makedirs({folder!r}, exist_ok=True)\n"
+        f"claim(os.open({folder!r} + '/.P01.lock', os.O_RDWR | os.O_CREAT, 0o600)); print(1, flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as held:
+        assert held.stdout is not None
+        held.stdout.readline()
+        session = real(tmp_path)
+        with pytest.raises(SessionError, match="another session"):
+            session.enable()
+        held.kill()
+        held.wait()
+        session.enable()
+        assert session.runners[0].enabled
+        session.close()

@@ -37,6 +37,7 @@ from itouch.plugin import Bound, DeviceError, Record
 from itouch.safety import Outcome
 from itouch.schema import ItouchError
 from itouch.world import Model, make_state
+from itouch.world.bindings import blind
 from itouch.world.plugin_errors import failing
 
 #: On a virtual clock every so many ticks are timed part by part; in real time all are.
@@ -66,6 +67,8 @@ class Engine:
         self._runners = {name: Runner(device, self.state, model.period) for name, device in model.devices.items()}
         self._rigs = [ProbeRig(model, probe, self.state, self._runners, self.statistics) for probe in model.probes]
         join_fingers(self._rigs)
+        for name, why in blind(model.scene, model.devices).items():
+            self._runners[name].blind = why
         self._all = list(self._runners.values())
         self._objects = Objects(model, self.state, self._runners, [rig.toucher for rig in self._rigs])
         self._hands = [rig.coupling.hand for rig in self._rigs if rig.coupling.hand is not None]

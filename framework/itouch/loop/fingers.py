@@ -8,6 +8,7 @@ from functools import partial
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
 from itouch.monitors.surface_kernels import Nearing, rise
+from itouch.plugin import Role
 from itouch.safety import Finger
 
 
@@ -22,13 +23,14 @@ def fingers(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator
     chains = {name: {*_carriers(runners, name)} for name in runners}
     somewhere = {*trackers, *named}
     acting = {name: one for name, one in runners.items() if one.heats or one.presses}
+    pushing = {name: one for name, one in runners.items() if one.model.command(Role.FORCE_ON_OPERATOR) is not None}
     free = [one for name, one in acting.items() if not {name, *chains[name]} & somewhere]
     for tracker in trackers:
         mine = [rig for rig in rigs if rig.tracker.model.name == tracker]
         found = [one for rig in mine for one in (rig.arm, rig.table) if one is not None]
         carriers = {tracker, *(one.model.name for one in found)}
         found += [one for name, one in runners.items() if carriers & chains[name]]
-        found += [acting[tracker]] if tracker in acting else []
+        found += [acts[tracker] for acts in (acting, pushing) if tracker in acts]
         nearing = {rig.table.model.name: rig.toucher.nearing for rig in mine if rig.table is not None}
         yield from _finger(mine[0].probe.name, [*found, *free], nearing)
     if not trackers:

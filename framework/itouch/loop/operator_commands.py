@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from itouch.faults import FOREVER, FaultyTwin, Injection, Kind
@@ -49,6 +49,7 @@ class OperatorCommands:
             told = [str(fault) for fault in latched]
             raise LatchedError("\n".join([*told, "it is still stopped: re-arm first, when what stopped it is over"]))
         wanted = [one for one in self._runners.values() if opens or one.status is not Status.CLOSED]
+        self._require_sight(wanted)
         failures = connect(wanted, tick)
         for name, why in failures.items():
             if self._runners[name].model.optional:
@@ -84,6 +85,11 @@ class OperatorCommands:
             "cause": f"is absent: {why}", "scene": str(place) if place else None, "optional": True,
         }  # fmt: skip
 
+    def _require_sight(self, wanted: Iterable[Runner]) -> None:
+        """Open nothing if something acts on a finger that nobody can tell of."""
+        if told := [f"device '{one.model.name}' can't be enabled: {one.blind}" for one in wanted if one.blind]:
+            raise DeviceError("\n".join(told))
+
     def _require_hold(self, tick: int) -> None:
         if self.hold.required and not self.hold.held(tick):
             sentence = "nobody holds the dead-man's switch: hold it (Space in the window, or the device's own) to go on"
@@ -98,6 +104,7 @@ class OperatorCommands:
             With everything that still stands in the way; nothing is enabled then.
         """
         tick = self._tick.item()
+        self._require_sight(self._runners.values())
         failures = self._open_latched(tick)
         self.hold.ask(tick)
         self._require_hold(tick)

@@ -153,7 +153,7 @@ def bound_supervision(
     (post,), name = placed, runner.model.name
     monitor, tick = post.monitor, state["tick"]
     own = Post(runner.gate, panel.clocks[0], post.checked, post.share)
-    if isinstance(monitor, Arm) and runner in (rig.arm, rig.tracker):
+    if isinstance(monitor, Arm) and rig.moves(runner):
         wrench, velocity = monitor.sent_of(runner.sent), state[f"{rig.probe.name}.velocity"]
         looks = Bound(arm, own, monitor.pushing, wrench, velocity, post.state["figure"], tick, int(ENABLED))
     elif isinstance(monitor, Surface) and runner is rig.table and not runner.model.wire:

@@ -167,7 +167,7 @@ def _supervision(
     """Yield what checks devices where the finger is, then what acts on one finger together."""
     for runner in runners.values():
         if any(monitor.placed for monitor in runner.model.monitors):
-            mine = [rig for rig in rigs if runner in (rig.arm, rig.table, rig.tracker)]
+            mine = [rig for rig in rigs if runner is rig.table or rig.moves(runner)]
             carried = [one for one in runners.values() if one.model.carrier == runner.model.name]
             yield steps.supervise(runner, mine, carried, state, tracking)
     for finger, devices in fingers(runners, rigs):

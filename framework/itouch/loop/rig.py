@@ -64,6 +64,13 @@ class ProbeRig:
         self._alone = len(model.probes) == 1
         self._moves = any(runner.model.carrier for _, runner in self._stands)
 
+    def moves(self, runner: Runner) -> bool:
+        """Whether a device goes with this finger: it tracks it, pushes it, or is mounted on what does."""
+        on: Runner | None = runner
+        while on is not None and on not in (self.arm, self.tracker):
+            on = self._runners.get(on.model.carrier)
+        return on is not None
+
     def _touch_off(self, state: Record, offset: Vector) -> TouchOff | None:
         table = self.table
         if table is None or not table.model.touch_off or table.model.reading(Role.CONTACT_FORCE) is None:
@@ -255,7 +262,7 @@ class ProbeRig:
     def present(self, runner: Runner, counting: bool) -> None:
         """Tell the monitors of an arm or a table where the finger is, and how fast."""
         figures, moment = self._figures, runner.device_monitors.moment
-        if runner in (self.arm, self.tracker):  # also an arm whose force a modality commands
+        if self.moves(runner):  # also an arm whose force a modality commands
             moment.speed = size(figures[render.VELOCITY : render.VELOCITY + 3])
         if runner is self.table:
             distance = figures[render.TRACKING].item()

@@ -1,7 +1,8 @@
-"""An arm that pushes a finger: force (K1, K3) and speed of the finger (K2)."""
+"""An arm that pushes a finger: force and torque (K1, K3) and speed of the finger (K2)."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
@@ -16,7 +17,7 @@ from itouch.plugin import Field, Moment, Monitor, Record, Role, Rule, Watched
 if TYPE_CHECKING:
     from itouch.monitors import arm_kernels
 
-#: Room for rounding in a force that was limited.
+#: Room for rounding in a force or torque that was limited.
 _ROUNDING = 1e-9
 
 
@@ -25,14 +26,18 @@ class Arm(Monitor):
 
     name = "arm"
     placed: ClassVar[bool] = True
-    trips: ClassVar[Mapping[int, str]] = {int(Trip.SPEED): Trip.SPEED.label, int(Trip.FINGER_FORCE): "finger-force"}
+    trips: ClassVar[Mapping[int, str]] = {
+        int(trip): trip.label for trip in (Trip.SPEED, Trip.FINGER_FORCE, Trip.FINGER_TORQUE)
+    }
 
     def __init__(self, device: Watched) -> None:
         super().__init__(device)
         self._wrench = next(iter(device.obeys(Role.FORCE_ON_OPERATOR)))
         self._force = device.limits.get("force") or 0.0
+        self._torque: float | None = device.limits.get("torque")
         self._all = device.limits.get("finger_force") or default.FORCE
         self._all_by = device.source("finger_force")
+        self._turning = device.limits.get("finger_torque") or default.TORQUE
 
     @classmethod
     def of(cls, device: Watched) -> Iterable[Monitor]:
@@ -60,7 +65,9 @@ class Arm(Monitor):
         from itouch.monitors.arm_kernels import Pushing
 
         slow, fast = default.ARM_SPEED, default.ARM_SPEED_TRIP
-        return Pushing(self._force * (1.0 + _ROUNDING), slow, fast, int(Trip.FINGER_FORCE), int(Trip.SPEED))
+        torque = math.inf if self._torque is None else self._torque * (1.0 + _ROUNDING)
+        trips = int(Trip.FINGER_FORCE), int(Trip.FINGER_TORQUE), int(Trip.SPEED)
+        return Pushing(self._force * (1.0 + _ROUNDING), torque, slow, fast, *trips)
 
     def sent_of(self, sent: Record) -> NDArray[np.float64]:
         """Return the force of what was sent."""
@@ -69,19 +76,35 @@ class Arm(Monitor):
     def sentence(self, code: int, state: Record, reading: Record, moment: Moment) -> str:
         """Say how fast, or how strong."""
         figure = state["figure"].item()
+        if code == Trip.FINGER_TORQUE:
+            return f"was sent {figure:.3f} N m"
         return f"was sent {figure:.1f} N" if code == Trip.FINGER_FORCE else f"moves at {figure:.2f} m/s"
 
     def rule(self, code: int, reading: Record) -> str:
         """Return the rule that a trip belongs to."""
-        return "K1" if code == Trip.FINGER_FORCE else "K2"
+        return "K2" if code == Trip.SPEED else "K1"
+
+    @property
+    def _strongest(self) -> str:
+        """The greatest torque of the hardware about an axis, in words; empty: it does not say."""
+        high = self._wrench.high[3:]
+        return f"{max(high):g} N m" if high and math.isfinite(max(high)) else ""
 
     def rules(self) -> tuple[Rule, ...]:
         """Return K1 to K3."""
         most = f"{self._wrench.magnitude:g} N" if self._wrench.magnitude else ""
+        by, torque = self.device.source, self._torque
+        turned = () if torque is None else (
+            Rule("K1", "torque on the finger", f"{torque:g} N m", "", self._strongest, by("torque")),
+            Rule("K1", "torque of all that turns one finger", f"{self._turning:g} N m", "", "", by("finger_torque")),
+            Rule("K3", "increase of torque", f"{default.FORCE_SLEW * default.FINGER_LEVER:g} N m/s"),
+        )  # fmt: skip
         return (
-            Rule("K1", "force on the finger", f"{self._force:g} N", "", most, self.device.source("force")),
+            Rule("K1", "force on the finger", f"{self._force:g} N", "", most, by("force")),
             Rule("K1", "force of all that pushes on one finger", f"{self._all:g} N", "", "", self._all_by),
+            *turned[:2],
             Rule("K2", "speed of the finger", f"forces fade above {default.ARM_SPEED:g} m/s",
                  f"{default.ARM_SPEED_TRIP:g} m/s"),
             Rule("K3", "increase of force", f"{default.FORCE_SLEW:g} N/s"),
+            *turned[2:],
         )  # fmt: skip

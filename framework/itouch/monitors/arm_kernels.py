@@ -14,12 +14,17 @@ Floats = NDArray[np.float64]
 
 
 class Pushing(NamedTuple):
-    """Greatest force [N] that can have been sent; speeds [m/s] from which forces fade, and that trips; both trips."""
+    """Greatest force [N] and torque [N m] that can have been sent; speeds [m/s] from which forces fade, and that trips.
+
+    ``torque`` is infinite where there is none; then the three trips.
+    """
 
     force: float
+    torque: float
     slow: float
     fast: float
     finger_force: int
+    finger_torque: int
     speed: int
 
 
@@ -30,6 +35,11 @@ def check(pushing: Any, wrench: Floats, speed: float, figure: Floats) -> float:
     if force > pushing.force:  # nothing that was limited can be more
         figure[0] = force
         return -float(pushing.finger_force)
+    if pushing.torque < math.inf:
+        torque = math.sqrt(wrench[3] * wrench[3] + wrench[4] * wrench[4] + wrench[5] * wrench[5])
+        if torque > pushing.torque:
+            figure[0] = torque
+            return -float(pushing.finger_torque)
     if speed <= pushing.slow:
         return 1.0
     if not speed <= pushing.fast:

@@ -33,6 +33,11 @@ SINK, SINK_TRIP, SINK_ABSOLUTE = 323.15, 328.15, 333.15
 # --- motion and force (K) -----------------------------------------------------------------------------------------
 #: K1: greatest force of an arm on the operator [N].
 FORCE = 3.0
+#: K1: how far [m] a finger's tip is from the nearest of its joints: a torque counts as a force at this lever.  The bone
+#: of an index finger's last phalanx is 15.8 mm long, with 3.8 mm of soft tissue before it (Buryanov and Kotiuk 2010).
+FINGER_LEVER = 0.020
+#: K1: greatest torque of an arm on the operator [N m]: no joint bears more by it than by the greatest force.
+TORQUE = FORCE * FINGER_LEVER
 #: K2: speed of the finger on an arm [m/s] from which forces that drive it fade, and that trips.
 ARM_SPEED, ARM_SPEED_TRIP = 0.8, 1.2
 #: K3: greatest increase of |force| [N/s], and ramp-in [s] after enabling hardware and after every re-arming.
@@ -68,6 +73,7 @@ class DeviceLimits:
     """
 
     force: float | None = None
+    torque: float | None = None
     speed: float | None = None
     speed_near: float | None = None
     current: float | None = None
@@ -80,6 +86,7 @@ class DeviceLimits:
     dose: float | None = None
     cold_time: float | None = None
     finger_force: float = FORCE
+    finger_torque: float = TORQUE
     ramp: float = 0.0
     sources: Mapping[str, str] = field(default_factory=dict, compare=False)
 
@@ -111,6 +118,6 @@ class DeviceLimits:
 
 #: The limits of ``DeviceLimits.table``.
 NAMES = (
-    "force", "speed", "current", "temperature", "plate_force", "contact_time", "plate_rate", "flux", "dose",
+    "force", "torque", "speed", "current", "temperature", "plate_force", "contact_time", "plate_rate", "flux", "dose",
     "cold_time", "watchdog",
 )  # fmt: skip

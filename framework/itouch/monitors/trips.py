@@ -37,6 +37,7 @@ class Trip(enum.IntEnum):
     MONITOR_ERROR = 24
     COLD = 25
     FINGER_FORCE = 26
+    FINGER_TORQUE = 27
 
     @property
     def label(self) -> str:

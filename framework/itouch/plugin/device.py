@@ -243,6 +243,16 @@ class Device(Grouped, ABC):
         return cls.second_opener
 
     @classmethod
+    def wires(cls, params: Any) -> tuple[str, ...]:
+        """Return what no other device may command over at the same time, with these parameters: ports, addresses.
+
+        Two drivers that write to one wire take each other's answers, and one would go on driving what the other has
+        stopped: such a scene is refused.  By default the parameter ``port``, if there is one and it names something.
+        """
+        port = getattr(params, "port", "")
+        return (port,) if isinstance(port, str) and port else ()
+
+    @classmethod
     def bind(cls, params: Any, read: Callable[[str, int], bytes]) -> Any:
         """Return what driver and twin are made from: the parameters, with the content of files that they name.
 

@@ -35,7 +35,13 @@ class Stamps:
 
         How old the readings were already when the device sent them (a mean is half as old as its time) is
         ``inside`` [s]; unlike the time on the wire, it is the same where host and device are run in step.
+
+        Raises
+        ------
+        ValueError
+            If that is no time that has passed: what was measured in the future would never be old.
         """
+        _require_past(ago=ago, inside=inside)
         moment = time.monotonic() - ago - inside
         for name in channels or self._names:
             self._measured[self._names[name]] = moment
@@ -46,7 +52,14 @@ class Stamps:
         return tuple(self._inside)
 
     def left(self, ago: float = 0.0) -> None:
-        """Say that the device has got the command just now, or ``ago`` seconds ago."""
+        """Say that the device has got the command just now, or ``ago`` seconds ago.
+
+        Raises
+        ------
+        ValueError
+            If that is no time that has passed.
+        """
+        _require_past(ago=ago)
         self._left = time.monotonic() - ago
 
     def departure(self, otherwise: float) -> float:
@@ -57,6 +70,12 @@ class Stamps:
         """Return when each channel was measured, by now at the latest."""
         middle = 0.5 * (self._begun + time.monotonic())
         return tuple(moment if moment >= 0.0 else middle for moment in self._measured)
+
+
+def _require_past(**times: float) -> None:
+    for name, seconds in times.items():
+        if not 0.0 <= seconds < math.inf:
+            raise ValueError(f"{name} = {seconds!r} must be seconds that have passed")
 
 
 class Stamped:

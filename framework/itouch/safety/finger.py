@@ -55,6 +55,8 @@ class Finger:
         limits = [one.model.limits for one in (*self.arms_of, *pushing)]
         #: Greatest force [N] of all that pushes on the finger together.
         self.force = min((one.finger_force for one in limits), default=0.0)
+        #: Greatest torque [N m] of all arms on the finger together.
+        self.torque = min((one.finger_torque for one in limits), default=0.0)
         self._trip = max((one.model.limits.plate_force_trip for one in pushing), default=0.0)
         self._wrenches = [
             [one.sent[c.name] for c in one.model.commands if c.role is Role.FORCE_ON_OPERATOR] for one in self.arms_of
@@ -117,7 +119,7 @@ class Finger:
             raise DeviceFaultError(most.model.name, tick, Trip.FINGER_FORCE, what)
         left = max(0.0, self.force - (self.taken() if self.arms_of else 0.0))
         for arm in self.arms_of:
-            arm.moving.room[0] = left
+            arm.moving.room[0], arm.moving.turning[0] = left, self.torque
         if self.tables:
             self._touch(tick)
         if len(self._heats) > 1:
@@ -136,8 +138,11 @@ class Finger:
 
     def leave(self, arm: Supervisor) -> None:
         """Leave an arm what the other arms have not taken either, just before it is sent its force."""
-        others = sum(_size(views) for one, views in zip(self.arms_of, self._wrenches, strict=True) if one is not arm)
-        arm.moving.room[0] = max(0.0, self.force - self.taken() - others)
+        others = [views for one, views in zip(self.arms_of, self._wrenches, strict=True) if one is not arm]
+        left = self.force - self.taken()
+        arm.moving.room[0] = max(0.0, left - sum(_size(views) for views in others))
+        most = min(self.torque, left * default.FINGER_LEVER)
+        arm.moving.turning[0] = max(0.0, most - sum(_size(views, 3) for views in others))
 
     @property
     def arms(self) -> Sequence[Supervisor]:
@@ -207,5 +212,6 @@ def _chain(name: str, carriers: Mapping[str, str]) -> Iterator[str]:
         name = carriers.get(name, "")
 
 
-def _size(views: Sequence[NDArray[np.float64]]) -> float:
-    return sum(math.hypot(*view[:3].tolist()) for view in views)
+def _size(views: Sequence[NDArray[np.float64]], first: int = 0) -> float:
+    """Return the force of wrenches [N], or from their fourth number on their torque [N m]."""
+    return sum(math.hypot(*view[first : first + 3].tolist()) for view in views)

@@ -65,7 +65,7 @@ class Guard:
             If the command is not a number.
         """
         counts = np.zeros((2, 1), np.int64)
-        moving = limiting.Moving(np.array([share]), np.array([closing]), np.array([room]), np.zeros(1))
+        moving = limiting.Moving.of(share, closing, room)
         if self.bound(moving, wanted, sent, counts[0], counts[1], period)():
             raise self.refusal(wanted)
         return int(counts[0, 0]), int(counts[1, 0])
@@ -113,10 +113,13 @@ class Guard:
 def _bounds(channel: Channel, limits: DeviceLimits) -> limiting.Bounds:
     """Return the limits of a channel as compiled code takes them."""
     shut = _locked_components(channel)
-    torques = [high if math.isfinite(high) else 0.0 for high in channel.high] or [0.0] * channel.size
+    both = zip(channel.low, channel.high, strict=True)
+    torques = [min(abs(low), abs(high)) for low, high in both] or [0.0] * channel.size
+    torques = [most if math.isfinite(most) else 0.0 for most in torques]
     turns = [rest for index, rest in shut if index >= 3]
     free = (3, 4, 5) if channel.role is Role.FORCE_ON_OPERATOR and len(turns) != channel.size - 3 else ()
-    figures = (limits.force or 0.0, limits.speed or 0.0, *(limits.temperature or default.PLATE_TEMPERATURE))
+    low, high = limits.temperature or default.PLATE_TEMPERATURE
+    figures = (limits.force or 0.0, limits.speed or 0.0, low, high, limits.torque or 0.0)
     return limiting.Bounds(
         np.array([_kind(channel)]), np.array([index for index, _ in shut], np.int64),
         _row([rest for _, rest in shut]), _row(channel.low), _row(channel.high), _ceilings(channel, limits),

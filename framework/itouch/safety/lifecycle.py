@@ -93,6 +93,8 @@ class Lifecycle(ABC):
         self.presses = any(isinstance(post.monitor, Push) for post in self.device_monitors.installed)
         #: The fingers on which other plates act, too: what may be used up is theirs together.
         self.shared: list[SharedFinger] = []
+        #: Why it can't be enabled, whoever asks: nothing tells where the finger is that it acts on; empty: it can.
+        self.blind = ""
 
     @abstractmethod
     def _take(self) -> bool:
@@ -175,9 +177,12 @@ class Lifecycle(ABC):
         Raises
         ------
         DeviceError
-            If the device is not OPEN, a trip is latched, a budget is used up, or it has not read anything yet.
+            If the device is not OPEN, a trip is latched, a budget is used up, it has not read anything yet, or nothing
+            tells where the finger is that it acts on.
         """
         name = self.model.name
+        if self.blind:
+            raise DeviceError(f"device '{name}' can't be enabled: {self.blind}")
         if self._status.item() != OPEN:
             raise DeviceError(f"device '{name}' is {self.status.name}, it can't be enabled")
         if self._trip.item():

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel
 from itouch.joining import SKIP
+from itouch.monitors.limits import FINGER_LEVER
 from itouch.monitors.thresholds import COLDEST_TARGET
 
 Floats = NDArray[np.float64]
@@ -30,7 +31,7 @@ class Bounds(NamedTuple):
 
     ``locked`` and ``resting``: the components that a locked degree of freedom shuts, and where they rest;
     ``low`` and ``high`` (n,): the range; ``ceilings`` (2, n): of a drive, downwards and upwards, infinite: none;
-    ``torques`` (n,): of a wrench; ``slew`` (n,); ``figures`` (4,): force, speed, and the range of a temperature;
+    ``torques`` (n,): of a wrench; ``slew`` (n,); ``figures`` (5,): force, speed, the range of a temperature, torque;
     ``off`` (n,): the target at which nothing holds a temperature, NaN: there is none.
     """
 
@@ -51,14 +52,21 @@ class Moving(NamedTuple):
     """What is between devices and not a limit of a channel, each of shape (1,).
 
     ``share``: the part of force, current or speed that is let through; ``closing`` [m/s]: how fast a surface may
-    approach the finger; ``room`` [N]: what else pushes on the finger leaves; ``taken`` [N]: the force of those channels
-    of the same device that were limited before.
+    approach the finger; ``room`` [N] and ``turning`` [N m]: what else pushes on the finger leaves; ``taken`` [N] and
+    ``turned`` [N m]: force and torque of those channels of the same device that were limited before.
     """
 
     share: Floats
     closing: Floats
     room: Floats
     taken: Floats
+    turning: Floats
+    turned: Floats
+
+    @classmethod
+    def of(cls, share: float = 1.0, closing: float = 0.0, room: float = math.inf, turning: float = math.inf) -> Moving:
+        """Return these, for a device whose first channel is to be limited."""
+        return cls(*(np.array([value]) for value in (share, closing, room, 0.0, turning, 0.0)))
 
 
 @kernel
@@ -93,18 +101,44 @@ def _wrench(bounds: Any, moving: Any, values: Floats, last: Floats, share: float
     allowed = max(0.0, allowed - moving.taken[0])
     if grown < allowed:
         allowed = grown
-    clamped = 0
+    clamped, scale = 0, 1.0
     moving.taken[0] += min(size, allowed)
     if size > allowed:
-        scale = allowed / size
+        scale, clamped = allowed / size, 1
+    for i in range(len(bounds.high) and 3):  # an arm that is weaker along one axis, or one way
+        top = bounds.high[i] if values[i] > 0.0 else -bounds.low[i]
+        if abs(values[i]) * scale > top:
+            scale, clamped = max(0.0, top) / abs(values[i]), 1
+    if scale < 1.0:
         for i in range(3):
             values[i] *= scale
-        clamped = 1
+    if len(bounds.free) > 0:
+        clamped |= _torque(bounds, moving, values, last, share, growth)
+    return clamped
+
+
+@kernel
+def _torque(bounds: Any, moving: Any, values: Floats, last: Floats, share: float, growth: float) -> int:
+    """Limit a torque as a force is: about each axis to what the device can, then its size; no more than force may be.
+
+    ``growth`` is that of the force [N].
+    """
+    clamped, square, before = 0, 0.0, 0.0
     for k in range(len(bounds.free)):
         i = bounds.free[k]
         top = bounds.torques[i] * share
         if abs(values[i]) > top:
             values[i], clamped = math.copysign(top, values[i]), 1
+        square += values[i] * values[i]
+        before += last[i] * last[i]
+    allowed = min(bounds.figures[4] * share, moving.turning[0], moving.room[0] * FINGER_LEVER)
+    allowed = min(max(0.0, allowed - moving.turned[0]), math.sqrt(before) + growth * FINGER_LEVER)
+    size = math.sqrt(square)
+    moving.turned[0] += min(size, allowed)
+    if size > allowed:
+        for k in range(len(bounds.free)):
+            values[bounds.free[k]] *= allowed / size
+        clamped = 1
     return clamped
 
 
@@ -248,5 +282,5 @@ def begin(
     if part < 1.0:
         part = min(1.0, part + growth)
         ramp[0] = part
-    moving.share[0], moving.taken[0] = part * left[0], 0.0
+    moving.share[0], moving.taken[0], moving.turned[0] = part * left[0], 0.0, 0.0
     return 0

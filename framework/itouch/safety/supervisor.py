@@ -37,7 +37,7 @@ class Supervisor(Lifecycle):
         self.clamped, self.dropped = (state[f"{model.name}.{field}"].reshape(1) for field in ("clamped", "dropped"))
         self.guards = [(channel.name, Guard(channel, model.limits)) for channel in model.commands]
         #: What is chosen anew in each tick: share, closing speed, room.
-        self.moving = limiting.Moving(np.ones(1), np.zeros(1), np.full(1, math.inf), np.zeros(1))
+        self.moving = limiting.Moving.of()
         forces = max(1, sum(channel.role is Role.FORCE_ON_OPERATOR for channel in model.commands))
         counts = self.clamped, self.dropped, period, forces
         self._lanes = [
@@ -387,7 +387,8 @@ class Supervisor(Lifecycle):
         if share < 1.0:
             share = min(1.0, share + self._growth)
             self._ramp[...] = share
-        self.moving.share[0], self.moving.taken[0] = share * self.device_monitors.share, 0.0
+        moving = self.moving
+        moving.share[0], moving.taken[0], moving.turned[0] = share * self.device_monitors.share, 0.0, 0.0
         if self.leave_room is not None:
             self.leave_room()
         for guard, lane in self._lanes:

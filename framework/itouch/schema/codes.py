@@ -138,6 +138,7 @@ RUNNING = (
     Code("cold", "a cold plate has been touched for as long as a session allows (T4c)",
          "end the session; let the hand get warm"),
     Code("finger-force", "the forces on one finger, taken together, are too large (K1)", "check the force sensors"),
+    Code("finger-torque", "an arm was sent a larger torque than it may have (K1)", "report it: nothing limited it"),
     Code("monitor", "a plugin's monitor has stopped its device", "the sentence says what the device did"),
     Code("monitor-error", "a monitor's own code has failed, or returned neither a share of the drive nor a trip",
          "report it to its author"),

@@ -139,9 +139,7 @@ class Session(Shown, Engine):
         RecordingError
             If the recording that the scene asks for can't begin.
         """
-        if self._participant is not None:
-            self._carry_in()
-            self._participant.begin()
+        self._carry_in()
         element = self.model.scene.record
         if element is not None and self.records and self.recorder is None:
             self.record(channel_selection.file_name(element.to, self.model.scene.source, int(self.state["seed"])))
@@ -159,13 +157,14 @@ class Session(Shown, Engine):
             super().run(seconds, until=until, each=both, every=often)
 
     def _carry_in(self) -> None:
-        """Let the participant's earlier sessions count before anything acts."""
+        """Let the participant's earlier sessions count before anything acts, and begin to note what this one uses."""
         if self._participant is not None:
             before = self.state.tobytes()
             told = self._participant.carry_in()
             if self.state.tobytes() != before:
                 self.note_outside("participant")
             self._notes += tuple(text for text in told if text not in self._notes)
+            self._participant.begin()
 
     def record(self, path: Path) -> Recorder:
         """Record from now on into a file, until ``close``.

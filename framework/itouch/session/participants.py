@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.loop.engine_view import Running
+from itouch.platforms import claim
 from itouch.safety.device_monitors import InstalledMonitor
 from itouch.schema import Problem, SceneError
 from itouch.session.durable import write_whole
@@ -165,6 +166,8 @@ class Participant:
         self._work: queue.Queue[Used | None] = queue.Queue(1)
         self._thread: threading.Thread | None = None
         self._failure = ""
+        #: The open file that shows others that the participant is in this session; -1: none.
+        self._claimed = -1
 
     def carry_in(self) -> tuple[str, ...]:
         """Raise every finger's budgets to what was used before; return what must be told.
@@ -172,8 +175,10 @@ class Participant:
         Raises
         ------
         SessionError
-            If nobody knows what was used.
+            If nobody knows what was used, or another session on hardware has the participant: each would count its own
+            use alone.
         """
+        self._claim()
         used, told = read(self.code, self._clock())
         self._noted = used
         for name, value in zip(BUDGETS, used.values, strict=False):
@@ -187,6 +192,23 @@ class Participant:
             self._thread = threading.Thread(target=self._write, name="participant", daemon=True)
             self._thread.start()
             self._session.taps.append(self._tap)
+
+    def _claim(self) -> None:
+        if self._claimed >= 0 or all(runner.model.twin for runner in self._session.runners):
+            return
+        path = folder() / f".{self.code}.lock"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+        except OSError as error:
+            raise SessionError(f"what participant '{self.code}' has used can't be kept: '{path}': {error}") from error
+        try:
+            claim(handle)
+        except BlockingIOError as error:
+            os.close(handle)
+            sentence = f"participant '{self.code}' is in another session that runs: end that one first"
+            raise SessionError(f"{sentence}, or each would count its own thermal dose alone") from error
+        self._claimed = handle
 
     def used(self) -> Used:
         """Return what has been used by now."""
@@ -204,6 +226,14 @@ class Participant:
         SessionError
             If it can't be kept.
         """
+        try:
+            self._note_last()
+        finally:
+            handle, self._claimed = self._claimed, -1
+            if handle >= 0:
+                os.close(handle)
+
+    def _note_last(self) -> None:
         thread, self._thread = self._thread, None
         if thread is None:
             return

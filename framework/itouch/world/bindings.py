@@ -137,18 +137,51 @@ def check_fingers(
     Whoever commands it, its monitors would be shown no finger: neither its speed (K2), nor how near it is (K5), nor for
     how long it touches (T4).  ``writers`` as in ``check_writers``.
     """
-    pushed = {name for probe in scene.probes for name in (probe.pose_from, probe.force_to)}
-    known = {Role.FORCE_ON_OPERATOR: pushed, Role.SURFACE_POSE: {probe.surface_to for probe in scene.probes}}
+    blind = unseen(scene, devices)
     for command, element, attribute, who in writers:
         name, _, called = command.partition(".")
-        channel = next((one for one in devices[name].commands if one.name == called), None)
-        if channel is None or channel.role not in known or name in known[channel.role]:
+        if (name, called) not in blind:
             continue
         sentence = f"{who} commands '{command}', and no probe says where the finger is that '{name}' acts on"
-        bound = "surface-to" if channel.role is Role.SURFACE_POSE else "pose-from"
-        advice = f'add a probe with {bound}="{name}": what watches the finger goes by it'
+        advice = f"add {blind[name, called]}: what watches the finger goes by it"
         severity = "warning" if devices[name].twin else "error"
         yield Problem("unmonitored-drive", sentence, scene.places.of(element, attribute), advice, severity=severity)
+
+
+def unseen(scene: Scene, devices: Mapping[str, DeviceModel]) -> dict[tuple[str, str], str]:
+    """Return the commands (device, channel) that act on a finger of which no probe tells, each with what is missing."""
+    tracked = {name for probe in scene.probes for name in (probe.pose_from, probe.force_to)}
+    met = {probe.surface_to for probe in scene.probes}
+    found = {}
+    for name, device in devices.items():
+        for channel in device.commands:
+            pushes, carries = channel.role is Role.FORCE_ON_OPERATOR, channel.role is Role.SURFACE_POSE
+            if (pushes and not tracked & {*_chain(name, devices)}) or (carries and name not in met):
+                bound = "surface-to" if carries else "pose-from"
+                found[name, channel.name] = f'a probe with {bound}="{name}"'
+    return found
+
+
+def _chain(name: str, devices: Mapping[str, DeviceModel]) -> Iterator[str]:
+    """Yield a device, what carries it, what carries that, and so on."""
+    seen: set[str] = set()
+    while name in devices and name not in seen:
+        seen.add(name)
+        yield name
+        name = devices[name].carrier
+
+
+def blind(scene: Scene, devices: Mapping[str, DeviceModel]) -> dict[str, str]:
+    """Return the hardware that acts on a finger of which no probe tells, each with a sentence: it can't be enabled.
+
+    Whatever else may command it (a script, another process), nothing would show its monitors that finger.
+    """
+    found = {}
+    for (name, called), missing in unseen(scene, devices).items():
+        channel = next(one for one in devices[name].commands if one.name == called)
+        if not devices[name].twin and not channel.harmless.strip():
+            found[name] = f"no probe says where the finger is that '{called}' acts on: add {missing}"
+    return found
 
 
 def check_reach(

@@ -12,10 +12,10 @@ from itouch.schema import Problem
 from itouch.schema.fields import xml_name
 
 _UNITS = {
-    "force": "N", "speed": "m/s", "current": "A", "watchdog": "s", "plate_force": "N", "contact_time": "s",
-    "plate_rate": "K/s", "flux": "W/m^2", "dose": "s", "cold_time": "s",
+    "force": "N", "torque": "N m", "speed": "m/s", "current": "A", "watchdog": "s", "plate_force": "N",
+    "contact_time": "s", "plate_rate": "K/s", "flux": "W/m^2", "dose": "s", "cold_time": "s",
 }  # fmt: skip
-_OF_DEVICES = ("force", "speed", "current", "temperature")
+_OF_DEVICES = ("force", "torque", "speed", "current", "temperature")
 
 
 def device_problems(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 _UNITS: dict[str, tuple[float, str]] = {
-    "force": (1.0, "N"), "speed": (1.0, "m/s"), "speed_near": (1.0, "m/s"), "current": (1.0, "A"),
+    "force": (1.0, "N"), "torque": (1.0, "N m"), "speed": (1.0, "m/s"), "speed_near": (1.0, "m/s"),
+    "current": (1.0, "A"),
     "plate_force": (1.0, "N"), "contact_time": (1.0, "s"), "plate_rate": (1.0, "K/s"), "flux": (1e-3, "kW/m^2"),
     "dose": (1.0 / 60.0, "min CEM43"), "watchdog": (1e3, "ms"), "ramp": (1.0, "s"), "cold_time": (1.0, "s"),
 }  # fmt: skip

@@ -23,6 +23,7 @@ from itouch.monitors.limits import (
     DEFAULT,
     DOSE,
     DOSE_WARNING,
+    FINGER_LEVER,
     FLUX,
     FORCE,
     FORCE_SLEW,
@@ -45,6 +46,7 @@ from itouch.monitors.limits import (
     SPEED_NEAR,
     SPEED_NEAR_TRIP,
     SPEED_TRIP,
+    TORQUE,
     TRACKING,
     TRACKING_TIME,
     TRACKING_TRIP,
@@ -53,6 +55,7 @@ from itouch.monitors.limits import (
     DeviceLimits,
 )  # fmt: skip
 from itouch.plugin import Channel, Role
+from itouch.plugin.channel import ROTATIONS
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement
 from itouch.schema import Problem
@@ -60,11 +63,11 @@ from itouch.world import limit_checks
 
 __all__ = [
     "ARM_SPEED", "ARM_SPEED_TRIP", "CEILING", "COLD_ABSOLUTE", "COLD_FROM", "COLD_TIME", "CONTACT_TIME",
-    "CONTACT_TIME_LONGEST", "CONTACT_TIME_TRIP", "DEFAULT", "DOSE", "DOSE_WARNING", "FLUX", "FORCE", "FORCE_SLEW",
-    "HOLD", "NAMES", "NEAR",
+    "CONTACT_TIME_LONGEST", "CONTACT_TIME_TRIP", "DEFAULT", "DOSE", "DOSE_WARNING", "FINGER_LEVER", "FLUX",
+    "FORCE", "FORCE_SLEW", "HOLD", "NAMES", "NEAR",
     "PLATE_ABSOLUTE", "PLATE_FORCE", "PLATE_FORCE_ABSOLUTE", "PLATE_FORCE_TRIP", "PLATE_RATE", "PLATE_TEMPERATURE",
     "PLATE_TRIP", "RAMP", "REARMS", "SINK", "SINK_ABSOLUTE", "SINK_TRIP", "SPEED", "SPEED_NEAR", "SPEED_NEAR_TRIP",
-    "SPEED_TRIP", "TRACKING", "TRACKING_TIME", "TRACKING_TRIP", "WATCHDOG", "WATCHDOG_OTHER", "DeviceLimits",
+    "SPEED_TRIP", "TORQUE", "TRACKING", "TRACKING_TIME", "TRACKING_TRIP", "WATCHDOG", "WATCHDOG_OTHER", "DeviceLimits",
     "ceilings", "check_safety", "resolve",
 ]  # fmt: skip
 
@@ -76,7 +79,10 @@ def ceilings(reads: tuple[Channel, ...], commands: tuple[Channel, ...]) -> dict[
     roles, measured = {channel.role for channel in commands}, {channel.role for channel in reads}
     found: dict[str, Ceiling] = {}
     if Role.FORCE_ON_OPERATOR in roles:
-        found["force"] = _least(FORCE, _strongest(_of(commands, Role.FORCE_ON_OPERATOR)))
+        pushing = _of(commands, Role.FORCE_ON_OPERATOR)
+        found["force"] = _least(FORCE, _strongest(pushing))
+        if (torque := max(map(greatest_torque, pushing))) > 0.0:
+            found["torque"] = _least(TORQUE, torque)
     if Role.SURFACE_POSE in roles:
         slew = _of(commands, Role.SURFACE_POSE)[0].slew
         found["speed"] = _least(SPEED, min(slew[:3]) if slew else None)
@@ -109,6 +115,13 @@ def _strongest(channels: list[Channel]) -> float | None:
     return max(found) if math.isfinite(max(found)) else None
 
 
+def greatest_torque(channel: Channel) -> float:
+    """Return the greatest torque [N m] about any axis that a channel of a wrench says that it can exert; 0: none."""
+    free = [axis for axis in ROTATIONS if axis < len(channel.high) and axis not in channel.locked]
+    found = [min(abs(channel.low[axis]), abs(channel.high[axis])) for axis in free]
+    return max((most for most in found if math.isfinite(most)), default=0.0)
+
+
 def _least(default: float, hardware: float | None) -> Ceiling:
     if hardware is not None and hardware < default:
         return hardware, CEILING
@@ -130,15 +143,25 @@ def resolve(
     if "speed" in values:
         values["speed_near"] = min(SPEED_NEAR, values["speed"])
     values["finger_force"], sources["finger_force"] = _tightened((FORCE, DEFAULT), list(_asked_of_all(scene, "force")))
+    of_all = [(force * FINGER_LEVER, by) for force, by in _asked_of_all(scene, "force")]
+    of_all += _asked_of_all(scene, "torque")
+    values["finger_torque"], sources["finger_torque"] = _tightened((TORQUE, DEFAULT), of_all)
     values["ramp"], sources["ramp"] = _ramp(scene, device)
     problems = list(limit_checks.device_problems(scene, device, before, commands))
     return DeviceLimits(**values, sources=sources), problems
 
 
 def _asked(scene: Scene, device: DeviceElement, name: str) -> Iterator[Ceiling]:
-    """Yield what device and scene ask for, with where they do; no surface presses harder than the whole finger may."""
+    """Yield what device and scene ask for, with where they do.
+
+    No surface presses harder than the whole finger may, and no torque is more than the force that is asked for makes.
+    """
     if name == "plate_force" and scene.safety.force is not None:
         yield scene.safety.force, _said_by(scene, scene.safety, "force")
+    if name == "torque":
+        for element in (device.limits, scene.safety):
+            if element.force is not None:
+                yield element.force * FINGER_LEVER, _said_by(scene, element, "force")
     for element in (device.limits, scene.safety):
         wanted = getattr(element, name, None)
         if wanted is not None:
@@ -196,7 +219,7 @@ def check_safety(scene: Scene) -> Iterator[Problem]:
     yield from limit_checks.safety_problems(
         scene,
         {
-            "force": FORCE, "speed": SPEED, "watchdog": WATCHDOG_OTHER, "plate_force": PLATE_FORCE,
+            "force": FORCE, "torque": TORQUE, "speed": SPEED, "watchdog": WATCHDOG_OTHER, "plate_force": PLATE_FORCE,
             "contact_time": CONTACT_TIME_LONGEST, "plate_rate": PLATE_RATE, "flux": FLUX, "dose": DOSE,
             "cold_time": COLD_TIME,
             "temperature": PLATE_TEMPERATURE,

@@ -18,7 +18,7 @@ from itouch.scene import Scene
 from itouch.scene.elements import Operator, Probe
 from itouch.scene.loader import in_file_order
 from itouch.schema import Place, Problem, SceneError
-from itouch.world.bindings import check_bindings, check_fingers, check_reach, check_writers
+from itouch.world.bindings import blind, check_bindings, check_fingers, check_reach, check_writers
 from itouch.world.coupling import Coupling, couplings, on_bodies, stable_effects
 from itouch.world.files import SceneFile, SceneFiles
 from itouch.world.input_sources import PERSON, hand_of
@@ -156,6 +156,9 @@ def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Pr
     presented = surfaces_of(scene, devices, {probe.name: probe.operator for probe in probes})
     modalities = build_modalities(scene, catalog, devices, presented, reader, period, problems)
     notices += notices_of(modalities)
+    notices += [
+        f"device '{name}' is only read, it can't be enabled: {why}" for name, why in blind(scene, devices).items()
+    ]
     writers = _writers(scene, devices, modalities)
     problems += check_writers(scene, writers)
     problems += check_fingers(scene, devices, writers)

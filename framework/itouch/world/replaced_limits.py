@@ -14,7 +14,7 @@ from itouch.world.limits import DEFAULT, ceilings
 from itouch.world.rig import DeviceModel, build_devices
 
 #: Limits of a scene's own device that mean nothing for another that has no such command.
-_OF_COMMANDS = ("force", "speed", "current")
+_OF_COMMANDS = ("force", "torque", "speed", "current")
 
 
 def fitted(scene: Scene, catalog: Catalog) -> Scene:

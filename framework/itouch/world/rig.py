@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -137,7 +139,36 @@ def build_devices(
         model = _build(scene, element, catalog, problems, reader)
         if model is not None:
             devices[element.name] = model
+    problems += _shared_wires(scene, devices)
     return devices
+
+
+def _shared_wires(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator[Problem]:
+    """Find hardware that would write to the wire of another device."""
+    taken: dict[str, DeviceElement] = {}
+    for element in scene.devices:
+        model = devices.get(element.name)
+        if model is None or model.twin or not model.commands:
+            continue
+        with failing(f"device '{element.name}'", "wires", scene.places.of(element)):
+            wires = [(wire, _same(wire)) for wire in model.cls.wires(model.params)]
+        for wire, key in wires:
+            other = taken.setdefault(key, element)
+            if other is element:
+                continue
+            sentence = (
+                f"devices '{other.name}' and '{element.name}' would both write to '{wire}': they would take each "
+                "other's answers, and one go on driving what the other has stopped"
+            )
+            place = scene.places.of(other)
+            related = ((place, "the other"),) if place else ()
+            advice = "name the wire of each; several controllers on one wire need a driver that speaks to all of them"
+            yield Problem("exclusive", sentence, scene.places.of(element), advice, related)
+
+
+def _same(wire: str) -> str:
+    """Return a wire by the name that all names of it have: a link to a port is that port."""
+    return os.path.realpath(wire) if os.path.isabs(wire) else wire.strip().casefold()
 
 
 def _build(

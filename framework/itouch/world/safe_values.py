@@ -145,5 +145,5 @@ def unfelt(
             f"device '{name}' carries a surface and measures no force: nobody knows how hard it presses on the "
             "finger, and no limit of force (K4) protects that"
         )
-        advice = "limit its speed (<limits speed-near/>), or use drives that measure a force"
+        advice = 'limit its speed (<limits speed="0.1 m/s"/>), or use drives that measure a force'
         yield Problem("no-plate-force", sentence, place, advice, severity="warning")

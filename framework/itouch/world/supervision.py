@@ -80,7 +80,8 @@ def watched(
 ) -> Watched:  # fmt: skip
     """Return a device as its monitors see it."""
     values: dict[str, Any] = dict(limits.table())
-    values |= {"speed_near": limits.speed_near, "ramp": limits.ramp, "finger_force": limits.finger_force}
+    values |= {"speed_near": limits.speed_near, "ramp": limits.ramp}
+    values |= {"finger_force": limits.finger_force, "finger_torque": limits.finger_torque}
     values |= {"temperature_trip": limits.temperature_trip, "contact_time_trip": limits.contact_time_trip}
     if limits.plate_force is not None:
         values["plate_force_trip"] = limits.plate_force_trip

@@ -54,8 +54,10 @@ def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, le
         try:
             if not window and leader is None:
                 leader = arm_input.without_window(Shown(handle).model, real=True)
-            code = _follow(handle, stop, window=window, mute=options.mute, leader=leader)
+            code, error = _follow(handle, stop, window=window, mute=options.mute, leader=leader)
             write_report(options.report, handle.report)
+            if error is not None:
+                raise error
         except ServoError as error:  # it died, and has left no report
             print(error, file=sys.stderr)
             return 1
@@ -67,8 +69,13 @@ def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, le
     return code
 
 
-def _follow(handle: Handle, stop: Stopping, *, window: bool, mute: bool, leader: Leader | None) -> int:
-    """Show the session until it ends, on the terminal and in a window if that is asked for; return the exit code."""
+def _follow(
+    handle: Handle, stop: Stopping, *, window: bool, mute: bool, leader: Leader | None
+) -> tuple[int, ItouchError | None]:
+    """Show the session until it ends, on the terminal and in a window if that is asked for.
+
+    Returns the exit code, and what has failed besides a device: whatever it was, the report of the session counts.
+    """
     from itouch.loop import DeviceFaultError
     from itouch_tools.cli.switch_wait import Waiting
     from itouch_tools.report.screen import Screen
@@ -81,7 +88,7 @@ def _follow(handle: Handle, stop: Stopping, *, window: bool, mute: bool, leader:
     held = Waiting(handle, shown.model) if not window else None
     losses = Losses(handle, screen)
     show = stop.listened(screen.show)
-    code = 0
+    code, error = 0, None
 
     def look() -> None:
         screen.show()
@@ -101,8 +108,10 @@ def _follow(handle: Handle, stop: Stopping, *, window: bool, mute: bool, leader:
                 leader.lead(handle)
     except DeviceFaultError:
         code = 1
+    except ItouchError as raised:
+        error = raised
     stop.listened(screen.finish)(handle.report())
-    return stop.code(code)
+    return stop.code(code), error
 
 
 class Losses:

@@ -183,6 +183,11 @@ class XyzTable(Device):
         return f"there is nothing at '{place}': look at its plug" if absent else ""
 
     @classmethod
+    def wires(cls, params: Any) -> tuple[str, ...]:
+        """Return its port or bus; the one adaptor that is attached, if none is named."""
+        return (params.port or params.tmcl or params.bus.partition("@")[0] or "the CAN-FD adaptor that is attached",)
+
+    @classmethod
     def lets_go(cls, params: Any) -> float | None:
         """Return the drives' watchdog [s]; None: a module without a heartbeat, which goes on by itself."""
         return None if cls.opens_twice(params) else cls.watchdog

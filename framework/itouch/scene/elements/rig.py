@@ -44,6 +44,9 @@ class Limits:
 
     TAG: ClassVar[str] = "limits"
     force: float | None = quantity("N", positive=True, default=None, doc="greatest force on the operator")
+    torque: float | None = quantity(
+        "N*m", positive=True, default=None, doc="greatest torque on the operator; never more than 20 mm times the force"
+    )
     speed: float | None = quantity("m/s", positive=True, default=None, doc="greatest speed")
     current: float | None = quantity("A", positive=True, default=None, doc="greatest current")
     temperature: tuple[float, float] | None = temperature(

@@ -20,6 +20,10 @@ class Safety:
 
     TAG: ClassVar[str] = "safety"
     force: float | None = quantity("N", positive=True, default=None, doc="greatest force of any device on the operator")
+    torque: float | None = quantity(
+        "N*m", positive=True, default=None,
+        doc="greatest torque of any device on the operator; never more than 20 mm times the force",
+    )  # fmt: skip
     speed: float | None = quantity("m/s", positive=True, default=None, doc="greatest speed of any carried surface")
     temperature: tuple[float, float] | None = temperature(
         size=2, low=200, high=400, default=None, doc="lowest and highest plate temperature"

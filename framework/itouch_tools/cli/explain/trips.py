@@ -93,6 +93,33 @@ _LIFT_FILES = {
 }  # fmt: skip
 
 
+_WRIST_FILES = {
+    "itouch_wrist.py": """\
+from dataclasses import dataclass
+
+from itouch.plugin import Device, pose, wrench
+
+
+@dataclass(frozen=True)
+class Params: ...
+
+
+class Wrist(Device):
+    Params = Params
+    reads, commands, watchdog = (pose(),), (wrench(force=8.0, torque=0.2),), 0.1
+
+    def open(self): ...
+    def close(self): ...
+    def read(self, reading): ...
+""",
+    "itouch_wrist-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: itouch-wrist\nVersion: 1.0\n",
+    "itouch_wrist-1.0.dist-info/entry_points.txt": "[itouch.devices]\nwrist = itouch_wrist:Wrist\n",
+    "wrist.xml": '<itouch version="1.0">\n  <devices>\n    <device name="arm" plugin="wrist"/>\n  </devices>\n'
+                 '  <interaction>\n    <probe name="finger" pose-from="arm" force-to="arm"/>\n  </interaction>\n'
+                 '</itouch>\n',
+}  # fmt: skip
+
+
 _MONITOR_FILES = {
     "itouch_patience.py": """\
 from itouch.plugin import Monitor, Role, Rule
@@ -144,6 +171,9 @@ def trips() -> dict[str, Example]:
                         "engine.run(6.0, each=lambda: current.fill(6.0))  # and cools"),
         "finger-force": _python(_TOUCHED, 'sent = engine.state["arm.sent.wrench"]\n'
                                 "engine.run(1.0, each=lambda: sent[:3].fill(5.0))  # past the guard"),
+        "finger-torque": _python('engine = itouch.build("wrist.xml")\n', 'sent = engine.state["arm.sent.wrench"]\n'
+                                 "engine.run(1.0, each=lambda: sent[3:].fill(0.1))  # past the guard",
+                                 _WRIST_FILES, plugin=True),
         "monitor": _python(_MONITORED, "engine.run(2.0)", _MONITOR_FILES, plugin=True),
         "monitor-error": _python(_MONITORED, "Patience.check = lambda self, *seen: 1.0 / (seen[-1].now < 1.0)\n"
                                  "engine.run(2.0)", _MONITOR_FILES, plugin=True),

@@ -60,7 +60,9 @@ def _values(session: Session) -> dict[str, Value]:
     state, found = session.state, dict[str, Value]()
     for name, device in session.model.devices.items():
         if given := device.field(Role.FORCE_ON_OPERATOR, "sent"):
-            found[f"{name}: force [N]"] = _length(state, given, 3)
+            found[f"{name}: force [N]"] = _length(state, given)
+            if device.limits.torque is not None:
+                found[f"{name}: torque [N m]"] = _length(state, given, 3)
         for role, what in _TRUE.items():
             if field_name := truth(session.model, name, role):
                 found[f"{name}: {what}"] = state[field_name].item
@@ -69,13 +71,14 @@ def _values(session: Session) -> dict[str, Value]:
     for probe in session.model.probes:
         found[f"{probe.name}: plate force [N]"] = state[f"{probe.name}.plate_force"].item
         found[f"{probe.name}: force in all [N]"] = state[f"{probe.name}.total_force"].item
-        found[f"{probe.name}: speed [m/s]"] = _length(state, f"{probe.name}.velocity", 3)
+        found[f"{probe.name}: speed [m/s]"] = _length(state, f"{probe.name}.velocity")
     return found
 
 
-def _length(state: Record, name: str, size: int) -> Value:
+def _length(state: Record, name: str, first: int = 0) -> Value:
+    """Return the length of three numbers of a field."""
     view = state[name]
-    return lambda: math.hypot(*view[:size].tolist())
+    return lambda: math.hypot(*view[first : first + 3].tolist())
 
 
 def run(session: Session, *, longest: float = 120.0) -> tuple[Worst, str]:

@@ -54,6 +54,11 @@ class Haply(ImpedanceArm[Inverse3]):
         """Ask the service of this machine for its arms."""
         return look()
 
+    @classmethod
+    def wires(cls, params: HaplyParams) -> tuple[str, ...]:
+        """Return the arm behind the service, which takes commands of several."""
+        return (f"arm {params.device} of the Inverse Service {params.service or SERVICE}",)
+
     def make(self, *, safe: bool = False) -> Inverse3:
         """Return the driver of the arm behind the service."""
         p = self.params

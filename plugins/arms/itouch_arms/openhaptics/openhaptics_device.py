@@ -56,6 +56,11 @@ class OpenHaptics(ImpedanceArm[Phantom]):
         arm.close()
         return (Attached(arm.model or "an arm", True, f"calibrated; at most {arm.max_force:g} N"),)
 
+    @classmethod
+    def wires(cls, params: OpenHapticsParams) -> tuple[str, ...]:
+        """Return the arm of that name."""
+        return (f"OpenHaptics arm {params.name}".rstrip(),)
+
     def make(self, *, safe: bool = False) -> Phantom:
         """Return the driver of the arm that the library knows."""
         p = self.params

@@ -42,6 +42,11 @@ class HardwareDisplay(Device):
             seconds = max(seconds, round(params.labjack.averaging + _MEAN_REST, 3))
         return seconds
 
+    @classmethod
+    def wires(cls, params: Any) -> tuple[str, ...]:
+        """Return the port of what drives the module; an instrument that is only read may serve several displays."""
+        return tuple(part.port for part in (params.mecom, params.line) if part is not None)
+
     def __init__(self, params: Any) -> None:
         super().__init__(params)
         self._rig: Rig | None = None
