@@ -33,6 +33,7 @@ shipped.confirm_processor()
 
 from numba import njit  # noqa: E402  - it reads the kind of processor when it is imported
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator  # noqa: E402
+from numba.extending import register_jitable  # noqa: E402
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -75,6 +76,18 @@ def kernel(function: Function) -> Function:
 def nogil_kernel(function: Function) -> Function:
     """Do what ``kernel`` does, for a function that lets other threads run beside it."""
     return _kept(function, njit(error_model="numpy", nogil=True)(function))
+
+
+def inlined(function: Function) -> Function:
+    """Put a small function into the code of the kernels that call it; Python runs it as it is written.
+
+    It is for a step of a derivation that has a name of its own: handing it its arguments would cost more than its work.
+    It takes part in no counting of references, so it may not make arrays; it is kept with the kernels that it is in.
+    """
+    marked: Function = register_jitable(
+        error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True, _nrt=False
+    )(function)
+    return marked
 
 
 def _kept(function: Function, found: Any) -> Function:

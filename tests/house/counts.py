@@ -45,6 +45,9 @@ def counts(root: Path = ROOT) -> dict[str, int | str]:
     for kind in ("core", "tools", "evidence", "plugins"):
         found[f"  {kind}: lines of code"] = code[kind]
         found[f"  {kind}: files"] = files[kind]
+    suite = [module for name, module in every.items() if room(name) == "testing"]
+    found["  core, of it the conformance suite: lines of code"] = sum(len(module.code_lines()) for module in suite)
+    found["  core, of it the conformance suite: files"] = len(suite)
     found |= {
         "files with one importer": sum(importers[name] == 1 for name, module in every.items() if not module.is_package),
         "file names that occur twice or more": sum(count > 1 for count in names.values()),

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from itouch.arms.gamepad import PadError, find_pad
-from itouch.plugin import Attached, Device, DeviceError, Mechanics, Opening, OperatorInput, Record, pose, schema, wrench
+from itouch.arms.twin_only import TwinOnlyArm
+from itouch.plugin import Attached, OperatorInput, pose, schema
 
 Vector = tuple[float, float, float]
-#: Greatest force [N] and stiffness [N/m] of the simulated arm: those of common desktop arms.
-FORCE, STIFFNESS = 8.0, 3000.0
 _START: Vector = (0.0, 0.0, 0.05)
 
 
@@ -53,36 +52,10 @@ class GamepadParams:
     )
 
 
-class LedArm(Device):
+class LedArm(TwinOnlyArm):
     """A simulated arm whose finger a person leads."""
 
     reads = (pose(locked=(3, 4, 5)),)
-    commands = (wrench(force=FORCE),)
-    opening = Opening(twin_only=True)
-    mechanics = Mechanics(max_stiffness=STIFFNESS, damping=0.0)
-
-    def open(self) -> None:
-        """Refuse: there is nothing to open.
-
-        Raises
-        ------
-        DeviceError
-            Always.
-        """
-        raise DeviceError(f'a {self.input_source} is no arm that could be opened: it is twin only, write twin="yes"')
-
-    def close(self) -> None:
-        """Do nothing: it was never open."""
-
-    def read(self, reading: Record) -> bool | None:
-        """Refuse, as `open` does.
-
-        Raises
-        ------
-        DeviceError
-            Always.
-        """
-        raise DeviceError(f"a {self.input_source} is no arm that could be read: it is twin only")
 
 
 class Mouse(LedArm):

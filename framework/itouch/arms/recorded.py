@@ -13,15 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.arms.pose_table import example, from_csv, from_recording
+from itouch.arms.twin_only import TwinOnlyArm
 from itouch.plugin import (
     ROTATIONS,
     Attached,
     Channel,
-    Device,
     DeviceError,
     Field,
-    Mechanics,
-    Opening,
     OperatorInput,
     ParameterError,
     Record,
@@ -29,14 +27,11 @@ from itouch.plugin import (
     TwinInputs,
     pose,
     schema,
-    wrench,
 )
 from itouch.schema.files import open_regular
 
 #: Greatest file [bytes].
 MOST = 256 << 20
-#: Greatest force [N] and stiffness [N/m] of the arm.
-FORCE, STIFFNESS = 8.0, 3000.0
 #: How near [samples] to a sample its pose is taken as it is: recorded times are rounded.
 _NEAR = 1e-6
 
@@ -118,16 +113,13 @@ class RecordedTwin(Twin):
         return True
 
 
-class Recorded(Device):
+class Recorded(TwinOnlyArm):
     """A recording as an arm: it replays a recorded pose; forces are rendered and recorded, and move nothing."""
 
     Params = RecordedParams
     reads = (pose(),)
-    commands = (wrench(force=FORCE),)
     Twin: ClassVar[type[Twin] | None] = RecordedTwin
-    opening = Opening(twin_only=True)
     operator_input = OperatorInput(input_source="recording")
-    mechanics = Mechanics(max_stiffness=STIFFNESS, damping=0.0)
 
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
@@ -164,29 +156,6 @@ class Recorded(Device):
     def discover(cls) -> tuple[Attached, ...]:
         """Tell that it needs nothing but a file."""
         return (Attached("a file that a scene names", True, "or, without one, a built-in example"),)
-
-    def open(self) -> None:
-        """Refuse: there is nothing to open.
-
-        Raises
-        ------
-        DeviceError
-            Always.
-        """
-        raise DeviceError('a recording is no arm that could be opened: it is twin only, write twin="yes"')
-
-    def close(self) -> None:
-        """Do nothing: it was never open."""
-
-    def read(self, reading: Record) -> bool | None:
-        """Refuse, as `open` does.
-
-        Raises
-        ------
-        DeviceError
-            Always.
-        """
-        raise DeviceError("a recording is no arm that could be read: it is twin only")
 
 
 def _read(file: str, most: int) -> bytes:

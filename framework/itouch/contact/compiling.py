@@ -5,7 +5,9 @@ from typing import TypeVar
 
 from numba.extending import register_jitable
 
-from itouch.compiling import kernel
+from itouch.compiling import inlined, kernel
+
+__all__ = ["entry", "inlined", "inner", "making"]
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -22,14 +24,6 @@ def inner(function: Function) -> Function:
     """
     marked: Function = register_jitable(
         error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False
-    )(function)
-    return marked
-
-
-def flat(function: Function) -> Function:
-    """Like ``inner``, put into its callers' code: a small function's many arguments cost more than its work."""
-    marked: Function = register_jitable(
-        error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True, _nrt=False
     )(function)
     return marked
 

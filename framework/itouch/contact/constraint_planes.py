@@ -1,7 +1,7 @@
 """Constraint planes of the god-object: one of each near primitive, and of each mesh triangle in view."""
 
 from itouch.contact import layout as at
-from itouch.contact.compiling import flat, inner
+from itouch.contact.compiling import inlined, inner
 from itouch.contact.distance import distance
 from itouch.contact.frames import rotate, to_local
 from itouch.contact.layout import ZERO
@@ -33,7 +33,7 @@ def gather(site: Floats, mesh: Mesh | None, p: Vector, reach: float) -> int:
     return count
 
 
-@flat
+@inlined
 def touching(site: Floats, mesh: Mesh | None, p: Vector) -> int:
     """Fill the planes of all that touches a probe at ``p``; returns how many.
 

@@ -7,7 +7,7 @@ normal force and mu the mean of the contacts' coefficients, weighted by their sh
 """
 
 from itouch.contact import layout as at
-from itouch.contact.compiling import flat, inner
+from itouch.contact.compiling import inlined, inner
 from itouch.contact.constraint_planes import gather, touching
 from itouch.contact.halfspaces import Solution, nearest_allowed, normal_of, set_loads
 from itouch.contact.scratch import Mesh
@@ -21,7 +21,7 @@ _MARGIN = 1e-9  # relative slack of the cone against rounding
 _MARGIN_SLIDING = 1e-3  # likewise after a slide over a curved surface, whose normal has turned on the way
 
 
-@flat
+@inlined
 def coefficients(site: Floats, count: int, goal: Vector, solution: Solution) -> tuple[float, float]:
     """Return static and dynamic friction, means over the active planes weighted by load; writes the loads.
 

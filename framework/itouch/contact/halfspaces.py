@@ -8,7 +8,7 @@ Coordinates are relative to an anchor, so that rounding does not grow with the d
 
 import numpy as np
 
-from itouch.contact.compiling import flat, inner
+from itouch.contact.compiling import inlined, inner
 from itouch.contact.layout import PLANE_GAP, PLANE_LOAD, PLANE_NORMAL
 from itouch.contact.vectors import Floats, Vector, along, cross, dot, norm, sub
 
@@ -108,7 +108,7 @@ def nearest_allowed(planes: Floats, count: int, goal: Vector) -> Solution:
     return solution
 
 
-@flat
+@inlined
 def set_loads(planes: Floats, count: int, goal: Vector, solution: Solution) -> float:
     """Write each active plane's multiplier: solution - goal = sum of load x normal. Returns the sum of the loads.
 

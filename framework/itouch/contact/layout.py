@@ -42,6 +42,7 @@ CONTACT_POINT: Final = 5  # three numbers, on the virtual surface, world frame [
 CONTACT_PENETRATION: Final = 8  # depth of the HIP below the surface that the probe's centre may not cross [m]
 CONTACT_SHARE: Final = 9  # share of the normal force, 0..1; the shares of all contacts add up to 1
 CONTACT_WIDTH: Final = 10
+#: Most contacts of one probe at the same time.
 MAX_CONTACTS: Final = 4
 
 # --- the result of one step -----------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ import numpy as np
 
 from itouch.contact import layout as at
 from itouch.contact.array_views import borrowed
-from itouch.contact.compiling import entry, flat, inner
+from itouch.contact.compiling import entry, inlined, inner
 from itouch.contact.constraint_planes import touching
 from itouch.contact.distance import distance
 from itouch.contact.frames import to_local, to_local_then, to_world
@@ -18,7 +18,7 @@ from itouch.contact.triangle import nearest_of, pierced
 from itouch.contact.vectors import Floats, Vector, norm, put, sub, vector
 
 
-@flat
+@inlined
 def last_poses(memory: Floats, poses: Floats, last: Floats) -> None:
     """Unpack the poses of the last step; for a probe without a past, the present ones.
 
@@ -31,7 +31,7 @@ def last_poses(memory: Floats, poses: Floats, last: Floats) -> None:
             last[obj, c] = memory[at.MEMORY_POSES + 7 * obj + c] if ready else poses[obj, c]
 
 
-@flat
+@inlined
 def recall(site: Floats, mesh: Mesh | None, memory: Floats) -> None:
     """Take the triangles that were touched in the last step into view.
 
@@ -120,7 +120,7 @@ def follow(
     return drag(site, mesh, p, hip, int(memory[at.MEMORY_SLIP]))
 
 
-@flat
+@inlined
 def remember(poses: Floats, memory: Floats, result: Floats) -> None:
     """Keep what the next step starts from.
 

@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from itouch.faults.kinds import AMOUNTS, DROPPED, LATE, SPIKES, UNITS, Injection, Kind
 from itouch.plugin import RETRACT, Channel, DeviceError, Field, Record, Role, Twin, TwinInputs
+from itouch.plugin.noise import random_word, uniform
 from itouch.plugin.stamps import Stamped
 
 Floats = NDArray[np.float64]
-_MASK = (1 << 64) - 1
+#: Of State: the word of the generator that decides by chance.
+_WORD = "fault.word"
 #: Speed [m/s] at which a surface that is cut off retracts by itself, and how near its goal a saturated one is [m].
 RETRACTION, ARRIVED = 0.25, 2e-4
 
@@ -146,7 +148,7 @@ class FaultyTwin(Twin, Stamped):
             chosen = self._chosen(state, slot)
             if not state["fault.started"][slot]:
                 self._start(state, slot, values)
-            if kind is Kind.DROP and self._draw(state) < DROPPED:
+            if kind is Kind.DROP and uniform(state, _WORD) < DROPPED:
                 values[:] = before
                 return False
             self._bend(state, slot, kind, values, chosen)
@@ -197,7 +199,7 @@ class FaultyTwin(Twin, Stamped):
             values[chosen] = math.nan
         elif kind is Kind.GARBAGE:
             for index in chosen:
-                values[index] = np.array([self._word(state)], np.uint64).view(np.float64)[0]
+                values[index] = np.array([random_word(state, _WORD)], np.uint64).view(np.float64)[0]
         elif kind is Kind.DELAY:
             line, place = state["fault.reads"], state["fault.taken"].item() % LATE
             late = line[place].copy()
@@ -220,9 +222,9 @@ class FaultyTwin(Twin, Stamped):
         if kind is Kind.DRIFT:
             factor = (state["fault.tick"].item() - state["fault.begin"][slot].item()) * self._period
         elif kind is Kind.SPIKE:
-            if self._draw(state) >= SPIKES:
+            if uniform(state, _WORD) >= SPIKES:
                 return
-            factor = 1.0 if self._draw(state) < 0.5 else -1.0
+            factor = 1.0 if uniform(state, _WORD) < 0.5 else -1.0
         asked = float(state["fault.amount"][slot])
         for index in chosen:
             usual = AMOUNTS.get(self._units[index], (0.0, 0.0, 0.0))[kind - Kind.BIAS]
@@ -240,7 +242,7 @@ class FaultyTwin(Twin, Stamped):
         for slot, kind in active:
             if kind is Kind.DISCONNECT:
                 cut_off = True
-            elif kind is Kind.DROP and self._draw(state) < DROPPED:
+            elif kind is Kind.DROP and uniform(state, _WORD) < DROPPED:
                 received[:] = last
             elif kind is Kind.DELAY and state["fault.started"][slot]:
                 line, place = state["fault.commands"][:, : self._size], state["fault.tick"].item() % LATE
@@ -305,20 +307,6 @@ class FaultyTwin(Twin, Stamped):
         most = channel.magnitude or (max(channel.high) if channel.high else size)
         if size > 0.0:
             view *= most / size
-
-    # --- chance ---------------------------------------------------------------------------------------------------
-
-    def _word(self, state: Record) -> int:
-        """Draw a word; the generator is a counter in State (SplitMix64, Steele, Lea and Flood 2014)."""
-        count = (int(state["fault.word"]) + 0x9E3779B97F4A7C15) & _MASK
-        state["fault.word"] = np.uint64(count)
-        count = ((count ^ (count >> 30)) * 0xBF58476D1CE4E5B9) & _MASK
-        count = ((count ^ (count >> 27)) * 0x94D049BB133111EB) & _MASK
-        return count ^ (count >> 31)
-
-    def _draw(self, state: Record) -> float:
-        """Draw from 0 to 1."""
-        return (self._word(state) >> 11) * 2.0**-53
 
 
 def _unit(channel: Channel, index: int) -> str:

@@ -78,79 +78,81 @@ class Toucher:
         self, model: Model, probe: ProbeModel, state: Record, tracker: Runner, arm: Runner | None, table: Runner | None
     ) -> None:
         """Collect the views that the compiled tick works on."""
-        nothing = np.zeros(7)
-        load, tick = table.read_as(Role.CONTACT_FORCE) if table is not None else nothing, state["tick"]
-        self._load = load
-        world, mesh, poses = model.geometry.world, model.geometry.mesh, state["objects.pose"]
-        self._poses, self._twists, self._moving = poses, state["objects.twist"], bool(model.moving)
-        stiffness = np.array([coupling.stiffness for coupling in probe.coupling], np.float64)
-        pose = tracker.read_as(Role.TRACKED_POSE)
-        found = [Bound(carrying.follow, self._constants, pose, self.figures, self._afresh, tick)]
-        steps = Bound(
-            step, world, mesh, poses, state["objects.twist"], stiffness, self.figures[:3], probe.scene.radius,
-            probe.scene.near, self.memory, self.result,
+        nothing, self._moving = np.zeros(7), bool(model.moving)
+        self._load = table.read_as(Role.CONTACT_FORCE) if table is not None else nothing
+        self._poses, self._twists = state["objects.pose"], state["objects.twist"]
+        follow = Bound(
+            carrying.follow, self._constants, tracker.read_as(Role.TRACKED_POSE), self.figures, self._afresh,
+            state["tick"],
         )  # fmt: skip
-        damping = np.array([c.damping for c in probe.coupling], np.float64)
-        touched = Bound(
-            carrying.touch, self._constants, poses, self._twists, damping, self.figures, self.result, self.object,
-            self._nearest,
-        )  # fmt: skip
-        #: What commands the arm's part of the force.
+        touched = self._bind_touch(model, probe, state) if model.objects else ()
+        #: What follows the tracker and finds what it touches; what looks below the finger for the modality that carries
+        #: a surface to it; what takes over from that how it does; and what commands the arm's part of the force.
+        self.finds = (follow, *touched)
+        self.looks: tuple[Bound, ...] = ()
+        self.carries: tuple[Bound, ...] = ()
+        if table is not None:
+            self._bind_surface(model, probe, state, table)
+        else:  # nothing but the virtual force can be felt
+            self.finds += (Bound(carrying.only_virtual, self.figures, state[f"{probe.name}.felt_force"]),)
         self.pushes = Bound(
             carrying.push, self._constants, self.figures, self.surface,
             arm.sent_as(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6),
-            arm.commanded(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6), load, self.object,
+            arm.commanded(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6), self._load, self.object,
         )  # fmt: skip
-        if model.objects:
-            found.append(steps)
-        if model.objects and (effects := effects_table(probe.effects)) is not None:
-            figures = self.figures
+
+    def _bind_touch(self, model: Model, probe: ProbeModel, state: Record) -> tuple[Bound, ...]:
+        """Return what finds the proxy, its force with the effects of surfaces, and what else is touched beside it."""
+        world, mesh, figures = model.geometry.world, model.geometry.mesh, self.figures
+        stiffness = np.array([coupling.stiffness for coupling in probe.coupling], np.float64)
+        damping = np.array([coupling.damping for coupling in probe.coupling], np.float64)
+        found = [
+            Bound(
+                step, world, mesh, self._poses, self._twists, stiffness, figures[:3], probe.scene.radius,
+                probe.scene.near, self.memory, self.result,
+            )
+        ]  # fmt: skip
+        if (effects := effects_table(probe.effects)) is not None:
             effect = Bound(
-                render_effects, *effects, world, poses, stiffness, figures[:3],
+                render_effects, *effects, world, self._poses, stiffness, figures[:3],
                 figures[render.VELOCITY : render.VELOCITY + 3], model.period, state[f"{probe.name}.effects"],
                 self.result, figures[render.EFFECT_FORCE : render.EFFECT_FORCE + 3],
             )  # fmt: skip
             found.append(effect)
-        if model.objects:
-            found.append(touched)
+        touched = Bound(
+            carrying.touch, self._constants, self._poses, self._twists, damping, figures, self.result, self.object,
+            self._nearest,
+        )  # fmt: skip
+        found.append(touched)
         if len(model.objects) > 1:
-            place = (self.figures[render.POINT : render.POINT + 3], self.figures[render.NORMAL : render.NORMAL + 3])
-            found.append(
-                Bound(carrying.look_beside, world, mesh, poses, self.object, *place, probe.scene.radius, *self._beside)
+            place = (figures[render.POINT : render.POINT + 3], figures[render.NORMAL : render.NORMAL + 3])
+            beside = Bound(
+                carrying.look_beside, world, mesh, self._poses, self.object, *place, probe.scene.radius, *self._beside
             )
-        if table is None:  # nothing but the virtual force can be felt
-            found.append(Bound(carrying.only_virtual, self.figures, state[f"{probe.name}.felt_force"]))
-        #: What follows the tracker and finds what it touches; what looks below the finger for the modality that carries
-        #: a surface to it; and what takes over from that how it does.
-        self.finds = tuple(found)
-        self.looks: tuple[Bound, ...] = ()
-        self.carries: tuple[Bound, ...] = ()
+            found.append(beside)
+        return tuple(found)
+
+    def _bind_surface(self, model: Model, probe: ProbeModel, state: Record, table: Runner) -> None:
+        """Let the modality that carries a surface to the probe, if one does, be shown what it asks for and be heard."""
         one = model.carrier_to(probe.name)
-        if one is not None and one.carries is not None and table is not None:
-            here, kept = table.read_as(Role.TRACKED_POSE), (self.figures, self.surface)
-            below = (
-                self._constants,
-                world,
-                mesh,
-                poses,
-                here,
-                *kept,
-                load,
-                self.below,
-                np.array([0.0, 0.0, -1.0]),
-                np.zeros(3),
-            )
-            without = {"coming": np.full(1, -1.0), "missed": np.zeros(1), "yields": np.full(1, -1.0)}
-            said = [
-                state[f"{one.name}.{field}"].reshape(1) if field else without[kind]
-                for kind, field in zip(one.carries._fields[2:], one.carries[2:], strict=True)
-            ]
-            taken = Bound(
-                carrying.carried, self._constants, here, table.sent_as(Role.SURFACE_POSE), *kept,
-                table.commanded(Role.SURFACE_POSE), load, *said, self.object, self.plate, self._rising, tick,
-                model.period,
-            )  # fmt: skip
-            self.looks, self.carries = (Bound(carrying.look_below, *below),), (taken,)
+        if one is None or one.carries is None:
+            return
+        here = table.read_as(Role.TRACKED_POSE)
+        look = Bound(
+            carrying.look_below, self._constants, model.geometry.world, model.geometry.mesh, self._poses, here,
+            self.figures, self.surface, self._load, self.below, np.array([0.0, 0.0, -1.0]), np.zeros(3),
+        )  # fmt: skip
+        without = {"coming": np.full(1, -1.0), "missed": np.zeros(1), "yields": np.full(1, -1.0)}
+        said = [
+            state[f"{one.name}.{field}"].reshape(1) if field else without[kind]
+            for kind, field in zip(one.carries._fields[2:], one.carries[2:], strict=True)
+        ]
+        taken = Bound(
+            carrying.carried, self._constants, here, table.sent_as(Role.SURFACE_POSE), self.figures, self.surface,
+            table.commanded(Role.SURFACE_POSE), self._load, *said, self.object, self.plate, self._rising,
+            state["tick"], model.period,
+        )  # fmt: skip
+        self.looks, self.carries = (look,), (taken,)
 
     def reset(self) -> None:
         """Begin without contact."""

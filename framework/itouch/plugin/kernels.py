@@ -1,10 +1,13 @@
 """Compiled functions of a plugin, kept on disk together with a fingerprint of all that they are made of."""
 
+import math
 from typing import Any
 
-from itouch.compiling import kernel, nogil_kernel
+import numpy as np
 
-__all__ = ["copied", "encoded", "kernel", "nogil_kernel"]
+from itouch.compiling import inlined, kernel, nogil_kernel
+
+__all__ = ["copied", "encoded", "gaussian", "inlined", "kernel", "nogil_kernel"]
 
 #: Adding and subtracting it rounds a number to an integer, and leaves NaN what it is.
 _TO_INTEGER = 1.5 * 2.0**52
@@ -40,3 +43,23 @@ def encoded(pose: Any, step: float, turns: bool, shown: Any, switch: Any) -> int
     for i in range(switch.shape[0]):
         switch[i] = 1.0
     return 0
+
+
+@kernel
+def _uniform(words: Any) -> float:
+    """Draw a number from 0 to 1, advancing a generator of one word: SplitMix64 (Steele, Lea and Flood 2014)."""
+    words[0] += np.uint64(0x9E3779B97F4A7C15)
+    word = words[0]
+    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return float((word ^ (word >> np.uint64(31))) >> np.uint64(11)) * 2.0**-53
+
+
+@kernel
+def gaussian(words: Any) -> float:
+    """Draw from the standard normal distribution, advancing a generator of one word of State, shape (1,), dtype u8.
+
+    The numbers are those of `itouch.plugin.gaussian`.
+    """
+    radius = math.sqrt(-2.0 * math.log(_uniform(words) + 2.0**-54))
+    return radius * math.cos(2.0 * math.pi * _uniform(words))

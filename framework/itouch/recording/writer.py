@@ -26,6 +26,8 @@ from itouch.recording.views import TOPICS, schema
 
 MAGIC = b"\x89MCAP0\r\n"
 PROFILE, LIBRARY = "itouch", "itouch-py"
+#: How hard recordings are compressed by Zstandard, from 1, the quickest, to 22.
+LEVEL = 1
 #: Topics of messages that are JSON, with their schemas' properties: see the reference of the format.  A list of numbers
 #: is ``number[]``.  What nests lists (histograms) stays out: Foxglove and Lichtblick would refuse the whole topic.
 LETTERS: dict[str, dict[str, Any]] = {
@@ -78,7 +80,7 @@ class McapWriter:
         self._attachments: list[records.AttachmentIndex] = []
         self._times = [0xFFFFFFFFFFFFFFFF, 0]
         self._crc = 0
-        self._packer = zstandard.ZstdCompressor(level=1)
+        self._packer = zstandard.ZstdCompressor(level=LEVEL)
 
     def _put(self, data: bytes) -> None:
         self.output.write(data)

@@ -6,6 +6,9 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from difflib import SequenceMatcher, get_close_matches
 
+#: How alike a misspelt word and a known one must be for the known one to be proposed, 0 to 1.
+ALIKE = 0.6
+
 
 class ItouchError(Exception):
     """Any fault that a user or a device can cause."""
@@ -96,7 +99,7 @@ def render(problems: Iterable[Problem]) -> str:
 def nearest(word: str, known: Iterable[str]) -> str:
     """Return the known word most like the given one, or an empty string."""
     candidates = sorted(set(known))
-    matches = get_close_matches(word, candidates, n=1, cutoff=0.6)
+    matches = get_close_matches(word, candidates, n=1, cutoff=ALIKE)
     if not matches:
         matches = [name for name in candidates if name.lower() == word.lower()]
     return matches[0] if matches else ""
@@ -111,7 +114,7 @@ def meant(word: str, known: Iterable[str]) -> tuple[str, str] | None:
     same = [name for name in names if name.lower() == word.lower()]
     if len(same) == 1:
         return word, same[0]
-    close = get_close_matches(word, names, n=2, cutoff=0.6)
+    close = get_close_matches(word, names, n=2, cutoff=ALIKE)
     likeness = [SequenceMatcher(None, name, word).ratio() for name in close]
     if not close or likeness[0] < 0.75 or (len(close) > 1 and likeness[0] - likeness[1] < 0.1):
         return None

@@ -12,7 +12,7 @@ from itouch.plugin.declaration_rules import faults_of
 from itouch.schema.hold_until import Until
 from itouch.world import marks
 from itouch.world.fields import CELLS, HAND, probe_fields, skin_fields, wait_fields
-from itouch.world.model import Model
+from itouch.world.model import Model, ProbeModel
 from itouch.world.plugin_errors import failing
 from itouch.world.rig import FRAME, GONE, DeviceModel
 from itouch.world.supervision import supervision
@@ -69,77 +69,57 @@ _CONTACT_EVENTS = (
 
 def layout(model: Model) -> tuple[Field, ...]:
     """Return all fields of the State of a model, in order."""
-    count = len(model.objects)
-    fields: list[Field] = [*_SESSION]
-    where = "position and quaternion w x y z of each object in the world"
-    fields += [
-        Field("objects.pose", "f8", (count, 7), unit="m", doc=where),
-        Field("objects.twist", "f8", (count, 6), unit="m/s", doc="linear and angular velocity of each object"),
-    ]
-    if model.moving:
-        fields.append(
-            Field("objects.ticks", "i8", low=0, unit="tick", doc="how long the scripts of moving objects have run")
-        )
-    if model.motions.bodies is not None:
-        fields.append(
-            Field(
-                "objects.physics",
-                "f8",
-                model.motions.bodies.state_size,
-                unit="mixed",
-                doc="state of the rigid bodies, as MuJoCo integrates it",
-            )
-        )
+    fields: list[Field] = [*_SESSION, *_objects(model)]
     for device in model.devices.values():
         with failing(f"device '{device.name}'", "its twin's fields", model.place_of(device.name)):
             fields += _device(device, device.name in model.framed)
     for probe in model.probes:
-        fields += _own(probe.name, probe_fields(count))
-        low, high = model.geometry.memory_range()
-        fields.append(
-            Field(
-                f"{probe.name}.memory",
-                "f8",
-                model.memory_size,
-                low,
-                high,
-                unit="mixed",
-                doc="what the contact search remembers from one tick to the next",
-            )
-        )
-        fields.append(
-            Field(
-                f"{probe.name}.result",
-                "f8",
-                model.result_size,
-                unit="mixed",
-                doc="what the contact search found in this tick",
-            )
-        )
-        if any(effects.any for effects in probe.effects):
-            fields.append(
-                Field(
-                    f"{probe.name}.effects",
-                    "f8",
-                    EFFECTS_MEMORY,
-                    unit="mixed",
-                    doc="what the effects of the surfaces remember",
-                )
-            )
-        if probe.operator is not None:
-            fields += _own(f"{probe.name}.hand", HAND)
-            if waits := sum(isinstance(target.hold, Until) for target in probe.operator.motion.targets):
-                fields += _own(f"{probe.name}.hand", wait_fields(waits))
-            if beside := model.beside(probe):
-                what = "what arm and plate of each other probe on its finger push it with, world frame"
-                fields.append(Field(f"{probe.name}.pushed", "f8", (beside, 3), unit="N", doc=what, show="no"))
-            if worn := model.worn(probe):
-                fields += _own(probe.name, skin_fields(len(worn), CELLS))
+        fields += _probe(model, probe)
     for modality in model.modalities:
         with failing(f"modality '{modality.name}'", "fields", model.place_of(modality.name)):
             fields += _prefixed(modality.name, modality.instance.fields(modality.model))
     fields += [*_CONTACT_EVENTS, *marks.FIELDS]
     return tuple(fields)
+
+
+def _objects(model: Model) -> list[Field]:
+    """Return where the objects are, and what moves them."""
+    count, where = len(model.objects), "position and quaternion w x y z of each object in the world"
+    fields = [
+        Field("objects.pose", "f8", (count, 7), unit="m", doc=where),
+        Field("objects.twist", "f8", (count, 6), unit="m/s", doc="linear and angular velocity of each object"),
+    ]
+    if model.moving:
+        what = "how long the scripts of moving objects have run"
+        fields.append(Field("objects.ticks", "i8", low=0, unit="tick", doc=what))
+    if model.motions.bodies is not None:
+        what = "state of the rigid bodies, as MuJoCo integrates it"
+        fields.append(Field("objects.physics", "f8", model.motions.bodies.state_size, unit="mixed", doc=what))
+    return fields
+
+
+def _probe(model: Model, probe: ProbeModel) -> list[Field]:
+    """Return what a probe renders and remembers, and the hand and finger that lead it."""
+    name = probe.name
+    fields = _own(name, probe_fields(len(model.objects)))
+    low, high = model.geometry.memory_range()
+    what = "what the contact search remembers from one tick to the next"
+    fields.append(Field(f"{name}.memory", "f8", model.memory_size, low, high, unit="mixed", doc=what))
+    what = "what the contact search found in this tick"
+    fields.append(Field(f"{name}.result", "f8", model.result_size, unit="mixed", doc=what))
+    if any(effects.any for effects in probe.effects):
+        what = "what the effects of the surfaces remember"
+        fields.append(Field(f"{name}.effects", "f8", EFFECTS_MEMORY, unit="mixed", doc=what))
+    if probe.operator is not None:
+        fields += _own(f"{name}.hand", HAND)
+        if waits := sum(isinstance(target.hold, Until) for target in probe.operator.motion.targets):
+            fields += _own(f"{name}.hand", wait_fields(waits))
+        if beside := model.beside(probe):
+            what = "what arm and plate of each other probe on its finger push it with, world frame"
+            fields.append(Field(f"{name}.pushed", "f8", (beside, 3), unit="N", doc=what, show="no"))
+        if worn := model.worn(probe):
+            fields += _own(name, skin_fields(len(worn), CELLS))
+    return fields
 
 
 def declared(model: Model) -> Mapping[str, Field]:

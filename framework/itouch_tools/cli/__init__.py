@@ -44,9 +44,9 @@ COMMANDS = {
     "view": ("itouch_tools.cli.view", "open a window on a session that runs"),
     "replay": ("itouch_tools.cli.replay", "feed a recording to the engine and compare every command"),
     "sync": ("itouch_tools.cli.sync", "measure the delay between a mark and the wire on this machine"),
-    "study": ("itouch_tools.cli.study", "psychophysical studies: check, freeze, run, simulate, report, power, audit"),
-    "sweep": ("itouch_tools.cli.sweep", "very many runs with parameters by path, on this machine or a cluster"),
-    "recover": ("itouch_tools.cli.recover", "make a damaged recording whole: its longest valid prefix"),
+    "study": ("itouch_tools.cli.study", "check, freeze, run, simulate, report, power and audit psychophysical studies"),
+    "sweep": ("itouch_tools.cli.sweep", "run a scene many times with parameters by path, on this machine or a cluster"),
+    "recover": ("itouch_tools.cli.recover", "write the longest valid part of a damaged recording as a whole one"),
 }
 
 _USAGE = """\

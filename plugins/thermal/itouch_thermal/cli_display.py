@@ -148,7 +148,7 @@ def _module(options: argparse.Namespace) -> None:
 
 def _dew_point(options: argparse.Namespace) -> None:
     """Print the temperature of a plate below which water condenses on it."""
-    from itouch_thermal.display.peltier import dew_point
+    from itouch_thermal.flux.condensation import dew_point
 
     room = _quantity(options.room, "K", absolute=True)
     if not 233.15 <= room <= 333.15:

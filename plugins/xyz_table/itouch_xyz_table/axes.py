@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin.kernels import kernel
+from itouch.plugin.kernels import gaussian, kernel
 
 Floats = NDArray[np.float64]
 Words = NDArray[np.uint64]
@@ -20,25 +20,6 @@ ENCODER = 1e-6
 # Where the parameters stand in the array that `move` takes.
 OMEGA, SPEED, ACCELERATION, MASS, DRAG, LOW, HIGH, NOISE = 0, 1, 2, 3, 4, 5, 8, 11
 PARAMETERS = 12
-
-
-@kernel
-def _mix(word: np.uint64) -> np.uint64:
-    """Scramble a counter (SplitMix64, Steele, Lea and Flood 2014)."""
-    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return word ^ (word >> np.uint64(31))
-
-
-@kernel
-def _gaussian(words: Words) -> float:
-    """Draw from the standard normal distribution; the generator is the one word given."""
-    first = words[0] + np.uint64(0x9E3779B97F4A7C15)
-    second = first + np.uint64(0x9E3779B97F4A7C15)
-    words[0] = second
-    u = float(_mix(first) >> np.uint64(11)) * 2.0**-53 + 2.0**-54
-    v = float(_mix(second) >> np.uint64(11)) * 2.0**-53
-    return math.sqrt(-2.0 * math.log(u)) * math.cos(2.0 * math.pi * v)
 
 
 @kernel
@@ -84,7 +65,7 @@ def move(
         axes[0, i], axes[1, i], axes[2, i] = place, rate, goal[i]
         sensed[i] = np.rint(place / ENCODER) * ENCODER
         sensed[3 + i] = wrench[i]
-    sensed[5] += parameters[NOISE] * _gaussian(words)
+    sensed[5] += parameters[NOISE] * gaussian(words)
     return 0
 
 

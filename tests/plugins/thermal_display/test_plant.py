@@ -11,7 +11,8 @@ from itouch_thermal.display import DisplayParams, Mismatch
 from itouch_thermal.display import plant as at
 from itouch_thermal.display.column import plate_capacity, tissue_side
 from itouch_thermal.display.display_twin import DisplayTwin
-from itouch_thermal.display.peltier import Module, current_for, dew_point, pumped_heat
+from itouch_thermal.display.peltier import Module, current_for, pumped_heat
+from itouch_thermal.flux.condensation import dew_point
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.observer import M_PART
 from itouch_thermal.heat import FINGER

@@ -18,6 +18,8 @@ from itouch_tools.cli.doctor.finding import Finding
 
 _LIMITS = "as root write '@realtime - rtprio 90' and '@realtime - memlock unlimited' to "
 _ADVICE = _LIMITS + "/etc/security/limits.d/99-realtime.conf, join that group, log in anew"
+#: Free disk space [bytes] below which the doctor says that recordings lack room.
+ROOM = 1e9
 #: Asks for OpenGL in a process of its own: a broken driver may take its process with it.
 _ASK = """
 from itouch_tools.viewer import offscreen
@@ -187,6 +189,6 @@ def disk() -> Finding:
     free = shutil.disk_usage(".").free
     writable = os.access(".", os.W_OK)
     found = f"{free / 1e9:.0f} GB free in the working folder" + ("" if writable else ", which can't be written")
-    return (
-        Finding("disk", "ok", found) if free > 1e9 and writable else Finding("disk", "lack", found, "change the folder")
-    )
+    if free > ROOM and writable:
+        return Finding("disk", "ok", found)
+    return Finding("disk", "lack", found, "change the folder")

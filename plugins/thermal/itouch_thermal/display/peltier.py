@@ -58,18 +58,3 @@ class Module:
             voltage * (hot - difference) / (current * hot),
             voltage * current * (hot - difference) / (2.0 * hot * difference),
         )
-
-
-def dew_point(temperature: float, humidity: float) -> float:
-    """Return the dew point [K] of air at a temperature [K] and relative humidity 0..1 (Magnus form, Sonntag 1990).
-
-    Raises
-    ------
-    ValueError
-        If the humidity is not above 0 and at most 1.
-    """
-    if not 0.0 < humidity <= 1.0:
-        raise ValueError(f"humidity = {humidity!r} is out of range: above 0 to 1")
-    celsius = temperature - 273.15
-    level = math.log(humidity) + 17.62 * celsius / (243.12 + celsius)
-    return 243.12 * level / (17.62 - level) + 273.15

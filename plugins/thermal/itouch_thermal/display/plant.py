@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from contact_heat.resistance import contact_area, resistance_at
-from itouch.plugin.kernels import kernel
+from itouch.plugin.kernels import gaussian, inlined, kernel
 from itouch_thermal.display.column import (
     F_BEGIN,
     F_DECAY,
@@ -51,25 +51,7 @@ from itouch_thermal.laws import press_factor
 #: contact area at 1 N [m2] and the exponent of the force in it.
 FULL_FORCE, FACTOR, PRESS, PAD, PAD_EXPONENT, FINGER = range(6)
 
-_TWO_PI = 2.0 * math.pi
 _resistance_at, _press_factor, _contact_area = kernel(resistance_at), kernel(press_factor), kernel(contact_area)
-
-
-@kernel
-def _scramble(word: Any) -> Any:
-    """Scramble a counter (SplitMix64, Steele, Lea and Flood 2014)."""
-    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return word ^ (word >> np.uint64(31))
-
-
-@kernel
-def _gauss(words: Any) -> float:
-    words[0] += np.uint64(0x9E3779B97F4A7C15)
-    first = float(_scramble(words[0]) >> np.uint64(11)) * 2.0**-53
-    words[0] += np.uint64(0x9E3779B97F4A7C15)
-    second = float(_scramble(words[0]) >> np.uint64(11)) * 2.0**-53
-    return math.sqrt(-2.0 * math.log(first + 2.0**-54)) * math.cos(_TWO_PI * second)
 
 
 @kernel
@@ -134,7 +116,7 @@ def plant_step(
     c: Any, tissue: Any, plate: Any, shares: Any, memory: Any, above: Any, below: Any, line: Any, words: Any,
     command: float, contact: float, under: float, gap: float, ambient: float, beside: float,
 ) -> None:  # fmt: skip
-    """Advance the plant by one step.
+    """Advance the plant by one step; docs/explanation/thermal-estimator.md has its equations.
 
     Parameters
     ----------
@@ -151,11 +133,9 @@ def plant_step(
         finger [K m2/W] (infinite: apart), the part of the plate that it covers, or would cover, gap to the finger
         [m], room [K]; what else takes heat from the finger during the whole step [W/m2].
     """
-    dt = c[C_PERIOD]
-    n, m = above.shape[0], below.shape[0]
     current = _drive(c, memory, line, command)
     touching = contact < np.inf
-    flux, air = memory[FLUX], memory[PLATE_AIR]
+    flux = memory[FLUX]
     skin, face, cold, hot = memory[SKIN], memory[PLATE], memory[BACK], memory[SINK]
     if touching != (memory[TOUCHING] > 0.0):
         flux = (skin - face) / contact if touching else 0.0
@@ -163,75 +143,123 @@ def plant_step(
     air = c[C_FILM] * (ambient - face)
     finger_air = c[C_FINGER_FILM] * (skin - ambient)
     cover = under if touching else 0.0
+    spill = (1.0 - cover) * air
     place = under * (shares.shape[0] - 1)
     row = min(int(place), shares.shape[0] - 2)
-    low, high = shares[row], shares[row + 1]
-    part = place - row
+    low, high, part = shares[row], shares[row + 1], place - row
+    pumped = pumped_heat(c[C_SEEBECK], c[C_RESISTANCE], c[C_CONDUCTANCE], current, cold, hot)
+    pump = pumped / c[C_AREA]
 
-    heat = pumped_heat(c[C_SEEBECK], c[C_RESISTANCE], c[C_CONDUCTANCE], current, cold, hot)
-    electric = c[C_SEEBECK] * (hot - cold) * current + current * current * c[C_RESISTANCE]
-    pump = heat / c[C_AREA]
-    spill = (1.0 - cover) * air
-
-    # The open column: everything but the end value of the contact flux; what is beside it is known for all of the step.
-    gf, gp = c[C_TISSUE_GAIN], c[C_PLATE_GAIN]
-    leaving = flux if touching else finger_air
-    s = c[C_REST]
-    for i in range(n):
-        above[i] = tissue[F_DECAY, i] * above[i] - gf * tissue[F_BEGIN, i] * leaving
-        if beside != 0.0:
-            above[i] -= gf * (tissue[F_BEGIN, i] + tissue[F_END, i]) * beside
-        s += tissue[F_PORT, i] * above[i]
-    before = closing = 0.0
-    p = c[C_REFERENCE]
+    open_skin = _relax_tissue(c, tissue, above, flux if touching else finger_air, beside)
     entering = flux if touching else 0.0
-    for i in range(m):
-        into = low[0, i] + part * (high[0, i] - low[0, i])
-        out = low[1, i] + part * (high[1, i] - low[1, i])
-        before += plate[P_HALF, i] * out * below[i]
-        below[i] = plate[P_DECAY, i] * below[i] + gp * (
-            plate[P_BEGIN, i] * into * entering + plate[P_SPILL, i] * spill - plate[P_PUMP, i] * pump
-        )
-        p += plate[P_PORT, i] * out * below[i]
-        closing += plate[P_PORT, i] * out * into * plate[P_END, i]
-    # Its closing: the flux that agrees with both surfaces at the end of the step.
-    late = 0.0
+    before, open_face, plate_self = _relax_plate(c, plate, low, high, part, below, entering, spill, pump)
+    end = 0.0
     if touching:
-        late = (s - p) / (contact + gf * c[C_TISSUE_SELF] + gp * closing)
-        lost = late
+        end = (open_skin - open_face) / (contact + c[C_TISSUE_GAIN] * c[C_TISSUE_SELF] + c[C_PLATE_GAIN] * plate_self)
+        leaving = end
     else:
-        lost = c[C_FINGER_FILM] * (s - ambient) / (1.0 + c[C_FINGER_FILM] * gf * c[C_TISSUE_SELF])
-    s = c[C_REST]
-    for i in range(n):
-        above[i] -= gf * tissue[F_END, i] * lost
-        s += tissue[F_PORT, i] * above[i]
-    p, b, t, h, mean = c[C_REFERENCE], c[C_REFERENCE], c[C_REFERENCE], 0.0, c[C_REFERENCE]
-    for i in range(m):
-        into = low[0, i] + part * (high[0, i] - low[0, i])
-        out = low[1, i] + part * (high[1, i] - low[1, i])
-        below[i] += gp * plate[P_END, i] * into * late
-        p += plate[P_PORT, i] * out * below[i]
-        b += plate[P_BACK, i] * below[i]
-        t += plate[P_SENSE, i] * out * below[i]
-        h += plate[P_HALF, i] * out * below[i]
-        mean += plate[P_MEAN, i] * below[i]
+        answer = c[C_FINGER_FILM] * c[C_TISSUE_GAIN] * c[C_TISSUE_SELF]
+        leaving = c[C_FINGER_FILM] * (open_skin - ambient) / (1.0 + answer)
+    skin = _end_tissue(c, tissue, above, leaving)
+    face, back, film, half, mean = _end_plate(c, plate, low, high, part, below, end)
 
-    entered = 0.5 * (flux + late)
-    room = (hot - ambient) / c[C_SINK_RESISTANCE]
-    memory[SINK] = hot + dt / c[C_SINK_CAPACITY] * (heat + electric - room)
-    memory[ENERGY_ELECTRIC] += dt * electric
-    memory[ENERGY_FINGER] += dt * c[C_AREA] * cover * entered
-    memory[ENERGY_AIR] += dt * c[C_AREA] * spill
-    memory[ENERGY_ROOM] += dt * room
-    memory[FLUX], memory[SKIN], memory[PLATE], memory[BACK], memory[MEAN] = late, s, p, b, mean
+    entered = 0.5 * (flux + end)
+    _account(c, memory, current, pumped, cover, entered, spill, ambient)
+    memory[FLUX], memory[SKIN], memory[PLATE], memory[BACK], memory[MEAN] = end, skin, face, back, mean
     memory[PUMP], memory[PLATE_AIR], memory[FINGER_AIR] = pump, air, finger_air
     # The film sees the flux at its middle: what entered less what its upper half kept.
     seen = air
     if touching:
         covered = min(1.0, under * c[C_AREA] / c[C_SENSOR])
         seen = covered * entered + (1.0 - covered) * air
-    seen -= (h - before) / (gp * dt)
-    _sense(c, memory, words, seen, t, s, gap)
+    seen -= (half - before) / (c[C_PLATE_GAIN] * c[C_PERIOD])
+    _sense(c, memory, words, seen, film, skin, gap)
+
+
+@inlined
+def _relax_tissue(c: Any, tissue: Any, above: Any, begin: float, beside: float) -> float:
+    """Advance the tissue under the flux at the begin of a step, and what takes heat all the time; return the skin."""
+    gain, skin = c[C_TISSUE_GAIN], c[C_REST]
+    for i in range(above.shape[0]):
+        above[i] = tissue[F_DECAY, i] * above[i] - gain * tissue[F_BEGIN, i] * begin
+        if beside != 0.0:
+            above[i] -= gain * (tissue[F_BEGIN, i] + tissue[F_END, i]) * beside
+        skin += tissue[F_PORT, i] * above[i]
+    return float(skin)
+
+
+@inlined
+def _end_tissue(c: Any, tissue: Any, above: Any, end: float) -> float:
+    """Add what the flux at the end of a step does to the tissue; return the skin."""
+    gain, skin = c[C_TISSUE_GAIN], c[C_REST]
+    for i in range(above.shape[0]):
+        above[i] -= gain * tissue[F_END, i] * end
+        skin += tissue[F_PORT, i] * above[i]
+    return float(skin)
+
+
+@inlined
+def _relax_plate(
+    c: Any, plate: Any, low: Any, high: Any, part: float, below: Any, begin: float, spill: float, pump: float
+) -> tuple[float, float, float]:
+    """Advance the plate under all of a step but the contact's flux at its end.
+
+    Return the heat in the film's upper half at the begin of the step, the face, and what the face answers to the flux
+    at the end; ``low`` and ``high`` (2, m) are the rows of the shares, ``part`` of the way from one to the other.
+    """
+    before = plate_self = 0.0
+    face = c[C_REFERENCE]
+    for i in range(below.shape[0]):
+        into = low[0, i] + part * (high[0, i] - low[0, i])
+        out = low[1, i] + part * (high[1, i] - low[1, i])
+        before += plate[P_HALF, i] * out * below[i]
+        below[i] = plate[P_DECAY, i] * below[i] + c[C_PLATE_GAIN] * (
+            plate[P_BEGIN, i] * into * begin + plate[P_SPILL, i] * spill - plate[P_PUMP, i] * pump
+        )
+        face += plate[P_PORT, i] * out * below[i]
+        plate_self += plate[P_PORT, i] * out * into * plate[P_END, i]
+    return before, face, plate_self
+
+
+@inlined
+def _end_plate(
+    c: Any, plate: Any, low: Any, high: Any, part: float, below: Any, end: float
+) -> tuple[float, float, float, float, float]:
+    """Add what the flux at the end of a step does to the plate.
+
+    Return face, back and film, the heat in the film's upper half, and the plate's mean.
+    """
+    face = back = film = mean = c[C_REFERENCE]
+    half = 0.0
+    for i in range(below.shape[0]):
+        into = low[0, i] + part * (high[0, i] - low[0, i])
+        out = low[1, i] + part * (high[1, i] - low[1, i])
+        below[i] += c[C_PLATE_GAIN] * plate[P_END, i] * into * end
+        face += plate[P_PORT, i] * out * below[i]
+        back += plate[P_BACK, i] * below[i]
+        film += plate[P_SENSE, i] * out * below[i]
+        half += plate[P_HALF, i] * out * below[i]
+        mean += plate[P_MEAN, i] * below[i]
+    return face, back, film, half, mean
+
+
+@inlined
+def _account(
+    c: Any, memory: Any, current: float, pumped: float, cover: float, entered: float, spill: float, ambient: float
+) -> None:  # fmt: skip
+    """Warm the sink, and add a step's heat to what went in electrically and out of finger, air and room.
+
+    ``memory`` is as it was at the begin of the step; ``entered`` [W/m2] is what entered
+    the part ``cover`` of the plate, ``spill`` what air gave to the rest, spread over all of it.
+    """
+    dt, hot = c[C_PERIOD], memory[SINK]
+    electric = c[C_SEEBECK] * (hot - memory[BACK]) * current + current * current * c[C_RESISTANCE]
+    room = (hot - ambient) / c[C_SINK_RESISTANCE]
+    memory[SINK] = hot + dt / c[C_SINK_CAPACITY] * (pumped + electric - room)
+    memory[ENERGY_ELECTRIC] += dt * electric
+    memory[ENERGY_FINGER] += dt * c[C_AREA] * cover * entered
+    memory[ENERGY_AIR] += dt * c[C_AREA] * spill
+    memory[ENERGY_ROOM] += dt * room
 
 
 @kernel
@@ -277,14 +305,14 @@ def _sense(c: Any, memory: Any, words: Any, seen: float, film: float, skin: floa
     memory[FLUX_LAG] = c[C_FLUX_KEEP] * memory[FLUX_LAG] + (1.0 - c[C_FLUX_KEEP]) * seen
     memory[PLATE_LAG] = c[C_PLATE_KEEP] * memory[PLATE_LAG] + (1.0 - c[C_PLATE_KEEP]) * film
     memory[SINK_LAG] = c[C_SINK_KEEP] * memory[SINK_LAG] + (1.0 - c[C_SINK_KEEP]) * memory[SINK]
-    flux = memory[FLUX_LAG] * c[C_FLUX_GAIN] + c[C_FLUX_BIAS] + c[C_FLUX_NOISE] * _gauss(words)
+    flux = memory[FLUX_LAG] * c[C_FLUX_GAIN] + c[C_FLUX_BIAS] + c[C_FLUX_NOISE] * gaussian(words)
     flux = min(c[C_CEILING], max(-c[C_CEILING], flux))
     memory[READ_FLUX] = _counted(flux, c[C_FLUX_STEP])
     memory[READ_PLATE] = _counted(
-        memory[PLATE_LAG] + c[C_PLATE_OFFSET] + c[C_PLATE_NOISE] * _gauss(words), c[C_PLATE_STEP]
+        memory[PLATE_LAG] + c[C_PLATE_OFFSET] + c[C_PLATE_NOISE] * gaussian(words), c[C_PLATE_STEP]
     )
-    memory[READ_SINK] = _counted(memory[SINK_LAG] + c[C_SINK_NOISE] * _gauss(words), c[C_SINK_STEP])
-    noise = c[C_SKIN_NOISE] * _gauss(words)
+    memory[READ_SINK] = _counted(memory[SINK_LAG] + c[C_SINK_NOISE] * gaussian(words), c[C_SINK_STEP])
+    noise = c[C_SKIN_NOISE] * gaussian(words)
     memory[READ_VALID] = 0.0
     if gap > c[C_CLEAR]:
         memory[READ_VALID] = 1.0

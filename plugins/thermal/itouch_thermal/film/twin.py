@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from contact_heat.layers import ROOM, Back, Film, Initial, Side
-from itouch.plugin import Field, Record, Role, Twin, TwinInputs
+from itouch.plugin import Field, Record, Role, Twin, TwinInputs, gaussian
 from itouch_thermal.display.column import Array
 from itouch_thermal.film.film_params import WOOD, FilmParams
 from itouch_thermal.heat import FINGER, finger_side
@@ -91,7 +91,7 @@ class FilmTwin(Twin):
         if not state["begun"].item():
             skin[:], body[:] = rest, still
             state["begun"] = 1
-        if self._phase(memory, state["noise"], period) and p.recovers:
+        if self._phase(state, period) and p.recovers:
             skin[:], body[:] = rest, still
             memory[FLUX], memory[FACE], memory[FILM_LAG] = 0.0, self._ambient, self._ambient
         before, face = memory[FLUX].item(), memory[FACE].item()
@@ -115,9 +115,9 @@ class FilmTwin(Twin):
         memory[CLOCK] += period
         state["true_flux"] = flux
 
-    def _phase(self, memory: Array, words: Any, period: float) -> bool:
+    def _phase(self, state: Record, period: float) -> bool:
         """Begin and end touches; return whether one has just ended."""
-        p = self.params
+        p, memory = self.params, state["memory"]
         memory[TIME] += period
         touching = bool(memory[TOUCHING].item() > 0.0)
         over = memory[TIME].item() >= (p.hold if touching else p.pause) - 0.5 * period
@@ -127,24 +127,24 @@ class FilmTwin(Twin):
         memory[TOUCHING] = 0.0 if touching else 1.0
         if not touching:
             memory[COUNT] += 1.0
-            memory[WANTED] = p.force * max(0.2, 1.0 + p.force_spread * _gauss(words))
+            memory[WANTED] = p.force * max(0.2, 1.0 + p.force_spread * gaussian(state, "noise"))
         return touching
 
     def read(self, state: Record, reading: Record) -> bool | None:
         """Give what the sensors say; a look draws new noise."""
-        p, memory, words = self.params, state["memory"], state["noise"]
+        p, memory = self.params, state["memory"]
         drifted = p.flux_bias + p.flux_drift * memory[CLOCK].item()
-        flux = memory[FLUX_LAG].item() + drifted + p.flux_noise * _gauss(words)
+        flux = memory[FLUX_LAG].item() + drifted + p.flux_noise * gaussian(state, "noise")
         reading["heat_flux"] = min(p.full_scale, max(-p.full_scale, flux))
-        film = memory[FILM_LAG].item() + p.film_noise * _gauss(words)
+        film = memory[FILM_LAG].item() + p.film_noise * gaussian(state, "noise")
         if p.has_thermometer:
             reading["film_temperature"] = film
         reading["wrench"][:] = 0.0
-        reading["wrench"][2] = -memory[FORCE].item() - p.force_noise * _gauss(words)
+        reading["wrench"][2] = -memory[FORCE].item() - p.force_noise * gaussian(state, "noise")
         clear = memory[TOUCHING].item() == 0.0
         reading["skin_valid"] = float(clear)
         if clear:
-            reading["skin_temperature"] = self._skin(state) + p.skin_noise * _gauss(words)
+            reading["skin_temperature"] = self._skin(state) + p.skin_noise * gaussian(state, "noise")
         return True
 
     def _skin(self, state: Record) -> float:
@@ -159,18 +159,3 @@ class FilmTwin(Twin):
 
 def _share(period: float, lag: float) -> float:
     return -math.expm1(-period / lag) if lag > 0.0 else 1.0
-
-
-def _gauss(words: Any) -> float:
-    """Return a normal number and move the generator's word on (SplitMix64)."""
-    first, second = _uniform(words), _uniform(words)
-    return math.sqrt(-2.0 * math.log(first + 2.0**-54)) * math.cos(2.0 * math.pi * second)
-
-
-def _uniform(words: Any) -> float:
-    mask = (1 << 64) - 1
-    word = (int(words[0]) + 0x9E3779B97F4A7C15) & mask
-    words[0] = word
-    word = ((word ^ (word >> 30)) * 0xBF58476D1CE4E5B9) & mask
-    word = ((word ^ (word >> 27)) * 0x94D049BB133111EB) & mask
-    return float((word ^ (word >> 31)) >> 11) * 2.0**-53

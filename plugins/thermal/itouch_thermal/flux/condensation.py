@@ -6,10 +6,24 @@ import math
 
 from itouch.plugin import ParameterError
 from itouch_thermal.display.params import DisplayParams
-from itouch_thermal.display.peltier import dew_point
 
 #: How far above the dew point a plate is kept that shall stay dry [K].
 MARGIN = 1.0
+
+
+def dew_point(temperature: float, humidity: float) -> float:
+    """Return the dew point [K] of air at a temperature [K] and relative humidity 0..1 (Magnus form, Sonntag 1990).
+
+    Raises
+    ------
+    ValueError
+        If the humidity is not above 0 and at most 1.
+    """
+    if not 0.0 < humidity <= 1.0:
+        raise ValueError(f"humidity = {humidity!r} is out of range: above 0 to 1")
+    celsius = temperature - 273.15
+    level = math.log(humidity) + 17.62 * celsius / (243.12 + celsius)
+    return 243.12 * level / (17.62 - level) + 273.15
 
 
 def dew_of(display: DisplayParams, ambient: float) -> float:

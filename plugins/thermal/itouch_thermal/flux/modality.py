@@ -17,6 +17,49 @@ from itouch_thermal.flux.masking import masked
 from itouch_thermal.flux.setting import FluxModel, setting
 from itouch_thermal.flux.start import within
 
+#: Of the controller's State, what it keeps of the flux and of the approach,
+_APPROACH = (
+    Field("readiness", unit="1", doc="1 when the plate is at the start temperature within 0.1 K, falls to 0 at 0.2 K"),
+    Field("plate_ready", "i8", unit="1", doc="1 when `readiness` is", role=Role.READY),
+    Field(
+        "start_temperature", unit="K", doc="where the plate goes before the touch of the near object", show="no",
+    ),
+    Field(
+        "desired", unit="W/m^2", doc="desired flux: of `desired-from`, or of a recorded curve",
+        show="wish: heat flux out of the finger",
+    ),
+    Field(
+        "obtained", unit="W/m^2", show="no",
+        doc="flux out of the finger: the twin's true one, on hardware the sensor's, corrected",
+    ),
+    Field("flux", unit="W/m^2", doc="flux at the plate's face that the controller assumes", show="no"),
+    Field("approached", "i8", unit="1", doc="number of the object that is near, -1: none"),
+    Field("calm", unit="K", doc="mean of the skin's readings while the rig is calibrated, 0: none", show="no"),
+    Field("looked", unit="s", doc="over how long that mean is", show="no"),
+)  # fmt: skip
+#: of the moment at which it begins,
+_BEGIN = (
+    Field("preset_begun", "i8", unit="tick", doc="when the approach to the start temperature began"),
+    Field("open", "i8", unit="1", doc="1 in contact with an object"),
+    Field("touching", "i8", unit="1", doc="1 while the plate renders a contact with an object that has a flux"),
+)
+#: and of the touch.
+_TOUCH = (
+    Field("begun", "i8", unit="tick", doc="when the contact began"),
+    Field("fresh", "i8", unit="1", doc="1 in the first update in which the plate renders"),
+    Field("pressing", "i8", unit="1", doc="1 while the finger presses on the plate"),
+    Field("integral", unit="W/m^2", doc="integral part of the flux of the controller `paper`", show="no"),
+    Field("on_plate", "i8", unit="1", doc="1 while the finger is felt on the plate"),
+    Field(
+        "plate_limited", "i8", unit="1",
+        doc="1 if the start temperature lies outside the plate's band and was clipped",
+    ),
+    Field("unready", "i8", unit="1", doc="touches that began before the plate was ready"),
+    Field(
+        "condensation_time", unit="s", doc="how long the plate has been below the room's dew point", show="no",
+    ),
+)  # fmt: skip
+
 
 class FluxControl(Modality):
     """Makes the plate draw the desired flux."""
@@ -41,66 +84,13 @@ class FluxControl(Modality):
 
     def fields(self, model: FluxModel) -> tuple[Field, ...]:
         """Return the controller's memory and the account of the contact."""
-        own = (
-            Field(
-                "readiness",
-                unit="1",
-                doc="1 when the plate is at the start temperature within 0.1 K, falls to 0 at 0.2 K",
-            ),
-            Field("plate_ready", "i8", unit="1", doc="1 when `readiness` is", role=Role.READY),
-            Field(
-                "start_temperature", unit="K", doc="where the plate goes before the touch of the near object", show="no"
-            ),
-            Field(
-                "desired",
-                unit="W/m^2",
-                doc="desired flux: of `desired-from`, or of a recorded curve",
-                show="wish: heat flux out of the finger",
-            ),
-            Field(
-                "obtained",
-                unit="W/m^2",
-                doc="flux out of the finger: the twin's true one, on hardware the sensor's, corrected",
-                show="no",
-            ),
-            Field("flux", unit="W/m^2", doc="flux at the plate's face that the controller assumes", show="no"),
-            Field("approached", "i8", unit="1", doc="number of the object that is near, -1: none"),
-            Field("calm", unit="K", doc="mean of the skin's readings while the rig is calibrated, 0: none", show="no"),
-            Field("looked", unit="s", doc="over how long that mean is", show="no"),
-            Field(
-                "covered",
-                "f8",
-                model.finger.tissue.shape[1],
-                unit="K",
-                doc="modes of what touches in the calibration have done to the skin",
-            ),
-            Field("preset_begun", "i8", unit="tick", doc="when the approach to the start temperature began"),
-            Field("open", "i8", unit="1", doc="1 in contact with an object"),
-            Field("touching", "i8", unit="1", doc="1 while the plate renders a contact with an object that has a flux"),
-            Field(
-                "object",
-                "i8",
-                low=-1,
-                high=len(model.curves) - 1,
-                unit="1",
-                doc="number of the object that is touched, -1: none",
-            ),
-            Field("begun", "i8", unit="tick", doc="when the contact began"),
-            Field("fresh", "i8", unit="1", doc="1 in the first update in which the plate renders"),
-            Field("pressing", "i8", unit="1", doc="1 while the finger presses on the plate"),
-            Field("integral", unit="W/m^2", doc="integral part of the flux of the controller `paper`", show="no"),
-            Field("on_plate", "i8", unit="1", doc="1 while the finger is felt on the plate"),
-            Field(
-                "plate_limited",
-                "i8",
-                unit="1",
-                doc="1 if the start temperature lies outside the plate's band and was clipped",
-            ),
-            Field("unready", "i8", unit="1", doc="touches that began before the plate was ready"),
-            Field(
-                "condensation_time", unit="s", doc="how long the plate has been below the room's dew point", show="no"
-            ),
+        modes = model.finger.tissue.shape[1]
+        covered = Field(
+            "covered", "f8", modes, unit="K", doc="modes of what touches in the calibration have done to the skin"
         )
+        what = "number of the object that is touched, -1: none"
+        touched = Field("object", "i8", low=-1, high=len(model.curves) - 1, unit="1", doc=what)
+        own = (*_APPROACH, covered, *_BEGIN, touched, *_TOUCH)
         memory = predictive.memory(model) if model.law is not None else published.memory(model)
         return own + account.FIELDS + actuation.fields(model) + memory
 

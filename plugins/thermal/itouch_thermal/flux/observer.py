@@ -10,10 +10,10 @@ parameters).  A correction moves the column to where it would be had the paramet
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from contact_heat.resistance import contact_area
-from itouch.plugin.kernels import kernel
+from itouch.plugin.kernels import inlined, kernel
 from itouch_thermal.display.column import (
     F_BEGIN,
     F_DECAY,
@@ -87,9 +87,65 @@ def slewed(current: float, before: float, most: float) -> float:
     return float(current if most <= 0.0 else min(before + most, max(before - most, current)))
 
 
+class Flowing(NamedTuple):
+    """The current of a step, as far as heat tells: its mean and mean square, and how much of both a second is worth."""
+
+    acting: float
+    square: float
+    rise: float
+    rise_square: float
+
+
+class Pumping(NamedTuple):
+    """The flux that is pumped out of the plate, its slope over the plate's back, and what both are made of."""
+
+    flux: float
+    slope: float
+    seebeck: float
+    ohmic: float
+    cold: float
+    hot: float
+
+
+class Closing(NamedTuple):
+    """Gains of both halves, resistance and parts of the plate in a step, and what closes the contact at its end."""
+
+    tissue_gain: float
+    plate_gain: float
+    resistance: float
+    pressing: float
+    touching: bool
+    cover: float
+    covered: float
+    tissue_self: float
+    whole: float
+
+
+class Lags(NamedTuple):
+    """What sensors of flux and film keep over a step, and the derivatives of that by the logarithm of their lag."""
+
+    keep_flux: float
+    keep_film: float
+    rise_flux: float
+    rise_film: float
+
+
+class Stepped(NamedTuple):
+    """What the derivatives need of the column's own step: its fluxes, and what its sensors saw."""
+
+    begin: float
+    end: float
+    spill: float
+    middle: float
+    film: float
+    seen: float
+    lagging_seen: float
+    lagging_film: float
+
+
 @kernel
 def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, current: float, scale: float) -> None:
-    """Advance column and derivatives by one period.
+    """Advance column and derivatives by one period; docs/explanation/thermal-estimator.md derives what is done.
 
     Parameters
     ----------
@@ -106,18 +162,19 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
     scale
         Contact resistance that the force explains, as a multiple of the nominal one.
     """
+    flowing = _flowing(c, theta, memory, current)
+    pumping = _pumping(c, x[0], tissue.shape[1] + plate.shape[1], theta, memory, flowing)
+    closing = _closing(c, tissue, plate, theta, memory, scale)
+    lags = _lags(c, theta)
+    column = _step_column(c, tissue, plate, x[0], pumping, closing, lags)
+    for k in range(theta.shape[0]):
+        _step_derivative(c, tissue, plate, x[1 + k], k, scale, flowing, pumping, closing, lags, column)
+
+
+@inlined
+def _flowing(c: Any, theta: Any, memory: Any, current: float) -> Flowing:
+    """Return the current that flows in a step, behind the driver's slew and the unknown part of the delay."""
     dt = c[O_PERIOD]
-    n, m = tissue.shape[1], plate.shape[1]
-    o = n + m
-    touching = memory[M_TOUCHING] > 0.0
-    gp, gf = 1.0 / (1.0 + theta[PLATE]), 1.0 / (1.0 + theta[TISSUE])
-    seebeck, legs = c[O_SEEBECK] * (1.0 + theta[SEEBECK]), c[O_CONDUCTANCE] * (1.0 + theta[LEGS])
-    ohmic = c[O_RESISTANCE] * (1.0 + theta[OHMIC])
-    pressing = scale - 1.0 if scale < 1.0 else (scale - 1.0) * math.exp(theta[PRESS])
-    contact = c[O_CONTACT] * math.exp(theta[RESISTANCE]) * (1.0 + pressing)
-    cover = c[O_COVER] if touching else 0.0
-    covered = memory[M_PART] if touching else 0.0
-    cold, hot, face = x[0, o + X_BACK], memory[M_SINK], x[0, o + X_FACE]
     if c[O_SLEW] > 0.0:
         current = slewed(current, memory[M_BEFORE], c[O_SLEW] * dt)
     acting, square, rise, rise_square = current, current * current, 0.0, 0.0
@@ -126,108 +183,197 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
         rise, rise_square = (current - memory[M_BEFORE]) / dt, (current**2 - memory[M_BEFORE] ** 2) / dt
     if memory.shape[0] > M_BEFORE:
         memory[M_BEFORE] = current
-    pumped = seebeck * cold * acting - 0.5 * square * ohmic - legs * (hot - cold)
-    pump = pumped / c[O_AREA] + theta[FLUX] + x[0, o + X_DRIFT]
-    slope = (seebeck * acting + legs) / c[O_AREA]
-    electric = seebeck * (hot - cold) * acting + square * ohmic
+    return Flowing(acting, square, rise, rise_square)
+
+
+@inlined
+def _pumping(c: Any, row: Any, o: int, theta: Any, memory: Any, flowing: Flowing) -> Pumping:
+    """Return what the module pumps in a step, and warm the sink by it; ``row`` is the column, ``o`` where modes end."""
+    dt = c[O_PERIOD]
+    cold, hot = row[o + X_BACK], memory[M_SINK]
+    seebeck, legs = c[O_SEEBECK] * (1.0 + theta[SEEBECK]), c[O_CONDUCTANCE] * (1.0 + theta[LEGS])
+    ohmic = c[O_RESISTANCE] * (1.0 + theta[OHMIC])
+    pumped = seebeck * cold * flowing.acting - 0.5 * flowing.square * ohmic - legs * (hot - cold)
+    electric = seebeck * (hot - cold) * flowing.acting + flowing.square * ohmic
     heat = pumped + electric - (hot - c[O_AMBIENT]) / c[O_SINK_RESISTANCE]
     memory[M_SINK] += dt / c[O_SINK_CAPACITY] * heat
     memory[M_SINK_SEEN] += dt / (c[O_SINK_LAG] + dt) * (memory[M_SINK] - memory[M_SINK_SEEN])
+    flux = pumped / c[O_AREA] + theta[FLUX] + row[o + X_DRIFT]
+    return Pumping(flux, (seebeck * flowing.acting + legs) / c[O_AREA], seebeck, ohmic, cold, hot)
 
+
+@inlined
+def _closing(c: Any, tissue: Any, plate: Any, theta: Any, memory: Any, scale: float) -> Closing:
+    """Return what relates the flux at the end of a step to the temperatures of both faces without it."""
+    touching = memory[M_TOUCHING] > 0.0
+    tissue_gain, plate_gain = 1.0 / (1.0 + theta[TISSUE]), 1.0 / (1.0 + theta[PLATE])
+    pressing = scale - 1.0 if scale < 1.0 else (scale - 1.0) * math.exp(theta[PRESS])
+    resistance = c[O_CONTACT] * math.exp(theta[RESISTANCE]) * (1.0 + pressing)
     tissue_self = plate_self = 0.0
     if touching:
-        for i in range(n):
+        for i in range(tissue.shape[1]):
             tissue_self += tissue[F_PORT, i] * tissue[F_END, i]
-    for i in range(m):
+    for i in range(plate.shape[1]):
         plate_self += plate[P_PORT, i] * plate[P_END, i]
-    closing = contact + gf * tissue_self + gp * plate_self
-    keep_flux = math.exp(-dt / (c[O_FLUX_LAG] * math.exp(theta[LAG])))
-    keep_film = math.exp(-dt / (c[O_PLATE_LAG] * math.exp(theta[LAG])))
-    rise_flux = keep_flux * dt / (c[O_FLUX_LAG] * math.exp(theta[LAG]))
-    rise_film = keep_film * dt / (c[O_PLATE_LAG] * math.exp(theta[LAG]))
+    whole = resistance + tissue_gain * tissue_self + plate_gain * plate_self
+    cover, covered = (c[O_COVER], memory[M_PART]) if touching else (0.0, 0.0)
+    return Closing(tissue_gain, plate_gain, resistance, pressing, touching, cover, covered, tissue_self, whole)
 
-    j0 = x[0, o + X_FLUX]
-    j1 = middle = film = base_seen = memory_seen = memory_film = 0.0
-    for k in range(theta.shape[0] + 1):
-        base = k == 0
-        r = x[k]
-        dj0 = r[o + X_FLUX]
-        if base:
-            air = c[O_AIR] * (c[O_AMBIENT] - face)
-            du = pump
-        else:
-            air = -c[O_AIR] * r[o + X_FACE]
-            du = slope * r[o + X_BACK] + r[o + X_DRIFT]
-            if k - 1 == SEEBECK:
-                du += c[O_SEEBECK] * cold * acting / c[O_AREA]
-            elif k - 1 == LEGS:
-                du -= c[O_CONDUCTANCE] * (hot - cold) / c[O_AREA]
-            elif k - 1 == OHMIC:
-                du -= 0.5 * square * c[O_RESISTANCE] / c[O_AREA]
-            elif k - 1 == FLUX:
-                du += 1.0
-            elif k - 1 == DELAY:
-                du -= (seebeck * cold * rise - 0.5 * ohmic * rise_square) / c[O_AREA]
-        # A gain's derivative acts on what the base took in: its begin and end fluxes and the pumped one.
-        of_tissue = -gf * gf if k - 1 == TISSUE else 0.0
-        of_plate = -gp * gp if k - 1 == PLATE else 0.0
-        spill = (1.0 - cover) * air
-        s = c[O_REST] if base else 0.0
-        if touching:
-            begin = gf * dj0 + of_tissue * j0
-            for i in range(n):
-                r[i] = tissue[F_DECAY, i] * r[i] - tissue[F_BEGIN, i] * begin
-                s += tissue[F_PORT, i] * r[i]
-            if not base:
-                s -= of_tissue * tissue_self * j1
-        base_spill = (1.0 - cover) * c[O_AIR] * (c[O_AMBIENT] - face)
-        begin, beside = gp * dj0 + of_plate * j0, gp * spill + of_plate * base_spill
-        end = 0.0 if base else of_plate * j1
-        push = gp * du + of_plate * pump
-        p = c[O_REFERENCE] if base else 0.0
-        before = 0.0
-        for i in range(m):
-            before += plate[P_HALF, i] * r[n + i]
-            r[n + i] = (
-                plate[P_DECAY, i] * r[n + i]
-                + plate[P_BEGIN, i] * begin
-                + plate[P_END, i] * end
-                + plate[P_SPILL, i] * beside
-                - plate[P_PUMP, i] * push
-            )
-            p += plate[P_PORT, i] * r[n + i]
-        dj1 = 0.0
-        if touching:
-            explicit = contact * j1 if k - 1 == RESISTANCE else 0.0
-            if k - 1 == PRESS and scale > 1.0:
-                explicit = contact * pressing / (1.0 + pressing) * j1
-            dj1 = (s - p - explicit) / closing
-            late = gf * dj1 + of_tissue * (0.0 if base else j1)
-            for i in range(n):
-                r[i] -= tissue[F_END, i] * late
-        p, back, t, h = (c[O_REFERENCE], c[O_REFERENCE], c[O_REFERENCE], 0.0) if base else (0.0, 0.0, 0.0, 0.0)
-        late = gp * dj1
-        for i in range(m):
-            r[n + i] += plate[P_END, i] * late
-            p += plate[P_PORT, i] * r[n + i]
-            back += plate[P_BACK, i] * r[n + i]
-            t += plate[P_SENSE, i] * r[n + i]
-            h += plate[P_HALF, i] * r[n + i]
-        into = 0.5 * (dj0 + dj1)
-        seen = covered * into + (1.0 - covered) * air - (h - before) / (gp * dt)
-        if base:
-            j1, middle, film = dj1, (h - before) / dt, t
-            memory_seen, memory_film = r[o + X_SEEN], r[o + X_FILM]
-        elif k - 1 == PLATE:
-            seen -= middle  # d(1 / gp) = d(1 + theta)
-        lag_seen = lag_film = 0.0
-        if k - 1 == LAG:
-            lag_seen, lag_film = rise_flux * (memory_seen - base_seen), rise_film * (memory_film - film)
-        if base:
-            base_seen = seen
-        r[o + X_SEEN] = keep_flux * r[o + X_SEEN] + (1.0 - keep_flux) * seen + lag_seen
-        r[o + X_FILM] = keep_film * r[o + X_FILM] + (1.0 - keep_film) * t + lag_film
-        r[o + X_FLUX], r[o + X_BACK], r[o + X_FACE] = dj1, back, p
+
+@inlined
+def _lags(c: Any, theta: Any) -> Lags:
+    """Return what the sensors keep over a step."""
+    dt = c[O_PERIOD]
+    flux_lag, film_lag = c[O_FLUX_LAG] * math.exp(theta[LAG]), c[O_PLATE_LAG] * math.exp(theta[LAG])
+    keep_flux, keep_film = math.exp(-dt / flux_lag), math.exp(-dt / film_lag)
+    return Lags(keep_flux, keep_film, keep_flux * dt / flux_lag, keep_film * dt / film_lag)
+
+
+@inlined
+def _step_column(c: Any, tissue: Any, plate: Any, row: Any, pumping: Pumping, closing: Closing, lags: Lags) -> Stepped:
+    """Advance the column: both halves without the flux at the end of the step, that flux, and both halves with it."""
+    n, o = tissue.shape[1], tissue.shape[1] + plate.shape[1]
+    gain, begin, end, skin = closing.plate_gain, row[o + X_FLUX], 0.0, 0.0
+    air = c[O_AIR] * (c[O_AMBIENT] - row[o + X_FACE])
+    spill = (1.0 - closing.cover) * c[O_AIR] * (c[O_AMBIENT] - row[o + X_FACE])
+    if closing.touching:
+        skin = _relax_tissue(tissue, row, closing.tissue_gain * begin, c[O_REST])
+    beside = gain * ((1.0 - closing.cover) * air)
+    before, face = _relax_plate(plate, row, n, gain * begin, 0.0, beside, gain * pumping.flux, c[O_REFERENCE])
+    if closing.touching:
+        end = (skin - face) / closing.whole
+        _end_tissue(tissue, row, closing.tissue_gain * end)
+    face, back, film, heat = _end_plate(plate, row, n, gain * end, c[O_REFERENCE])
+    seen = (
+        closing.covered * (0.5 * (begin + end)) + (1.0 - closing.covered) * air - (heat - before) / (gain * c[O_PERIOD])
+    )
+    found = Stepped(
+        begin, end, spill, (heat - before) / c[O_PERIOD], film, seen, row[o + X_SEEN], row[o + X_FILM]
+    )  # fmt: skip
+    row[o + X_SEEN] = lags.keep_flux * row[o + X_SEEN] + (1.0 - lags.keep_flux) * seen
+    row[o + X_FILM] = lags.keep_film * row[o + X_FILM] + (1.0 - lags.keep_film) * film
+    row[o + X_FLUX], row[o + X_BACK], row[o + X_FACE] = end, back, face
+    return found
+
+
+@inlined
+def _step_derivative(
+    c: Any, tissue: Any, plate: Any, row: Any, k: int, scale: float,
+    flowing: Flowing, pumping: Pumping, closing: Closing, lags: Lags, column: Stepped,
+) -> None:  # fmt: skip
+    """Advance the column's derivative with respect to parameter ``k``, with what the column did in this step."""
+    n, o = tissue.shape[1], tissue.shape[1] + plate.shape[1]
+    gain, begin, end, skin = closing.plate_gain, row[o + X_FLUX], 0.0, 0.0
+    # A gain's derivative acts on what the column took in: its fluxes at begin and end, and the pumped one.
+    of_tissue = -closing.tissue_gain * closing.tissue_gain if k == TISSUE else 0.0
+    of_plate = -gain * gain if k == PLATE else 0.0
+    air = -c[O_AIR] * row[o + X_FACE]
+    if closing.touching:
+        skin = _relax_tissue(tissue, row, closing.tissue_gain * begin + of_tissue * column.begin, 0.0)
+        skin -= of_tissue * closing.tissue_self * column.end
+    pumped = pumping.slope * row[o + X_BACK] + row[o + X_DRIFT] + _pumped_by(c, k, flowing, pumping)
+    before, face = _relax_plate(
+        plate, row, n, gain * begin + of_plate * column.begin, of_plate * column.end,
+        gain * ((1.0 - closing.cover) * air) + of_plate * column.spill,
+        gain * pumped + of_plate * pumping.flux, 0.0,
+    )  # fmt: skip
+    if closing.touching:
+        end = (skin - face - _resisted_by(k, scale, closing, column.end)) / closing.whole
+        _end_tissue(tissue, row, closing.tissue_gain * end + of_tissue * column.end)
+    face, back, film, heat = _end_plate(plate, row, n, gain * end, 0.0)
+    seen = (
+        closing.covered * (0.5 * (begin + end)) + (1.0 - closing.covered) * air - (heat - before) / (gain * c[O_PERIOD])
+    )
+    if k == PLATE:
+        seen -= column.middle  # d(1 / gain) = d(1 + theta)
+    lag_seen = lag_film = 0.0
+    if k == LAG:
+        lag_seen = lags.rise_flux * (column.lagging_seen - column.seen)
+        lag_film = lags.rise_film * (column.lagging_film - column.film)
+    row[o + X_SEEN] = lags.keep_flux * row[o + X_SEEN] + (1.0 - lags.keep_flux) * seen + lag_seen
+    row[o + X_FILM] = lags.keep_film * row[o + X_FILM] + (1.0 - lags.keep_film) * film + lag_film
+    row[o + X_FLUX], row[o + X_BACK], row[o + X_FACE] = end, back, face
+
+
+@inlined
+def _pumped_by(c: Any, k: int, flowing: Flowing, pumping: Pumping) -> float:
+    """Return how the pumped flux [W/m2] depends on parameter ``k`` itself, the column being what it is."""
+    if k == SEEBECK:
+        return float(c[O_SEEBECK] * pumping.cold * flowing.acting / c[O_AREA])
+    if k == LEGS:
+        return float(-(c[O_CONDUCTANCE] * (pumping.hot - pumping.cold) / c[O_AREA]))
+    if k == OHMIC:
+        return float(-(0.5 * flowing.square * c[O_RESISTANCE] / c[O_AREA]))
+    if k == FLUX:
+        return 1.0
+    if k == DELAY:
+        late = pumping.seebeck * pumping.cold * flowing.rise - 0.5 * pumping.ohmic * flowing.rise_square
+        return float(-(late / c[O_AREA]))
+    return 0.0
+
+
+@inlined
+def _resisted_by(k: int, scale: float, closing: Closing, flux: float) -> float:
+    """Return how the drop [K] at the resistance depends on parameter ``k`` itself, at a flux [W/m2]."""
+    if k == RESISTANCE:
+        return float(closing.resistance * flux)
+    if k == PRESS and scale > 1.0:
+        return float(closing.resistance * closing.pressing / (1.0 + closing.pressing) * flux)
+    return 0.0
+
+
+@inlined
+def _relax_tissue(tissue: Any, row: Any, begin: float, skin: float) -> float:
+    """Advance the tissue's modes under the flux at the begin of a step; return the skin, which is ``skin`` at rest."""
+    for i in range(tissue.shape[1]):
+        row[i] = tissue[F_DECAY, i] * row[i] - tissue[F_BEGIN, i] * begin
+        skin += tissue[F_PORT, i] * row[i]
+    return skin
+
+
+@inlined
+def _end_tissue(tissue: Any, row: Any, end: float) -> None:
+    """Add what the flux at the end of a step does to the tissue's modes."""
+    for i in range(tissue.shape[1]):
+        row[i] -= tissue[F_END, i] * end
+
+
+@inlined
+def _relax_plate(
+    plate: Any, row: Any, n: int, begin: float, end: float, beside: float, push: float, face: float
+) -> tuple[float, float]:
+    """Advance the plate's modes, from ``n`` on, under what is known of a step; ``face`` is its face at rest.
+
+    Return the heat in the upper half of the film at the begin of the step, and the face.
+    """
+    before = 0.0
+    for i in range(plate.shape[1]):
+        before += plate[P_HALF, i] * row[n + i]
+        row[n + i] = (
+            plate[P_DECAY, i] * row[n + i]
+            + plate[P_BEGIN, i] * begin
+            + plate[P_END, i] * end
+            + plate[P_SPILL, i] * beside
+            - plate[P_PUMP, i] * push
+        )
+        face += plate[P_PORT, i] * row[n + i]
+    return before, face
+
+
+@inlined
+def _end_plate(plate: Any, row: Any, n: int, end: float, rest: float) -> tuple[float, float, float, float]:
+    """Add what the flux at the end of a step does to the plate's modes, which are ``rest`` at rest.
+
+    Return face, back and film, and the heat in the upper half of the film.
+    """
+    face, back, film, heat = rest, rest, rest, 0.0
+    for i in range(plate.shape[1]):
+        row[n + i] += plate[P_END, i] * end
+        face += plate[P_PORT, i] * row[n + i]
+        back += plate[P_BACK, i] * row[n + i]
+        film += plate[P_SENSE, i] * row[n + i]
+        heat += plate[P_HALF, i] * row[n + i]
+    return face, back, film, heat
 
 
 @kernel

@@ -1,0 +1,39 @@
+"""What virtual arms share: they are twins alone, with the force and stiffness of a common desktop arm."""
+
+from __future__ import annotations
+
+from itouch.plugin import Device, DeviceError, Mechanics, Opening, Record, wrench
+
+#: Greatest force [N] and stiffness [N/m] of the simulated arm: those of common desktop arms.
+FORCE, STIFFNESS = 8.0, 3000.0
+
+
+class TwinOnlyArm(Device):
+    """A simulated arm; what leads its finger is `input_source`."""
+
+    commands = (wrench(force=FORCE),)
+    opening = Opening(twin_only=True)
+    mechanics = Mechanics(max_stiffness=STIFFNESS, damping=0.0)
+
+    def open(self) -> None:
+        """Refuse: there is nothing to open.
+
+        Raises
+        ------
+        DeviceError
+            Always.
+        """
+        raise DeviceError(f'a {self.input_source} is no arm that could be opened: it is twin only, write twin="yes"')
+
+    def close(self) -> None:
+        """Do nothing: it was never open."""
+
+    def read(self, reading: Record) -> bool | None:
+        """Refuse, as `open` does.
+
+        Raises
+        ------
+        DeviceError
+            Always.
+        """
+        raise DeviceError(f"a {self.input_source} is no arm that could be read: it is twin only")
