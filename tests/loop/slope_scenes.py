@@ -49,7 +49,7 @@ _SCENE = """<?xml version="1.0" encoding="utf-8"?>
     </operator>
     {heat}
   </interaction>
-  <safety force="{force} N"/>
+  <safety force="{force} N" contact-time="{contact_time} s"/>
 </itouch>
 """
 _DISPLAY = """<device name="peltier" plugin="thermal"><mount on="table" pos="0 0 4 mm"/>
@@ -71,6 +71,7 @@ class Slope:
     touch_off: bool = False
     heat: str = ""
     seed: int = 0
+    contact_time: float = 10.0
 
     def build(self, folder: Path, hardware: str = "") -> itouch.Session:
         """Write the scene into a folder that holds the shipped scenes, and build it; ``hardware``: of the display."""
@@ -80,6 +81,7 @@ class Slope:
                 world=self.world, motion=self.motion, stiffness=self.stiffness, friction=self.friction,
                 force=self.force, error=self.error, display=_DISPLAY.format(hardware=hardware) if self.warm else "",
                 heat=_HEAT.format(heat=self.heat) if self.warm else "", mount=-34 if self.warm else -30,
+                contact_time=self.contact_time,
                 calibration='<calibration method="touch-off"/>' if self.touch_off else "",
             ),
             encoding="utf-8",

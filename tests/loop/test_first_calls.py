@@ -5,6 +5,7 @@ Each case is a process of its own, in which nothing else has warmed anything.
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -67,6 +68,17 @@ def _first_calls(what: str, scene: str, seconds: float) -> str:
 
 def test_neither_an_ordinary_tick_nor_a_fault_calls_anything_first() -> None:
     assert _first_calls(_HERE, "four_materials.xml", 0.05) == "[]"
+
+
+def test_a_plate_that_withdraws_calls_nothing_first(tmp_path: Path) -> None:
+    folder = tmp_path / "scenes"
+    shutil.copytree(SCENES, folder)
+    scene = folder / "four_materials.xml"
+    scene.write_text(scene.read_text().replace('force="3 N"/>', 'force="3 N" contact-time="0.5 s"/>'))
+    told = _HERE.replace(
+        "session.run(SECONDS)", "session.run(SECONDS)\nassert session.state['table.surface.withdrawn']"
+    )
+    assert _first_calls(told, str(scene), 9.0) == "[]"
 
 
 @pytest.mark.long

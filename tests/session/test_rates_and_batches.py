@@ -15,7 +15,7 @@ from itouch.session import load_scene
 from itouch.world import Model
 from itouch_evidence import batch as bench
 from itouch_tools.cli import main
-from itouch_tools.cli.doctor import rates
+from itouch_tools.cli.doctor import rates, timer
 from itouch_tools.cli.doctor.rates import Held
 from itouch_tools.cli.doctor.timer import waited
 
@@ -29,6 +29,8 @@ GOOD = Held(1000.0, 20_000, 60.0, 90.0, 2, 20, 0)
         ({}, True),
         ({"overruns_own": 3}, False),
         ({"overruns_late": 21}, False),
+        ({"overruns_late": 15, "overruns_taken": 6}, False),
+        ({"overruns_late": 15, "overruns_taken": 5}, True),
         ({"skipped": 1}, False),
         ({"ticks": 0}, False),
         ({"problem": "does not divide"}, False),
@@ -84,10 +86,34 @@ class Late:
         return self.late.pop(0)
 
 
-def test_a_bare_timer_counts_what_would_have_overrun() -> None:
+class Machine:
+    """Time of a machine: each look takes a microsecond, and it takes the processor away as it is told [s]."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, taken: float = 0.0) -> None:
+        self.had, self.taken = 0.0, taken
+        monkeypatch.setattr(timer, "processor_time", self.processor)
+        monkeypatch.setattr(timer, "now", lambda: self.had + (self.taken if self.had > 1e-4 else 0.0))
+
+    def processor(self) -> float:
+        self.had += 1e-6
+        return self.had
+
+
+def test_a_bare_timer_counts_what_would_have_overrun(monkeypatch: pytest.MonkeyPatch) -> None:
+    Machine(monkeypatch)
     clock = Late(0.0, 7e-5, 9e-5, 3e-4, 0.0)
-    assert waited(clock, 2.5e-4, 5, 1.7e-4) == 2
-    assert clock.started == 2  # once more after a whole period was missed
+    assert waited(clock, 2.5e-4, 5, 1.7e-4) == (2, 0, 0)
+    assert clock.started == 1
+    clock = Late(0.0, 6e-3, 0.0)
+    assert waited(clock, 2.5e-4, 3, 1e-5) == (1, 0, 0)
+    assert clock.started == 2  # what is missed by more than the servo loop catches up with is not caught up with
+
+
+def test_it_tells_what_took_its_processor_and_what_is_too_much_for_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    Machine(monkeypatch, taken=3e-4)
+    assert waited(Late(0.0), 2.5e-4, 1, 1.7e-4) == (0, 1, 0)
+    Machine(monkeypatch)
+    assert waited(Late(0.0), 2.5e-4, 1, 3e-4) == (0, 0, 1)
 
 
 def test_rates_beside_busy_processes_are_set_beside_a_bare_timer(
@@ -105,7 +131,8 @@ def test_rates_beside_busy_processes_are_set_beside_a_bare_timer(
     rows = json.loads(capsys.readouterr().out)["rates"]
     assert [row["bare_ticks"] for row in rows] == [400]
     assert all(0 <= row["bare_late"] <= row["bare_ticks"] for row in rows)
-    assert f"(a bare timer: 3 of {GOOD.ticks})" in replace(GOOD, bare_ticks=GOOD.ticks, bare_late=3).sentence()
+    said = replace(GOOD, bare_ticks=GOOD.ticks, bare_late=3).sentence()
+    assert f"(of {GOOD.ticks} of a bare timer 0 overran by themselves, 3 were woken late, 0 lost the processor)" in said
     with pytest.raises(SystemExit):
         main(["doctor", "--rates", str(FIRST), "--busy", "-1"])
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from itouch.loop.clock import now
+from itouch.loop.clock import now, processor_time
 from itouch.loop.engine_view import Running
 from itouch.loop.runner import DeviceFaultError
+from itouch.platforms import waits
 from itouch.safety import Trip
 
 #: How many periods late is too late: with servo-overrun="stop" the run ends, else it goes on from now.
@@ -67,28 +68,38 @@ class Pacing:
     ) -> None:
         engine = self._engine
         real, scripted = engine.clock.pace == "real", last is None and until is None
-        tick, count = engine.ticks, 0
+        tick, count, begin, waited = engine.ticks, 0, 0.0, 0
         while not self._stopping and (last is None or tick < last):
             if scripted and engine.done:
                 return
             late = engine.times.late = engine.clock.wait() if real else 0.0
             if late > HOPELESS * engine.model.period:  # what is read now is of now, not of a period after the last
                 self._leave_out(late)
+            if real:
+                begin, waited = processor_time(), waits()
             engine.tick()
             tick += 1
-            if real:
-                self._watch_pace(late)
             if each is not None:
                 count += 1
                 if count >= every:
                     count = 0
                     each()
-            if until is not None and until():
+            over = until is not None and until()
+            if real:
+                self._watch_pace(late, begin, waited)
+            if over:
                 return
 
-    def _watch_pace(self, late: float) -> None:
+    def _watch_pace(self, late: float, begin: float, waited: int) -> None:
+        """Note a tick, which began so late [s], and what it made the processor and the loop wait for.
+
+        ``begin`` [s] and ``waited``: what the thread had had of a processor, and how often it had waited, before it.
+        """
         engine = self._engine
-        culprit = engine.times.pace(late, engine.model.period, engine.stamps, engine.ticks - 1)
+        culprit = engine.times.pace(
+            late, engine.model.period, engine.stamps, engine.ticks - 1, end=now(), busy=processor_time() - begin,
+            waited=waits() > waited,
+        )  # fmt: skip
         if culprit is None:
             return
         stops = engine.model.scene.safety.servo_overrun == "stop"

@@ -219,7 +219,8 @@ class ProbeRig:
             self.touch_off.update()
         elif table.device_monitors.withdrawn:
             target = table.commanded(Role.SURFACE_POSE)
-            target[2] = table.device_monitors.follow(target[2].item(), self.toucher.current.item() < 0)
+            leaves = self.toucher.leave(target, table.sent_as(Role.SURFACE_POSE))
+            target[2] = table.device_monitors.follow(target[2].item(), self.toucher.current.item() < 0, leaves)
             self.toucher.gone()
 
     def _gap(self) -> float:

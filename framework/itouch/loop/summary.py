@@ -17,6 +17,7 @@ from itouch.world.plugin_errors import said
 def timing_report(times: Timing, real: bool) -> dict[str, Any]:
     """Return what a tick is made of, and in real time what made it overrun, with histograms [us, us, count]."""
     paced = {
+        "processor_us": times.processor(),
         "culprits": times.culprits(),
         "skipped": times.skipped,
         "worst": times.worst(),

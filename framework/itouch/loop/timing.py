@@ -18,8 +18,10 @@ from itouch.plugin import Field, Record
 
 #: Bins an octave, least duration [s] that is told apart, and how many bins there are: up to some 16 s.
 PER_OCTAVE, LEAST, BINS = 16, 0.25e-6, 416
-#: Culprit of a tick that was woken late: the machine, not the loop.
-WAKE_UP = "wake-up"
+#: Culprits that are the machine's, not the loop's: a tick was woken late, or lost the processor in the middle.
+WAKE_UP, TAKEN = "wake-up", "processor taken"
+#: Culprit of what the loop does between two ticks: publishing, listening to commands, what a user calls there.
+BETWEEN = "between ticks"
 _SCALE = 1.0 / LEAST
 
 Stamps = Sequence[float] | NDArray[np.float64]
@@ -81,10 +83,16 @@ def timing_fields(parts: int) -> tuple[Field, ...]:
         Field("ticks", "i8", unit="tick", doc="ticks so far"),
         Field("overruns", "i8", unit="tick", doc="ticks that ended after the next was due"),
         Field("skipped", "i8", unit="tick", doc="periods that were given up after the loop had been held for too long"),
-        Field("greatest", "f8", 2 + parts, unit="s", doc="greatest lateness, tick time, and time of each part"),
-        Field("culprits", "i8", 1 + parts, unit="tick", doc="overruns by the part that took longest"),
+        Field("greatest", "f8", 3 + parts, unit="s", doc="greatest of each row of counts"),
+        Field("culprits", "i8", 3 + parts, unit="tick", doc="overruns by what made them, see Timing.culprit_names"),
         Field("worst", "f8", (WORST, 3), unit="mixed", doc="overruns: tick, how long after the next was due [s], part"),
-        Field("counts", "u4", (2 + parts, BINS), unit="tick", doc="histograms of lateness, tick time and of each part"),
+        Field(
+            "counts",
+            "u4",
+            (3 + parts, BINS),
+            unit="tick",
+            doc="histograms of lateness, tick time, each part, and what of a processor a tick and what follows it took",
+        ),
     )
 
 
@@ -118,7 +126,8 @@ class Timing:
         Names of the parts of a tick, in order: ``read DEVICE``, ``contact``, ``modality NAME``, ``safety``,
         ``write DEVICE``, ``twins``.
     record
-        The numbers; ``counts`` has lateness in row 0, whole ticks in row 1, then a row a part.
+        The numbers; ``counts`` has lateness in row 0, whole ticks in row 1, then a row a part, and in the last one for
+        how long a tick, with what the loop does until it waits for the next one, had a processor.
     """
 
     def __init__(self, parts: Sequence[str], record: Record | None = None) -> None:
@@ -135,6 +144,9 @@ class Timing:
         #: How late [s] the tick that runs began.
         self.late = 0.0
         self._culprit = -1  # of the overrun that the loop has not caught up with
+        #: How late [s] the loop would be by its own doing alone.
+        self._behind = 0.0
+        self._maker = 0  # what made it so
 
     @property
     def ticks(self) -> int:
@@ -171,22 +183,56 @@ class Timing:
         self._stamps[:used] = stamps
         _count_tick(self._counts, self._greatest, self._stamps, used)
 
-    def pace(self, late: float, period: float, stamps: Stamps, tick: int = 0) -> str | None:
-        """Note how late [s] a tick began in real time; return the culprit if it overran.
+    def pace(
+        self, late: float, period: float, stamps: Stamps, tick: int = 0, *, end: float | None = None,
+        busy: float | None = None, waited: bool = False,
+    ) -> str | None:  # fmt: skip
+        """Note a tick in real time; return the culprit if it overran.
 
-        ``stamps`` (n,) [s] are those of ``add``, ``period`` [s] is that of the loop.
+        It is the loop's own doing if the loop would have been too late on a machine that always wakes it in time and
+        never takes the processor from it: this is reckoned with from tick to tick.  Otherwise it is the machine's.
+
+        Parameters
+        ----------
+        late, period
+            How late [s] the tick began, and the period of the loop [s].
+        stamps
+            Those of ``add``, shape (n,) [s].
+        tick
+            Its number.
+        end
+            When the loop was ready to wait for the next tick, by the same clock [s]; None: when the tick ended.
+        busy
+            For how long the thread had a processor from its waking up until then [s]; None: not known, all that passed
+            is taken to be its own.
+        waited
+            Whether it waited by itself meanwhile, as for a device that blocks: then all that passed is its own, too.
         """
         self._add(0, max(late, 0.0))
         work = float(stamps[-1] - stamps[0])
+        after = 0.0 if end is None else end - float(stamps[-1])
+        if busy is not None:
+            self._add(len(self._most) - 1, busy)
+        mine = work + after if busy is None or waited else busy
+        ideal = self._behind + mine
+        self._behind = max(0.0, ideal - period)
+        if mine > period:
+            self._maker = self._longest(stamps, after)
         if late + work <= period:
             self._culprit = -1
             return None
-        if self._culprit < 0 or work > period:  # else it is still the backlog of an earlier culprit
-            self._culprit = self._blame(late, stamps)
+        own, before, taken = ideal > period, self._culprit, len(self.parts) + 2
+        if before < 0 or mine > period or own == (before in (0, taken)):  # else it is the backlog of an earlier one
+            self._culprit = self._maker if own else 0 if late >= work + after - mine else taken
         self._overruns += 1
         self.record["culprits"][self._culprit] += 1
         self._keep(tick, late + work - period)
         return self.culprit_names[self._culprit]
+
+    def _longest(self, stamps: Stamps, after: float) -> int:
+        """Return the culprit that took longest of what the loop did; without stamps of the parts it is not known."""
+        shares = [*(float(b - a) for a, b in zip(stamps, stamps[1:], strict=False)), after]
+        return 1 + shares.index(max(shares)) if len(shares) == 1 + len(self.parts) else 1 + len(self.parts)
 
     def _keep(self, tick: int, over: float) -> None:
         """Keep an overrun if it is among the worst."""
@@ -201,20 +247,15 @@ class Timing:
         names = self.culprit_names
         return [{"tick": int(tick), "us": over * 1e6, "culprit": names[int(part)]} for tick, over, part in rows]
 
-    def _blame(self, late: float, stamps: Stamps) -> int:
-        shares = [float(after - before) for before, after in zip(stamps, stamps[1:], strict=False)]
-        if late >= max(shares) or len(shares) != len(self.parts):
-            return 0
-        return 1 + shares.index(max(shares))
-
     def skip(self, periods: int) -> None:
-        """Note that periods were given up."""
+        """Note that periods were given up; nothing is left to be caught up with."""
         self._skipped += periods
+        self._behind = 0.0
 
     @property
     def culprit_names(self) -> tuple[str, ...]:
         """Return what may be the culprit of an overrun, in the order of ``culprits``."""
-        return (WAKE_UP, *self.parts)
+        return (WAKE_UP, *self.parts, BETWEEN, TAKEN)
 
     def figures(self, row: int) -> dict[str, float | None]:
         """Return p50, p99, p99.9 and max of one row of ``counts`` [us]."""
@@ -231,6 +272,15 @@ class Timing:
     def lateness(self) -> dict[str, float | None]:
         """Return p50, p99, p99.9 and max of how late ticks began [us]."""
         return self.figures(0)
+
+    def processor(self) -> dict[str, float | None]:
+        """Return p50, p99, p99.9 and max of how long a tick had a processor in real time [us], with what follows it."""
+        return self.figures(len(self._most) - 1)
+
+    def machine(self) -> dict[str, int]:
+        """Return how many overruns the machine was the cause of, by wake-up and by taking the processor away."""
+        found = self.culprits()
+        return {name: found.get(name, 0) for name in (WAKE_UP, TAKEN)}
 
     def split(self) -> dict[str, dict[str, float | None]]:
         """Return p50, p99, p99.9 and max of each part of a tick [us]."""

@@ -20,7 +20,8 @@ from itouch.joining import runner
 from itouch.loop import carrying, render
 from itouch.loop.frames import Frame
 from itouch.loop.runner import Runner
-from itouch.loop.surface import memory
+from itouch.loop.surface import memory, plate
+from itouch.loop.surface.force import SOON
 from itouch.monitors.surface_kernels import Nearing
 from itouch.plugin import Bound, Contact, ContactEvent, Record, Role
 from itouch.world import Model, ProbeModel
@@ -153,6 +154,8 @@ class Toucher:
             state["tick"], model.period,
         )  # fmt: skip
         self.looks, self.carries = (look,), (taken,)
+        nothing = np.zeros(7)
+        self.leave(nothing, nothing)  # so that no tick is the first to call what it calls
 
     def reset(self) -> None:
         """Begin without contact."""
@@ -170,10 +173,17 @@ class Toucher:
         elif missed == memory.WITHDRAWN:
             self.surface[memory.MISSED] = 0.0
 
+    def leave(self, target: render.Floats, sent: render.Floats) -> float:
+        """Return how low [m] a surface that safety takes away may go in this tick; -inf: it is clear of the finger.
+
+        ``target`` and ``sent`` (7,) [m; quaternion]: its command, and where it was sent last.
+        """
+        return plate.leave(self._constants, self.surface, target, sent, max(0.0, -self._load[2].item()))
+
     def gone(self) -> None:
         """See that a surface which safety has taken away is not called present, whoever carries it otherwise."""
         away = self.figures[render.HIP + 2] - self._constants[render.RADIUS] - self.figures[render.PLATE_TOP]
-        if away > memory.ABOUT and -self._load[2] < memory.LEFT:
+        if away > (SOON if self._constants[render.HAS_LOAD] > 0.0 else memory.ABOUT) and -self._load[2] < memory.LEFT:
             self.surface[memory.PRESENT] = self.plate[...] = 0
 
     def restart(self) -> None:

@@ -18,6 +18,8 @@ from itouch.plugin import Field, Moment, Monitor, Record, Role, Rule, Watched
 if TYPE_CHECKING:
     from itouch.monitors import surface_kernels
 
+#: How long [s] a withdrawn surface may leave a finger slowly at most, by the clock of T4.
+LEAVING = 0.5
 #: Arm [m] with which a torque counts as a force (K4).
 LEVER = 0.1
 _TRIPS = (Trip.PLATE_FORCE, Trip.TRACKING, Trip.CONTACT_TIME, Trip.SURFACE_SPEED, Trip.SENSOR_DISAGREE)
@@ -98,17 +100,33 @@ class Surface(Monitor):
 
         return pace(gap, strayed, *self.paces)
 
-    def follow(self, state: Record, target: float, lifted: bool) -> float:
+    def follow(self, state: Record, target: float, lifted: bool, leaves: float = -math.inf) -> float:
         """Return the height [m] to command: the bottom of the travel while it is withdrawn (T4).
 
         It touches again when the finger has lifted, and the clock of T4 has fallen below half of its clamp.
+
+        Parameters
+        ----------
+        state
+            Its own fields.
+        target
+            The height [m] to which it was to go.
+        lifted
+            Whether no virtual contact is left.
+        leaves
+            The height [m] to which it goes in this tick in order to leave the finger slowly, so that the arm can take
+            its force over; -inf: nobody feels it.  One that is still touched `LEAVING` after it should have gone does
+            not wait for that any more.
         """
         if not state["withdrawn"].item():
             return target
         if lifted and state["contact_time"].item() < 0.5 * self._clamp:
             state["withdrawn"][...] = 0
             return target
-        return self._box[0][2] if self._box is not None else 0.0
+        bottom = self._box[0][2] if self._box is not None else 0.0
+        if state["contact_time"].item() > self._clamp + LEAVING:
+            return bottom
+        return max(bottom, leaves)
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Check one tick."""

@@ -46,6 +46,6 @@ class _Rehearsed(Supervisor):
         yield lambda: self.watch_placed(tick)
         yield lambda: self.device_monitors.count_contact(tick, touched)
         yield lambda: self.device_monitors.closing(self.device_monitors.moment.gap, 0.0)
-        yield lambda: self.device_monitors.follow(0.0, not touched)
+        yield lambda: self.device_monitors.follow(0.0, not touched, 0.0)
         yield lambda: self.guard(tick)
         yield lambda: self.glance(tick)

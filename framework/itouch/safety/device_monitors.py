@@ -279,12 +279,12 @@ class DeviceMonitors:
             self._clamped += 1
         return found
 
-    def follow(self, target: float, lifted: bool) -> float:
-        """Return the height [m] to command to a surface that is, or was, withdrawn."""
+    def follow(self, target: float, lifted: bool, leaves: float = -math.inf) -> float:
+        """Return the height [m] to command to a surface that is, or was, withdrawn; ``leaves``: how low it may go."""
         post = self.surface
         if post is None or not isinstance(post.monitor, Surface):
             return target
-        found = post.monitor.follow(post.state, target, lifted)
+        found = post.monitor.follow(post.state, target, lifted, leaves)
         if post.state["withdrawn"].item():
             self._clamped += 1
         return found

@@ -7,11 +7,11 @@ import json
 import os
 import re
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from itouch.plugin import parse_quantity
+from itouch.plugin.commands import framework
 
 
 def add_commands(commands: Any) -> None:
@@ -96,7 +96,7 @@ def _switching(options: argparse.Namespace) -> None:
     from itouch_thermal.flux.modality import FluxControl
     from itouch_thermal.flux.telling import switches
 
-    session = import_module("itouch").build(options.scene, rig=options.rig)
+    session = framework().build(options.scene, rig=options.rig)
     controls = [m for m in session.model.modalities if isinstance(m.instance, FluxControl)]
     if not controls:
         raise ValueError(f"{options.scene}: no <thermal:flux-control>, so no plate that switches")

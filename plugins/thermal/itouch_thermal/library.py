@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import itouch
 from contact_heat.layers import Layer
+from itouch.plugin import ItouchError
+from itouch.plugin.commands import framework
 
 #: Documents of the library, in the shipped scenes' folder.
 DOCUMENTS = ("materials.xml", "handbook.xml")
@@ -47,16 +48,16 @@ def library(documents: Sequence[str | Path] = ()) -> tuple[LibraryMaterial, ...]
 
 def _shipped() -> Path:
     """Return the folder of the shipped scenes, in a wheel or in a checkout."""
-    package = Path(itouch.__file__).parent
+    package = Path(framework().__file__).parent
     for folder in (package / "scenes", package.parents[1] / "scenes"):
         if (folder / DOCUMENTS[0]).is_file():
             return folder
-    raise itouch.ItouchError("the shipped materials are missing from this installation; install itouch-py again")
+    raise ItouchError("the shipped materials are missing from this installation; install itouch-py again")
 
 
 def _read(path: Path) -> list[LibraryMaterial]:
     found = []
-    for material in itouch.load(path).materials:
+    for material in framework().load(path).materials:
         for part in material.parts:
             value = part.params
             if not hasattr(value, "specific_heat"):

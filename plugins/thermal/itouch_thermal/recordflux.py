@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
+from itouch.plugin.commands import framework
 from itouch_thermal.flux.modality import FluxControl
 from itouch_thermal.heat import Heat
 
@@ -53,7 +53,7 @@ def record_flux(
     ItouchError
         If the scene is wrong or a device fails.
     """
-    session = import_module("itouch").build(scene, seed=seed, rig=rig, twin=twin)
+    session = framework().build(scene, seed=seed, rig=rig, twin=twin)
     with session:
         wanted = _wanted(session, object_name)
         probe, field = _source(session, kind)

@@ -80,14 +80,14 @@ def _part(c: Floats, figures: Floats, memory: Floats, normal: float, pressed: fl
 
 @kernel
 def _still_changes(c: Floats, memory: Floats, touching: bool) -> bool:
-    """Tell whether the contact still goes over from one to the other."""
+    """Tell whether the contact still goes over from one to the other; one that ends is led for one more tick."""
     left = memory[CHANGING]
     if left <= 0.0:
         return False
     done = memory[SETTLED] > 0.0 if memory[RENDERS] > 0.0 else memory[CLEAR] > 0.0 and memory[SHARE] >= 1.0
     left -= c[PERIOD]
-    memory[CHANGING] = max(0.0 if done or not touching else AFTER, left)
-    return touching
+    memory[CHANGING] = 0.0 if not touching else max(0.0 if done else AFTER, left)
+    return True
 
 
 @kernel
@@ -107,8 +107,11 @@ def _shorten(force: Floats, most: float) -> None:
 
 
 @kernel
-def _lead(c: Floats, sent: Floats, force: Floats, rise: float, step: float) -> None:
-    """Bring a force (3,) so near to the one sent last that the sum with the plate's, which rises, changes little."""
+def _lead(c: Floats, sent: Floats, force: Floats, rise: float, step: float) -> bool:
+    """Bring a force (3,) so near to the one sent last that the sum with the plate's, which rises, changes little.
+
+    Return whether it is not what it was to be.
+    """
     before, change = np.empty(3), np.empty(3)
     before[0], before[1], before[2] = turned_out(c, ARM, sent[0], sent[1], sent[2])
     square = 0.0
@@ -119,6 +122,7 @@ def _lead(c: Floats, sent: Floats, force: Floats, rise: float, step: float) -> N
         scale = step / math.sqrt(square)
         for i in range(3):
             force[i] = before[i] + scale * change[i] - rise * c[TABLE + 5 + 3 * i]
+    return bool(square > step * step)
 
 
 @kernel
@@ -155,6 +159,7 @@ def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Float
         _within(c, memory, force, c[FORCE_LIMIT] - (pressed + spare if near else 0.0))
     if _still_changes(c, memory, touching):
         step = FIRST_STEP if abs(depth) < SOON and pressed < NOTHING else STEP
-        _lead(c, sent, force, rise, step)
+        if _lead(c, sent, force, rise, step):  # it is led on until it is there
+            memory[CHANGING] = max(memory[CHANGING], c[PERIOD])
         _shorten(force, c[FORCE_LIMIT] - memory[CUT])
     wrench[0], wrench[1], wrench[2] = turned_in(c, ARM, force[0], force[1], force[2])

@@ -41,6 +41,10 @@ SETTLE = 0.02
 #: Gains of the filter on the finger's height, a g-h filter that forgets in about 5 ms (Benedict and Bordner 1962);
 #: and the difference from which on it begins anew [m].
 G, H, LOST = 0.3, 0.3**2 / (2.0 - 0.3), 2e-3
+#: How fast the force of a plate that safety takes away goes from the finger [N/s]: the arm's has to follow it.
+LETS_GO = 25.0
+#: How far below the finger one that measures no force is felt no more, whatever its height is off [m].
+CLEAR_OF = 1.5e-3
 
 
 @kernel
@@ -105,6 +109,22 @@ def top(c: Floats, pose: Floats) -> float:
     """Return the height of the plate's top [m] in the world if its carrier has a pose (7,)."""
     _, _, z = turned_out(c, TABLE, pose[0] + c[OFFSET], pose[1] + c[OFFSET + 1], pose[2] + c[OFFSET + 2])
     return float(z + c[TABLE + 2])
+
+
+@kernel
+def leave(c: Floats, memory: Floats, goal: Floats, sent: Floats, pressed: float) -> float:
+    """Return how low [m] a plate that is taken away goes in this tick, along its device's third axis.
+
+    It leaves the finger slowly, however the finger moves, and never comes up; -inf: it is clear of it.
+
+    ``c`` (CONSTANTS,), ``memory`` (MEMORY,) of the surface; ``goal`` and ``sent`` (7,): where its device was to go, and
+    was sent last [m; quaternion]; ``pressed``: the force on it now [N].
+    """
+    last = top(c, sent)
+    if pressed < LEFT and last - memory[LEVEL] < (0.0 if c[HAS_LOAD] > 0.0 else -CLEAR_OF):
+        return -np.inf
+    most = last + (min(0.0, memory[SINK]) - LETS_GO / c[PAD_STIFFNESS]) * c[PERIOD]
+    return float(goal[2] + min(0.0, most - top(c, goal)) / c[TABLE + 11])
 
 
 @kernel

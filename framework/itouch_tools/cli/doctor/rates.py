@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from operator import add
 
-from itouch.loop.timing import WAKE_UP
+from itouch.loop.timing import TAKEN, WAKE_UP
 from itouch.scene import Scene
 from itouch.schema import SceneError
 from itouch_tools.cli.doctor.loop import in_process
@@ -13,16 +14,19 @@ from itouch_tools.cli.doctor.timer import beside_the_loop, busy
 
 #: The rates that are tried [Hz], the slowest first.
 RATES = (1000.0, 2000.0, 4000.0)
-#: Share of ticks that may overrun by the tick's own time, and by a late wake-up.
+#: Share of ticks that may overrun by the tick's own time, and by the machine.
 OWN, WOKEN_LATE = 1e-4, 1e-3
+#: What a tick on twins usually takes of a processor [s], before it is known.
+USUAL = 50e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """One rate: how long ticks took [us], how many overran by themselves and by a late wake-up, and the verdict.
+    """One rate: how long ticks took, how many overran by themselves and by the machine, and the verdict; times [us].
 
-    ``bare_ticks``, ``bare_late``: periods of a loop that only waits, at the same rate and priority, right after it, and
-    after how many a tick of the same length would have overrun.
+    ``cpu_p999_us`` and ``cpu_max_us``: for how long a tick had a processor.  ``overruns_late``: ticks that were woken
+    late, ``overruns_taken``: that lost the processor.  ``bare_...``: the same of a loop that only waits and then has a
+    processor for as long as a tick usually has, at the same rate and priority, before and after it.
     """
 
     rate_hz: float
@@ -35,23 +39,38 @@ class Held:
     problem: str = ""
     bare_ticks: int = 0
     bare_late: int = 0
+    overruns_taken: int = 0
+    bare_taken: int = 0
+    bare_own: int = 0
+    cpu_p999_us: float = 0.0
+    cpu_max_us: float = 0.0
 
     @property
     def held(self) -> bool:
         """Whether the machine holds this rate."""
         if self.problem or not self.ticks or self.skipped:
             return False
-        return self.overruns_own <= OWN * self.ticks and self.overruns_late <= WOKEN_LATE * self.ticks
+        return (
+            self.overruns_own <= OWN * self.ticks
+            and self.overruns_late + self.overruns_taken <= WOKEN_LATE * self.ticks
+        )
 
     def sentence(self) -> str:
         """Say it in words."""
         if self.problem:
             return f"{self.rate_hz:g} Hz: {self.problem}"
         spent = f"tick p50 {self.tick_p50_us:.0f} us, p99 {self.tick_p99_us:.0f} us of {1e6 / self.rate_hz:.0f}"
-        over = f"of {self.ticks} ticks {self.overruns_own} overran by themselves, {self.overruns_late} began late"
+        if self.cpu_max_us:
+            spent += f"; it had a processor for {self.cpu_p999_us:.0f} us at p99.9, {self.cpu_max_us:.0f} at most"
+        over = f"of {self.ticks} ticks {_over(self.overruns_own, self.overruns_late, self.overruns_taken)}"
         skipped = f", {self.skipped} periods were given up" if self.skipped else ""
-        bare = f" (a bare timer: {self.bare_late} of {self.bare_ticks})" if self.bare_ticks else ""
+        bare = _over(self.bare_own, self.bare_late, self.bare_taken)
+        bare = f" (of {self.bare_ticks} of a bare timer {bare})" if self.bare_ticks else ""
         return f"{self.rate_hz:g} Hz {'held' if self.held else 'NOT held'}: {spent}; {over}{bare}{skipped}"
+
+
+def _over(own: int, late: int, taken: int) -> str:
+    return f"{own} overran by themselves, {late} were woken late, {taken} lost the processor"
 
 
 def rates(scene: Scene, seconds: float, *, beside: int = 0) -> Iterator[Held]:
@@ -62,17 +81,24 @@ def rates(scene: Scene, seconds: float, *, beside: int = 0) -> Iterator[Held]:
     with busy(beside):
         for rate in RATES:
             changed = replace(scene, rates=replace(scene.rates, servo=rate))
+            bare = before = (0, 0, 0, 0)
+            if beside:
+                before = beside_the_loop(rate, 0.5 * seconds, USUAL)
             try:
                 times = in_process(changed, seconds, realtime=True)
             except SceneError as error:
                 problem = error.problems[0].sentence
                 yield Held(rate, 0, 0.0, 0.0, 0, 0, 0, problem)
                 continue
-            culprits, spent = times.culprits(), times.summary()
-            late, p50 = culprits.get(WAKE_UP, 0), spent["p50"] or 0.0
-            bare = beside_the_loop(rate, seconds, p50 * 1e-6) if beside else (0, 0)
-            own = times.overruns - late
-            yield Held(rate, times.ticks, p50, spent["p99"] or 0.0, own, late, times.skipped, "", *bare)
+            culprits, spent, cpu = times.culprits(), times.summary(), times.processor()
+            late, taken = culprits.get(WAKE_UP, 0), culprits.get(TAKEN, 0)
+            if beside:
+                after = beside_the_loop(rate, 0.5 * seconds, (cpu["p50"] or 0.0) * 1e-6)
+                bare = tuple(map(add, before, after))
+            yield Held(
+                rate, times.ticks, spent["p50"] or 0.0, spent["p99"] or 0.0, times.overruns - late - taken, late,
+                times.skipped, "", bare[0], bare[1], taken, bare[2], bare[3], cpu["p99.9"] or 0.0, cpu["max"] or 0.0,
+            )  # fmt: skip
 
 
 def best(found: list[Held]) -> str:

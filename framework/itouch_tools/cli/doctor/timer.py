@@ -1,8 +1,8 @@
-"""A loop that only waits for its next period: what this machine's timer gives by itself, for comparison.
+"""A loop that only waits, and then has a processor for as long as a tick has: what this machine gives, for comparison.
 
 ``python -m itouch_tools.cli.doctor.timer RATE SECONDS WORK`` runs it in a process of the servo's priority and prints
-how many of its periods there were, and of how many the wake-up was so late that a tick of WORK seconds would have
-overrun.
+how many of its periods there were, and how many of them ended after the next one was due: because the loop was woken
+late, because the processor was taken from it during the WORK seconds, and because of those themselves.
 """
 
 from __future__ import annotations
@@ -12,30 +12,42 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from itouch.loop.clock import Clock, WallClock
+from itouch.loop.clock import Clock, WallClock, now, processor_time
+from itouch.loop.pacing import HOPELESS
+from itouch.loop.timing import Timing
 from itouch.servo.realtime import be_punctual
 
 _BUSY = "while True: sum(range(10000))"
 
 
-def waited(clock: Clock, period: float, count: int, work: float) -> int:
-    """Wait for so many periods [s]; return after how many a tick of ``work`` [s] would have ended too late."""
-    late, found = 0.0, 0
+def waited(clock: Clock, period: float, count: int, work: float) -> tuple[int, int, int]:
+    """Wait for so many periods [s], and compute for ``work`` [s] after each; return how many ended too late.
+
+    First those that were woken late, then those that lost the processor, then those that were late by themselves: by
+    the rule by which the servo loop judges its ticks.
+    """
+    times = Timing(["work"])
     clock.start(period)
     for _ in range(count):
         late = clock.wait()
-        found += late + work > period
-        if late > period:  # what is missed is not caught up with
+        begin, since = processor_time(), now()
+        while processor_time() - begin < work:
+            pass
+        end = now()
+        times.pace(late, period, (since, end), end=end, busy=processor_time() - begin)
+        if late > HOPELESS * period:  # what is missed is not caught up with
+            times.skip(round(late / period))
             clock.start(period)
-    return found
+    late, taken = times.machine().values()
+    return late, taken, times.overruns - late - taken
 
 
-def beside_the_loop(rate: float, seconds: float, work: float) -> tuple[int, int]:
-    """Run it in a process of its own; return how many periods there were, and after how many it was woken too late."""
+def beside_the_loop(rate: float, seconds: float, work: float) -> tuple[int, int, int, int]:
+    """Run it in a process of its own; return how many periods there were, then what ``waited`` returns."""
     words = [sys.executable, "-m", "itouch_tools.cli.doctor.timer", str(rate), str(seconds), str(work)]
     done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=seconds + 120.0)
-    periods, late = done.stdout.split()
-    return int(periods), int(late)
+    periods, late, taken, own = map(int, done.stdout.split())
+    return periods, late, taken, own
 
 
 @contextmanager
@@ -56,7 +68,7 @@ def main(argv: Sequence[str]) -> None:
     rate, seconds, work = (float(word) for word in argv)
     be_punctual()
     count = round(rate * seconds)
-    print(count, waited(WallClock(), 1.0 / rate, count, work))
+    print(count, *waited(WallClock(), 1.0 / rate, count, work))
 
 
 if __name__ == "__main__":

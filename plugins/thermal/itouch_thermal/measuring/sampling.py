@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from itouch.plugin import ItouchError, Role
+from itouch.plugin.commands import framework
 from itouch_thermal.measuring.correct import Sensors
 from itouch_thermal.measuring.touches import Record
 
@@ -118,7 +118,7 @@ def sample(
     ItouchError
         If the scene is wrong or a device fails before the first reading.
     """
-    itouch = import_module("itouch")
+    itouch = framework()
     description = itouch.load(scene, rig=rig, twin=twin)
     real = any(not device.twin for device in description.devices)
     session = itouch.build(description, seed=seed, clock=itouch.WallClock() if real else None)

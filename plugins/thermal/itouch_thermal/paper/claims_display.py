@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from itouch.plugin.commands import framework
 from itouch_thermal.display.column import plate_capacity
 from itouch_thermal.paper.claim import Check, Claim, Maker, over
 from itouch_thermal.paper.claims_touch import INF, TIGHT, at
@@ -183,10 +184,9 @@ def session_claims(report: dict[str, Any] | None) -> list[Claim]:
 def session_report() -> dict[str, Any] | None:
     """Return the report of a session of the shipped four materials, or None where they are not installed."""
     import tempfile
-    from importlib import import_module
     from pathlib import Path
 
-    itouch = import_module("itouch")
+    itouch = framework()
     with tempfile.TemporaryDirectory() as folder:
         scene = Path(folder) / "four_materials.xml"
         scene.write_text('<itouch version="1.0"><include file="itouch:four_materials.xml"/></itouch>', encoding="utf-8")

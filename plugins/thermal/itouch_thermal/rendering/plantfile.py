@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import itouch
+from itouch.plugin.commands import framework
 from itouch_thermal.display.params import DisplayParams
 
 
@@ -23,7 +23,7 @@ def read_plant(path: str, resistance: float) -> DisplayParams:
     """
     found = {
         device.name: part.params
-        for device in itouch.load(path).devices
+        for device in framework().load(path).devices
         for part in device.parts
         if isinstance(part.params, DisplayParams)
     }
