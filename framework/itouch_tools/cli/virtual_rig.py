@@ -25,6 +25,8 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default 0)")
     parser.add_argument("--run", action="store_true",
                         help="run the scene too, in this process and in step: as fast as the wires answer")  # fmt: skip
+    parser.add_argument("--pace", choices=("step", "real"), default="step",
+                        help="with --run: in step (default), or in real time, as on hardware")  # fmt: skip
     parser.add_argument("--report", type=output_file, metavar="FILE.json", help="with --run: write the report as JSON")
     parser.add_argument("--trace", type=output_file, metavar="FILE", help="with --run: write what goes over the wires")
     parser.add_argument(
@@ -37,6 +39,14 @@ def main(argv: Sequence[str]) -> int:
     options = parser.parse_args(argv)
     if (options.report or options.trace or options.only) and not options.run:
         parser.error("--report, --trace and --only go with --run")
+    if options.pace == "real" and not options.run:
+        parser.error("--pace goes with --run: without it a virtual rig is in real time")
+    if options.pace == "real" and (options.only or options.trace):
+        parser.error("--only and --trace go with --pace step: in real time every device is on its wire")
+    if options.pace == "real":
+        from itouch_tools.cli import real_rig
+
+        return real_rig.main(options)
     if options.run:
         from itouch_tools.cli import lockstep
 
