@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from punctuality import skip_unless_punctual
 from shipped import SCENES
@@ -121,6 +122,18 @@ def test_only_some_devices_are_on_their_wires(scene: Path, tmp_path: Path) -> No
     assert max(heights) > 0.005
     with pytest.raises(ItouchError, match="no device 'stage': the scene has arm, table, peltier"):
         Lockstep(str(scene), only=["stage"])
+
+
+def test_a_display_without_its_wire_is_exchanged_with_as_often_as_on_it(scene: Path) -> None:
+    """Its controller counts on that: a display that obeys in every tick is another one than it knows."""
+    both = Lockstep(str(scene), only=["table"])
+    taken: list[int] = []
+    both.host.taps.append(lambda _: taken.append(int(both.host.state["peltier.measured"][0])))
+    both.run(0.5)
+    gaps = np.diff(sorted(set(taken)))[1:]  # the first is to what State began with
+    assert len(gaps) > 10
+    assert gaps.min() >= 20
+    assert gaps.max() <= 32  # it waits so long for a command that differs
 
 
 def test_in_real_time_devices_are_where_nobody_elses_are(tmp_path: Path) -> None:

@@ -16,15 +16,17 @@ class EveryNth(Device, Stamped):
     """A blocking device that exchanges in the tick itself, as its wire and thread would.
 
     An exchange takes ``every`` ticks.  After it, the device waits up to ``waits`` ticks for a command that differs
-    from the last one.
+    from the last one.  ``cls`` is whose channels it has, if not the device's own.
     """
 
-    def __init__(self, device: Device, every: int, waits: int = 0, period: float = 1e-3) -> None:
+    def __init__(
+        self, device: Device, every: int, waits: int = 0, period: float = 1e-3, *, cls: type[Device] | None = None
+    ) -> None:
         super().__init__(device.params)
         self._period = period
         self.device, self._every, self._waits = device, every, waits
         self._since, self._command, self._sent = every + waits, b"", b""
-        reads, self._commands = type(device).channels(device.params)
+        reads, self._commands = (cls or type(device)).channels(device.params)
         self._stamps = Stamps([channel.name for channel in reads])
         self._record = Record.of(Field.of(channel) for channel in self._commands)
         self._told, self._reads = True, 0

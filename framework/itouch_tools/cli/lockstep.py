@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from itouch.exchange import EveryNth, Straight, StraightEmulator, ThreadedDevice
 from itouch.loop import DeviceFaultError
-from itouch.plugin import Trace
+from itouch.plugin import Device, Trace
 from itouch.schema import ItouchError
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.served_twins import VirtualRig
@@ -64,7 +64,7 @@ class Lockstep:
         self._truth = {runner.model.name: runner.twin_state for runner in self.world.runners}
         for runner in self.host.runners:
             if runner.model.name in straight:
-                runner.device = straight[runner.model.name]
+                runner.device = self._paced(runner, straight[runner.model.name])
             else:
                 self._take_in(runner, places[runner.model.name], trace)
         self.host.taps.append(self._tick)
@@ -86,6 +86,12 @@ class Lockstep:
             for runner in self.world.runners
             if only and runner.model.name not in only
         }
+
+    def _paced(self, runner: Runner, device: Straight) -> Device:
+        """Return a device without its wire as often as it would be exchanged with: its controller counts on that."""
+        cls, period = runner.model.cls, self.host.model.period
+        every = max(1, round(cls.takes(device.params) / period)) if cls.blocking else 1
+        return device if every == 1 else EveryNth(device, every, round(cls.waits / period), period, cls=cls)
 
     def _place(self, runner: Runner) -> Any:
         """Return a device's parameters, with an address that no other virtual rig has."""
