@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import shutil
 import subprocess
 import sys
@@ -41,6 +42,15 @@ FASTER = {
     "460800 baud, flux averaged for 4 ms": (_RAISED, ("labjack", "averaging", "4 ms")),
     "460800 baud, flux averaged for 20 ms": (_RAISED, ("labjack", "averaging", "20 ms")),
 }
+#: Wires that begin their exchanges otherwise: words for ``virtual-rig``.  What they may add to the error of the plant
+#: as written.
+UNSTEADY = {
+    **{f"exchanges {phase} ms later": ("--phase", f"{phase}ms") for phase in (5, 10, 15, 19)},
+    **{f"20 +- 10 ms, 5 % lost, seed {seed}": ("--unsteady", "--seed", str(seed)) for seed in (1, 2, 3)},
+}
+ADDS = 0.01
+#: The plant as written with other noise: what noise a run meets is luck, so rms values of several are compared.
+STEADY = {f"as written, seed {seed}": ("--seed", str(seed)) for seed in (1, 2)}
 #: A plant that differs much, and for long.
 DIFFERS = {"contact-resistance": 0.2, "seebeck": -0.1}
 
@@ -57,6 +67,8 @@ def main(argv: Sequence[str]) -> int:
                         help="the corners, too: resistance, Seebeck, delay, lag of the sensors")  # fmt: skip
     parser.add_argument("--faster", action="store_true",
                         help="better wires, too: a raised baud rate, an input that averages")  # fmt: skip
+    parser.add_argument("--unsteady", action="store_true",
+                        help="other phases, jitter and losses, too: at most one percentage point more")  # fmt: skip
     parser.add_argument("--only", metavar="WORDS", default="",
                         help="only the plants whose name has these words, such as 'delay +5 ms'")  # fmt: skip
     parser.add_argument("--alone", action="store_true",
@@ -69,6 +81,8 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--real-time", action="store_true",
                         help="in real time; the surface's tracking and greatest forces are judged, too")  # fmt: skip
     options = parser.parse_args(list(argv))
+    if options.real_time and options.unsteady:
+        parser.error("--unsteady is in step: in real time the wires are as they are")
     if options.real_time and options.alone:
         parser.error("--real-time has every device on its wire: leave --alone out")
     if not options.scene.is_file():
@@ -79,17 +93,22 @@ def main(argv: Sequence[str]) -> int:
     most = bound_of(options.scene) if options.bound is None else 0.01 * options.bound
     if options.real_time:
         most *= REAL
-    rows, names = [], list[str]()
+    rows, names = list[dict[str, Any]](), list[str]()
     every = bool(options.only)
     tried = [*plants(corners=options.corners or every), *(faster() if options.faster or every else ())]
     wanted = [plant for plant in tried if options.only in plant[0]]
+    if options.unsteady:
+        wanted = [next(plants(corners=False)), *((name, {}, 1.0) for name in (*STEADY, *UNSTEADY))]
     if not wanted:
         parser.error(f"no plant has '{options.only}' in its name")
     if options.real_time:
         return _in_real_time(options, wanted, most)
     for name, mismatch, times in wanted:
         try:
-            row = run(options.scene, mismatch, options.duration, alone=options.alone, wires=FASTER.get(name, ()))
+            row = run(
+                options.scene, mismatch, options.duration, alone=options.alone, wires=FASTER.get(name, ()),
+                words={**STEADY, **UNSTEADY}.get(name, ()),
+            )  # fmt: skip
         except RuntimeError as error:
             print(f"error: {name}: {error}", file=sys.stderr)
             return 2
@@ -101,9 +120,29 @@ def main(argv: Sequence[str]) -> int:
         cells = " | ".join(_percent(row.get(key)) for key in names)
         print(f"| {name} | {cells} | {100.0 * bound:g} %{'' if holds else ' MISSED'} |", flush=True)
         rows.append({"plant": name, "mismatch": dict(mismatch), "true_error": row, "bound": bound, "holds": holds})
+    if options.unsteady:
+        rows.append(_added(rows))
     if options.json is not None:
         options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     return 0 if all(row["holds"] for row in rows) else 1
+
+
+def _added(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Print what other wires add to the error of each touch, both as rms over their runs; return the row of that."""
+
+    def rms(which: Sequence[Mapping[str, Any]], key: str) -> float:
+        errors = [row["true_error"].get(key) for row in which]
+        squares = [math.inf if error is None else error * error for error in errors]
+        return math.sqrt(sum(squares) / len(squares))
+
+    shaken = [row for row in rows if row["plant"] in UNSTEADY]
+    steady = [row for row in rows if row["plant"] not in UNSTEADY]
+    added = {key: rms(shaken, key) - rms(steady, key) for key in rows[0]["true_error"]}
+    holds = all(more <= ADDS for more in added.values())
+    cells = " | ".join(f"{100.0 * more:+.1f}" for more in added.values())
+    print(f"| rms of {len(shaken)} less that of {len(steady)}, percentage points | {cells} | "
+          f"{100.0 * ADDS:+.1f}{'' if holds else ' MISSED'} |", flush=True)  # fmt: skip
+    return {"plant": "added", "mismatch": {}, "true_error": added, "bound": ADDS, "holds": holds}
 
 
 def _percent(error: float | None) -> str:
@@ -130,11 +169,18 @@ def faster() -> Iterator[tuple[str, Mismatch, float]]:
 
 
 def run(
-    scene: Path, mismatch: Mismatch, duration: str | None = None, *, alone: bool = False, wires: Sequence[Wire] = ()
+    scene: Path,
+    mismatch: Mismatch,
+    duration: str | None = None,
+    *,
+    alone: bool = False,
+    wires: Sequence[Wire] = (),
+    words: Sequence[str] = (),
 ) -> dict[str, float | None]:
     """Return the true error [1] of each contact's flux by object, in a run of a scene whose plant differs.
 
-    ``alone``: only the displays are on their wires; ``wires``: attributes that are written otherwise.
+    ``alone``: only the displays are on their wires; ``wires``: attributes that are written otherwise; ``words``:
+    more for ``virtual-rig``.
 
     Raises
     ------
@@ -143,8 +189,8 @@ def run(
     """
     with changed(scene, mismatch, wires) as there:
         named = [word for device in displays(there) for word in ("--only", device)] if alone else []
-        words = ["virtual-rig", str(there), "--run", *named, *(("--for", duration) if duration else ())]
-        found, said = _reported(words, there.parent.parent)
+        asked = ["virtual-rig", str(there), "--run", *named, *words, *(("--for", duration) if duration else ())]
+        found, said = _reported(asked, there.parent.parent)
         if found is None or said:
             raise RuntimeError(said)
     return _true_errors(found)

@@ -49,7 +49,7 @@ def test_a_plant_cannot_act_before_it_is_told_to(scenes: Path, name: str, told: 
 def test_a_rig_of_ones_own_has_a_bound_of_its_own(
     scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(bench_wire, "run", lambda scene, mismatch, duration, alone, wires: {"foam": 0.06})
+    monkeypatch.setattr(bench_wire, "run", lambda scene, mismatch, duration, **more: {"foam": 0.06})
     words = ["--only", "seebeck +10 %, delay +5 ms, sensor-lag"]
     bounds = {name: bench_wire.bound_of(scenes / f"four_materials_{name}.xml") for name in ("wire", "diy")}
     assert bounds == {"wire": bench_wire.BOUND, "diy": bench_wire.OWN_RIG}
@@ -70,9 +70,7 @@ def test_all_corners_are_tried_once() -> None:
 def test_each_figure_is_held_against_its_bound(
     scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: float | None, code: int
 ) -> None:
-    monkeypatch.setattr(
-        bench_wire, "run", lambda scene, mismatch, duration, alone, wires: {"wood": 0.004, "foam": error}
-    )
+    monkeypatch.setattr(bench_wire, "run", lambda scene, mismatch, duration, **more: {"wood": 0.004, "foam": error})
     table = scenes / "rows.json"
     assert main([str(scenes / "four_materials_wire.xml"), "--json", str(table)]) == code
     lines = capsys.readouterr().out.splitlines()
@@ -192,3 +190,22 @@ def test_in_real_time_a_touch_too_few_is_missed_and_every_device_is_on_its_wire(
     with pytest.raises(SystemExit):
         main([scene, "--real-time", "--alone"])
     assert "every device on its wire" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("shaken", "code"), [(0.0139, 0), (0.0141, 1)])
+def test_what_an_unsteady_wire_adds_is_held_against_the_plant_as_written(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], shaken: float, code: int
+) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def run(scene: Path, mismatch: dict[str, float], duration: str | None, **more: Any) -> dict[str, float | None]:
+        asked.append(tuple(more["words"]))
+        shakes = "--unsteady" in more["words"] or "--phase" in more["words"]
+        return {"wood": shaken if shakes else 0.004}
+
+    monkeypatch.setattr(bench_wire, "run", run)
+    assert main([str(scenes / "four_materials_diy.xml"), "--unsteady"]) == code
+    assert asked == [(), *bench_wire.STEADY.values(), *bench_wire.UNSTEADY.values()]
+    out = capsys.readouterr().out
+    assert ("MISSED" in out.splitlines()[-1]) == (out.count("MISSED") == 1) == bool(code)
+    assert out.splitlines()[-1].startswith("| rms of 7 less that of 3, percentage points | +1.0 |")
