@@ -19,7 +19,7 @@ import pytest
 from shipped import SCENES
 
 from itouch.plugin import read_trace
-from itouch_thermal.bench_wire import CORNER, OWN_RIG, differ
+from itouch_thermal.bench_wire import ADDS, CORNER, DIFFERS, OWN_RIG, differ
 from itouch_thermal.chip.program import missing
 from itouch_tools.cli import lockstep
 from itouch_tools.cli.lockstep import Lockstep
@@ -80,6 +80,20 @@ def test_a_corner_of_the_simulated_chip_is_within_its_bound(tmp_path: Path) -> N
     assert report["faults"] == []
     (contact,) = report["contacts"]
     assert contact["true_error_rms"] < CORNER * OWN_RIG
+
+
+def test_a_bad_line_to_the_simulated_chip_adds_at_most_one_percentage_point(tmp_path: Path) -> None:
+    """The short form of `bench wire scenes/four_materials_diy.xml --alone --unsteady`, on a plant that differs besides."""
+    path = scene(tmp_path / "one", 6.0, 1.2)
+    assert differ(path.parent / "rigs" / "diy.xml", DIFFERS) == 1
+    errors = []
+    for unsteady in (False, True):
+        report = Lockstep(str(path), only=["peltier"], unsteady=unsteady, seed=1).run()
+        assert report["faults"] == []
+        (contact,) = report["contacts"]
+        errors.append(contact["true_error_rms"])
+    assert errors[0] < OWN_RIG
+    assert errors[1] < errors[0] + ADDS
 
 
 @pytest.mark.long

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import socket
+import subprocess
+import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from punctuality import skip_unless_punctual
 from shipped import SCENES
 
 from itouch.plugin import ItouchError, read_trace
+from itouch.plugin.discovery import Catalog
+from itouch.scene import loads, write
 from itouch.session import build, load_scene
 from itouch_tools.cli.lockstep import Lockstep
+from itouch_tools.cli.served_twins import placed
 from itouch_tools.cli.virtual_rig import main as virtual_rig
 
 
@@ -89,6 +98,11 @@ def test_a_taken_address_and_wrong_options_are_told(scene: Path, capsys: pytest.
     with pytest.raises(SystemExit):
         virtual_rig([str(scene), "--report", "x.json"])
     assert "go with --run" in capsys.readouterr().err
+    for words, said in ((["--pace", "real"], "--pace goes with --run"),
+                        (["--run", "--pace", "real", "--only", "arm"], "go with --pace step")):  # fmt: skip
+        with pytest.raises(SystemExit):
+            virtual_rig([str(scene), *words])
+        assert said in capsys.readouterr().err
 
 
 def test_only_some_devices_are_on_their_wires(scene: Path, tmp_path: Path) -> None:
@@ -108,3 +122,82 @@ def test_only_some_devices_are_on_their_wires(scene: Path, tmp_path: Path) -> No
     assert max(heights) > 0.005
     with pytest.raises(ItouchError, match="no device 'stage': the scene has arm, table, peltier"):
         Lockstep(str(scene), only=["stage"])
+
+
+def gaps_of(scene: Path, **how: Any) -> list[int]:
+    """Return the ticks from exchange to exchange of the display in a run of a second; the first is from State's zero."""
+    both = Lockstep(str(scene), only=["table"], **how)
+    taken: list[int] = []
+    both.host.taps.append(lambda _: taken.append(int(both.host.state["peltier.measured"][0])))
+    both.run(1.0)
+    return [int(gap) for gap in np.diff(sorted(set(taken)))]
+
+
+def test_a_display_without_its_wire_is_exchanged_with_as_often_as_on_it(scene: Path) -> None:
+    """Its controller counts on that: a display that obeys in every tick is another one than it knows."""
+    gaps = gaps_of(scene)[1:]
+    assert len(gaps) > 20
+    assert min(gaps) >= 20
+    assert max(gaps) <= 32  # it waits so long for a command that differs
+
+
+def test_exchanges_begin_later_or_as_a_bad_line_makes_them(scene: Path) -> None:
+    steady, late = gaps_of(scene), gaps_of(scene, phase=7e-3)
+    assert late[0] == steady[0] + 7
+    assert late[1:10] == steady[1:10]
+    shaken, again, other = (gaps_of(scene, unsteady=True, seed=seed)[1:] for seed in (1, 1, 2))
+    assert shaken == again != other
+    assert min(shaken) >= 10
+    assert max(shaken) <= 50  # one that is lost is made again 20 ms later
+    assert len(set(shaken)) > 8
+
+
+def test_in_real_time_devices_are_where_nobody_elses_are(tmp_path: Path) -> None:
+    """In the scene itself, so that session, guardian and simulated devices all know it."""
+    catalog, scene = Catalog(), load_scene(SCENES / "four_materials_wire.xml", twin="none")
+    texts = []
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        text = write(placed(scene, catalog, str(tmp_path / name)))
+        for fixed in ("127.0.0.1:3240", "127.0.0.1:5502", "/tmp/itouch-"):
+            assert fixed not in text
+        again = loads(text.encode(), catalog)
+        assert [device.twin for device in again.devices] == [False] * 3
+        texts.append(text)
+    assert texts[0] != texts[1]
+    kept = write(scene).replace("127.0.0.1:3240", "").replace("127.0.0.1:5502", "")
+    assert len(kept.splitlines()) == len(texts[0].splitlines())
+
+
+def in_real_time(scene: Path, folder: Path, *words: str) -> tuple[int, dict[str, Any]]:
+    """Run in real time, in a process of its own that takes its priority along; return exit code and report."""
+    report = folder / "report.json"
+    command = [sys.executable, "-m", "itouch_tools.cli", "virtual-rig", str(scene), "--run", "--pace", "real"]
+    done = subprocess.run([*command, "--report", str(report), *words], capture_output=True, text=True)
+    assert report.is_file(), done.stderr
+    return done.returncode, json.loads(report.read_text())
+
+
+def test_a_session_in_real_time_is_told_what_the_twins_know(scene: Path, tmp_path: Path) -> None:
+    """Whatever this machine's load makes of the run: session and rig begin, and their lateness is told."""
+    code, found = in_real_time(scene, tmp_path, "--for", "1.5s")
+    assert code == (1 if found["faults"] else 0)
+    assert found["twins"] == []
+    assert found["pace"] == "real"
+    wires = found["wires"]
+    assert 0 <= wires["truth_old"] < wires["ticks"] <= found["servo"]["ticks"]
+    assert set(wires["surfaces"]) == {"table"}
+    assert wires["machine"]["lateness_us"]["max"] >= wires["machine"]["lateness_us"]["p50"]
+    assert wires["rig"]["lateness_us"]["p50"] is not None  # the devices were driven
+
+
+@pytest.mark.long
+def test_a_touch_in_real_time_is_judged_by_the_truth(scene: Path, tmp_path: Path) -> None:
+    skip_unless_punctual(0.002)
+    _, found = in_real_time(scene, tmp_path)
+    if not found["wires"]["machine"]["held"]:
+        pytest.skip("this machine's wake-ups did not hold during the run")
+    assert found["faults"] == []
+    (contact,) = found["contacts"]
+    assert contact["true_error_rms"] < 0.04
+    assert contact["estimate_error_rms"] < 0.04

@@ -165,9 +165,15 @@ def test_a_step_of_another_plate_is_doubted(scene: Path, tmp_path: Path, capsys:
         shown = _simulate(DisplayParams(**other), times, currents, 296.15).reshape(2, -1)
         shown += np.random.default_rng(1).normal(0.0, [[0.01], [0.02]], shown.shape)
         file = samples(tmp_path, np.stack([times, currents, *shown], axis=1))
-        assert cli(["calibrate", str(scene), "--kind", "tec-step", "--samples", file]) == 0
-        calibration.file_of(scene).unlink()
+        words = ["calibrate", str(scene), "--kind", "tec-step", "--samples", file]
+        assert cli(words) == (0 if name == "own" else 2)
         said[name] = capsys.readouterr().err
+        assert calibration.file_of(scene).exists() == (name == "own")
+        if name != "own":  # nothing is kept of what is doubted, unless somebody says that it is right
+            assert "is doubted, and nothing is kept" in said[name]
+            assert cli([*words, "--doubted"]) == 0
+            capsys.readouterr()
+        calibration.file_of(scene).unlink()
     assert said["own"] == ""
     assert "another plate or sink, a finger on it" in said["plate"]
     assert said["module"].startswith("warning: resistance comes out 3 times what the scene says")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,15 +18,21 @@ class EveryNth(Device, Stamped):
     """A blocking device that exchanges in the tick itself, as its wire and thread would.
 
     An exchange takes ``every`` ticks.  After it, the device waits up to ``waits`` ticks for a command that differs
-    from the last one.
+    from the last one.  ``cls`` is whose channels it has, if not the device's own; ``course`` returns after how many
+    ticks the next exchange begins, whatever is commanded, or None: as the rest says.
     """
 
-    def __init__(self, device: Device, every: int, waits: int = 0, period: float = 1e-3) -> None:
+    def __init__(
+        self, device: Device, every: int, waits: int = 0, period: float = 1e-3, *, cls: type[Device] | None = None,
+        course: Callable[[], int | None] = lambda: None,
+    ) -> None:  # fmt: skip
         super().__init__(device.params)
-        self._period = period
+        self._period, self._course = period, course
+        #: After how many ticks the next exchange begins, if that is fixed.
+        self._next: int | None = None
         self.device, self._every, self._waits = device, every, waits
         self._since, self._command, self._sent = every + waits, b"", b""
-        reads, self._commands = type(device).channels(device.params)
+        reads, self._commands = (cls or type(device)).channels(device.params)
         self._stamps = Stamps([channel.name for channel in reads])
         self._record = Record.of(Field.of(channel) for channel in self._commands)
         self._told, self._reads = True, 0
@@ -48,9 +56,10 @@ class EveryNth(Device, Stamped):
         """Exchange if it is time."""
         self._reads += 1
         since, self._since = self._since, self._since + 1
-        if since < self._every + (self._waits if self._command == self._sent else 0):
+        due = self._every + (self._waits if self._command == self._sent else 0) if self._next is None else self._next
+        if since < due:
             return False
-        self._since = 1
+        self._since, self._next = 1, self._course()
         self._stamps.begin()
         self._send()
         return self.device.read(reading)

@@ -75,17 +75,30 @@ def launch(
     ServoError
         If the servo process can't be started.
     """
+    config = configured(
+        scene, seed=seed, twin=twin, rig=rig, seconds=seconds, save=save, enable=enable, linger=linger,
+        realtime=realtime, keep=keep,
+    )  # fmt: skip
+    return start(name or _name(config["scene"]), config)
+
+
+def configured(
+    scene: str | os.PathLike[str] | Scene, *, seed: int = 0, twin: str | None = None,
+    rig: str | os.PathLike[str] | None = None, seconds: float | None = None,
+    save: str | os.PathLike[str] | None = None, enable: bool = False, linger: bool = False, realtime: bool = True,
+    keep: Outputs | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Return what ``start`` is told for ``launch``, with the same parameters: who serves otherwise adds to it."""
     if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
         raise ValueError(f"seconds = {seconds!r} must be a finite number, at least 0")
     if not 0 <= seed < 1 << 63:
         raise ValueError(f"seed = {seed!r} is out of range: 0 to 2^63 - 1")
-    config = _config(scene, twin) | {
+    return _config(scene, twin) | {
         "seed": seed, "rig": None if rig is None else os.fspath(rig), "seconds": seconds, "enable": enable,
         "linger": linger,
         "save": None if save is None else os.fspath(save), "realtime": realtime, "sys_path": sys.path,
         "keep": (keep or Outputs()).dump(),
     }  # fmt: skip
-    return start(name or _name(config["scene"]), config)
 
 
 def start(name: str, config: dict[str, Any]) -> Handle:

@@ -65,6 +65,7 @@ def _parser() -> argparse.ArgumentParser:
         "--twin", metavar="all|none|NAME", help="calibrate twins, or hardware, instead of what the scene says"
     )
     parser.add_argument("--days", type=float, metavar="N", help="how long the result holds")
+    parser.add_argument("--doubted", action="store_true", help="keep a result although the samples speak against it")
     parser.add_argument("--extend", action="store_true", help="declare that expired records still hold")
     return parser
 
@@ -236,6 +237,9 @@ def _fit(options: argparse.Namespace, device: Any) -> calibration.CalibrationRec
         raise ItouchError(f"calibration '{options.kind}': {error}") from error
     for doubt in found.doubts:
         print(f"warning: {doubt}", file=sys.stderr)
+    if found.doubts and not options.doubted:
+        lead = f"calibration '{options.kind}' is doubted, and nothing is kept: {found.doubts[0]}"
+        raise ItouchError(f"{lead}; measure again, or say with --doubted that it is right")
     return _record(options, device, fit.days, found.residual, found.unit, len(samples), values=dict(found.values))
 
 

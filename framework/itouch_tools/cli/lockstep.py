@@ -10,18 +10,20 @@ import argparse
 import contextlib
 import json
 import os
+import random
 import select
 import shutil
 import sys
 import tempfile
 import threading
 import weakref
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, TextIO
 
 from itouch.exchange import EveryNth, Straight, StraightEmulator, ThreadedDevice
 from itouch.loop import DeviceFaultError
-from itouch.plugin import Trace
+from itouch.plugin import Device, Trace
 from itouch.schema import ItouchError
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.served_twins import VirtualRig
@@ -31,6 +33,9 @@ if TYPE_CHECKING:
 
 #: Timers of the emulators run so much faster than the host's; time between two looks at the wires [s].
 SPEED, LOOK = 20.0, 1e-4
+#: An unsteady wire: from exchange to exchange [s], at least and at most; which part of them is lost, and how much later
+#: such a one is made again [s].
+UNSTEADY, LOST, AGAIN = (0.010, 0.030), 0.05, 0.020
 #: Simulated seconds after which a scene without an end is ended.
 LONGEST = 600.0
 
@@ -38,7 +43,9 @@ LONGEST = 600.0
 class Lockstep:
     """A host's session and the virtual rig that it runs on, at places of their own: others may run beside it.
 
-    ``only`` are the devices that are on their wires; none named: all.
+    ``only`` are the devices that are on their wires; none named: all.  Where an exchange takes longer than a tick,
+    those after the first begin ``phase`` [s] later than they would, or, ``unsteady``, as a busy host and a bad line
+    make them.
     """
 
     def __init__(
@@ -49,6 +56,8 @@ class Lockstep:
         seed: int = 0,
         trace: TextIO | None = None,
         only: Sequence[str] = (),
+        phase: float = 0.0,
+        unsteady: bool = False,
     ) -> None:
         from itouch.servo.prepare import prepare
 
@@ -57,6 +66,8 @@ class Lockstep:
         self._folder = tempfile.mkdtemp(prefix="itouch-")
         self._tidy = weakref.finalize(self, shutil.rmtree, self._folder, True)
         places = {runner.model.name: self._place(runner) for runner in self.world.runners}
+        period = self.host.model.period
+        self._course = partial(_unsteady, period, seed) if unsteady else partial(_later, period, phase)
         straight = self._straight(only)
         wires = {name: StraightEmulator(device) for name, device in straight.items()}
         self.rig = VirtualRig(self.world, speed=SPEED, places=places, wires=wires)
@@ -64,7 +75,7 @@ class Lockstep:
         self._truth = {runner.model.name: runner.twin_state for runner in self.world.runners}
         for runner in self.host.runners:
             if runner.model.name in straight:
-                runner.device = straight[runner.model.name]
+                runner.device = self._paced(runner, straight[runner.model.name])
             else:
                 self._take_in(runner, places[runner.model.name], trace)
         self.host.taps.append(self._tick)
@@ -87,6 +98,16 @@ class Lockstep:
             if only and runner.model.name not in only
         }
 
+    def _paced(self, runner: Runner, device: Straight) -> Device:
+        """Return a device without its wire as often as it would be exchanged with: its controller counts on that."""
+        cls, period = runner.model.cls, self.host.model.period
+        every = max(1, round(cls.takes(device.params) / period)) if cls.blocking else 1
+        return (
+            device
+            if every == 1
+            else EveryNth(device, every, round(cls.waits / period), period, cls=cls, course=self._course())
+        )
+
     def _place(self, runner: Runner) -> Any:
         """Return a device's parameters, with an address that no other virtual rig has."""
         emulator, folder = runner.model.cls.Emulator, f"{self._folder}/{runner.model.name}"
@@ -101,7 +122,8 @@ class Lockstep:
         if isinstance(device, ThreadedDevice):
             inner, period = device.device, self.host.model.period
             every, waits = max(1, round(inner.takes(inner.params) / period)), round(type(inner).waits / period)
-            device = runner.device = EveryNth(inner, every, waits, period)
+            course = self._course() if every > 1 else _as_it_is
+            device = runner.device = EveryNth(inner, every, waits, period, course=course)
         if device is not None and trace is not None:
             device.trace = Trace(trace, runner.model.name)
 
@@ -156,13 +178,30 @@ class Lockstep:
         return self.host.report()
 
 
+def _as_it_is() -> None:
+    return None
+
+
+def _later(period: float, phase: float) -> Callable[[], int | None]:
+    """Return what lets the second exchange begin later by a phase [s]."""
+    first = iter([round((AGAIN + phase) / period)] if phase else [])
+    return lambda: next(first, None)
+
+
+def _unsteady(period: float, seed: int) -> Callable[[], int | None]:
+    """Return what says after how many ticks the next exchange begins on a busy host and a bad line."""
+    chance, (low, high) = random.Random(seed), (round(time / period) for time in UNSTEADY)
+    return lambda: chance.randint(low, high) + (round(AGAIN / period) if chance.random() < LOST else 0)
+
+
 def main(options: argparse.Namespace) -> int:
     """Run, show and write the report."""
     from itouch_tools.report.screen import Screen
 
     with contextlib.ExitStack() as stack:
         trace = stack.enter_context(open(options.trace, "w", encoding="utf-8")) if options.trace else None
-        both = Lockstep(options.scene, rig=options.rig, seed=options.seed, trace=trace, only=options.only)
+        both = Lockstep(options.scene, rig=options.rig, seed=options.seed, trace=trace, only=options.only,
+                        phase=options.phase, unsteady=options.unsteady)  # fmt: skip
         with waiting(f"running {options.scene} on its wires") as wait:
             both.host.taps.append(lambda tick: wait.part(None, f"{tick * both.host.model.period:.1f} s simulated"))
             report = both.run(options.duration)

@@ -25,6 +25,12 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default 0)")
     parser.add_argument("--run", action="store_true",
                         help="run the scene too, in this process and in step: as fast as the wires answer")  # fmt: skip
+    parser.add_argument("--pace", choices=("step", "real"), default="step",
+                        help="with --run: in step (default), or in real time, as on hardware")  # fmt: skip
+    parser.add_argument("--phase", type=seconds, default=0.0, metavar="7ms",
+                        help="with --run: exchanges over slow wires begin so much later")  # fmt: skip
+    parser.add_argument("--unsteady", action="store_true",
+                        help="with --run: they begin every 20 +- 10 ms, one in twenty is lost")  # fmt: skip
     parser.add_argument("--report", type=output_file, metavar="FILE.json", help="with --run: write the report as JSON")
     parser.add_argument("--trace", type=output_file, metavar="FILE", help="with --run: write what goes over the wires")
     parser.add_argument(
@@ -35,8 +41,17 @@ def main(argv: Sequence[str]) -> int:
         help="with --run: only this device (repeat: these) on its wire, the rest without",
     )
     options = parser.parse_args(argv)
-    if (options.report or options.trace or options.only) and not options.run:
-        parser.error("--report, --trace and --only go with --run")
+    wires = options.phase or options.unsteady
+    if (options.report or options.trace or options.only or wires) and not options.run:
+        parser.error("--report, --trace, --only, --phase and --unsteady go with --run")
+    if options.pace == "real" and not options.run:
+        parser.error("--pace goes with --run: without it a virtual rig is in real time")
+    if options.pace == "real" and (options.only or options.trace or wires):
+        parser.error("--only, --trace, --phase and --unsteady go with --pace step")
+    if options.pace == "real":
+        from itouch_tools.cli import real_rig
+
+        return real_rig.main(options)
     if options.run:
         from itouch_tools.cli import lockstep
 

@@ -1,17 +1,21 @@
 """``itouch-py bench wire``: a scene on its devices' real protocols, scored by what the twins behind the emulators know.
 
-Every row is a run of ``itouch-py virtual-rig SCENE --run``, whose plant differs from what the controller is told.
+Every row is a run of ``itouch-py virtual-rig SCENE --run``, whose plant differs from what the controller is told.  In
+real time a bound can only be missed on a machine that wakes whoever must be woken in time: what it did stands beside.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
+import math
 import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -23,6 +27,9 @@ SPACE = "{urn:itouch:plugin:thermal}"
 #: Most true error of the finger's flux, rms from 0.1 s to lift-off: on a TEC controller, and on a rig of one's own,
 #: whose thermistors are slow and whose current follows a command in some 12 ms; and how many times that in the corners.
 BOUND, OWN_RIG, CORNER = 0.03, 0.05, 2.0
+#: How many times that in real time; most p99 of a surface's distance from its command as a multiple of its speed times
+#: the age of its reading; most difference of a touch's greatest force from that on twins, as a part of it.
+REAL, TRACKING, FORCE = 4.0 / 3.0, 1.5, 0.1
 #: The corners: by how much the plant may differ, in both directions.
 WIDE = {"contact-resistance": 0.2, "seebeck": 0.1, "delay": 5e-3, "sensor-lag": 0.3}
 #: The program that is installed with this one.
@@ -35,6 +42,15 @@ FASTER = {
     "460800 baud, flux averaged for 4 ms": (_RAISED, ("labjack", "averaging", "4 ms")),
     "460800 baud, flux averaged for 20 ms": (_RAISED, ("labjack", "averaging", "20 ms")),
 }
+#: Wires that begin their exchanges otherwise: words for ``virtual-rig``.  What they may add to the error of the plant
+#: as written.
+UNSTEADY = {
+    **{f"exchanges {phase} ms later": ("--phase", f"{phase}ms") for phase in (5, 10, 15, 19)},
+    **{f"20 +- 10 ms, 5 % lost, seed {seed}": ("--unsteady", "--seed", str(seed)) for seed in (1, 2, 3)},
+}
+ADDS = 0.01
+#: The plant as written with other noise: what noise a run meets is luck, so rms values of several are compared.
+STEADY = {f"as written, seed {seed}": ("--seed", str(seed)) for seed in (1, 2)}
 #: A plant that differs much, and for long.
 DIFFERS = {"contact-resistance": 0.2, "seebeck": -0.1}
 
@@ -51,6 +67,8 @@ def main(argv: Sequence[str]) -> int:
                         help="the corners, too: resistance, Seebeck, delay, lag of the sensors")  # fmt: skip
     parser.add_argument("--faster", action="store_true",
                         help="better wires, too: a raised baud rate, an input that averages")  # fmt: skip
+    parser.add_argument("--unsteady", action="store_true",
+                        help="other phases, jitter and losses, too: at most one percentage point more")  # fmt: skip
     parser.add_argument("--only", metavar="WORDS", default="",
                         help="only the plants whose name has these words, such as 'delay +5 ms'")  # fmt: skip
     parser.add_argument("--alone", action="store_true",
@@ -60,22 +78,37 @@ def main(argv: Sequence[str]) -> int:
                         help=f"most error; twice that in the corners (default {100.0 * BOUND:g}, on a rig of one's own "
                              f"{100.0 * OWN_RIG:g})")  # fmt: skip
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows to this file too")
+    parser.add_argument("--real-time", action="store_true",
+                        help="in real time; the surface's tracking and greatest forces are judged, too")  # fmt: skip
     options = parser.parse_args(list(argv))
+    if options.real_time and options.unsteady:
+        parser.error("--unsteady is in step: in real time the wires are as they are")
+    if options.real_time and options.alone:
+        parser.error("--real-time has every device on its wire: leave --alone out")
     if not options.scene.is_file():
         print(
             f"error: there is no scene '{options.scene}'; run this where the repository's scenes/ is", file=sys.stderr
         )
         return 2
     most = bound_of(options.scene) if options.bound is None else 0.01 * options.bound
-    rows, names = [], list[str]()
+    if options.real_time:
+        most *= REAL
+    rows, names = list[dict[str, Any]](), list[str]()
     every = bool(options.only)
     tried = [*plants(corners=options.corners or every), *(faster() if options.faster or every else ())]
     wanted = [plant for plant in tried if options.only in plant[0]]
+    if options.unsteady:
+        wanted = [next(plants(corners=False)), *((name, {}, 1.0) for name in (*STEADY, *UNSTEADY))]
     if not wanted:
         parser.error(f"no plant has '{options.only}' in its name")
+    if options.real_time:
+        return _in_real_time(options, wanted, most)
     for name, mismatch, times in wanted:
         try:
-            row = run(options.scene, mismatch, options.duration, alone=options.alone, wires=FASTER.get(name, ()))
+            row = run(
+                options.scene, mismatch, options.duration, alone=options.alone, wires=FASTER.get(name, ()),
+                words={**STEADY, **UNSTEADY}.get(name, ()),
+            )  # fmt: skip
         except RuntimeError as error:
             print(f"error: {name}: {error}", file=sys.stderr)
             return 2
@@ -87,9 +120,29 @@ def main(argv: Sequence[str]) -> int:
         cells = " | ".join(_percent(row.get(key)) for key in names)
         print(f"| {name} | {cells} | {100.0 * bound:g} %{'' if holds else ' MISSED'} |", flush=True)
         rows.append({"plant": name, "mismatch": dict(mismatch), "true_error": row, "bound": bound, "holds": holds})
+    if options.unsteady:
+        rows.append(_added(rows))
     if options.json is not None:
         options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     return 0 if all(row["holds"] for row in rows) else 1
+
+
+def _added(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Print what other wires add to the error of each touch, both as rms over their runs; return the row of that."""
+
+    def rms(which: Sequence[Mapping[str, Any]], key: str) -> float:
+        errors = [row["true_error"].get(key) for row in which]
+        squares = [math.inf if error is None else error * error for error in errors]
+        return math.sqrt(sum(squares) / len(squares))
+
+    shaken = [row for row in rows if row["plant"] in UNSTEADY]
+    steady = [row for row in rows if row["plant"] not in UNSTEADY]
+    added = {key: rms(shaken, key) - rms(steady, key) for key in rows[0]["true_error"]}
+    holds = all(more <= ADDS for more in added.values())
+    cells = " | ".join(f"{100.0 * more:+.1f}" for more in added.values())
+    print(f"| rms of {len(shaken)} less that of {len(steady)}, percentage points | {cells} | "
+          f"{100.0 * ADDS:+.1f}{'' if holds else ' MISSED'} |", flush=True)  # fmt: skip
+    return {"plant": "added", "mismatch": {}, "true_error": added, "bound": ADDS, "holds": holds}
 
 
 def _percent(error: float | None) -> str:
@@ -116,16 +169,41 @@ def faster() -> Iterator[tuple[str, Mismatch, float]]:
 
 
 def run(
-    scene: Path, mismatch: Mismatch, duration: str | None = None, *, alone: bool = False, wires: Sequence[Wire] = ()
+    scene: Path,
+    mismatch: Mismatch,
+    duration: str | None = None,
+    *,
+    alone: bool = False,
+    wires: Sequence[Wire] = (),
+    words: Sequence[str] = (),
 ) -> dict[str, float | None]:
     """Return the true error [1] of each contact's flux by object, in a run of a scene whose plant differs.
 
-    ``alone``: only the displays are on their wires; ``wires``: attributes that are written otherwise.
+    ``alone``: only the displays are on their wires; ``wires``: attributes that are written otherwise; ``words``:
+    more for ``virtual-rig``.
 
     Raises
     ------
     RuntimeError
         If the run ends in a fault; with its last words.
+    """
+    with changed(scene, mismatch, wires) as there:
+        named = [word for device in displays(there) for word in ("--only", device)] if alone else []
+        asked = ["virtual-rig", str(there), "--run", *named, *words, *(("--for", duration) if duration else ())]
+        found, said = _reported(asked, there.parent.parent)
+        if found is None or said:
+            raise RuntimeError(said)
+    return _true_errors(found)
+
+
+@contextlib.contextmanager
+def changed(scene: Path, mismatch: Mismatch, wires: Sequence[Wire] = ()) -> Iterator[Path]:
+    """Yield a copy of a scene, with all of its folder, whose plant and wires differ.
+
+    Raises
+    ------
+    RuntimeError
+        If there is nothing that could.
     """
     with tempfile.TemporaryDirectory(prefix="itouch-wire-") as name:
         folder = Path(name) / "scenes"
@@ -134,25 +212,158 @@ def run(
             raise RuntimeError("no display behind a wire was found in the scene's folder")
         if wires and not sum(rewire(path, wires) for path in sorted(folder.rglob("*.xml"))):
             raise RuntimeError("no display on such a wire was found in the scene's folder")
-        named = [word for device in displays(folder / scene.name) for word in ("--only", device)] if alone else []
-        report = Path(name) / "report.json"
-        command = [
-            sys.executable,
-            "-c",
-            PROGRAM,
-            "virtual-rig",
-            str(folder / scene.name),
-            "--run",
-            "--report",
-            str(report),
-            *named,
-        ]
-        command += ["--for", duration] if duration else []
-        done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-        if done.returncode or not report.is_file():
-            raise RuntimeError(done.stderr.strip().rpartition("\n")[2] or f"ended with {done.returncode}")
-        found: dict[str, Any] = json.loads(report.read_text(encoding="utf-8"))
-    return {contact["object"]: contact.get("true_error_rms") for contact in found["contacts"]}
+        yield folder / scene.name
+
+
+def _reported(words: Sequence[str], folder: Path) -> tuple[dict[str, Any] | None, str]:
+    """Run the program; return the report that it wrote, if it did, and its last words if it failed, else nothing."""
+    report = folder / "report.json"
+    report.unlink(missing_ok=True)
+    command = [sys.executable, "-c", PROGRAM, *words, "--report", str(report)]
+    done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    said = "" if not done.returncode else done.stderr.strip().rpartition("\n")[2] or f"ended with {done.returncode}"
+    if not report.is_file():
+        return None, said or "left no report"
+    found: dict[str, Any] = json.loads(report.read_text(encoding="utf-8"))
+    return found, said
+
+
+def _true_errors(report: Mapping[str, Any]) -> dict[str, float | None]:
+    return {contact["object"]: contact.get("true_error_rms") for contact in report["contacts"]}
+
+
+@dataclass(frozen=True)
+class Real:
+    """What a run in real time has shown, beside what it is held against.
+
+    Attributes
+    ----------
+    errors, peaks
+        True error [1] of each touch's flux, and how far its greatest force is from that on twins [1], by object.
+    tracking, allowed
+        p99 of the surface's distance from its command [mm], and the most that it may be; None: none was driven.
+    age
+        Median age of the surface's readings [ms]; None: none was driven.
+    faults
+        What ended it.
+    woken
+        Lateness [us] of wake-ups, p99.9 and greatest, of the machine, the session and the simulated devices.
+    punctual
+        Whether the machine's wake-ups held.
+    """
+
+    errors: Mapping[str, float | None]
+    peaks: Mapping[str, float | None]
+    tracking: float | None
+    allowed: float | None
+    age: float | None
+    faults: Sequence[str]
+    woken: Mapping[str, tuple[float | None, float | None]]
+    punctual: bool
+
+    def missed(self, bound: float, objects: Sequence[str]) -> list[str]:
+        """Say what was missed; ``objects`` are to be touched, in this order."""
+        said = list(self.faults)
+        if list(self.errors) != list(objects):
+            said.append(f"touched were {', '.join(self.errors) or 'none'}, not {', '.join(objects)}")
+        for name, error in self.errors.items():
+            if error is None or error > bound:
+                said.append(f"{name}'s flux is {_percent(error)} off, allowed are {100.0 * bound:.3g} %")
+        for name, much in self.peaks.items():
+            if much is None or abs(much) > FORCE:
+                said.append(f"{name}'s greatest force differs by {_percent(much)} from that on twins")
+        if self.tracking is None or self.allowed is None or self.tracking > self.allowed:
+            said.append("the surface was further from its command than it may be")
+        return said
+
+    def verdict(self, missed: Sequence[str]) -> str:
+        """Return `pass`, `fail`, or that the machine was too late for either."""
+        return "pass" if not missed else "fail" if self.punctual else "machine not punctual"
+
+
+def judged(report: Mapping[str, Any], twins: Mapping[str, Any]) -> Real:
+    """Return what the report of a run in real time has shown, beside that of the same scene on twins."""
+    on_twins = {contact["object"]: contact["peak_force_N"] for contact in twins["contacts"]}
+    peaks = {
+        contact["object"]: contact["peak_force_N"] / on_twins[contact["object"]] - 1.0
+        if on_twins.get(contact["object"])
+        else None
+        for contact in report["contacts"]
+    }
+    wires = report["wires"]
+    surface: Mapping[str, Any] = next(iter(wires.get("surfaces", {}).values()), {})
+    far, tracking = surface.get("speed_times_age_mm", {}).get("p99"), report["table"]["tracking_mm"].get("p99")
+    woken = {"machine": wires["machine"]["lateness_us"], "session": report["servo"]["lateness_us"] or {},
+             "simulated devices": wires["rig"]["lateness_us"]}  # fmt: skip
+    return Real(
+        _true_errors(report), peaks, tracking, None if far is None else TRACKING * far,
+        surface.get("age_ms", {}).get("p50"),
+        [f"{fault['device']}: {fault['cause']}" for fault in report["faults"]],
+        {who: (late.get("p99.9"), late.get("max")) for who, late in woken.items()},
+        bool(wires["machine"]["held"]),
+    )  # fmt: skip
+
+
+def _in_real_time(options: argparse.Namespace, wanted: Sequence[tuple[str, Mismatch, float]], most: float) -> int:
+    """Run each plant in real time, and print it beside its bounds; 0 if all pass, 1 if one fails, 3 if nobody knows."""
+    rows, names, verdicts = [], list[str](), list[str]()
+    for name, mismatch, times in wanted:
+        try:
+            with changed(options.scene, mismatch, FASTER.get(name, ())) as there:
+                words = ["run", str(there), "--twin", "all", "--headless", "--pace", "fast"]
+                ends = ("--for", options.duration) if options.duration else ()
+                twins, said = _reported([*words, *ends], there.parent.parent)
+                if twins is None:
+                    raise RuntimeError(said)
+                found, said = _reported(
+                    ["virtual-rig", str(there), "--run", "--pace", "real", *ends], there.parent.parent
+                )
+                if found is None:
+                    raise RuntimeError(said)
+        except RuntimeError as error:
+            print(f"error: {name}: {error}", file=sys.stderr)
+            return 2
+        real, objects = judged(found, twins), [contact["object"] for contact in twins["contacts"]]
+        if not names:
+            names = objects
+            print(f"| plant | {' | '.join(names)} | at most | greatest force off | at most | tracking p99 | at most | "
+                  "verdict |\n" + "|---" * (len(names) + 7) + "|")  # fmt: skip
+        missed = real.missed(most * times, objects)
+        verdicts.append(real.verdict(missed))
+        forces = [abs(much) for much in real.peaks.values() if much is not None]
+        cells = " | ".join(_percent(real.errors.get(key)) for key in names)
+        print(
+            f"| {name} | {cells} | {100.0 * most * times:.3g} % | {_percent(max(forces, default=None))} | "
+            f"{100.0 * FORCE:g} % | {_millimetres(real.tracking)} | {_millimetres(real.allowed)} | {verdicts[-1]} |",
+            flush=True,
+        )
+        for line in _beside(real, missed):
+            print(line, flush=True)
+        rows.append({"plant": name, "mismatch": dict(mismatch), "true_error": real.errors, "bound": most * times,
+                     "peak_force": real.peaks, "tracking_mm": real.tracking, "tracking_most_mm": real.allowed,
+                     "reading_age_ms": real.age, "woken_late_us": real.woken, "missed": missed,
+                     "verdict": verdicts[-1]})  # fmt: skip
+    if options.json is not None:
+        options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    return 1 if "fail" in verdicts else 3 if "machine not punctual" in verdicts else 0
+
+
+def _beside(real: Real, missed: Sequence[str]) -> Iterator[str]:
+    """Yield what stands below a row: how late who was woken, and what was missed."""
+    late = "; ".join(
+        f"{who} {_late(most)} (p99.9), {_late(worst)} at most" for who, (most, worst) in real.woken.items()
+    )
+    age = "" if real.age is None else f"; the surface's readings were {real.age:.1f} ms old"
+    yield f"  woken late: {late}{age}"
+    yield from (f"  missed: {what}" for what in missed)
+
+
+def _late(microseconds: float | None) -> str:
+    return "-" if microseconds is None else f"{1e-3 * microseconds:.2f} ms"
+
+
+def _millimetres(distance: float | None) -> str:
+    return "-" if distance is None else f"{distance:.2f} mm"
 
 
 def differ(path: Path, mismatch: Mismatch) -> int:

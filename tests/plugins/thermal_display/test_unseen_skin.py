@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from itouch_thermal.drivers.virtual import VirtualLine
 from itouch_thermal.flux.setting import FluxModel
 from itouch_tools.cli.lockstep import Lockstep
 
@@ -31,8 +32,28 @@ def scene_of(scenes: Path) -> Path:
     return path
 
 
-def test_the_start_is_that_of_the_skin_as_it_is_and_not_of_one_at_rest(scenes: Path) -> None:
-    both = Lockstep(str(scene_of(scenes)), only=["peltier"])
+def own_rig(scenes: Path, patch: pytest.MonkeyPatch) -> None:
+    """Put a rig of one's own without a thermometer for the skin in place of controller and LabJack."""
+    rig = scenes / "rigs" / "wire.xml"
+    line = '<thermal:line port="/tmp/itouch-own"/>'
+    rig.write_text(re.sub(r"<thermal:mecom.*</thermal:labjack>", line, rig.read_text(), flags=re.DOTALL))
+    answer = VirtualLine._answer
+
+    def blind(self: VirtualLine, body: str, now: float) -> str:
+        words = answer(self, body, now).split()
+        return " ".join([*words[:4], "nan", *words[5:]] if words[0] == "R" else words)
+
+    patch.setattr(VirtualLine, "_answer", blind)
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_the_start_is_that_of_the_skin_as_it_is_and_not_of_one_at_rest(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch, own: bool
+) -> None:
+    path = scene_of(scenes)
+    if own:
+        own_rig(scenes, monkeypatch)
+    both = Lockstep(str(path), only=["peltier"])
     report = both.run()
     assert report["faults"] == []
     assert [contact["object"] for contact in report["contacts"]] == ["aluminium"]

@@ -49,7 +49,7 @@ def test_a_plant_cannot_act_before_it_is_told_to(scenes: Path, name: str, told: 
 def test_a_rig_of_ones_own_has_a_bound_of_its_own(
     scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(bench_wire, "run", lambda scene, mismatch, duration, alone, wires: {"foam": 0.06})
+    monkeypatch.setattr(bench_wire, "run", lambda scene, mismatch, duration, **more: {"foam": 0.06})
     words = ["--only", "seebeck +10 %, delay +5 ms, sensor-lag"]
     bounds = {name: bench_wire.bound_of(scenes / f"four_materials_{name}.xml") for name in ("wire", "diy")}
     assert bounds == {"wire": bench_wire.BOUND, "diy": bench_wire.OWN_RIG}
@@ -70,9 +70,7 @@ def test_all_corners_are_tried_once() -> None:
 def test_each_figure_is_held_against_its_bound(
     scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: float | None, code: int
 ) -> None:
-    monkeypatch.setattr(
-        bench_wire, "run", lambda scene, mismatch, duration, alone, wires: {"wood": 0.004, "foam": error}
-    )
+    monkeypatch.setattr(bench_wire, "run", lambda scene, mismatch, duration, **more: {"wood": 0.004, "foam": error})
     table = scenes / "rows.json"
     assert main([str(scenes / "four_materials_wire.xml"), "--json", str(table)]) == code
     lines = capsys.readouterr().out.splitlines()
@@ -121,3 +119,93 @@ def test_better_wires_are_written_into_the_rig(scenes: Path) -> None:
     assert part.params.labjack.averaging == 20e-3
     assert part.params.flux_noise == 20.0  # of one sample, as before
     assert bench_wire.rewire(scenes / "rigs" / "diy.xml", bench_wire.FASTER["460800 baud for the session"]) == 0
+
+
+def reported(*, late: bool = False, flux: float = 0.01, force: float = 1.0, tracking: float = 0.9) -> dict[str, Any]:
+    """Return the report of a run in real time; on twins only its touches count."""
+    touch = {"object": "wood", "peak_force_N": force, "true_error_rms": flux}
+    woken = {"p50": 80.0, "p99.9": 4e3 if late else 300.0, "max": 2e4 if late else 900.0}
+    surface = {"age_ms": {"p50": 2.0, "p99": 4.0}, "speed_times_age_mm": {"p50": 0.1, "p99": 0.8}}
+    return {
+        "contacts": [touch],
+        "faults": [],
+        "table": {"tracking_mm": {"p99": tracking}},
+        "servo": {"lateness_us": woken},
+        "wires": {
+            "surfaces": {"table": surface},
+            "rig": {"lateness_us": woken},
+            "machine": {"lateness_us": woken, "held": not late},
+        },
+    }
+
+
+@pytest.mark.parametrize(
+    ("found", "code", "said"),
+    [
+        ({"flux": 0.039, "force": 1.09, "tracking": 1.19}, 0, "| pass |"),
+        ({"flux": 0.041}, 1, "missed: wood's flux is 4.1 % off, allowed are 4 %"),
+        ({"force": 1.11}, 1, "missed: wood's greatest force differs by 11.0 % from that on twins"),
+        ({"tracking": 1.21}, 1, "missed: the surface was further from its command than it may be"),
+        ({"tracking": 1.21, "late": True}, 3, "| machine not punctual |"),
+        ({"late": True}, 0, "| pass |"),
+    ],
+)
+def test_a_run_in_real_time_passes_fails_or_was_on_a_machine_that_is_late(
+    scenes: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    found: dict[str, Any],
+    code: int,
+    said: str,
+) -> None:
+    asked: list[list[str]] = []
+
+    def run(words: list[str], folder: Path) -> tuple[dict[str, Any], str]:
+        asked.append(words)
+        return reported(**(found if "virtual-rig" in words else {})), ""
+
+    monkeypatch.setattr(bench_wire, "_reported", run)
+    table = scenes / "rows.json"
+    words = ["--real-time", "--only", "as written", "--json", str(table)]
+    assert main([str(scenes / "four_materials_wire.xml"), *words]) == code
+    out = capsys.readouterr().out
+    assert said in out
+    assert ("missed:" in out) == (code != 0)
+    assert [row["verdict"] == "pass" for row in json.loads(table.read_text())] == [code == 0]
+    assert [tuple(words[3:5]) == ("--pace", "real") for words in asked] == [False, True]
+    assert main([str(scenes / "four_materials_diy.xml"), *words]) == (0 if found.get("flux") == 0.041 else code)
+
+
+def test_in_real_time_a_touch_too_few_is_missed_and_every_device_is_on_its_wire(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(words: list[str], folder: Path) -> tuple[dict[str, Any], str]:
+        found = reported()
+        return {**found, "contacts": []} if "virtual-rig" in words else found, ""
+
+    monkeypatch.setattr(bench_wire, "_reported", run)
+    scene = str(scenes / "four_materials_wire.xml")
+    assert main([scene, "--real-time", "--only", "as written"]) == 1
+    assert "missed: touched were none, not wood" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main([scene, "--real-time", "--alone"])
+    assert "every device on its wire" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("shaken", "code"), [(0.0139, 0), (0.0141, 1)])
+def test_what_an_unsteady_wire_adds_is_held_against_the_plant_as_written(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], shaken: float, code: int
+) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def run(scene: Path, mismatch: dict[str, float], duration: str | None, **more: Any) -> dict[str, float | None]:
+        asked.append(tuple(more["words"]))
+        shakes = "--unsteady" in more["words"] or "--phase" in more["words"]
+        return {"wood": shaken if shakes else 0.004}
+
+    monkeypatch.setattr(bench_wire, "run", run)
+    assert main([str(scenes / "four_materials_diy.xml"), "--unsteady"]) == code
+    assert asked == [(), *bench_wire.STEADY.values(), *bench_wire.UNSTEADY.values()]
+    out = capsys.readouterr().out
+    assert ("MISSED" in out.splitlines()[-1]) == (out.count("MISSED") == 1) == bool(code)
+    assert out.splitlines()[-1].startswith("| rms of 7 less that of 3, percentage points | +1.0 |")

@@ -47,6 +47,7 @@ def old_first(answer: bytes) -> bytes:
 HABITS: dict[str, Callable[[bytes], bytes]] = {
     "own check": own_check, "lower": lower, "noise": lambda answer: b"\x00\xff#!" + answer, "old first": old_first,
     "half an answer before": lambda answer: answer[:5] + answer, "line feed": lambda answer: b"\n" + answer,
+    "talks": lambda answer: b"READY\rboot 1.2.3\r" + answer,
 }  # fmt: skip
 
 
@@ -74,6 +75,63 @@ def test_a_controller_with_habits(habit: str, pieces: int) -> None:
         assert reading.sink == pytest.approx(301.5, abs=1e-4)
         tec.close()
         assert device.output() == 0.0
+    terminal.close()
+
+
+@pytest.mark.parametrize("kind", ["damaged", "cut", "lost", "late"])
+def test_one_bad_answer_in_ten_ends_nothing(kind: str) -> None:
+    """In any order: also several in a row, as chance has it."""
+    terminal, device, chance = Terminal(), VirtualMecom(Plate(plate=300.0, sink=301.5), address=2), random.Random(7)
+    waiting: list[tuple[float, bytes]] = []
+    opened = [False]
+
+    def bad(whole: bytes) -> bytes:
+        at = chance.randrange(len(whole) - 1)
+        wrong = whole[:at] + bytes((whole[at] ^ 1 << chance.randrange(7),)) + whole[at + 1 :]
+        return {"damaged": wrong, "cut": whole[at + 1 :], "lost": b"", "late": whole}[kind]
+
+    def step() -> None:
+        data, now = terminal.receive(), time.monotonic()
+        for whole in device.take(data).splitlines(keepends=True) if data else ():
+            ill = opened[0] and chance.random() < 0.1
+            waiting.append((now + (0.03 if ill and kind == "late" else 0.0), bad(whole) if ill else whole))
+        terminal.send(b"".join(text for when, text in waiting if when <= now))
+        waiting[:] = [(when, text) for when, text in waiting if when > now]
+
+    with served(step):
+        tec = TecDriver(Mecom(port=terminal.path), patience=3.0)
+        opened[0] = True
+        for number in range(200):
+            current = 0.01 * (number % 100)
+            assert tec.exchange(current).plate == pytest.approx(300.0, abs=1e-4)
+            assert device.output() == pytest.approx(current)
+        opened[0] = False
+        tec.close()
+    terminal.close()
+
+
+@pytest.mark.parametrize("late", [10e-3, 30e-3])
+def test_a_controller_whose_answers_are_late(late: float) -> None:
+    terminal, device = Terminal(), VirtualMecom(Plate(plate=300.0, sink=301.5), address=2)
+    waiting: list[tuple[float, bytes]] = []
+    asked = [0]
+
+    def step() -> None:
+        data, now = terminal.receive(), time.monotonic()
+        for whole in device.take(data).splitlines(keepends=True) if data else ():
+            asked[0] += 1
+            after = max([now, *(when for when, _ in waiting)])  # one after the other: who is overrun gets ever later
+            waiting.append((after + late, whole))
+        terminal.send(b"".join(text for when, text in waiting if when <= now))
+        waiting[:] = [(when, text) for when, text in waiting if when > now]
+
+    with served(step):
+        tec = TecDriver(Mecom(port=terminal.path), patience=3.0)
+        before = asked[0]
+        for _ in range(40):
+            assert tec.exchange(0.5).current == pytest.approx(0.5)
+        assert asked[0] - before < 3 * 80  # it is not asked again and again for what it is about to say
+        tec.close()
     terminal.close()
 
 

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,6 +31,7 @@ from itouch_thermal.drivers.virtual import Plate, VirtualLine, VirtualMecom, Vir
 from itouch_thermal.film import TouchFilm
 from itouch_thermal.film.film_params import T7, FilmParams, ForceSensor, Thermometer
 from itouch_thermal.film.twin import FilmTwin
+from itouch_tools.cli import main as cli
 
 SENSOR = FluxSensor(sensitivity=1.2e-6, correction=0.002, offset=3e-6)
 
@@ -110,14 +112,15 @@ def test_reading_writing_and_refusals(terminal: Terminal) -> None:
         client.close()
 
 
-@pytest.mark.parametrize("lapse", ["lost", "damaged", "busy", "late"])
-def test_a_lapse_is_tried_again_and_three_are_an_error(terminal: Terminal, lapse: str) -> None:
+@pytest.mark.parametrize(("lapse", "most"), [("lost", 2), ("damaged", 7), ("busy", 2), ("late", 2)])
+def test_a_lapse_is_tried_again_and_one_more_is_an_error(terminal: Terminal, lapse: str, most: int) -> None:
+    """One that answers damaged is there, and asked more often than one that is silent."""
     with mecom(terminal) as device:
         client = MecomClient(terminal.path, patience=5.0)
-        for times in (1, 2):
+        for times in (1, 2, most):
             setattr(device.lapses, lapse, times)
             assert client.read_float(1001) == pytest.approx(28.35, abs=1e-4)
-        setattr(device.lapses, lapse, 3)
+        setattr(device.lapses, lapse, most + 1)
         begin = time.monotonic()
         with pytest.raises(MecomError):
             client.read_float(1001)
@@ -188,7 +191,41 @@ def test_a_watchdog_that_stays_off_is_refused_and_one_that_is_not_there_is_remem
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(type(other), "_read", without)
-            assert TecDriver(Mecom(port=terminal.path), patience=8.0).missing == [2060, 6302]
+            with pytest.raises(
+                DeviceError, match='no parameter 2060: .*; watchdog="no" in <thermal:mecom> lets it run'
+            ):
+                TecDriver(Mecom(port=terminal.path), patience=8.0)
+            assert TecDriver(Mecom(port=terminal.path, watchdog=False), patience=8.0).missing == [2060, 6302]
+
+
+def test_a_watchdog_longer_than_the_drivers_is_set_shorter(terminal: Terminal) -> None:
+    with mecom(terminal) as device:
+        for found, kept in ((0.8, 0.5), (0.2, 0.2)):
+            device.floats[2060] = found
+            TecDriver(Mecom(port=terminal.path), patience=8.0).close()
+            assert device.floats[2060] == kept
+
+
+@pytest.mark.parametrize(
+    ("rig", "changed", "alone"),
+    [
+        ("wire", ("", ""), False),
+        ("wire", ("<thermal:mecom", '<thermal:mecom watchdog="no"'), True),
+        ("diy", ("", ""), False),
+        ("diy", ('firmware="reference"', 'firmware="own"'), True),
+    ],
+)
+def test_check_and_safety_report_say_of_which_display_no_watchdog_is_known(
+    scenes: Path, capsys: pytest.CaptureFixture[str], rig: str, changed: tuple[str, str], alone: bool
+) -> None:
+    path = scenes / "rigs" / f"{rig}.xml"
+    path.write_text(path.read_text().replace(*changed, 1))
+    scene = str(scenes / f"four_materials_{rig}.xml")
+    assert cli(["check", scene]) == 0
+    assert ("device 'peltier' has no watchdog of its own" in capsys.readouterr().out) is alone
+    assert cli(["safety-report", scene, "--no-run"]) == 0
+    rows = [line for line in capsys.readouterr().out.splitlines() if "peltier" in line and "W2" in line]
+    assert any("it runs with guardian and hold-to-run only" in row for row in rows) is alone
 
 
 def test_the_loop_writes_live_parameters_only(terminal: Terminal) -> None:

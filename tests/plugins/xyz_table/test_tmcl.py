@@ -294,6 +294,26 @@ def test_a_request_that_is_damaged_is_made_again(bench: Bench) -> None:
     device.close()
 
 
+@pytest.mark.parametrize("spoilt", [0.0, 0.1])
+def test_an_adaptor_that_echoes_is_lived_through(bench: Bench, spoilt: float) -> None:
+    """On a line of two wires whoever sends hears himself first; one answer in ten is damaged besides."""
+    random, heard = Random(3), bench.terminal.receive
+
+    def receive() -> bytes:
+        data = heard()
+        bench.terminal.send(data)
+        return data
+
+    bench.terminal.receive = receive  # type: ignore[method-assign]
+    device = bench.table()
+    device.open()
+    bench.module.spoil = lambda data: data[:3] + b"\x41" + data[4:] if random.random() < spoilt else data
+    reading = arrive(bench, device, [place + 1e-4 for place in bench.truth()])
+    assert reading["pose"][:3] == pytest.approx(bench.truth(), abs=1e-5)
+    bench.module.spoil = lambda data: data
+    device.close()
+
+
 @pytest.mark.parametrize("late", [10e-3, 30e-3])
 def test_late_answers_are_lived_through(bench: Bench, late: float) -> None:
     waiting: list[tuple[float, bytes]] = []

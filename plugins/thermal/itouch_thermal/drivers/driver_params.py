@@ -28,6 +28,11 @@ class Mecom:
     )
     address: int = schema.integer(low=0, high=254, default=2, doc="address of the controller on its line; 0: any")
     instance: int = schema.integer(low=1, high=4, default=1, doc="channel of the controller")
+    watchdog: bool = schema.flag(
+        default=True,
+        doc="whether it must end the current by itself when the host is silent; no: an old one that cannot, with "
+        "guardian and hold-to-run only",
+    )
 
     def __post_init__(self) -> None:
         schema.validate(self)

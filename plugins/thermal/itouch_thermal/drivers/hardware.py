@@ -8,7 +8,9 @@ from typing import Any
 from itouch.plugin import Attached, Device, DeviceError, Emulation, Opening, Record, Timing
 from itouch_thermal.drivers.emulator import DisplayEmulator
 from itouch_thermal.drivers.fits import FITS
+from itouch_thermal.drivers.promises import SILENCE
 from itouch_thermal.drivers.rig import Rig, rig_of
+from itouch_thermal.drivers.tec import LONGEST_WATCHDOG
 
 #: Bytes of an order and its answer on the line of a rig of one's own, and what it takes besides [s].
 _LINE_BYTES, _LINE_REST = 75, 5e-3
@@ -46,6 +48,17 @@ class HardwareDisplay(Device):
     def wires(cls, params: Any) -> tuple[str, ...]:
         """Return the port of what drives the module; an instrument that is only read may serve several displays."""
         return tuple(part.port for part in (params.mecom, params.line) if part is not None)
+
+    @classmethod
+    def lets_go(cls, params: Any) -> float | None:
+        """Return after what silence the current ends by itself [s], at most: where opening it makes sure of that.
+
+        A controller's watchdog is armed and read back, our own program promises its in its greeting.  Of another
+        program nothing is known before it is asked.
+        """
+        if params.mecom is not None:
+            return LONGEST_WATCHDOG if params.mecom.watchdog else None
+        return SILENCE if params.line is not None and params.line.firmware == "reference" else None
 
     def __init__(self, params: Any) -> None:
         super().__init__(params)

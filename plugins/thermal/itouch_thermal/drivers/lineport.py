@@ -27,8 +27,17 @@ from itouch_thermal.drivers.serialport import SerialLine
 
 GREETING = "itouch-line 1"
 GREETING_2 = "itouch-line 2"
-#: How long [s] an answer may take, how often a line is sent, and the rig's own watchdog [s].
-PATIENCE, TRIES, WATCHDOG = 0.06, 3, 0.2
+#: How long [s] an answer may take beside its way, for how many such times a line is sent again, and how often at most;
+#: the rig's own watchdog [s].
+PATIENCE, SILENT, TRIES, WATCHDOG = 0.06, 3, 8, 0.2
+#: After how long [s] an order is sent again at the earliest where its number tells answers apart, and after how many
+#: times what answers take: several lost ones must not make a reading too old, nor may a slow rig be overrun.  Behind a
+#: line that is no answer so long a silence [s] is the end.
+QUICK, USUAL, BEHIND = 0.02, 2.0, 0.01
+#: How much of a new answer's time goes into the usual one.
+_NEWEST = 0.25
+#: Bytes of the longest order and its answer.
+_BYTES = 80
 #: How long [s] a rig may take to start: opening its port resets many boards, whose boot loader waits first.
 START = 2.5
 KELVIN = 273.15
@@ -81,7 +90,7 @@ def unseal_2(line: bytes) -> str | None:
 
 
 def _unseal(line: bytes, digits: int, sealed: Callable[[str], bytes]) -> str | None:
-    body, star, check = line.rstrip(b"\r\n").decode("ascii", "replace").rpartition("*")
+    body, star, check = line.strip(b"\r\n").decode("ascii", "replace").rpartition("*")
     if not star or len(check) != digits or not body.isascii():
         return None
     return body if sealed(body)[-1 - digits : -1].decode() == check.upper() else None
@@ -118,9 +127,11 @@ class LineDriver:
         limits: Mapping[str, Any] | None = None,
         release: bool = False,
     ) -> None:
-        self._patience = PATIENCE * patience
+        self._patience, self._way = patience, 0.0 if "://" in params.port else _BYTES * 10.0 / params.baud
         self._line = SerialLine(params.port, params.baud, end=b"\n", trace=trace, patience=max(1.0, patience))
         self._number, self._version = 0, 1
+        #: How long answers take [s], as the last ones did.
+        self._usual = 0.0
         #: How long the last answer was on the wire [s]; behind a socket nobody knows.
         self.wire = 0.0
         self._byte = 0.0 if "://" in params.port else 10.0 / params.baud
@@ -168,6 +179,7 @@ class LineDriver:
 
     def _body(self, answer: bytes) -> str | None:
         """Return the text of an answer that is whole; a greeting tells the version."""
+        answer = answer.lstrip(b"\r\n\0")  # a port that is opened may say zeros
         if self._version == 2:
             return unseal_2(answer)
         body = unseal(answer)
@@ -176,20 +188,50 @@ class LineDriver:
         return body
 
     def _ask(self, text: str, wanted: str) -> str:
+        """Send a line until its answer comes, and return what stands behind ``wanted`` in that.
+
+        Raises
+        ------
+        DeviceError
+            If no answer comes, or the rig refuses.
+        """
         line = seal_2(text) if self._version == 2 else seal(text)
+        longest = self._patience * (self._way + PATIENCE)
+        begin = time.monotonic()
         for _ in range(TRIES):
+            quick = self._patience * max(self._way + QUICK, USUAL * self._usual)
+            wait = min(quick, longest) if self._version == 2 else longest
             self._line.clear()
             self._line.send(line)
-            answer = self._line.receive(self._patience)
-            body = self._body(answer) if answer is not None else None
-            if answer is None or body is None:
+            body = self._answer(wanted, wait)
+            took = time.monotonic() - begin
+            if body is None and took < SILENT * longest:
                 continue
-            self.wire = (len(answer) + 1) * self._byte  # with its end
-            if body.startswith("E"):
+            if body is None:
+                break
+            self._usual += _NEWEST * (took / self._patience - self._usual)
+            if not body.startswith(wanted):
                 raise DeviceError(f"the rig on {self._line.port} refuses '{text}': {body[1:].strip()}")
-            if body.startswith(wanted):
-                return body[1:].strip()
-        raise _SilentError(f"the rig on {self._line.port} did not answer '{text}' {TRIES} times")
+            return body[len(wanted) :].strip()
+        raise _SilentError(f"the rig on {self._line.port} did not answer '{text}', sent again and again")
+
+    def _answer(self, wanted: str, wait: float) -> str | None:
+        """Return the answer, or a refusal, that comes within ``wait`` seconds, or None.
+
+        What else is said is passed over: what an adaptor echoes, words of a program that talks, an answer to an earlier
+        order.  Behind what is damaged, which may have been the answer, little is waited for.
+        """
+        limit = time.monotonic() + wait
+        while True:
+            answer = self._line.receive(max(0.0, limit - time.monotonic()))
+            if answer is None:
+                return None
+            body = self._body(answer)
+            if body is None:
+                limit = min(limit, time.monotonic() + self._patience * (BEHIND + self._way))
+            elif body.startswith((wanted, "E")):
+                self.wire = (len(answer) + 1) * self._byte  # with its end
+                return body
 
     def exchange(self, current: float) -> LineReading:
         """Set the current [A], and measure.
@@ -216,7 +258,7 @@ class LineDriver:
         if self._version == 1:
             return self._ask(f"I {amps}", "R").split()
         self._number = (self._number + 1) % 256
-        return self._ask(f"I {self._number} {amps}", f"R {self._number} ").split()[1:]
+        return self._ask(f"I {self._number} {amps}", f"R {self._number} ").split()
 
     def close(self) -> None:
         """Set the current to zero, then let go of the line."""

@@ -14,9 +14,15 @@ from time import monotonic, sleep
 from itouch.plugin import DeviceError, Trace
 from itouch_thermal.drivers.serialport import SerialLine
 
-#: How long [s] an answer may take, and how often a request is sent; after how long the first one is sent again where a
-#: lost answer would hold up a loop.  (Both have one number: whichever answer comes first counts, the other is late.)
-PATIENCE, TRIES, QUICK = 0.06, 3, 0.02
+#: How long [s] an answer may take, and how often a request is sent that nobody answers; how often at most, if answers
+#: come damaged.
+PATIENCE, TRIES, DAMAGED = 0.06, 3, 8
+#: Where a lost answer would hold up a loop: how often a request is sent again sooner, after how long [s] at the
+#: earliest, and after how many times what answers take, so that a slow controller is not overrun.  (All have one
+#: number: whichever answer comes first counts, the others are late.)
+SOONER, QUICK, USUAL = 4, 0.02, 2.0
+#: How much of a new answer's time goes into the usual one.
+_NEWEST = 0.25
 #: The address that every controller answers to, with its own.
 ANY = 0
 #: After so long a silence [s] a raised line has its own speed again: 5 s, and some more.
@@ -64,8 +70,9 @@ class MecomClient:
         self._slow = baud
         #: The line's speed now.
         self.baud = baud
-        #: Whether a loop waits for the answers.
-        self.hurry = False
+        #: Whether a loop waits for the answers; how long they take [s], as the last ones did.
+        self.hurry, self._usual = False, 0.0
+        self._spoilt = False
 
     def close(self) -> None:
         """Give the line its own speed back, and let go of it."""
@@ -206,17 +213,27 @@ class MecomClient:
         request = body + b"%04X\r" % crc
         refusal: MecomRefusal | None = None
         raised = self.baud
-        turns = 2 * tries if raised != self._slow and self.hurry else tries
-        for turn in range(turns):
-            if turn == tries and refusal is not None:
+        falls = raised != self._slow and self.hurry
+        first = SOONER if falls else SOONER + tries - 1 if self.hurry else tries
+        turns, turn, spoilt = first + tries if falls else first, 0, 0
+        begin = monotonic()
+        while turn < turns:
+            if turn == first and refusal is not None:
                 break  # busy: it is at this speed
-            if turn == tries:  # it has started anew, or has heard nothing for long: then its line is slow again
+            if turn == first:  # it has started anew, or has heard nothing for long: then its line is slow again
                 self._set(self._slow)
             self._line.clear()
             self._line.send(request)
-            answer = self._answer(crc, self._patience * (QUICK if self.hurry and turn == 0 else PATIENCE))
+            sooner = self.hurry and turn < SOONER
+            quick = min(PATIENCE, max(QUICK, USUAL * self._usual))
+            answer = self._answer(crc, self._patience * (quick if sooner else PATIENCE))
+            if answer is None and self._spoilt and spoilt < DAMAGED - tries:
+                spoilt += 1  # it is there and answers: that was no silence
+                continue
+            turn += 1
             if answer is None:
                 continue
+            self._usual += _NEWEST * ((monotonic() - begin) / self._patience - self._usual)
             if not answer.startswith("+"):
                 return answer
             code = int(answer[1:]) if answer[1:].isdigit() else 0
@@ -234,18 +251,21 @@ class MecomClient:
 
         What others say on the line meanwhile is not for us, and gains nobody time.
         """
-        limit = monotonic() + wait
+        limit, self._spoilt = monotonic() + wait, False
         while True:
             message = self._line.receive(max(0.0, limit - monotonic()))
             if message is None:
                 return None
             start = message.rfind(b"!")
-            body, check = message[max(start, 0) : -4], message[-4:]
+            if start < 0:
+                continue  # an adaptor's echo, or words of whoever talks on the line
+            body, check = message[start:-4], message[-4:]
             try:
                 address, number, crc = int(body[1:3], 16), int(body[3:7], 16), int(check, 16)
             except ValueError:
+                self._spoilt = True
                 return None
-            if start < 0 or number != self._sequence:
+            if number != self._sequence:
                 continue  # an answer that came too late
             if self._address not in (ANY, address):
                 continue  # another controller's, to another host: it counts its requests from 1, too
@@ -253,4 +273,5 @@ class MecomClient:
             good = crc == crc16(body) or (
                 not payload and crc == sent
             )  # some firmware acknowledges with a CRC of its own
+            self._spoilt = not good
             return payload if good else None

@@ -10,11 +10,16 @@ from typing import Any
 from itouch.plugin import DeviceError, Trace
 
 PORT = 502
-#: How long [s] an answer may take.
-PATIENCE = 0.2
+#: How long [s] an answer may take, for how many such times a request is made again, and how often at most.
+PATIENCE, SILENT, TRIES = 0.2, 2, 8
+#: After how long [s] a request is made again at the earliest, and after how many times what answers take: a reading
+#: must not be too old because one answer got lost.  How often that soon.
+QUICK, USUAL, SOONER = 0.025, 3.0, 3
+#: How much of a new answer's time goes into the usual one.
+_NEWEST = 0.25
 #: Modbus exceptions that pass (5 acknowledge, 6 busy), and how often a request is made then.
 _BUSY, _TRIES = (5, 6), 3
-_READ, _REFUSED = 3, 0x80
+_READ, _WRITE, _REFUSED = 3, 16, 0x80
 #: Bytes of an answer before its data: number, protocol, length, unit, function, count or exception.
 _HEAD = 9
 
@@ -44,7 +49,9 @@ class ModbusLine:
         self._name, self._host, self._trace, self._failure = name, host, trace, ModbusException
         client: Any = ModbusTcpClient
         self._patience = PATIENCE * patience
-        self._client: Any = client(address, port=int(port or PORT), timeout=PATIENCE * patience, retries=1)
+        self._client: Any = client(address, port=int(port or PORT), timeout=PATIENCE * patience, retries=0)
+        #: How long answers take [s], as the last ones did; None before the first.
+        self._usual: float | None = None
         self._number, self._asked_for = 0, -1
         if not self._client.connect():
             self._client.close()
@@ -74,7 +81,7 @@ class ModbusLine:
         words = list(struct.unpack(f">{len(data) // 2}H", data))
         if self._trace:
             self._trace.sent(b"write %d " % address + data.hex().encode())
-        self._asked(address, lambda: self._client.write_registers(address, words))
+        self._asked(address, _WRITE, lambda: self._client.write_registers(address, words))
 
     def ask(self, address: int) -> None:
         """Ask for one number whose answer takes its time; `answer` fetches it, and nothing else is asked before.
@@ -136,7 +143,7 @@ class ModbusLine:
                 return bytes((size,)) if function == _READ | _REFUSED else rest if function == _READ else b""
 
     def _read(self, address: int, count: int) -> bytes:
-        answer = self._asked(address, lambda: self._client.read_holding_registers(address, count=2 * count))
+        answer = self._asked(address, _READ, lambda: self._client.read_holding_registers(address, count=2 * count))
         if len(answer.registers) != 2 * count:
             raise DeviceError(f"the {self._name} at {self._host} answers register {address} with too little: {answer}")
         raw = struct.pack(f">{2 * count}H", *answer.registers)
@@ -145,18 +152,42 @@ class ModbusLine:
             self._trace.received(raw)
         return raw
 
-    def _asked(self, address: int, ask: Callable[[], Any]) -> Any:
-        """Return the answer to a request; a device that says that it is busy is asked again."""
-        for _ in range(_TRIES):
+    def _asked(self, address: int, function: int, ask: Callable[[], Any]) -> Any:
+        """Return the answer to a request, which is made again if that does not come, is damaged or says busy."""
+        begin, busy, said = time.monotonic(), 0, ""
+        for turn in range(TRIES):
             try:
-                answer = ask()
+                answer = self._once(ask, soon=turn < SOONER)
             except (self._failure, OSError) as error:
-                raise self._silent(error) from error
-            if not answer.isError():
-                return answer
-            if getattr(answer, "exception_code", 0) not in _BUSY:
+                said = str(error)
+            else:
+                if answer.isError() and (code := getattr(answer, "exception_code", 0)):
+                    busy += code in _BUSY
+                    if code in _BUSY and busy < _TRIES:
+                        continue
+                    raise ModbusRefusal(f"the {self._name} at {self._host} refuses register {address}: {answer}")
+                if not answer.isError() and answer.function_code == function:
+                    took = time.monotonic() - begin
+                    self._usual = took if self._usual is None else self._usual + _NEWEST * (took - self._usual)
+                    return answer
+                said = f"it answers {answer}"
+            self._client.close()  # what was asked for may still come: on another connection it does not
+            if time.monotonic() - begin >= SILENT * self._patience:
                 break
-        raise ModbusRefusal(f"the {self._name} at {self._host} refuses register {address}: {answer}")
+        raise self._silent(said)
 
-    def _silent(self, error: Exception) -> DeviceError:
+    def _once(self, ask: Callable[[], Any], *, soon: bool) -> Any:
+        """Ask once; ``soon``: wait for no longer than answers usually take, and then some."""
+        known = self._usual if soon else None
+        settings = self._client.comm_params
+        if not self._client.connect():
+            raise self._failure("no connection")
+        if known is not None:
+            settings.timeout_connect = min(self._patience, max(QUICK * self._patience / PATIENCE, USUAL * known))
+        try:
+            return ask()
+        finally:
+            settings.timeout_connect = self._patience
+
+    def _silent(self, error: object) -> DeviceError:
         return DeviceError(f"the {self._name} at {self._host} does not answer: {error}")

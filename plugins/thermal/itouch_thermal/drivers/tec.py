@@ -23,8 +23,8 @@ LOW_ERROR, HIGH_ERROR, OBJECT_RATE, OBSERVE = 4010, 4011, 6301, 6302
 LIVE_ENABLE, LIVE_CURRENT, LIVE_VOLTAGE = 50000, 50001, 50002
 STATES = {0: "init", 1: "ready", 2: "run", 3: "error", 4: "bootloader", 5: "will reset soon"}
 KELVIN = 273.15
-#: What the controller must not exceed by itself: plate [degC], its watchdog [s] at most and as set.
-PLATE, LONGEST_WATCHDOG, SET_WATCHDOG = (8.0, 45.0), 1.0, 0.5
+#: What the controller must not exceed by itself: plate [degC], and its watchdog [s], which is set to that.
+PLATE, LONGEST_WATCHDOG = (8.0, 45.0), 0.5
 #: The greatest current [A] that is asked for if nothing else is said, and the error threshold as a multiple of it.
 CEILING, THRESHOLD = 16.0, 1.25
 #: How far the current that flows may be from what was asked for [A], and as a part of it; for how many exchanges.
@@ -58,7 +58,7 @@ class TecDriver:
         self._client = MecomClient(params.port, params.baud, params.address, patience=patience, trace=trace)
         self._instance, self._count, self._sink, self._bulk = params.instance, 0, 0.0, True
         self._asked: deque[float] = deque([0.0], maxlen=ASKED)
-        self._strayed, self._voltage = 0, 0.0
+        self._strayed, self._voltage, self._watched = 0, 0.0, params.watchdog
         #: What this controller does not know of the protection that it should have.
         self.missing: list[int] = []
         try:
@@ -83,7 +83,12 @@ class TecDriver:
         self._arm_float(CURRENT_ERROR, 0.0, THRESHOLD * ceiling, THRESHOLD * ceiling)
         self._arm_float(LOW_ERROR, PLATE[0], PLATE[1], PLATE[0])
         self._arm_float(HIGH_ERROR, PLATE[0], PLATE[1], PLATE[1])
-        self._arm_float(WATCHDOG, 0.05, LONGEST_WATCHDOG, SET_WATCHDOG)
+        self._arm_float(WATCHDOG, 0.05, LONGEST_WATCHDOG, LONGEST_WATCHDOG)
+        if WATCHDOG in self.missing and self._watched:
+            raise DeviceError(
+                f"the TEC controller knows no parameter {WATCHDOG}: nothing in it would end the current if this "
+                'program died; watchdog="no" in <thermal:mecom> lets it run, with guardian and hold-to-run only'
+            )
         self._arm_int(OBSERVE, 2)
         self._arm_int(OBJECT_RATE, 1)
         self._open_voltage()

@@ -70,7 +70,7 @@ def _wanted(model: FluxModel, state: Record, index: int) -> float | None:
 
 def _skin(model: FluxModel, state: Record) -> float:
     """Return the skin's temperature [K]: what is seen of it, else that of the finger that is computed."""
-    if model.skin_from:
+    if model.skin_from and not (model.maybe_blind and state[model.skin_valid].item() < 0.5):
         return float(state[model.skin_from].item())
     if not model.heat or model.law is None or model.preview is None:
         return model.skin

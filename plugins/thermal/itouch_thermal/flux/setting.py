@@ -98,6 +98,12 @@ class FluxModel:
     preview: Preview | None
 
     @property
+    def maybe_blind(self) -> bool:
+        """Whether only its readings tell if anything looks at the skin: so it is with a rig of one's own."""
+        line = self.display.line
+        return not self.truth and line is not None and line.firmware == "own" and bool(self.skin_valid)
+
+    @property
     def numbers(self) -> Array:
         """The law from force to contact resistance, as compiled code takes it."""
         return np.array(self.resistance.numbers)

@@ -1,0 +1,216 @@
+"""The line protocol against rigs of one's own with habits that anybody's program or adaptor may have."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import pytest
+from test_thermal_drivers import served
+
+from itouch.plugin import DeviceError, Terminal
+from itouch_thermal.drivers import LinePort
+from itouch_thermal.drivers.lineport import LineDriver, seal, seal_2, unseal, unseal_2
+
+GREETING = "N itouch-line 2 bench amps=3 plate=10:43 sink=58 silence=0.2 reset=power cut=none"
+PLATE = 24.5
+
+
+@dataclass
+class OwnRig:
+    """A rig of either version, written by somebody else; ``said`` are answers on their way, with when they arrive."""
+
+    version: int
+    late: float = 0.0
+    current: float = 0.0
+    orders: int = 0
+    said: list[tuple[float, bytes]] = field(default_factory=list)
+    habit: Callable[[bytes, bytes], bytes] = lambda order, answer: answer
+    _text: bytes = b""
+
+    def hear(self, data: bytes) -> None:
+        self._text += data
+        while b"\n" in self._text:
+            line, _, self._text = self._text.partition(b"\n")
+            old = unseal(line)
+            body = old if old is not None else unseal_2(line) if self.version == 2 else None
+            if body is not None:
+                answer = self.answer(body)
+                sealed = seal_2(answer) if self.version == 2 else seal(answer)
+                self.said.append((time.monotonic() + self.late, self.habit(line + b"\n", sealed)))
+
+    def answer(self, body: str) -> str:
+        kind, _, rest = body.partition(" ")
+        if kind == "?":
+            return GREETING if self.version == 2 else "N itouch-line 1 bench"
+        if kind != "I":
+            return "E unknown"
+        self.orders += 1
+        number, amps = rest.split() if self.version == 2 else ("", rest)
+        self.current = float(amps)
+        values = f"{PLATE:.3f} 25.1 120.0 nan {self.current:.5f}"
+        return f"R {number} {values} ok" if self.version == 2 else f"R {values}"
+
+    def due(self) -> bytes:
+        now = time.monotonic()
+        out = b"".join(text for when, text in self.said if when <= now)
+        self.said = [(when, text) for when, text in self.said if when > now]
+        return out
+
+
+@contextlib.contextmanager
+def on_a_line(rig: OwnRig, pieces: int = 0) -> Iterator[Terminal]:
+    """Serve a rig at a terminal; ``pieces``: at most so many bytes at once."""
+    terminal, waiting = Terminal(), bytearray()
+
+    def step() -> None:
+        rig.hear(terminal.receive())
+        waiting.extend(rig.due())
+        size = pieces or len(waiting)
+        if waiting:
+            terminal.send(bytes(waiting[:size]))
+            del waiting[:size]
+
+    with served(step):
+        yield terminal
+    terminal.close()
+
+
+def driver(terminal: Terminal) -> LineDriver:
+    return LineDriver(LinePort(port=terminal.path, baud=250_000), patience=3.0)
+
+
+def drive(rig: OwnRig, exchanges: int, pieces: int = 0) -> None:
+    """Drive a rig; each reading is of the order before it."""
+    with on_a_line(rig, pieces) as terminal:
+        line = driver(terminal)
+        for number in range(exchanges):
+            amps = round(0.01 * (number % 200 - 100), 5)
+            read = line.exchange(amps)
+            assert read.plate == pytest.approx(PLATE + 273.15)
+            assert read.current == pytest.approx(amps)
+            assert rig.current == pytest.approx(amps)
+        line.close()
+        assert rig.current == 0.0
+
+
+def stale(order: bytes, answer: bytes) -> bytes:
+    """An answer to an order before this one comes once more; of version 1 nobody could tell."""
+    if not answer.startswith(b"R "):
+        return answer
+    before = (int(answer.split()[1]) - 1) % 256
+    return seal_2(f"R {before} 39.0 25.1 0.0 nan 2.00000 ok") + answer
+
+
+HABITS: dict[str, Callable[[bytes, bytes], bytes]] = {
+    "echo": lambda order, answer: order + answer,
+    "talks": lambda order, answer: b"# loop 417 us, all well\n" + answer,
+    "talks twice": lambda order, answer: b"boot\r\n\r\n" + answer + b"> ",
+    "carriage return and line feed": lambda order, answer: answer[:-1] + b"\r\n",
+    "line feed and carriage return": lambda order, answer: answer + b"\r",
+    "zeros": lambda order, answer: b"\0\0" + answer,
+    "small letters": lambda order, answer: answer[:-5] + answer[-5:].lower(),
+    "half an answer before": lambda order, answer: answer[:9] + b"\n" + answer,
+}
+
+
+@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("habit", HABITS)
+def test_a_rig_with_habits(version: int, habit: str) -> None:
+    drive(OwnRig(version, habit=HABITS[habit]), 12)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_an_answer_that_comes_byte_by_byte(version: int) -> None:
+    drive(OwnRig(version), 6, pieces=1)
+
+
+def test_an_answer_to_an_earlier_order_is_none() -> None:
+    drive(OwnRig(2, habit=stale), 12)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("late", [10e-3, 30e-3])
+def test_late_answers_are_lived_through(version: int, late: float) -> None:
+    drive(OwnRig(version, late=late), 12)
+
+
+@pytest.mark.parametrize(("version", "kind"), [(1, "damaged"), (1, "cut"), (2, "damaged"), (2, "cut"), (2, "lost")])
+def test_one_bad_answer_in_ten_ends_nothing(version: int, kind: str) -> None:
+    chance = random.Random(7)
+
+    def sometimes(order: bytes, answer: bytes) -> bytes:
+        if chance.random() >= 0.1:
+            return answer
+        at = chance.randrange(len(answer) - 1)
+        wrong = answer[:at] + bytes((answer[at] ^ 1 << chance.randrange(7),)) + answer[at + 1 :]
+        return {"damaged": wrong, "cut": answer[at:], "lost": b""}[kind]
+
+    drive(OwnRig(version, habit=sometimes), 300)
+
+
+def test_four_answers_lost_in_a_row_make_no_reading_too_old() -> None:
+    """Version 2 numbers its answers: an order is sent again before the reading is as old as W1 lets it be."""
+    waits: list[float] = []
+
+    class Deaf:
+        """A line on which nothing is heard, and what it was waited for."""
+
+        port = "bench"
+
+        def clear(self) -> None: ...
+
+        def send(self, message: bytes) -> None: ...
+
+        def receive(self, wait: float) -> bytes | None:
+            waits.append(wait)
+            return None
+
+    with on_a_line(OwnRig(2)) as terminal:
+        line = LineDriver(LinePort(port=terminal.path, baud=250_000))
+        real, line._line = line._line, Deaf()  # type: ignore[assignment]
+        with pytest.raises(DeviceError, match="did not answer"):
+            line.exchange(0.5)
+        line._line = real
+        line.close()
+    assert sum(waits[:4]) < 0.1
+    assert len(waits) == 8
+
+
+def test_a_line_that_never_ends_to_talk_holds_up_nobody() -> None:
+    terminal = Terminal()
+    with served(lambda: terminal.send(b"R 1 2\nlog log log\n")):
+        begin = time.monotonic()
+        with pytest.raises(DeviceError, match="did not answer"):
+            driver(terminal)
+        assert time.monotonic() - begin < 60.0  # it ends
+    terminal.close()
+
+
+def test_a_port_that_vanishes_is_told_and_one_that_comes_back_is_opened() -> None:
+    rig = OwnRig(2)
+    with on_a_line(rig) as terminal:
+        line = driver(terminal)
+        line.exchange(0.5)
+        path = terminal.path
+        assert os.path.exists(path)
+    with pytest.raises(DeviceError):
+        for _ in range(3):
+            line.exchange(0.5)
+    with pytest.raises(DeviceError):
+        line.close()
+    with on_a_line(rig) as terminal:
+        again = driver(terminal)
+        assert again.exchange(0.25).current == pytest.approx(0.25)
+        again.close()
+
+
+def test_a_restart_in_the_middle_is_lived_through_or_told() -> None:
+    """A rig that has started anew greets first, unasked; its current is what the next order says."""
+    rig, count = OwnRig(2), iter(range(1000))
+    rig.habit = lambda order, answer: (seal_2(GREETING) if next(count) == 5 else b"") + answer
+    drive(rig, 12)
