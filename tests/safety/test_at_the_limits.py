@@ -591,6 +591,14 @@ def test_a_surface_comes_back_below_half_of_its_time() -> None:
     assert monitor.follow(memory, 0.03, False) == 0.03
 
 
+def test_a_surface_leaves_the_finger_slowly_for_half_a_second_and_then_at_once() -> None:
+    monitor, memory = made(Surface, TABLE)
+    memory["withdrawn"] = 1
+    for time, leaves, height in ((10.2, 0.02, 0.02), (10.2, -0.01, 0.0), (10.5, 0.02, 0.02), (10.51, 0.02, 0.0)):
+        memory["contact_time"] = time
+        assert monitor.follow(memory, 0.04, False, leaves) == height
+
+
 @pytest.mark.parametrize(
     ("way", "gap", "near", "touched", "slid", "found", "kind"),
     [((0.0, 0.0, 0.015), 0.05, 0.0, False, 0.0, 0.0, 0), ((0.0151, 0.0, 0.0), 0.05, 0.0, False, 0.0, -21.0, 0),

@@ -152,7 +152,7 @@ def _sampled(monkeypatch, session):
         load=lambda *a, **k: SimpleNamespace(devices=(), world=SimpleNamespace(temperature=ROOM)),
         build=lambda *a, **k: session,
     )
-    monkeypatch.setattr(sampling, "import_module", lambda name: program)
+    monkeypatch.setattr(sampling, "framework", lambda: program)
     monkeypatch.setattr(sampling, "find", lambda model: SOURCE)
     return sampling.sample("s.xml", longest=0.036)
 

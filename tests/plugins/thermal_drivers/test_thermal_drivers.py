@@ -26,7 +26,7 @@ from itouch_thermal.drivers.emulator import DisplayEmulator, ModbusServer
 from itouch_thermal.drivers.labjack import LabJackDriver
 from itouch_thermal.drivers.lineport import LineDriver, seal, unseal
 from itouch_thermal.drivers.mecom import MecomClient, MecomError, MecomRefusal, crc16
-from itouch_thermal.drivers.tec import SET_WATCHDOG, TecDriver
+from itouch_thermal.drivers.tec import LONGEST_WATCHDOG, TecDriver
 from itouch_thermal.drivers.virtual import Plate, VirtualLine, VirtualMecom, VirtualT7
 from itouch_thermal.film import TouchFilm
 from itouch_thermal.film.film_params import T7, FilmParams, ForceSensor, Thermometer
@@ -463,7 +463,7 @@ def test_a_loop_through_the_real_bytes_holds_a_flux(tmp_path: object) -> None:
                 display.write(wanted)
             except DeviceError:
                 stood = time.monotonic() - last
-                if stood < SET_WATCHDOG:
+                if stood < LONGEST_WATCHDOG:
                     raise
                 pytest.skip(
                     f"this machine stood still for {1e3 * stood:.0f} ms: the controller's own watchdog has let go"
