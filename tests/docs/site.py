@@ -11,7 +11,7 @@ import urllib.parse
 from html.parser import HTMLParser
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "report"))
+sys.path[:0] = [str(Path(__file__).parents[1] / "report"), str(Path(__file__).parents[1])]  # browser, and what it needs
 
 from browser import Browser, need_chromium
 
