@@ -11,7 +11,8 @@ import urllib.parse
 from html.parser import HTMLParser
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).parents[1] / "report"), str(Path(__file__).parents[1])]  # browser, and what it needs
+sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "report"))
 
 from browser import Browser, need_chromium
 
