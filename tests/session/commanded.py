@@ -1,10 +1,9 @@
 """What the shipped scenes command, in few numbers: ``python tests/session/commanded.py [SCENE ...]`` writes them anew.
 
 Of each command of each device there is a number for each half second: what was sent in each of its ticks, weighted by
-what looks like chance and is always the same, and added up.  A command that changes anywhere changes its number.
-``exact`` is a digest of all bytes that were sent, for processors like the one that they were made on.  On others the last
-bits of a number differ, and a sensor that reads in steps makes a hundred-thousandth of them in a current (9.6e-6 in
-``four_materials_hurried`` between two processors, by the same code): there the numbers hold within `ELSEWHERE`.
+what looks like chance and is always the same, and added up.  A command that changes anywhere changes its number.  They
+hold within a millionth on any processor; ``exact`` is a digest of all bytes that were sent, for processors like the one
+that they were made on.
 """
 
 from __future__ import annotations
@@ -30,8 +29,6 @@ from itouch.shipped import fits, processor_flags
 FILE = Path(__file__).parent / "golden" / "commands.json"
 #: Longest part of a scene [s], and what a number is of [s].
 LONGEST, PART = 14.0, 0.5
-#: By how much of the greatest a number may differ on the kind of processor that it was made on, and on another.
-HERE, ELSEWHERE = 1e-6, 5e-5
 
 
 def commanded(scene: str | Path, seconds: float = LONGEST) -> dict[str, Any]:
@@ -85,10 +82,9 @@ def kept() -> dict[str, Any]:
 def same(now: dict[str, Any], before: dict[str, Any], advice: str) -> None:
     """Hold the numbers of a scene against those that are kept."""
     assert (now["ticks"], now["fault"], set(now)) == (before["ticks"], before["fault"], set(before)), advice
-    within = HERE if machine() == kept()["machine"] else ELSEWHERE
     for command in set(now) - {"ticks", "fault", "exact"}:
         one, other = (np.array(numbers[command], float) for numbers in (now, before))
-        apart = np.abs(one - other) > within * max(1e-3, np.abs(other).max())
+        apart = np.abs(one - other) > 1e-6 * max(1e-3, np.abs(other).max())
         assert not apart.any(), f"{command} differs from {0.5 * int(np.argmax(apart)):g} s on; {advice}"
     if machine() == kept()["machine"]:
         assert now["exact"] == before["exact"], f"the last bits differ; {advice}"
