@@ -73,6 +73,10 @@ class LateTwin(Twin, Stamped):
         """Return the true position of what the device carries: no wire is between."""
         return self.twin.position(self._look(state))
 
+    def settle(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
+        """Let the inner twin take its place before anything goes over the wire."""
+        self.twin.step(self._look(state), command, touch, period)
+
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Begin or end an exchange if it is time, and advance the inner twin."""
         inner = self._look(state)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.exchange import LateTwin
 from itouch.faults import FaultyTwin
 from itouch.joining import is_newest
 from itouch.loop.frames import Frame, frame
@@ -94,7 +95,8 @@ class Runner(Supervisor):
         twin = self.twin.twin if isinstance(self.twin, FaultyTwin) else self.twin
         if twin is not None:
             with failing(f"device '{self.model.name}'", "the step of its twin", None):
-                twin.step(self.twin_state, self.sent, self.touch, self._period)
+                settle = twin.settle if isinstance(twin, LateTwin) else twin.step
+                settle(self.twin_state, self.sent, self.touch, self._period)
 
     def true_position(self) -> NDArray[np.float64] | None:
         """Return the view of State that is the true position of what the twin carries, in its frame."""

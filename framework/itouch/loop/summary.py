@@ -6,6 +6,7 @@ from typing import Any
 
 from itouch.exchange import ThreadedDevice
 from itouch.loop.engine_view import Running
+from itouch.loop.late_coupling import late_couplings
 from itouch.loop.missing_plate import missed_plates
 from itouch.loop.skin_waits import vain_waits, waits_of
 from itouch.loop.timing import Timing
@@ -68,7 +69,12 @@ def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -
             }
             for name in model.devices
         },
-        "notices": [*model.notices, *missed_plates(model, engine.state), *vain_waits(model, engine.state)],
+        "notices": [
+            *model.notices,
+            *missed_plates(model, engine.state),
+            *late_couplings(model, engine.state),
+            *vain_waits(model, engine.state),
+        ],
         "modalities": {m.name: told for m in model.modalities if (told := _told(m, engine)) or not m.default_of},
         "contacts": [*statistics.contacts, *open_contacts],
         "waits": waits_of(model, engine.state),

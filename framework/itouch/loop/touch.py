@@ -19,6 +19,7 @@ from itouch.contact.surfaces import effects_table
 from itouch.joining import runner
 from itouch.loop import carrying, render
 from itouch.loop.frames import Frame
+from itouch.loop.late_coupling import ease
 from itouch.loop.runner import Runner
 from itouch.loop.surface import memory, plate
 from itouch.loop.surface.force import SOON
@@ -71,6 +72,10 @@ class Toucher:
             for which, runner in ((render.TRACKER, tracker), (render.ARM, arm), (render.TABLE, table))
             if runner is not None
         }
+        #: Stiffness [N/m] and damping [N s/m] of the coupling with each object, shape (objects,); behind a wire
+        #: found anew in each tick.
+        self._stiffness = np.array([coupling.stiffness for coupling in probe.coupling], np.float64)
+        self._damping = np.array([coupling.damping for coupling in probe.coupling], np.float64)
         self._bind(model, probe, state, tracker, arm, table)
         self._found, self._carried = runner(self.finds), runner(self.carries)
         self._pushed = runner((self.pushes,))
@@ -86,10 +91,11 @@ class Toucher:
             carrying.follow, self._constants, tracker.read_as(Role.TRACKED_POSE), self.figures, self._afresh,
             state["tick"],
         )  # fmt: skip
+        eased = self._bind_ease(model, probe, state, tracker, arm) if model.objects else ()
         touched = self._bind_touch(model, probe, state) if model.objects else ()
         #: What follows the tracker and finds what it touches; what looks below the finger for the modality that carries
         #: a surface to it; what takes over from that how it does; and what commands the arm's part of the force.
-        self.finds = (follow, *touched)
+        self.finds = (follow, *eased, *touched)
         self.looks: tuple[Bound, ...] = ()
         self.carries: tuple[Bound, ...] = ()
         if table is not None:
@@ -102,11 +108,28 @@ class Toucher:
             arm.commanded(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6), self._load, self.object,
         )  # fmt: skip
 
+    def _bind_ease(
+        self, model: Model, probe: ProbeModel, state: Record, tracker: Runner, arm: Runner | None
+    ) -> tuple[Bound, ...]:
+        """Return what makes the coupling no stiffer than an arm behind a wire allows; nothing: there is no wire."""
+        if arm is None or probe.relied is None:
+            return ()
+        name, arm_name = f"{probe.name}.coupling", arm.model.name
+        pose = next(i for i, channel in enumerate(tracker.model.reads) if channel.role is Role.TRACKED_POSE)
+        measured = state[f"{tracker.model.name}.measured"][pose : pose + 1]
+        own = np.column_stack((self._stiffness, self._damping))
+        return (
+            Bound(
+                ease, state["tick"], measured, state[f"{arm_name}.left"], state[f"{arm_name}.status"],
+                state[f"{name}.delay"], state[f"{name}.lost"], state[f"{name}.lost_object"], self.object, own,
+                probe.relied, model.period, self._stiffness, self._damping,
+            ),
+        )  # fmt: skip
+
     def _bind_touch(self, model: Model, probe: ProbeModel, state: Record) -> tuple[Bound, ...]:
         """Return what finds the proxy, its force with the effects of surfaces, and what else is touched beside it."""
         world, mesh, figures = model.geometry.world, model.geometry.mesh, self.figures
-        stiffness = np.array([coupling.stiffness for coupling in probe.coupling], np.float64)
-        damping = np.array([coupling.damping for coupling in probe.coupling], np.float64)
+        stiffness, damping = self._stiffness, self._damping
         found = [
             Bound(
                 step, world, mesh, self._poses, self._twists, stiffness, figures[:3], probe.scene.radius,

@@ -154,6 +154,14 @@ _CONTACT = (
 )
 
 
+#: How late the arm of a probe is, if a wire is between it and the loop, in the order of ``itouch.loop.late_coupling``.
+COUPLING = (
+    Field("coupling.delay", unit="s", doc="how old the pose is and for how long a force has acted, together, smoothed"),
+    Field("coupling.lost", unit="1", doc="greatest part of its stiffness that a touched object was rendered without"),
+    Field("coupling.lost_object", "i8", unit="1", doc="number of that object"),
+)
+
+
 def skin_fields(worn: int, cells: int) -> tuple[Field, ...]:
     """Return the State of a finger's skin under so many worn devices, with so many cells of tissue."""
     return (

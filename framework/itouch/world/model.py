@@ -19,7 +19,7 @@ from itouch.scene.elements import Operator, Probe
 from itouch.scene.loader import in_file_order
 from itouch.schema import Place, Problem, SceneError
 from itouch.world.bindings import blind, check_bindings, check_fingers, check_reach, check_writers
-from itouch.world.coupling import Coupling, couplings, on_bodies, stable_effects
+from itouch.world.coupling import Coupling, couplings, on_bodies, relied, stable_effects
 from itouch.world.files import SceneFile, SceneFiles
 from itouch.world.input_sources import PERSON, hand_of
 from itouch.world.limits import check_safety
@@ -38,7 +38,10 @@ from itouch.world.unitless_lengths import large
 
 @dataclass(frozen=True, slots=True)
 class ProbeModel:
-    """A probe with its bindings; ``coupling`` has one row an object; a hand without a motion begins at ``start``."""
+    """A probe with its bindings; ``coupling`` has one row an object; a hand without a motion begins at ``start``.
+
+    ``relied``: damping of hand and arm [N s/m] that the coupling relies on behind a wire; None: there is no wire.
+    """
 
     name: str
     index: int
@@ -49,6 +52,7 @@ class ProbeModel:
     effects: tuple[Effects, ...] = ()
     recorded: RecordedMotion | None = None
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    relied: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,7 +245,8 @@ def _probes(
         face = face_of(probe.surface_to, devices)
         own = stable_effects(probe, arm, effects, coupling, names, 1.0 / scene.rates.servo, notices)
         recorded = recorded_motion(scene, operator, reader, problems)
-        found.append(ProbeModel(probe.name, index, probe, operator, coupling, face, own, recorded, start))
+        late = relied(probe, arm)
+        found.append(ProbeModel(probe.name, index, probe, operator, coupling, face, own, recorded, start, late))
     return found
 
 

@@ -1,0 +1,113 @@
+"""An arm behind a wire is pushed by what it felt a while ago: it renders no stiffer than that lets a finger rest."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import itouch
+from itouch.loop.late_coupling import allowed
+
+NUMBERS = itertools.count()
+PLUGIN = """
+from dataclasses import dataclass
+from itouch.plugin import Device, FingerTwin, pose, schema, wrench
+
+@dataclass(frozen=True, slots=True)
+class Grip:
+    "A grip on a wire."
+    resolution: float = schema.quantity("m", low=0.0, high=1e-3, default=1e-5, doc="step of its encoders")
+
+class Stylus(Device):
+    "A stylus that answers every few milliseconds."
+    Params, Twin = Grip, FingerTwin
+    reads, commands = (pose(),), (wrench(force=8.0),)
+    max_stiffness, damping = 5000.0, 0.0
+    {timing}
+    def write(self, command):
+        raise NotImplementedError
+    def read(self, reading):
+        raise NotImplementedError
+"""
+SCENE = """<itouch version="1.0" xmlns:{own}="urn:itouch:plugin:{own}">
+  <materials><material name="steel"><contact stiffness="2000 N/m" {friction}/></material></materials>
+  <world><box name="block" size="60 60 20 mm" pos="0 0 -30 mm" material="steel"/></world>
+  <devices><device name="grip" plugin="{own}"/></devices>
+  <interaction>
+    <probe name="pen" radius="8 mm" pose-from="grip" force-to="grip"/>
+    <operator probe="pen" mass="200 g" stiffness="300 N/m" damping="6 N*s/m">
+      <motion><to pos="0 0 -8 mm" in="0.2 s"/><to pos="{far} 0 -17 mm" in="0.5 s" hold="3 s"/></motion>
+    </operator>
+  </interaction>
+</itouch>
+"""
+SLOW = "blocking, period, delay = True, 0.004, 0.002"
+Pressed = Callable[..., tuple[itouch.Session, np.ndarray]]
+
+
+@pytest.fixture
+def pressed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pressed:
+    """Return what lets a finger press a block through a stranger's arm, and gives the arm's force of its last 1.5 s."""
+
+    def run(timing: str, friction: str = "", far: int = 0) -> tuple[itouch.Session, np.ndarray]:
+        own = f"late{next(NUMBERS)}"
+        info = tmp_path / own / f"{own}-1.0.dist-info"
+        info.mkdir(parents=True)
+        (info.parent / f"{own}.py").write_text(PLUGIN.format(timing=timing), encoding="utf-8")
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {own}\nVersion: 1.0\n", encoding="utf-8")
+        (info / "entry_points.txt").write_text(f"[itouch.devices]\n{own} = {own}:Stylus\n", encoding="utf-8")
+        monkeypatch.syspath_prepend(str(info.parent))
+        path = tmp_path / f"{own}.xml"
+        path.write_text(SCENE.format(own=own, friction=friction, far=far), encoding="utf-8")
+        session = itouch.build(path)
+        forces: list[np.ndarray] = []
+        session.taps.append(lambda tick: forces.append(session.state["grip.sent.wrench"][:3].copy()))
+        session.run(3.7)
+        return session, np.array(forces[-1500:])
+
+    return run
+
+
+@pytest.mark.parametrize("friction", ["", 'static-friction="0.6" dynamic-friction="0.5"'])
+def test_a_finger_rests_on_what_a_slow_arm_renders(pressed: Pressed, friction: str) -> None:
+    """Without regard to the delay it bounces, or whirls around the place where it sticks, by newtons."""
+    session, forces = pressed(SLOW, friction, far=2 if friction else 0)
+    assert np.ptp(forces, axis=0).max() < 0.05
+    assert forces[:, 2].mean() > 0.5
+    notices = [notice for notice in session.report()["notices"] if "late" in notice]
+    assert len(notices) == 1
+    assert "'block'" in notices[0]
+    assert "instead of 2000" in notices[0]
+
+
+def test_an_arm_that_answers_at_once_is_as_stiff_as_the_material(pressed: Pressed) -> None:
+    session, forces = pressed("period = 0.0")
+    depth, force = session.state["pen.penetration"].item(), session.state["pen.force"][2].item()
+    assert force / depth == pytest.approx(2000.0, rel=1e-6)
+    assert np.ptp(forces, axis=0).max() < 0.05
+    assert not [notice for notice in session.report()["notices"] if "late" in notice]
+
+
+def test_what_is_reckoned_with_is_how_late_pose_and_force_are(pressed: Pressed) -> None:
+    session, _ = pressed(SLOW)
+    assert 0.004 < session.state["pen.coupling.delay"].item() < 0.012  # an exchange and a hold, each 2 to 6 ms
+
+
+@given(
+    stiffness=st.floats(1.0, 1e5), damping=st.floats(0.0, 50.0), relied=st.floats(0.5, 50.0),
+    late=st.floats(5e-4, 0.1), more=st.floats(0.0, 0.1),
+)  # fmt: skip
+def test_what_is_allowed_is_passive_and_never_grows_with_the_delay(
+    stiffness: float, damping: float, relied: float, late: float, more: float
+) -> None:
+    spring, damper = allowed(stiffness, damping, relied, late)
+    assert 0.0 <= spring <= stiffness
+    assert 0.0 <= damper <= damping
+    assert spring * late + damper <= relied * (1.0 + 1e-9)
+    assert allowed(stiffness, damping, relied, late + more)[0] <= spring * (1.0 + 1e-9)
