@@ -11,7 +11,17 @@ from itouch_thermal.display.column import Array
 from itouch_thermal.flux import approach, wires
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.observer import advance
-from itouch_thermal.flux.preview import Ahead, Preview, begin_at, go_on, keep_ahead, look_ahead, rising
+from itouch_thermal.flux.preview import (
+    FIRST_PERIOD,
+    Ahead,
+    Preview,
+    begin_at,
+    go_on,
+    keep_ahead,
+    look_ahead,
+    rising,
+    stay,
+)
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.flux.usual import PRESS_FILTER, PRESSING, press_on, scale_of
 
@@ -255,7 +265,9 @@ def _restart(model: FluxModel, course: Preview, state: Record, ticks: int, count
     ahead = _ahead(model, course, state)
     if ahead is not None:
         begin_at(ahead, *_now(model, state), ticks)
-        go_on(ahead, _coming(model, course, state), model.press / model.period, count)
+        first = min(count, math.ceil(count * (model.period / FIRST_PERIOD) ** 2 - 1e-9))
+        go_on(ahead, _coming(model, course, state), model.press / model.period, first)
+        stay(ahead, ticks + count)
 
 
 def _coming(model: FluxModel, course: Preview, state: Record) -> float:

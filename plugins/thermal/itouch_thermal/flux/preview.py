@@ -24,6 +24,11 @@ from itouch_thermal.laws import press_factor
 SKIN_STEP = 2.0
 #: Steps of the preview that are computed anew in a tick while the resistance changes.
 STRIDE = 16
+#: Steps at most by which it comes nearer to its horizon in a tick, where it does not.
+CATCH_UP = 64
+#: Servo period [s] from which on a touch begins with the whole horizon.  In a shorter one as large a part of the tick
+#: is spent on it, and it comes to its horizon tick by tick: the one in which a finger is set down has enough to do.
+FIRST_PERIOD = 1e-3
 
 Numbers = NDArray[np.int64]
 
@@ -71,6 +76,14 @@ def go_on(ahead: Any, resistance: float, press: float, count: int) -> None:
 
 
 @kernel
+def stay(ahead: Any, until: int) -> None:
+    """Let the flux from where the contact has come up to tick ``until`` of the touch be what it was there."""
+    size, reached = ahead.future.shape[0], ahead.reached[0]
+    for k in range(reached + 1, until + 1):
+        ahead.future[k % size] = ahead.future[reached % size]
+
+
+@kernel
 def begin_at(ahead: Any, finger: Any, below: Any, desired: float, ticks: int) -> None:
     """Take the modes of finger and object as they are after step ``ticks``, whose flux was ``desired`` [W/m2]."""
     for i in range(ahead.above.shape[0]):
@@ -93,7 +106,7 @@ def keep_ahead(
     """
     reached, wanted = ahead.reached[0], ticks + horizon
     if steady:
-        go_on(ahead, resistance, press, wanted - reached)
+        go_on(ahead, resistance, press, min(wanted - reached, CATCH_UP * hold))
     elif reached >= wanted - hold or reached < ticks:
         begin_at(ahead, finger, below, desired, ticks)
         go_on(ahead, resistance, press, min(horizon, STRIDE * hold))
