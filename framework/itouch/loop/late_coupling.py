@@ -24,8 +24,9 @@ from itouch.world import Model
 
 Floats = NDArray[np.float64]
 
-#: How fast the delay that is reckoned with follows what is seen [s]: when it grows, and when it falls.
-GROWING, FALLING = 0.1, 5.0
+#: Over how long the delay is averaged [s]: some periods of a finger that begins to vibrate.  It is the mean delay that
+#: adds energy; a single late exchange does nothing.
+MEAN = 0.25
 #: Greatest change of the stiffness in a tick, as a part of it: some 0.04 N of a press of 2 N.
 CHANGE = 0.02
 #: Longest time [s] that counts as a delay: older readings stop the device (W1).
@@ -70,7 +71,7 @@ def ease(
     acts = left[0] > 0 and status[0] == ENABLED  # what is disabled gets no commands, and is no later for that
     held = max(0, tick[0] - left[0]) if acts else age
     more = min((age + held) * period, LONGEST) - delay[0]
-    more *= period / (GROWING if more > 0.0 else FALLING)
+    more *= period / MEAN
     delay[0] += min(more, CHANGE * (0.5 * period + delay[0]))
     late = 0.5 * period + delay[0]
     for i in range(coupling.shape[0]):

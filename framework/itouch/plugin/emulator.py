@@ -26,6 +26,10 @@ class Emulator(ABC):
     #: every period, and its host's requests are answered as in no time.
     lives: bool = False
 
+    #: True once a host has commanded it anything, be it to exert no force.  An arm in the air is driven by nobody, but
+    #: on a rig that has nothing but arms the operator's motion must go on from there.
+    commanded: bool = False
+
     def __init__(self, params: Any) -> None:
         self.params = params
 

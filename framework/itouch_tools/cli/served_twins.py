@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.exchange import ServedEmulator, TruthWriter
 from itouch.loop.run_statistics import Histogram
-from itouch.plugin import Emulator
+from itouch.plugin import Emulator, Role
 from itouch.scene.elements import PluginPart
 from itouch.schema import ItouchError
 from itouch.schema.terminal import note
@@ -50,6 +50,8 @@ class VirtualRig:
             self._lines.append((runner, emulator))
         #: Whether a host drives a device: then the operator's motion goes on.
         self.driven = False
+        commands = [channel.role for runner, _ in self._lines for channel in runner.model.commands]
+        self._only_arms = all(role is Role.FORCE_ON_OPERATOR for role in commands)
         self._truth = truth
         #: How late [s] the periods of a simulation in real time began, and how far it has fallen behind in all [s].
         self.lateness, self.behind = Histogram(_BIN), 0.0
@@ -96,12 +98,18 @@ class VirtualRig:
         """Do what the hosts have asked for last, for one period, and show them how it went."""
         for runner, wire in served:
             self.driven |= wire.take(runner.sent)
+        self._go_on()
         self.step()
         now = self._session.seconds
         for runner, wire in served:
             wire.show(now, runner.reading)
         if self._truth is not None:
             self._truth.write(now)
+
+    def _go_on(self) -> None:
+        """Let the motion begin where a host exchanges with arms alone: in the air it gives them no force."""
+        if self._only_arms and not self.driven:
+            self.driven = any(emulator.commanded for _, emulator in self._lines)
 
     def step(self) -> None:
         """Simulate one period, and let the twins measure."""
@@ -115,6 +123,7 @@ class VirtualRig:
         now = self._session.seconds
         for runner, emulator in self._lines:
             self.driven |= emulator.serve(now, runner.reading, runner.sent)
+        self._go_on()
 
     def keep_up(self) -> None:
         """Let those emulators live through the last period that have a course of their own."""

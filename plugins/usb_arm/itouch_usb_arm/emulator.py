@@ -94,6 +94,7 @@ class ArmEmulator(Emulator):
             self._led.lead((x, y, z))
         if self._server is not None:
             self._server.step(wait=False)
+        self.commanded = self.commanded or bool(self.arm.commands)
         driven = any(self._led.motors)
         command["wrench"] = (*self._led.motor_force(), 0.0, 0.0, 0.0) if driven else 0.0
         return driven
