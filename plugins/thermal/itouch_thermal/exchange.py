@@ -19,6 +19,8 @@ Numbers = NDArray[np.int64]
 
 #: Leaves the tick to Python: a recorded curve is played, or the contact disc lies on two objects.
 PYTHON = 1
+#: Over how much valid infrared before a touch the mean is taken [s]; what is older counts less and less.
+SKIN_WINDOW = 1.0
 
 
 class Given(NamedTuple):
@@ -39,9 +41,13 @@ class Given(NamedTuple):
 
 
 class Skin(NamedTuple):
-    """The infrared readings of the skin: ring, how many, the newest one (1,) or none (0,), and whether it is valid."""
+    """What infrared sees of the skin, each (1,).
 
-    ring: Floats
+    By how much it is warmer than that of the model finger [K], a mean, and of how many ticks; the newest reading [K] or
+    none (0,), and whether it is valid.
+    """
+
+    change: Floats
     seen: Numbers
     reading: Floats
     valid: Floats
@@ -99,12 +105,17 @@ def overlaps(given: Given, kept: Kept, contact: Contact) -> bool:
 
 
 @kernel
-def watch(skin: Skin) -> None:
-    """Take a valid infrared reading into the ring."""
+def watch(given: Given, kept: Kept, skin: Skin) -> None:
+    """Take a valid infrared reading into the mean of what it sees beside the model finger.
+
+    The model finger warms up in air as the real one does.  So the mean may be as long as its noise asks for: behind a
+    wire there are few readings in a tenth of a second.
+    """
     if skin.reading.shape[0] == 0 or (skin.valid.shape[0] > 0 and skin.valid[0] < 0.5):
         return
-    skin.ring[skin.seen[0] % skin.ring.shape[0]] = skin.reading[0]
     skin.seen[0] += 1
+    beside = skin.reading[0] - surface_temperature(given.finger, kept.finger)
+    skin.change[0] += (beside - skin.change[0]) / min(float(skin.seen[0]), max(1.0, SKIN_WINDOW / given.times[1]))
 
 
 @kernel
@@ -145,6 +156,6 @@ def exchange(given: Given, kept: Kept, skin: Skin, contact: Contact) -> int:
         flux = contact_step(given.finger, kept.finger, given.bodies[index], kept.objects[index], resistance)
     else:
         air_step(given.finger, kept.finger)
-        watch(skin)
+        watch(given, kept, skin)
     settle(given, kept, own, force, flux, resistance)
     return 0

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: How much valid infrared is averaged before a touch [s].
-SKIN_WINDOW = 0.1
 
 #: The model finger, unless a scene has its own: epidermis of the paper; dermis and subcutis, with the perfusion of
 #: blood, after Torvi and Dale's kind of tissue model.
@@ -113,7 +111,7 @@ class Names(NamedTuple):
     touched: str
     resistance: str
     skin_temperature: str
-    skin_ring: str
+    skin_change: str
     skin_count: str
     since: str
     since_beside: str
@@ -154,7 +152,6 @@ class HeatModel:
     press: float
     skin_from: str
     valid_from: str
-    window: int
     playing: Playing
     exchange: Exchange
 
@@ -165,7 +162,7 @@ class Heat(Modality):
     Params = HeatParams
     Material: ClassVar[type | None] = ThermalMaterial
     hears = frozenset({ContactKind.BEGIN, ContactKind.END})
-    goes_on = ("finger", "skin_ring", "skin_count")
+    goes_on = ("finger", "skin_change", "skin_count")
 
     def compile(self, name: str, params: HeatParams, world: World) -> HeatModel:
         """Build the modes of finger and objects."""
@@ -197,13 +194,12 @@ class Heat(Modality):
             press=params.press,
             skin_from=skin_from,
             valid_from=valid,
-            window=max(1, round(SKIN_WINDOW / period)),
             playing=playing,
             exchange=Exchange(live, packed, tuple(bodies), playing),
         )
 
     def fields(self, model: HeatModel) -> tuple[Field, ...]:
-        """Return the State of finger, objects and the infrared window."""
+        """Return the State of finger, objects and what infrared sees."""
         count = max(1, len(model.bodies))
         return (
             Field(
@@ -235,8 +231,10 @@ class Heat(Modality):
             Field("finger", "f8", len(model.finger_start), unit="K", doc="modes of the model finger"),
             Field("objects", "f8", (count, model.widest), unit="K", doc="modes of each object"),
             Field("touched", "i8", count, unit="1", doc="1 for each object that was touched: its own heat goes on"),
-            Field("skin_ring", "f8", model.window, unit="K", doc="the last valid infrared readings of the skin"),
-            Field("skin_count", "i8", low=0, unit="1", doc="how many of them there are"),
+            Field(
+                "skin_change", unit="K", doc="by how much infrared sees the skin warmer than the model finger's, a mean"
+            ),
+            Field("skin_count", "i8", low=0, unit="1", doc="of how many ticks that is since the last touch"),
         )
 
     def reset(self, model: HeatModel, state: Record) -> None:
@@ -271,13 +269,9 @@ class Heat(Modality):
 
     def _start(self, model: HeatModel, state: Record) -> None:
         """Bring the model finger to the measured skin temperature."""
-        ring, count = state[f"{model.name}.skin_ring"], int(state[f"{model.name}.skin_count"])
-        finger, change = state[f"{model.name}.finger"], 0.0
-        now = model.live.surface_temperature(model.finger, finger)  # asked always, so that no tick compiles it
-        if count:
-            change = float(ring[: min(count, len(ring))].mean()) - now
-        model.live.shift_surface(model.finger, finger, change)
-        state[f"{model.name}.skin_count"] = 0
+        finger, change = state[f"{model.name}.finger"], state[f"{model.name}.skin_change"]
+        model.live.shift_surface(model.finger, finger, change.item())
+        change[...] = state[f"{model.name}.skin_count"] = 0
 
     def bound_update(self, model: HeatModel, state: Record, period: float) -> Bound:
         """Return the update of these views as one compiled call, which leaves a curve, and a boundary, to Python."""
@@ -365,7 +359,7 @@ def _views(model: HeatModel, state: Record, period: float) -> tuple[Given, Kept,
     )  # fmt: skip
     kept = Kept(*(state[getattr(names, field)] for field in Kept._fields))
     skin = Skin(
-        state[names.skin_ring], state[names.skin_count], state[model.skin_from] if model.skin_from else nothing,
+        state[names.skin_change], state[names.skin_count], state[model.skin_from] if model.skin_from else nothing,
         state[model.valid_from] if model.valid_from else nothing,
     )  # fmt: skip
     contact = Contact(state[names.felt_force], state[names.beside], state[names.beside_distance])

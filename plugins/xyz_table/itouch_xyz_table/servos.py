@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
+import struct
 from collections.abc import Coroutine, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
@@ -93,9 +94,13 @@ class Servos:
         # What breaks is told by the exchange that it breaks.
         self._loop.set_exception_handler(lambda loop, context: None)
         self._transport: Any = None
+        #: By what each servo knows its place (0 nothing, 1 its rotor, 2 what it was told), as it said last, and as it
+        #: was when the table was ready; None: it does not say.
+        self._anchors: list[int | None] = [None] * len(ids)
+        self._ready: list[int | None] = []
         try:
             self._transport = self._run(_opened(moteus, port, self._patience, trace))
-            self._servos = [moteus.Controller(id=number, transport=self._transport) for number in ids]
+            self._servos = _controllers(moteus, ids, self._transport)
         except BaseException:
             self.close()
             raise
@@ -107,6 +112,8 @@ class Servos:
             raise ServoError(f"the servos did not answer within {patience * 1e3:.0f} ms") from error
         except (OSError, RuntimeError) as error:
             raise ServoError(f"the servos' bus failed: {error}") from error
+        except (ValueError, LookupError, struct.error) as error:  # of a servo's answer that is none
+            raise ServoError(f"the servos' bus brought what is no answer: {error}") from error
 
     def close(self) -> None:
         """Let go of the bus; the servos keep their last command until their watchdog ends it."""
@@ -128,9 +135,11 @@ class Servos:
         Raises
         ------
         ServoError
-            If one does not answer.
+            If one does not answer, or has started anew.
         """
-        return self._cycle([servo.make_query() for servo in self._servos])
+        states = self._cycle([servo.make_query() for servo in self._servos])
+        self._watch()
+        return states
 
     def stop(self, *, latched: bool = False) -> tuple[ServoState, ...]:
         """Stop all servos without force; that also ends a latched fault or time-out."""
@@ -138,8 +147,25 @@ class Servos:
         return states if not latched else self.query()
 
     def command(self, goals: Sequence[Goal | None]) -> tuple[ServoState, ...]:
-        """Command servos and ask all; None: only ask that one."""
-        return self._cycle([self._make(servo, goal) for servo, goal in zip(self._servos, goals, strict=True)])
+        """Command servos and ask all; None: only ask that one.
+
+        Raises
+        ------
+        ServoError
+            If one does not answer, or has started anew: it would follow its goals from another zero.
+        """
+        states = self._cycle([self._make(servo, goal) for servo, goal in zip(self._servos, goals, strict=True)])
+        self._watch()
+        return states
+
+    def _watch(self) -> None:
+        """See that every servo still knows its place as it did when the table was ready."""
+        for axis, (before, now) in enumerate(zip(self._ready, self._anchors, strict=False)):
+            if before != now:
+                raise ServoError(
+                    f"servo {AXES[axis]} (id {self._servos[axis].id}) has started anew and does not know its place any "
+                    "more: check its supply, then connect it again"
+                )
 
     def _make(self, servo: Any, goal: Goal | None) -> Any:
         if goal is None:
@@ -151,7 +177,9 @@ class Servos:
         )  # fmt: skip
 
     def ready(self) -> None:
-        """Do nothing: these servos obey their first command at once."""
+        """Note by what each servo knows its place; they obey their first command at once."""
+        self.query()
+        self._ready = list(self._anchors)
 
     def set_position(self, axis: int, position: float) -> None:
         """Tell a servo where it is [rev]."""
@@ -185,8 +213,10 @@ class Servos:
             return
         axes = {servo.id: axis for axis, servo in enumerate(self._servos)}
         for result in results:
-            if result.id in axes:
-                states[axes[result.id]] = _state(result.values)
+            state = _state(result.values) if result.id in axes else None
+            if state is not None:
+                states[axes[result.id]] = state
+                self._anchors[axes[result.id]] = _anchor(result.values)
 
     def _revive(self, error: ServoError) -> None:
         """Go on after answers that did not come, or a line that the client could not read; not after a lost bus.
@@ -205,7 +235,7 @@ class Servos:
         with contextlib.suppress(Exception):  # its reader has ended with the line that it could not read
             self._transport.close()
         self._transport = self._run(_opened(moteus, self._port, self._patience, self._trace))
-        self._servos = [moteus.Controller(id=servo.id, transport=self._transport) for servo in self._servos]
+        self._servos = _controllers(moteus, [servo.id for servo in self._servos], self._transport)
 
 
 async def _opened(moteus: Any, port: str, patience: float, trace: Trace | None) -> Any:
@@ -235,14 +265,31 @@ class _Log:
         (self._trace.sent if mark == b">" else self._trace.received)(text)
 
 
-def _state(values: Any) -> ServoState:
+def _controllers(moteus: Any, ids: Sequence[int], transport: Any) -> list[Any]:
+    """Return the client's servos, which are asked by what they know their places, too."""
+    asked = moteus.QueryResolution()
+    asked.home_state = moteus.INT8
+    return [moteus.Controller(id=number, transport=transport, query_resolution=asked) for number in ids]
+
+
+def _state(values: Any) -> ServoState | None:
+    """Return what a servo says; None if a part of it is missing."""
     import moteus
 
     at = moteus.Register
-    return ServoState(
-        int(values[at.MODE]), values[at.POSITION], values[at.VELOCITY], values[at.TORQUE], values[at.VOLTAGE],
-        values[at.TEMPERATURE], int(values[at.FAULT]),
-    )  # fmt: skip
+    wanted = (at.MODE, at.POSITION, at.VELOCITY, at.TORQUE, at.VOLTAGE, at.TEMPERATURE, at.FAULT)
+    found = [float(values.get(register, math.nan)) for register in wanted]
+    mode, place, speed, torque, voltage, temperature, fault = found
+    if not (math.isfinite(mode) and math.isfinite(fault)) or at.POSITION not in values or at.TORQUE not in values:
+        return None
+    return ServoState(int(mode), place, speed, torque, voltage, temperature, int(fault))
+
+
+def _anchor(values: Any) -> int | None:
+    import moteus
+
+    found = float(values.get(moteus.Register.HOME_STATE, math.nan))
+    return int(found) if math.isfinite(found) else None
 
 
 def check(states: Sequence[ServoState], *, driven: bool) -> None:

@@ -30,13 +30,15 @@ from itouch.plugin import (
 from itouch_xyz_table.drives import Drives, opened
 from itouch_xyz_table.emulator import TableEmulator
 from itouch_xyz_table.homing import home
-from itouch_xyz_table.servos import Goal, ServoState, check
+from itouch_xyz_table.servos import AXES, Goal, ServoError, ServoState, check
 from itouch_xyz_table.tmcl import Steppers
 from itouch_xyz_table.tmclframes import SIZE
 from itouch_xyz_table.twin import XyzTableTwin
 
 #: Seconds without a command after which the servos stop by themselves.
 WATCHDOG = 0.1
+#: An axis that is so much further [m] than twice its greatest speed takes it counts from another zero.
+FURTHER = 2e-3
 #: Greatest step of a commanded pose that counts as motion when the velocity is fed forward [s].
 _STALE = 0.05
 #: Requests of an exchange with a TMCL module (two looks, three places asked for, three told), and what each takes
@@ -205,6 +207,8 @@ class XyzTable(Device):
         self._goal: tuple[float, ...] | None = None
         self._before: tuple[float, ...] = ()
         self._when = 0.0
+        #: Where the axes were [m] in the last exchange, and when that ended.
+        self._found: tuple[tuple[float, ...], float] | None = None
         self._lost = False
 
     def open(self) -> None:
@@ -229,7 +233,7 @@ class XyzTable(Device):
         except BaseException:
             servos.close()
             raise
-        self._servos, self._goal, self._lost = servos, None, False
+        self._servos, self._goal, self._found, self._lost = servos, None, None, False
 
     def close(self) -> None:
         """Stop the servos and let go of the bus; those that are gone are stopped by their own watchdogs."""
@@ -282,8 +286,29 @@ class XyzTable(Device):
             self._lost = True
             raise
         check(states, driven=goal is not None)
+        self._follow(states)
         self._tell(states, reading)
         return True
+
+    def _follow(self, states: tuple[ServoState, ...]) -> None:
+        """See that no axis has jumped: a servo that has started anew counts from another zero.
+
+        Raises
+        ------
+        ServoError
+            If one has; where it says that it is must not be believed, and it must not be led there.
+        """
+        places = tuple(state.position * lead for state, lead in zip(states, self._leads, strict=True))
+        now, before, self._found = self.clock(), self._found, None
+        if before is not None:
+            room = FURTHER + 2.0 * self.params.speed * (now - before[1])
+            for axis, (place, last) in enumerate(zip(places, before[0], strict=True)):
+                if abs(place - last) > room:
+                    raise ServoError(
+                        f"axis {AXES[axis]} says that it is {1e3 * abs(place - last):.1f} mm from where it just was: "
+                        "its servo has started anew, or its encoder fails; check its supply, then connect it again"
+                    )
+        self._found = places, now
 
     def _goals(self, goal: tuple[float, ...]) -> list[Goal | None]:
         """Return the servos' commands: position, the speed of its change, and the weight fed forward."""

@@ -10,7 +10,9 @@ from itouch_xyz_table.faults import FAULT, POSITION, TIMEOUT
 from itouch_xyz_table.multiplex import Read, Write, decode, reply
 
 MODE, VOLTAGE, TEMPERATURE, FAULT_CODE = 0x00, 0x0D, 0x0E, 0x0F
-PLACE, SPEED, TORQUE = 0x01, 0x02, 0x03
+PLACE, SPEED, TORQUE, HOME = 0x01, 0x02, 0x03, 0x0C
+#: By what a servo knows its place: by its rotor only, or by what it was told.
+BY_ROTOR, TOLD = 1, 2
 GOAL, GOAL_SPEED, FEED, KP, KD, MOST, WATCHDOG, FASTEST = 0x20, 0x21, 0x22, 0x23, 0x24, 0x25, 0x27, 0x28
 EXACT = 0x131
 #: What a unit is in int8, int16 and int32, by register.
@@ -43,6 +45,7 @@ class VirtualServo:
     zero: float = 0.0
     mode: int = 0
     fault: int = 0
+    home: int = BY_ROTOR
     answers: bool = True
     led: bool = False
     registers: dict[int, float] = field(default_factory=dict)
@@ -68,7 +71,7 @@ class VirtualServo:
         if write.register == MODE:
             return self._set_mode(int(value))
         if write.register == EXACT:
-            self.zero = value - self.place
+            self.zero, self.home = value - self.place, TOLD
             return False
         self.registers[write.register] = value
         return False
@@ -86,13 +89,18 @@ class VirtualServo:
     def _raw(self, register: int, kind: int) -> float:
         value = {
             MODE: float(self.mode), PLACE: self.place + self.zero, SPEED: self.speed, TORQUE: self.torque,
-            VOLTAGE: 24.0, TEMPERATURE: 31.0, FAULT_CODE: float(self.fault),
+            VOLTAGE: 24.0, TEMPERATURE: 31.0, FAULT_CODE: float(self.fault), HOME: float(self.home),
         }.get(register, 0.0)  # fmt: skip
         return value if kind == 3 else value / _UNITS.get(register, (1.0, 1.0, 1.0))[kind]
 
     def trip(self, code: int) -> None:
         """Stop with a fault."""
         self.mode, self.fault = FAULT, code
+
+    def start_anew(self) -> None:
+        """Lose the supply for a moment: it stands without force, and counts from where its rotor is in a turn."""
+        self.mode, self.fault, self.registers, self.home = 0, 0, {}, BY_ROTOR
+        self.zero = -round(self.place)
 
     def watch(self, now: float) -> None:
         """Stop if nothing was commanded for too long."""

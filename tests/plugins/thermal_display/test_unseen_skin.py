@@ -66,3 +66,25 @@ def test_the_start_is_that_of_the_skin_as_it_is_and_not_of_one_at_rest(
     ready, wanted = state["flux-control.start_temperature"].item(), model.start(index, skin)
     assert ready == pytest.approx(wanted, abs=0.15)
     assert abs(ready - model.starts[index][1]) > 0.5  # type: ignore[index]
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.019])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_over_a_wire_infrared_brings_the_finger_to_its_true_temperature(scenes: Path, phase: float, seed: int) -> None:
+    """Of a tenth of a second over a slow wire come five noisy readings: 0.02 K, which are 10 W/m2 of a foam's 100."""
+    path = scene_of(scenes)
+    rig = scenes / "rigs" / "wire.xml"
+    thermometer = '<thermal:infrared channel="2" slope="20 K/V" zero="0 degC"/>'
+    rig.write_text(rig.read_text().replace("</thermal:labjack>", f"{thermometer}</thermal:labjack>"))
+    both, apart = Lockstep(str(path), only=["peltier"], phase=phase, seed=seed), list[float]()
+    state, twin = both.host.state, both.world.state
+
+    def note(tick: int) -> None:
+        if 1000 < state["heat.skin_count"].item() == tick + 1:  # before the first touch, and while it is seen
+            seen = state["heat.skin_temperature"].item() + state["heat.skin_change"].item()
+            apart.append(seen - twin["peltier.twin.true_skin"].item())
+
+    both.host.taps.append(note)
+    assert both.run(2.0)["faults"] == []
+    assert len(apart) > 500
+    assert max(map(abs, apart)) < 0.02

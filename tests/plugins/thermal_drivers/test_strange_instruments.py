@@ -110,6 +110,64 @@ def test_one_bad_answer_in_ten_ends_nothing(kind: str) -> None:
     terminal.close()
 
 
+@pytest.mark.parametrize("code", [2, 3, 4])
+def test_one_request_in_ten_that_the_controller_has_not_understood_ends_nothing(code: int) -> None:
+    """What is damaged on the way to it is refused with a whole answer: general communication error, format error."""
+    terminal, device, chance = Terminal(), VirtualMecom(Plate(plate=300.0, sink=301.5), address=2), random.Random(9)
+    opened, refused = [False], [0]
+
+    def step() -> None:
+        for request in terminal.receive().splitlines(keepends=True):
+            if opened[0] and chance.random() < 0.1:
+                refused[0] += 1
+                terminal.send(check(b"!" + request[1:7] + b"+%02d" % code))
+            else:
+                terminal.send(device.take(request))
+
+    with served(step):
+        tec = TecDriver(Mecom(port=terminal.path), patience=3.0)
+        opened[0] = True
+        for number in range(100):
+            current = 0.01 * number
+            assert tec.exchange(current).plate == pytest.approx(300.0, abs=1e-4)
+            assert device.output() == pytest.approx(current)
+        opened[0] = False
+        tec.close()
+    assert refused[0] > 10
+    terminal.close()
+
+
+def test_a_controller_that_understands_nothing_is_told_with_its_reason() -> None:
+    terminal = Terminal()
+
+    def step() -> None:
+        for line in terminal.receive().splitlines():
+            terminal.send(check(b"!" + line[1:7] + b"+04"))
+
+    with served(step):
+        client = MecomClient(terminal.path, address=2, patience=8.0)
+        with pytest.raises(MecomRefusal, match="format error"):
+            client.read_float(1000)
+        client.close()
+    terminal.close()
+
+
+def test_a_controller_that_answers_under_another_address_is_told_with_what_to_write() -> None:
+    terminal, device = Terminal(), VirtualMecom(Plate(plate=300.0, sink=301.5), address=2)
+
+    def step() -> None:
+        data = terminal.receive()
+        for whole in device.take(data).splitlines(keepends=True) if data else ():
+            terminal.send(check(b"!00" + whole[3:-5]))
+
+    with served(step):
+        client = MecomClient(terminal.path, address=2)
+        with pytest.raises(MecomError, match='one of address 0 did: if that is yours, write address="0"'):
+            client.read_float(1000)
+        client.close()
+    terminal.close()
+
+
 @pytest.mark.parametrize("late", [10e-3, 30e-3])
 def test_a_controller_whose_answers_are_late(late: float) -> None:
     terminal, device = Terminal(), VirtualMecom(Plate(plate=300.0, sink=301.5), address=2)
@@ -309,4 +367,21 @@ def test_a_t7_that_answers_too_late_is_told_in_time_and_is_there_again() -> None
         assert time.monotonic() - begin < 3.0
         device.lapses.lost = 0
         assert driver.exchange(300.0).flux == pytest.approx(-500.0, rel=1e-3)
+        driver.close()
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_t7_that_has_started_anew_is_not_believed(lost: bool) -> None:
+    """Its input is against ground then, and of another range: nobody could tell by the voltage alone."""
+    device = VirtualT7(volts={0: SENSOR.voltage(800.0, 300.0), 2: 1.65})
+    with modbus(device) as host:
+        driver = LabJackDriver(sensors(host), patience=8.0)
+        for _ in range(60):
+            assert driver.exchange(300.0).flux == pytest.approx(800.0, rel=1e-3)
+        device.restart()
+        if lost:  # the line, too: then it is asked at once
+            driver._line._client.close()
+        with pytest.raises(DeviceError, match=r"has started anew, or another program has set it: its input AIN0"):
+            for _ in range(1 if lost else 60):
+                driver.exchange(300.0)
         driver.close()

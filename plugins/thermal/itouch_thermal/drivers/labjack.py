@@ -29,8 +29,8 @@ SINGLE_ENDED = 199
 SPAN = 0.01
 #: A voltage beyond its span reads as this; a mean with one such sample is beyond its span, too.
 _OVERLOAD, _BEYOND = -9999.0, 2.0 * SPAN
-#: After so many exchanges it is asked whether it still averages.  A T7 that does not average by itself must give one
-#: sample in this many: the noise is then at most twice what is written.
+#: After so many exchanges, and where the line was lost, it is asked whether it still measures as it was told to.  A T7
+#: that does not average by itself must give one sample in this many: the noise is then at most twice what is written.
 _LOOK, _FEW = 50, 4.0
 
 
@@ -88,6 +88,7 @@ class LabJackDriver:
         self._averages, self._way, self._asked, self._count = False, 0.0, -1.0, 0
         self._skin_volts, self._flux_age, self._skin_age, self._looked = math.nan, _Age(), _Age(), 0.0
         self._line = ModbusLine("LabJack", params.host, trace, patience=patience)
+        self._lines = 1
         try:
             self._start()
         except BaseException:
@@ -201,11 +202,31 @@ class LabJackDriver:
         first, last = min(channels), max(channels)
         begin = time.monotonic()
         volts = self._line.floats(2 * first, last - first + 1)
-        self._flux_age = self._skin_age = _Age(0.5 * (time.monotonic() - begin))
+        middle = 0.5 * (begin + time.monotonic())
+        self._watch()
+        self._flux_age = self._skin_age = _Age(time.monotonic() - middle)
         return (
             math.nan if flux is None else volts[flux.channel - first],
             math.nan if infrared is None else volts[infrared.channel - first],
         )
+
+    def _watch(self) -> None:
+        """See that the film's input has the range that it was given: a T7 that has started anew measures otherwise.
+
+        Raises
+        ------
+        DeviceError
+            If it has not: against ground, and in steps of the wrong range, a film's voltage says nothing.
+        """
+        flux, self._count = self._params.flux_sensor, self._count + 1
+        if flux is None or (self._count % _LOOK and self._lines == self._line.connections):
+            return
+        self._lines = self._line.connections
+        if abs(self._line.floats(RANGE + 2 * flux.channel)[0] - SPAN) > 0.1 * SPAN:
+            raise DeviceError(
+                f"the LabJack at {self._params.host} has started anew, or another program has set it: its input AIN"
+                f"{flux.channel} has another range; check its supply, then connect it again"
+            )
 
     def _mean(self, flux: FluxSensor) -> tuple[float, float]:
         """Return the mean that the T7 has taken since `begin` [V], and what the thermometer said before."""

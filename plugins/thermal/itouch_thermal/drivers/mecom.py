@@ -32,7 +32,9 @@ ERRORS = {
     5: "no such parameter", 6: "parameter is read only", 7: "value out of range", 8: "no such instance",
     9: "parameter general failure",
 }  # fmt: skip
-_BUSY = 2
+#: Refusals that pass: it is busy, or what it heard was damaged on the way (a general communication error, a format
+#: error).  Such a request is made again.
+_PASSING = (2, 3, 4)
 #: Refusals that mean that a parameter, or a command, is not there.
 UNKNOWN = (1, 5)
 
@@ -73,6 +75,8 @@ class MecomClient:
         #: Whether a loop waits for the answers; how long they take [s], as the last ones did.
         self.hurry, self._usual = False, 0.0
         self._spoilt = False
+        #: The address of another controller that has answered to this one's requests; -1: none has.
+        self._other = -1
 
     def close(self) -> None:
         """Give the line its own speed back, and let go of it."""
@@ -219,7 +223,7 @@ class MecomClient:
         begin = monotonic()
         while turn < turns:
             if turn == first and refusal is not None:
-                break  # busy: it is at this speed
+                break  # it is at this speed
             if turn == first:  # it has started anew, or has heard nothing for long: then its line is slow again
                 self._set(self._slow)
             self._line.clear()
@@ -238,13 +242,15 @@ class MecomClient:
                 return answer
             code = int(answer[1:]) if answer[1:].isdigit() else 0
             refusal = MecomRefusal(code, payload)
-            if code != _BUSY:
+            if code not in _PASSING:
                 break
         if refusal is not None:
             raise refusal
         if raised != self.baud:
             self._set(raised)
-        raise MecomError(f"the TEC controller on {self._line.port} did not answer {turns} times")
+        found = self._other
+        other = f'; one of address {found} did: if that is yours, write address="{found}"' if found >= 0 else ""
+        raise MecomError(f"the TEC controller on {self._line.port} did not answer {turns} times{other}")
 
     def _answer(self, sent: int, wait: float) -> str | None:
         """Return the payload of the next good answer to this request within ``wait`` seconds, or None.
@@ -268,6 +274,7 @@ class MecomClient:
             if number != self._sequence:
                 continue  # an answer that came too late
             if self._address not in (ANY, address):
+                self._other = address
                 continue  # another controller's, to another host: it counts its requests from 1, too
             payload = body[7:].decode("ascii", "replace")
             good = crc == crc16(body) or (

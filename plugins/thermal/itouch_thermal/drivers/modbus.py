@@ -53,9 +53,18 @@ class ModbusLine:
         #: How long answers take [s], as the last ones did; None before the first.
         self._usual: float | None = None
         self._number, self._asked_for = 0, -1
-        if not self._client.connect():
+        #: How often a connection was made.
+        self.connections = 0
+        if not self._connect():
             self._client.close()
             raise DeviceError(f"no {name} answers at {host}: check its address and power")
+
+    def _connect(self) -> bool:
+        """Connect, if there is no connection; tell whether there is one."""
+        before = self._client.connected
+        found = bool(self._client.connect())
+        self.connections += found and not before
+        return found
 
     def close(self) -> None:
         """Hang up."""
@@ -97,7 +106,7 @@ class ModbusLine:
         if self._trace:
             self._trace.sent(b"read %d x 1" % address)
         try:
-            if not self._client.connect():
+            if not self._connect():
                 raise self._failure("no connection")
             self._client.send(struct.pack(">HHHBBHH", self._number, 0, 6, 1, _READ, address, 2))
         except (self._failure, OSError) as error:
@@ -180,7 +189,7 @@ class ModbusLine:
         """Ask once; ``soon``: wait for no longer than answers usually take, and then some."""
         known = self._usual if soon else None
         settings = self._client.comm_params
-        if not self._client.connect():
+        if not self._connect():
             raise self._failure("no connection")
         if known is not None:
             settings.timeout_connect = min(self._patience, max(QUICK * self._patience / PATIENCE, USUAL * known))

@@ -1,0 +1,151 @@
+"""The table's driver, in its thread, against servos that answer otherwise than ours, or start anew in mid-session."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Callable, Iterator
+from random import Random
+
+import pytest
+from test_moteus import Bench, records, table
+
+from itouch.exchange import ThreadedDevice
+from itouch_xyz_table.servos import ServoError
+from itouch_xyz_table.virtual import VirtualServo, checksum
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    made = Bench()
+    yield made
+    made.close()
+
+
+def drive(
+    device: ThreadedDevice, place: tuple[float, float, float], until: Callable[[list[float]], bool]
+) -> list[list[float]]:
+    """Lead an open table to a place until something is true of a reading; return all that was read."""
+    reading, command = records()
+    command["pose_target"] = (*place, 1.0, 0.0, 0.0, 0.0)
+    end, found = time.monotonic() + 30.0, list[list[float]]()
+    while time.monotonic() < end:
+        device.write(command)
+        if device.read(reading):
+            found.append(reading["pose"][:3].tolist())
+            if until(found[-1]):
+                return found
+        time.sleep(5e-4)
+    raise AssertionError("it never came to that")
+
+
+def near(place: tuple[float, float, float]) -> Callable[[list[float]], bool]:
+    return lambda found: max(abs(a - b) for a, b in zip(found, place, strict=True)) < 2e-5
+
+
+def through_its_answers(bench: Bench, change: Callable[[bytes], bytes]) -> None:
+    """Let the adaptor change the bytes of servos' answers, with a check sum that is right."""
+    write = bench.terminal.send
+
+    def send(data: bytes) -> None:
+        lines = data.splitlines(keepends=True)
+        for at, line in enumerate(lines):
+            if line.startswith(b"rcv"):
+                words = line.rstrip().rpartition(b" *")[0].split()
+                words[2] = change(bytes.fromhex(words[2].decode())).hex().encode()
+                text = b" ".join(words)
+                lines[at] = b"%s *%02X\n" % (text, checksum(text + b" "))
+        write(b"".join(lines))
+
+    bench.terminal.send = send  # type: ignore[method-assign]
+
+
+GOAL = (0.001, 0.0, 0.004)
+
+
+def test_an_answer_of_which_a_part_is_missing_is_none(bench: Bench) -> None:
+    """One in ten: such a servo is asked again, and no reading is made of what it has not said."""
+    chance, short = Random(3), [0]
+
+    def cut(answer: bytes) -> bytes:
+        if chance.random() >= 0.1:
+            return answer
+        short[0] += 1
+        return answer[:3]  # its mode, and no more
+
+    through_its_answers(bench, cut)
+    device = ThreadedDevice(table(bench), patience=30.0)
+    device.open()
+    found = drive(device, GOAL, near(GOAL))
+    drive(device, GOAL, lambda _: short[0] > 20)
+    device.close()
+    assert all(max(map(abs, place)) < 0.02 for place in found)
+
+
+class Talkative:
+    """A servo that answers in another order, in numbers of another width, and with more than it was asked for."""
+
+    def __init__(self, servo: VirtualServo) -> None:
+        object.__setattr__(self, "servo", servo)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.servo, name)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        setattr(self.servo, name, value)
+
+    def take(self, data: bytes, now: float) -> bytes:
+        servo = self.servo
+        if not servo.take(data, now):
+            return b""
+        return b"".join((
+            bytes((0x21, 0x0F, servo.fault, 0x22, 0x0D, 48, 31, 0x21, 0x0C, servo.home)),
+            b"\x2d\x04" + struct.pack("<f", 0.7),  # a current that nobody has asked for
+            b"\x2d\x03" + struct.pack("<f", servo.torque), b"\x29\x02" + struct.pack("<i", round(servo.speed / 1e-5)),
+            b"\x2d\x01" + struct.pack("<f", servo.place + servo.zero), b"\x25\x00" + struct.pack("<h", servo.mode),
+            b"\x50",
+        ))  # fmt: skip
+
+
+def test_servos_that_answer_in_another_order_and_width(bench: Bench) -> None:
+    servos = bench.bus.servos
+    servos.update({number: Talkative(servo) for number, servo in servos.items()})  # type: ignore[misc]
+    device = ThreadedDevice(table(bench), patience=30.0)
+    device.open()
+    drive(device, GOAL, near(GOAL))
+    device.close()
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_a_servo_that_starts_anew_in_mid_motion_is_told_and_not_led_to_a_wrong_place(bench: Bench, axis: int) -> None:
+    """It has lost what homing told it: by its own count the goal is elsewhere, and it obeys at once."""
+    device = ThreadedDevice(table(bench), patience=30.0)
+    device.open()
+    drive(device, GOAL, lambda place: place[2] > 0.002)
+    servo = bench.bus.servos[axis + 1]
+    stood = servo.place
+    servo.start_anew()
+    with pytest.raises(ServoError, match=f"{'xyz'[axis]} .*has started anew") as told:
+        drive(device, GOAL, lambda _: False)
+    assert "check its supply" in str(told.value)
+    device.close()
+    moved = abs(servo.place - stood) * (0.01, 0.02, 0.005)[axis]
+    assert servo.mode == 0
+    assert moved < 4e-3
+    device.open()  # and it can be homed again
+    drive(device, GOAL, near(GOAL))
+    device.close()
+
+
+def test_a_place_that_jumps_is_not_believed(bench: Bench) -> None:
+    """A servo that is told nothing at homing, and whose count is another after a start."""
+    for servo in bench.bus.servos.values():
+        servo.zero = -servo.place
+    device = ThreadedDevice(table(bench, homing="absolute"), patience=30.0)
+    device.open()
+    found = drive(device, (0.0, 0.0, 0.0), near((0.0, 0.0, 0.0)))
+    bench.bus.servos[1].zero += 2.0
+    with pytest.raises(ServoError, match=r"axis x says that it is .* mm from where it just was"):
+        found += drive(device, (0.0, 0.0, 0.0), lambda place: found.append(place) or False)  # type: ignore[func-returns-value]
+    assert max(abs(place[0]) for place in found) < 1e-3
+    device.close()
