@@ -7,7 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
@@ -35,18 +35,31 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 
 #: The files that take longest, longest first: a worker that began one of them last would be waited for.
 LONGEST = (
-    "test_matrix", "test_random_meshes", "test_restore", "test_study_on_hardware", "test_device_suite", "test_live_window",
-    "test_window", "test_player", "test_emulator_suites", "test_deaths", "test_no_false_alarms", "test_odrive",
-    "test_only_path", "test_shipped", "test_wire_rig", "test_command_options", "test_page", "test_haply",
+    "test_deaths", "test_matrix", "test_wire_rig", "test_window", "test_only_path", "test_laws_of_a_stop", "test_live_window",
+    "test_launch", "test_random_meshes", "test_exchanged", "test_player", "test_restore", "test_listeners_in_a_stop",
+    "test_page", "test_study_on_hardware", "test_device_suite", "test_emulator_suites", "test_no_false_alarms", "test_odrive",
+    "test_shipped", "test_stored_in_a_stop", "test_command_options", "test_haply",
 )  # fmt: skip
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Let every other worker go through the folders from the last: what one has read of a file, the other finds kept."""
+    report = yield
+    number = getattr(collector.config, "workerinput", {}).get("workerid", "gw0").removeprefix("gw")
+    if isinstance(collector, pytest.Directory) and int(number) % 2:
+        report.result = list(report.result or ())[::-1]
+    return report
 
 
 @pytest.hookimpl(tryfirst=True)  # before the groups are read
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Begin with the files that take longest; a file's tests share a worker (pyproject.toml), as they share fixtures."""
-    _choose(config, items)
     longest = {name: place for place, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: longest.get(item.path.stem, len(longest)))
+    items.sort(key=lambda item: (longest.get(item.path.stem, len(longest)), item.path))
+    _choose(config, items)
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,8 @@ KEPT = HERE / "short_form.txt"
 #: Of this run: how many tests are left to the long form, and what its campaigns told.
 _LEFT: Counter[str] = Counter()
 _TOLD: list[tuple[str, str]] = []
+#: What the workers found wrong with the lists of tests: all the same.
+_STALE = set[str]()
 _DONE = pytest.StashKey[frozenset[str]]()
 
 
@@ -79,6 +81,21 @@ def _was_left_out(root: Path, test: str, present: set[str]) -> bool:
     return file.is_file() and str(file) not in present
 
 
+def _stale(config: pytest.Config, items: list[pytest.Item], lists: Mapping[Path, frozenset[str]]) -> str:
+    """Return what is wrong with the lists of tests, in a sentence, or nothing."""
+    there = {
+        name for item in items for name in (item.nodeid, item.nodeid.partition("[")[0], item.nodeid.partition("::")[0])
+    }
+    present = {str(item.path) for item in items}
+    for path, names in lists.items():
+        if gone := sorted(name for name in names - there if not _was_left_out(config.rootpath, name, present)):
+            return (
+                f"tests/{path.name} names tests that are not there (any more): take these lines out, or give them the "
+                f"new names: {', '.join(gone)}"
+            )
+    return ""
+
+
 def read_list(path: Path) -> frozenset[str]:
     """Return the tests that stand in a list."""
     lines = path.read_text(encoding="utf-8").splitlines()
@@ -95,24 +112,19 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     Raises
     ------
     pytest.UsageError
-        If the list names what is not there, so that a test that was renamed comes back into the short form.
+        If the list names what is not there, so that a test that was renamed comes back into the short form.  A worker
+        can't refuse in a sentence: it hands that to the process that prints, and runs nothing.
 
     """
     listed, kept = read_list(LIST), read_list(KEPT)
     whole = is_whole(config)
-    if whole:
-        there = {
-            name
-            for item in items
-            for name in (item.nodeid, item.nodeid.partition("[")[0], item.nodeid.partition("::")[0])
-        }
-        present = {str(item.path) for item in items}
-        for path, names in ((LIST, listed), (KEPT, kept)):
-            if gone := sorted(name for name in names - there if not _was_left_out(config.rootpath, name, present)):
-                raise pytest.UsageError(
-                    f"tests/{path.name} names tests that are not there (any more): take these lines out, or give them the "
-                    f"new names: {', '.join(gone)}"
-                )
+    if whole and (sentence := _stale(config, items, {LIST: listed, KEPT: kept})):
+        output = getattr(config, "workeroutput", None)
+        if output is None:
+            raise pytest.UsageError(sentence)
+        output["stale"] = sentence
+        items.clear()
+        return
     if done := has_passed(config):
         config.hook.pytest_deselected(items=[item for item in items if item.nodeid in done])
         items[:] = [item for item in items if item.nodeid not in done]
@@ -145,6 +157,8 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     """Hand the count of a worker to the process that prints; nothing is wrong where all has passed before."""
     if session.exitstatus == pytest.ExitCode.NO_TESTS_COLLECTED and has_passed(session.config):
         session.exitstatus = pytest.ExitCode.OK
+    if _STALE:
+        session.exitstatus = pytest.ExitCode.USAGE_ERROR
     output = getattr(session.config, "workeroutput", None)
     if output is not None:
         output["left"] = dict(_LEFT)
@@ -153,11 +167,15 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: Any, error: object) -> None:
     """Take the count of a worker: all collect the same tests."""
-    _LEFT.update(getattr(node, "workeroutput", {}).get("left", {}) if not _LEFT else {})
+    output = getattr(node, "workeroutput", {})
+    _LEFT.update(output.get("left", {}) if not _LEFT else {})
+    _STALE.update([output["stale"]] if "stale" in output else [])
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
-    """Say what the long form would add, or what it has found."""
+    """Say what the long form would add, or what it has found; or that a list of tests is stale."""
+    for sentence in _STALE:
+        terminalreporter.write_line(f"ERROR: {sentence}", red=True)
     if campaign.FULL:
         for _, text in _TOLD:
             terminalreporter.write_line(f"campaign: {text}")

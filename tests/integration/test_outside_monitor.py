@@ -31,6 +31,7 @@ def pulse(tick):
     session.state["tip.command.amplitude"] = {amplitude}
     session.state["tip.command.rate"] = {rate}
 session.taps.append(pulse)
+session.state["tip.charge.given"] = {given}
 try:
     session.run({seconds})
 except itouch.DeviceFaultError as fault:
@@ -57,10 +58,11 @@ def test_check_prints_its_rules_and_hardware_is_let_through(installed: Path, tmp
 def test_it_cuts_down_and_trips_and_refuses_when_the_charge_is_spent(installed: Path, tmp_path: Path) -> None:
     path = tmp_path / "tip.xml"
     path.write_text(SCENE.replace("TWIN", "yes"), "utf-8")
-    mild = run(installed, "-c", RUN.format(path=str(path), amplitude=0.008, rate=150.0, seconds=8.0)).stdout
+    mild = run(installed, "-c", RUN.format(path=str(path), given=0.0, amplitude=0.008, rate=150.0, seconds=8.0)).stdout
     assert "fault" not in mild
     assert 0.0 < float(mild.split("share ")[1].split()[0]) < 1.0  # 240 µC/s are cut down
     assert float(mild.split("sent ")[1].split()[0]) == pytest.approx(0.005, rel=0.05)
-    strong = run(installed, "-c", RUN.format(path=str(path), amplitude=0.0033, rate=150.0, seconds=600.0)).stdout
+    almost = {"given": 0.048, "amplitude": 0.0033, "rate": 150.0, "seconds": 60.0}  # after 48 of 50 mC
+    strong = run(installed, "-c", RUN.format(path=str(path), **almost)).stdout
     assert "fault: device 'tip' has given 50.0 mC in this session (charge of a session: trips at 50 mC)" in strong
     assert "refused: device 'tip' has given the whole charge of a session" in strong

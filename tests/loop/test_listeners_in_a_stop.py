@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from shipped import SCENES
+from wired_touch import wired, wired_phases
 
 from itouch.faults import Kind
 from itouch.loop import DeviceFaultError
-from itouch_evidence.faults.behind_wires import Pair, stored
+from itouch_evidence.faults.behind_wires import Pair
 
 
 @pytest.fixture(scope="module")
-def pressed() -> Iterator[tuple[Pair, tuple[bytes, bytes]]]:
+def pressed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Pair, tuple[bytes, bytes]]]:
     """Return a host of hardware behind exchanges, and the States in which a finger is about to be pressed."""
-    pair = Pair(SCENES / "four_materials.xml", 20, threads=False)
-    yield pair, stored(pair)["contact"]
+    pair = wired()
+    yield pair, wired_phases(tmp_path_factory)["contact"]
     pair.host.taps[1:] = []
     pair.close()
 

@@ -218,6 +218,21 @@ def test_a_session_from_the_shelf_is_the_same(monkeypatch: pytest.MonkeyPatch, f
     assert first.snapshot().manifest == second.snapshot().manifest
 
 
+@pytest.mark.parametrize("words", [["check"], ["run", "--headless", "--for", "0.01s"]], ids=["check", "run"])
+def test_no_command_looks_for_a_second_time(words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each start by a command looked for the plate's start temperatures: only sessions built in Python found them kept."""
+    from itouch_thermal.flux.start import Trial
+
+    command = [words[0], str(SCENES / "four_materials.xml"), *words[1:]]
+    assert main(command) == 0
+
+    def run(*_: object) -> None:
+        raise AssertionError("a start temperature was looked for again")
+
+    monkeypatch.setattr(Trial, "run", run)
+    assert main(command) == 0
+
+
 def test_the_doctor_shows_and_clears_what_is_kept(
     solve: Solver, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

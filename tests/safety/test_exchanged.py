@@ -9,6 +9,7 @@ import campaign
 import pytest
 from punctuality import skip_unless_punctual
 from shipped import SCENES
+from wired_touch import Phases, wired, wired_phases
 
 from itouch.faults import Kind
 from itouch_evidence.faults import KINDS, behind_wires
@@ -19,27 +20,31 @@ EVERY = 31
 
 
 @pytest.fixture(scope="module")
-def found() -> Iterator[tuple[Pair, dict[str, tuple[bytes, bytes]]]]:
+def found(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Pair, Phases]]:
     """Return a host and its world, with the display exchanged with every 20 ms, in step."""
-    pair = Pair(SCENES / "four_materials.xml", 20, threads=False, slots=2)
-    yield pair, stored(pair)
+    pair = wired()
+    yield pair, wired_phases(tmp_path_factory)
     pair.close()
 
 
 def test_no_fault_passes_an_absolute_limit_through_exchanges(
-    found: tuple[Pair, dict[str, tuple[bytes, bytes]]],
+    found: tuple[Pair, Phases],
 ) -> None:
     pair, phases = found
     every = EVERY if not campaign.FULL else 1
     done = list(cells(pair, phases, every=every))
     assert len(done) == -(-180 // every)
     assert [cell for cell in done if not cell.good] == []
+    pair.adopt(phases["contact"])
+    pair.enable()
+    pair.checks, pair.watched = 0, 0.0
+    pair.host.run(2.0)
     assert pair.checks / pair.watched > 90.0  # on a clock of its own, whatever the exchanges do
     campaign.tell(f"{len(done)} cells at 20 ms in step, {pair.checks / pair.watched:.0f} checks of heat a second")
 
 
 def test_a_device_behind_a_wire_is_verified_though_it_answers_in_few_ticks(
-    found: tuple[Pair, dict[str, tuple[bytes, bytes]]],
+    found: tuple[Pair, Phases],
 ) -> None:
     """The arm fails; table and display, whose readings hardly ever come in one tick, are seen to be safe."""
     pair, phases = found
@@ -51,7 +56,7 @@ def test_a_device_behind_a_wire_is_verified_though_it_answers_in_few_ticks(
 
 
 def test_a_display_that_is_lost_is_said_not_to_be_verified_and_makes_itself_safe(
-    found: tuple[Pair, dict[str, tuple[bytes, bytes]]],
+    found: tuple[Pair, Phases],
 ) -> None:
     pair, phases = found
     cell = run(pair, "contact", phases["contact"], [("peltier", Kind.DISCONNECT, 0)])
@@ -62,7 +67,7 @@ def test_a_display_that_is_lost_is_said_not_to_be_verified_and_makes_itself_safe
 
 
 def test_a_surface_whose_place_is_not_believed_retracts_all_the_same(
-    found: tuple[Pair, dict[str, tuple[bytes, bytes]]],
+    found: tuple[Pair, Phases],
 ) -> None:
     """Jumps of its sensor were once taken for a plate that comes nearer: it was held where it was."""
     pair, phases = found
@@ -78,7 +83,7 @@ LIES = (Kind.NAN, Kind.SPIKE, Kind.WRONG_UNITS, Kind.GARBAGE)
 
 @pytest.mark.parametrize("lies", LIES, ids=[kind.label for kind in LIES])
 def test_a_table_that_is_reversed_and_lies_about_its_place_lets_go_of_the_finger(
-    found: tuple[Pair, dict[str, tuple[bytes, bytes]]], lies: Kind
+    found: tuple[Pair, Phases], lies: Kind
 ) -> None:
     """It rose to the end of its travel: nobody knows the way of what nobody believes, but the finger that it pushes."""
     pair, phases = found
@@ -90,7 +95,7 @@ def test_a_table_that_is_reversed_and_lies_about_its_place_lets_go_of_the_finger
 
 
 def test_a_fault_that_is_there_when_all_is_stopped_lasts_until_the_stop_is_over(
-    found: tuple[Pair, dict[str, tuple[bytes, bytes]]], monkeypatch: pytest.MonkeyPatch
+    found: tuple[Pair, Phases], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The drive of a table that was withdrawn backwards was mended in the middle, and it came up as it was told to."""
     pair, phases = found
@@ -104,12 +109,12 @@ def test_a_fault_that_is_there_when_all_is_stopped_lasts_until_the_stop_is_over(
 
 @pytest.mark.parametrize(("table", "display"), campaign.some([(13, 29), (7, 29), (13, 7), (29, 13)], 1))
 def test_devices_with_odd_periods_of_their_own_let_go_of_the_finger(
-    table: int, display: int, monkeypatch: pytest.MonkeyPatch
+    found: tuple[Pair, Phases], table: int, display: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Table and display are exchanged with at periods [ms] that have nothing in common."""
     monkeypatch.setattr(behind_wires, "_SURFACE_TICKS", table)
     pair = Pair(SCENES / "four_materials.xml", display, threads=False, slots=2)
-    state = stored(pair)["contact"]
+    state = found[1]["contact"]
     lies = LIES if campaign.FULL else (Kind.NAN, Kind.GARBAGE)
     plans = [[("table", lie, 0), *more] for lie in lies for more in ((), (("table", Kind.REVERSED_SIGN, 1),))]
     devices = product(("arm", "table", "peltier"), KINDS) if campaign.FULL else [("table", Kind.REVERSED_SIGN)]
@@ -120,7 +125,7 @@ def test_devices_with_odd_periods_of_their_own_let_go_of_the_finger(
     campaign.tell(f"{table} and {display} ms: {len(done)} cells")
 
 
-def test_a_cell_through_threads_reaches_its_fault(found: tuple[Pair, dict[str, tuple[bytes, bytes]]]) -> None:
+def test_a_cell_through_threads_reaches_its_fault(found: tuple[Pair, Phases]) -> None:
     """While a host was enabled no new reading of the arm came: each cell ended in its first tick, and none was wrong."""
     _, phases = found
     pair = Pair(SCENES / "four_materials.xml", 20, threads=True, slots=2)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
+from punctuality import skip_unless_punctual
 from test_unknown_devices import Nothing, catalog, scene
 
 import itouch
@@ -160,6 +161,13 @@ def test_through_threads_in_real_time(tmp_path: Path, takes: float) -> None:
         session.run(1.5, each=session.hold)
         passed = time.monotonic() - begin
         dose = session.state["pad.heat.dose"].item()
+    except itouch.DeviceFaultError as fault:
+        if "held the switch" in str(fault):  # each word holds for 80 ms
+            skip_unless_punctual(0.02)
+        raise
     finally:
         session.close()
-    assert dose == pytest.approx(passed * 0.25 ** (43.0 - 41.003), rel=0.05)
+    expected = pytest.approx(passed * 0.25 ** (43.0 - 41.003), rel=0.05)
+    if dose != expected:  # of 1.5 s of the wall, 75 ms are the bound
+        skip_unless_punctual(0.02)
+    assert dose == expected

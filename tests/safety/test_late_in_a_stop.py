@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from shipped import SCENES
+from wired_touch import Phases, wired, wired_phases
 
 from itouch.exchange import EveryNth
 from itouch.faults import Kind
 from itouch.plugin import Record
 from itouch.plugin.stamps import ticks_of
-from itouch_evidence.faults.behind_wires import Pair, run, stored
+from itouch_evidence.faults.behind_wires import Pair, run
 
 PERIOD = 1e-3
 
@@ -68,10 +68,10 @@ class InTime(EveryNth):
 
 
 @pytest.fixture(scope="module")
-def late() -> Iterator[tuple[Pair, dict[str, tuple[bytes, bytes]], Late]]:
+def late(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Pair, Phases, Late]]:
     """Return a host on the clock of a late machine, and its world."""
-    pair = Pair(SCENES / "four_materials.xml", 20, threads=False, slots=2)
-    phases, clock = stored(pair), Late()
+    pair = wired()
+    phases, clock = wired_phases(tmp_path_factory), Late()
     for runner in pair.host.runners:
         wire = runner.device
         assert isinstance(wire, EveryNth)
@@ -106,7 +106,7 @@ class HoldUp:
 @pytest.mark.parametrize("wire", [False, True], ids=["machine", "wire"])
 @pytest.mark.parametrize(("phase", "seconds"), [(2, 0.03), (8, 0.05), (12, 0.035), (55, 0.05)])
 def test_a_table_that_is_reversed_and_lies_lets_go_of_the_finger_however_late_it_is_told_to(
-    late: tuple[Pair, dict[str, tuple[bytes, bytes]], Late], phase: int, seconds: float, wire: bool
+    late: tuple[Pair, Phases, Late], phase: int, seconds: float, wire: bool
 ) -> None:
     """It was judged by what it did in a burst of ticks that caught up, before any command could have reached it."""
     pair, phases, clock = late
@@ -124,7 +124,7 @@ def test_a_table_that_is_reversed_and_lies_lets_go_of_the_finger_however_late_it
 
 
 def test_what_is_stopped_late_is_not_stopped_in_a_burst_of_ticks(
-    late: tuple[Pair, dict[str, tuple[bytes, bytes]], Late],
+    late: tuple[Pair, Phases, Late],
 ) -> None:
     """All ticks of a stop were once run at once where the machine was late before: it was over in no time."""
     pair, phases, clock = late
@@ -141,7 +141,7 @@ def test_what_is_stopped_late_is_not_stopped_in_a_burst_of_ticks(
 
 
 def test_a_stop_tells_how_long_it_took_not_how_many_ticks_it_had(
-    late: tuple[Pair, dict[str, tuple[bytes, bytes]], Late],
+    late: tuple[Pair, Phases, Late],
 ) -> None:
     pair, phases, clock = late
     pair.host.clock = clock

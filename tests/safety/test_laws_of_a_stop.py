@@ -9,6 +9,7 @@ from pathlib import Path
 import campaign
 import pytest
 from shipped import SCENES
+from wired_touch import Phases, wired, wired_phases
 
 from itouch.faults import Kind
 from itouch_evidence.faults import behind_wires, differing
@@ -19,14 +20,12 @@ from itouch_evidence.renamed import RenamedCatalog
 SCENE = SCENES / "four_materials.xml"
 #: How a table lies about its place from one reading to the next, whatever it was before.
 LIES = (Kind.NAN, Kind.WRONG_UNITS, Kind.GARBAGE)
-Phases = dict[str, tuple[bytes, bytes]]
 
 
 @pytest.fixture(scope="module")
-def found() -> tuple[Phases, dict[tuple[str, ...], Cell]]:
+def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Phases, dict[tuple[str, ...], Cell]]:
     """Return the States of a host and its world in each phase, and what comes of each lie under the scene's limits."""
-    pair = Pair(SCENE, 20, threads=False, slots=2)
-    phases = stored(pair)
+    pair, phases = wired(), wired_phases(tmp_path_factory)
     cells = {(lie.label, *more): cell(pair, phases, lie, *more) for lie in LIES for more in ((), ("reversed-sign",))}
     pair.close()
     return phases, cells

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from shipped import SCENES
+from wired_touch import wired, wired_phases
 
 import itouch
 from itouch.faults import Kind
@@ -19,7 +20,6 @@ from itouch.safety.lifecycle import BACKWARDS, HELD
 from itouch.session import Session
 from itouch_evidence.faults import phases, prepared
 from itouch_evidence.faults.behind_wires import Pair, run
-from itouch_evidence.faults.behind_wires import stored as stored_pair
 
 #: Ticks of the safe sequence of a table that is wired backwards in which it is held, and in which it is driven back.
 IN_A_HOLD, ON_ITS_WAY = 40, 90
@@ -119,10 +119,11 @@ def test_hardware_starts_open_and_is_not_in_a_stop() -> None:
     pair.close()
 
 
-def test_hardware_that_is_restored_in_the_middle_of_a_blind_retreat_stays_stopped() -> None:
+def test_hardware_that_is_restored_in_the_middle_of_a_blind_retreat_stays_stopped(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
     """Reversed and lying, behind exchanges: stored as it is led by legs, the trip stays, and nothing moves or presses."""
-    pair = Pair(SCENES / "four_materials.xml", 20, threads=False, slots=2)
-    phases = stored_pair(pair)
+    pair, phases = wired(), wired_phases(tmp_path_factory)
     table = next(one for one in pair.host.runners if one.model.name == "table")
     kept: list[tuple[bytes, bytes]] = []
     ticks: list[int] = []
@@ -189,11 +190,10 @@ for stop in stops:
 
 
 def test_hardware_behind_threads_that_is_restored_in_the_middle_of_a_blind_retreat_stays_stopped(
-    tmp_path: Path,
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     """The same in a new process: nothing asks for less than that a table that lies is neither enabled nor driven."""
-    pair = Pair(SCENES / "four_materials.xml", 20, threads=False, slots=2)
-    phases = stored_pair(pair)
+    pair, phases = wired(), wired_phases(tmp_path_factory)
     table = next(one for one in pair.host.runners if one.model.name == "table")
     stops: list[Path] = []
     ticks: list[int] = []

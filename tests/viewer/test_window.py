@@ -160,7 +160,7 @@ SCRIPTS = {
                 tell("on_mouse_drag", int(x + w / 2) + 2, int(y), 2, 0, mouse.LEFT, 0)
                 tell("on_mouse_release", int(x + w / 2), int(y + h / 2), mouse.LEFT, 0)
             return held
-        window.set_size(1280, 720); tell("on_resize", 1280, 720)
+        window.set_size(900, 560); tell("on_resize", 900, 560)
         press(key.P); turn()
         closed = pixels()
         azimuth = camera.azimuth

@@ -1,8 +1,8 @@
 """Bases that an eigen-solve made: kept with a session and used again, because a solve may round otherwise elsewhere.
 
-A plugin wraps each solve in ``kept``.  Outside a session's build that only calls it; inside, the result is noted by
-the digest of what it was made from, and a restored session gets the stored arrays instead of a new solve.  What no
-session has stored may have been found by an earlier build on this machine (see ``shelf``).
+A plugin wraps each solve in ``kept``.  Where no scene is compiled that only calls it; where one is, the result is noted
+by the digest of what it was made from, and a restored session gets the stored arrays instead of a new solve.  What no
+session has stored may have been found by an earlier start on this machine (see ``result_cache``).
 """
 
 from __future__ import annotations
@@ -70,6 +70,16 @@ def keeping(bases: Bases) -> Iterator[Bases]:
         yield bases
     finally:
         _OPEN.reset(token)
+
+
+@contextmanager
+def keeping_anyhow() -> Iterator[None]:
+    """Look up what is found inside among what earlier builds have found, also where no session notes it."""
+    if _OPEN.get() is not None:
+        yield
+        return
+    with keeping(Bases()):
+        yield
 
 
 def kept(content: object, make: Callable[[], T], pack: Callable[[T], Arrays], load: Callable[[Arrays], T]) -> T:

@@ -98,11 +98,8 @@ def prepare(scene: str, *, seed: int, twin: str | None, rig: str | None) -> Sess
 
         if is_session(scene):
             return restore(scene)
-        from itouch.world import Model
-
         catalog = Catalog()
-        model = Model.of(load_scene(scene, rig=rig, twin=twin, catalog=catalog), catalog)
-        return Session(model, seed=seed)
+        return Session.of(load_scene(scene, rig=rig, twin=twin, catalog=catalog), catalog=catalog, seed=seed)
 
 
 def prepare_text(

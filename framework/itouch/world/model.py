@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from itouch.contact import Geometry, Shape, layout
 from itouch.contact.surfaces import Effects
 from itouch.plugin import Role, WorldSurface
+from itouch.plugin.bases import keeping_anyhow
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import Operator, Probe
@@ -138,6 +139,11 @@ class Model:
 
 def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Problem]]:
     """Compile a scene; the model is None if any of the problems is an error."""
+    with keeping_anyhow():
+        return _compile_scene(scene, catalog)
+
+
+def _compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Problem]]:
     problems: list[Problem] = []
     scene = fitted(scene, catalog)
     reader = SceneFiles(scene)

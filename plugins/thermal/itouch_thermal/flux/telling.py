@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 from itouch.plugin import Record
@@ -9,6 +10,9 @@ from itouch_thermal.display.switching import least_time, strongest
 from itouch_thermal.flux.observer import DELAY
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.flux.start import within
+
+#: A report is asked for again and again: of each run of a sweep, of each cell of a matrix of faults.
+_least_time = lru_cache(maxsize=256)(least_time)
 
 #: Most materials whose switches the report lists.
 LISTED = 16
@@ -70,7 +74,7 @@ def switches(model: FluxModel) -> list[dict[str, Any]]:
                 continue
             apart = round(abs(end - begin), 3)
             if apart not in times:
-                times[apart] = model.display.delay + least_time(model.display, begin, end, limit=limit)
+                times[apart] = model.display.delay + _least_time(model.display, begin, end, limit=limit)
             found.append(
                 {
                     "from": first,
