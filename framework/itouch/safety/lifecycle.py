@@ -165,9 +165,8 @@ class Lifecycle(ABC):
             self._claims.take(self.model.wires)
 
     def free_wires(self) -> None:
-        """Let go of the wires of a device that is not open."""
-        if self._status.item() == CLOSED:
-            self._claims.release()
+        """Let go of the wires of a device that is not opened after all."""
+        self._claims.release()
 
     def open(self) -> None:
         """Open the device; CLOSED -> OPEN, or FAULT if a trip is latched: only re-arming releases it.
