@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.metadata as metadata
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -189,10 +190,20 @@ class Catalog:
             if not (isinstance(loaded, type) and issubclass(loaded, kind)):
                 cause = f"'{found.entry.value}' is not a subclass of itouch.plugin.{kind.__name__}"
                 raise PluginError(found.name, f"{found.distribution} {found.version}", cause)
+            if cause := _undeclared(loaded):
+                raise PluginError(found.name, f"{found.distribution} {found.version}", cause)
         except PluginError as error:
             self.failures[found.name] = error
             return None
         return loaded
+
+
+def _undeclared(loaded: type) -> str:
+    """Return what a device or modality has left out without which no scene can name it; empty: nothing."""
+    if issubclass(loaded, Monitor) or dataclasses.is_dataclass(getattr(loaded, "Params", None)):
+        return ""
+    advice = "write 'Params = NAME' in it, the class of its parameters: a frozen dataclass, an empty one if it has none"
+    return f"class '{loaded.__name__}' declares no Params: {advice}"
 
 
 def _plugin_of(entry: str) -> str:
