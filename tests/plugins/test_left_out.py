@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata as metadata
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +15,11 @@ import itouch
 from itouch.plugin import Device, Modality, Record, pose
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch_tools.cli import main
+
+
+@dataclass(frozen=True)
+class Nothing:
+    """No parameters."""
 
 
 class Bare(Device):
@@ -41,6 +47,30 @@ class Untyped(Bare):
 class BareModality(Modality):
     """Does nothing, with what, it does not say."""
 
+    def compile(self, *_: Any) -> None:
+        """Nothing."""
+
+    def reset(self, *_: Any) -> None:
+        """Nothing."""
+
+    def update(self, *_: Any) -> None:
+        """Nothing."""
+
+
+class Half(Device):
+    """Cannot be closed."""
+
+    Params, reads = Nothing, (pose(),)
+
+    def open(self) -> None:
+        """Nothing."""
+
+
+class HalfModality(Modality):
+    """Does nothing at all."""
+
+    Params = Nothing
+
 
 def offering(group: str, name: str, cls: type) -> Callable[[str], dict[str, Found]]:
     def finder(asked: str) -> dict[str, Found]:
@@ -51,31 +81,34 @@ def offering(group: str, name: str, cls: type) -> Callable[[str], dict[str, Foun
 
 
 DEVICES = '<devices><device name="d" plugin="stranger" twin="{}"/></devices>'
+PARAMS = "declares no Params: write 'Params = NAME'"
 INTERACTION = '<interaction><s:it xmlns:s="urn:itouch:plugin:stranger"/></interaction>'
 
 
 @pytest.mark.parametrize(
-    ("group", "name", "cls", "inside"),
+    ("group", "name", "cls", "inside", "says"),
     [
-        ("itouch.devices", "stranger", Bare, DEVICES.format("no")),
-        ("itouch.devices", "stranger", Bare, DEVICES.format("yes")),
-        ("itouch.devices", "stranger", Untyped, DEVICES.format("yes")),
-        ("itouch.modalities", "stranger.it", BareModality, INTERACTION),
+        ("itouch.devices", "stranger", Bare, DEVICES.format("no"), PARAMS),
+        ("itouch.devices", "stranger", Bare, DEVICES.format("yes"), PARAMS),
+        ("itouch.devices", "stranger", Untyped, DEVICES.format("yes"), PARAMS),
+        ("itouch.devices", "stranger", Half, DEVICES.format("yes"), "does not define close, read: each needs a method"),
+        ("itouch.modalities", "stranger.it", BareModality, INTERACTION, PARAMS),
+        ("itouch.modalities", "stranger.it", HalfModality, INTERACTION, "does not define compile, reset, update: each"),
     ],
 )
-def test_a_plugin_without_parameters_is_named(
-    tmp_path: Path, group: str, name: str, cls: type, inside: str, monkeypatch: pytest.MonkeyPatch,
+def test_a_plugin_that_has_left_something_out_is_named(
+    tmp_path: Path, group: str, name: str, cls: type, inside: str, says: str, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     path = tmp_path / "s.xml"
     path.write_text(f'<itouch version="1.0">{inside}</itouch>', "utf-8")
     catalog = Catalog(offering(group, name, cls))
-    with pytest.raises(itouch.SceneError, match=f"class '{cls.__name__}' declares no Params: write 'Params = NAME'"):
+    with pytest.raises(itouch.SceneError, match=f"class '{cls.__name__}' {says}"):
         itouch.build(path, catalog=catalog)
     real, entry = metadata.entry_points, metadata.EntryPoint(name, f"{__name__}:{cls.__name__}", group)
     monkeypatch.setattr(metadata, "entry_points", lambda group: [*real(group=group), *[entry] * (entry.group == group)])
     for words in (["check", str(path)], [str(path), "--headless", "--for", "1s"]):
         assert main(words) == 2
         said = capsys.readouterr().err
-        assert f"class '{cls.__name__}' declares no Params" in said
+        assert f"class '{cls.__name__}' {says}" in said
         assert "Traceback" not in said

@@ -12,6 +12,7 @@ from itouch.plugin.device import Device
 from itouch.plugin.modality import Modality
 from itouch.plugin.monitor import Monitor
 from itouch.schema import ItouchError
+from itouch.schema.diagnostics import named
 
 DEVICES, MODALITIES, COMMANDS, BENCHES = "itouch.devices", "itouch.modalities", "itouch.commands", "itouch.benches"
 MONITORS = "itouch.monitors"
@@ -49,7 +50,7 @@ class Found:
         try:
             return self.entry.load()
         except (Exception, SystemExit) as error:  # a stranger's import may raise anything; the others go on
-            cause = f"{type(error).__name__}: {error}"
+            cause = named(error)
             raise PluginError(self.name, f"{self.distribution} {self.version}", cause) from error
 
 
@@ -199,7 +200,9 @@ class Catalog:
 
 
 def _undeclared(loaded: type) -> str:
-    """Return what a device or modality has left out without which no scene can name it; empty: nothing."""
+    """Return what a plugin's class has left out without which no scene can name it; empty: nothing."""
+    if missing := sorted(getattr(loaded, "__abstractmethods__", ())):
+        return f"class '{loaded.__name__}' does not define {', '.join(missing)}: each needs a method, however short"
     if issubclass(loaded, Monitor) or dataclasses.is_dataclass(getattr(loaded, "Params", None)):
         return ""
     advice = "write 'Params = NAME' in it, the class of its parameters: a frozen dataclass, an empty one if it has none"

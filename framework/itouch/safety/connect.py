@@ -14,6 +14,7 @@ from itouch.plugin import DeviceError
 from itouch.plugin.wire_claims import WireHeldError
 from itouch.safety.lifecycle import Status
 from itouch.safety.supervisor import Supervisor
+from itouch.schema.diagnostics import named, spoken
 
 #: How long [s] a device may take to open.
 PATIENCE = 15.0
@@ -84,8 +85,8 @@ def _start(supervisor: Supervisor, failures: dict[str, str]) -> threading.Thread
                 raise DeviceError(refused)
             supervisor.open()
         except BaseException as error:  # whatever a driver raises, the others must still be told of
-            ends = f"has tried to end the program: {error!r}"
-            said = str(error) or type(error).__name__
+            ends = f"has tried to end the program: {named(error)}"
+            said = spoken(error) or type(error).__name__
             failures[supervisor.model.name] = said if isinstance(error, Exception) else ends
 
     thread = threading.Thread(target=work, name=f"open {supervisor.model.name}", daemon=True)
