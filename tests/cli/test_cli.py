@@ -149,6 +149,29 @@ def test_a_signal_ends_safely_with_the_report(tmp_path: Path, number: signal.Sig
     assert 0 < json.loads(report.read_text())["simulated_s"] < 60
 
 
+@pytest.mark.parametrize("before", ["", "an earlier report"])
+def test_a_session_that_leaves_no_report_leaves_no_empty_file(tmp_path: Path, before: str) -> None:
+    report = tmp_path / "r.json"
+    if before:
+        report.write_text(before)
+    words = [FIRST, "--pace", "real", "--for", "60 s", "--report", str(report)]
+    with subprocess.Popen([sys.executable, "-m", "itouch_tools.cli", *words], stderr=subprocess.PIPE) as process:
+        servo: list[int] = []
+        until = time.monotonic() + 40.0
+        while not servo and time.monotonic() < until:
+            time.sleep(0.1)
+            for child in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split():
+                if b"itouch.servo.process" in Path(f"/proc/{child}/cmdline").read_bytes():
+                    servo.append(int(child))
+        time.sleep(3.0)
+        os.kill(servo[0], signal.SIGKILL)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode in (1, 2), err
+    assert b"SIGKILL" in err and b"Traceback" not in err
+    assert (report.read_text() if report.exists() else "") == before
+    assert report.exists() is bool(before)
+
+
 def test_hardware_is_not_driven_faster_than_real_time() -> None:
     done = run(str(SCENES / "four_materials_wire.xml"), "--headless", "--pace", "fast", "--for", "1s")
     assert done.returncode == 2

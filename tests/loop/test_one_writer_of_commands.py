@@ -207,7 +207,29 @@ def test_what_a_modality_writes_of_others_is_seen_though_the_framework_wrote_sin
     assert bool((state[name] == before).all()) == (not own)
 
 
-@pytest.mark.parametrize("ends", [SystemExit, KeyboardInterrupt, GeneratorExit])
+class MuteError(Exception):
+    """Fails when it is asked what it says."""
+
+    def __str__(self) -> str:
+        raise SystemExit(3)
+
+    __repr__ = __str__
+
+
+class MuteExit(BaseException):
+    """The same, and no ``Exception``."""
+
+    __str__ = __repr__ = MuteError.__str__
+
+
+class EndlessError(ValueError):
+    """Says more than anybody reads."""
+
+    def __str__(self) -> str:
+        return "x" * 10**7
+
+
+@pytest.mark.parametrize("ends", [SystemExit, KeyboardInterrupt, GeneratorExit, MuteError, MuteExit, EndlessError])
 @pytest.mark.parametrize("when", ["update", "on_contact"])
 def test_whatever_a_modality_raises_the_devices_are_made_safe(
     tmp_path: Path, ends: type[BaseException], when: str
@@ -222,4 +244,6 @@ def test_whatever_a_modality_raises_the_devices_are_made_safe(
         session.run(0.4)
     assert session.status("arm").name == "FAULT"
     assert not session.state["arm.sent.wrench"].any()
-    assert session.report()["faults"][-1]["safe"]["reached"] is True
+    (fault,) = session.report()["faults"][-1:]
+    assert fault["safe"]["reached"] is True
+    assert len(fault["cause"]) < 2000

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import time
 
@@ -9,6 +10,7 @@ import pytest
 from parts import ARM, PERIOD, TABLE, Fake, lost, model, state
 
 from itouch.plugin import Channel, DeviceError, Record, Role
+from itouch.plugin.wire_claims import WireClaims, WireHeldError
 from itouch.safety import DeviceFaultError, HoldToRun, Status, Supervisor, Trip, connect
 
 
@@ -134,6 +136,55 @@ def test_the_loss_of_an_optional_device_while_it_connects_is_told_by_connect() -
     assert connect(devices, 0) == {"one": "failed: the plug is out"}
     assert told == []
     assert devices[0].on_loss is not None
+
+
+@pytest.mark.parametrize("optional", [False, True])
+def test_a_wire_that_is_in_use_keeps_all_that_is_needed_closed(optional: bool) -> None:
+    def wired(wire: str) -> type[Fake]:
+        return type("Wired", (Fake,), {"wires": classmethod(lambda cls, params: (wire,))})
+
+    kinds = [("one", "wire a of a test", False), ("two", "wire b of a test", optional)]
+    models = [model(ARM, name=name, cls=wired(wire), optional=needed) for name, wire, needed in kinds]
+    data = state(*models)
+    devices = [Supervisor(one, data, PERIOD, device=Fake()) for one in models]
+    elsewhere = WireClaims()
+    elsewhere.take(["WIRE B of a test"])
+    found = connect(devices, 0)
+    assert set(found) == {"two"} and "'wire b of a test' is in use by another session of this process" in found["two"]
+    assert devices[0].status is (Status.OPEN if optional else Status.CLOSED)
+    assert devices[1].status is Status.CLOSED
+    if not optional:  # nor is the wire kept of what could have been opened
+        free = WireClaims()
+        free.take(["wire a of a test"])
+        free.release()
+    elsewhere.release()
+    assert connect(devices, 0) == {}
+    for one in devices:
+        one.close()
+    for one in devices:
+        one.claim_wires()
+        one.close()  # was never opened again, and lets go of its wire all the same
+    elsewhere.take(["wire a of a test", "wire b of a test"])
+    elsewhere.release()
+
+
+def test_a_device_that_cannot_be_closed_keeps_its_wire() -> None:
+    cls = type("Wired", (Fake,), {"wires": classmethod(lambda cls, params: ("wire c of a test",))})
+    one = model(ARM, cls=cls)
+    it = Supervisor(one, state(one), PERIOD, device=Fake())
+    it.open()
+
+    def hangs() -> None:
+        raise DeviceError("does not answer")
+
+    it.device.close = hangs  # type: ignore[union-attr,method-assign]
+    with pytest.raises(DeviceError, match="does not answer"):
+        it.close()
+    with pytest.raises(WireHeldError):
+        WireClaims().take(["wire c of a test"])
+    del it
+    gc.collect()
+    WireClaims().take(["wire c of a test"])
 
 
 def test_hardware_is_not_opened_where_no_guardian_can_watch(monkeypatch: pytest.MonkeyPatch) -> None:

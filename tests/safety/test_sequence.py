@@ -16,7 +16,17 @@ from itouch.plugin import HOLD, RETRACT, Channel, DeviceError, Record, pose_targ
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Supervisor, Trip
 from itouch.safety.lifecycle import BACKWARDS
-from itouch.safety.sequence import LEAVE_TIME, NEARER, SAFE_TIME, SETTLE, STANDS, STOOD, WATCH_TIME
+from itouch.safety.sequence import (
+    LEAVE_TIME,
+    NEARER,
+    SAFE_TIME,
+    SETTLE,
+    STANDS,
+    STOOD,
+    UNHEARD,
+    WATCH_TIME,
+    WRONG_WAY,
+)
 
 
 class Line(Fake, Stamped):
@@ -966,3 +976,52 @@ def test_one_that_is_held_stands_nearer_by_more_than_it_may_or_at_all_if_it_is_n
     rig.table.fault(Trip.NOT_A_NUMBER, 0)
     for gone, nearer in ((0.001, False), (0.0, False), (-1e-9, True)):
         assert rig.sequence._nearer(rig.table, gone) is nearer
+
+
+def test_one_that_came_up_again_has_not_gone_back_as_it_was_told_though_it_is_lower_than_it_was() -> None:
+    rig = Rig()
+    heights = iter((*np.linspace(0.03, 0.024, 24), *np.linspace(0.024, 0.026, 8)))
+    rig.leaves_after = math.inf
+    rig.obey = lambda goal: setattr(rig, "height", next(heights, 0.026))
+    outcome = park(rig)
+    assert outcome.devices["table"] == "goes the wrong way: held 4.0 mm further back"
+    assert outcome.unsafe == ("table",)
+
+
+def test_one_that_is_driven_back_turns_round_when_it_has_come_nearer_by_more_than_it_may() -> None:
+    rig = Rig()
+    rig.stop("arm")
+    ((_, stopped),) = rig.sequence._ways
+    for height, turned in ((2.0 * WRONG_WAY, False), (2.0 * WRONG_WAY + 1e-9, True)):
+        stopped[...], rig.sequence._furthest["table"] = BACKWARDS, WRONG_WAY
+        rig.table.reading["pose"][2] = height
+        rig.sequence._mind_direction({"table": height})
+        assert stopped.item() == (0 if turned else BACKWARDS)
+
+
+def test_one_of_which_nothing_is_heard_is_led_by_what_touches_it_after_thirty_milliseconds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rig = Rig()
+    assert rig.table.device is not None
+    rig.table.device.read = lambda reading: False  # type: ignore[method-assign]
+    led: list[int] = []
+    monkeypatch.setattr(rig.sequence._blind["table"], "mind", lambda *_: led.append(rig.sequence._passed))
+    rig.stop("arm")
+    assert led[0] == round(UNHEARD / PERIOD) == 30
+    assert led == list(range(30, 30 + len(led)))
+
+
+def test_one_that_rises_by_a_little_at_the_end_of_its_travel_has_not_retracted_by_less_than_nothing() -> None:
+    rig = Rig()
+    rig.height = rig.table.sent["pose_target"][2] = 0.0002
+    rig.table.device_monitors.forget()
+    rig.table.read(1)
+
+    def yields(goal: float) -> None:  # as soon as the finger lets go of it
+        rig.height, rig.load = (0.0002, 1.0) if rig.ticks < 20 else (0.0009, 0.0)
+
+    rig.obey = yields
+    outcome = rig.stop("arm")
+    assert outcome.safe
+    assert outcome.devices["table"] == "retracted 0.0 mm"

@@ -209,3 +209,54 @@ def test_a_recording_of_hardware_replays_without_it(scene: Path, fails_at: int) 
     assert (outcome.mismatches, outcome.first, outcome.skipped) == (0, None, 0)
     assert outcome.ticks == len(recording.ticks)
     assert cls.opened == []
+
+
+class MuteError(DeviceError):
+    """Fails when it is asked what it says."""
+
+    def __str__(self) -> str:
+        raise SystemExit(3)
+
+    __repr__ = __str__
+
+
+class MuteOtherError(RuntimeError):
+    """The same of any other error."""
+
+    __str__ = __repr__ = MuteError.__str__
+
+
+@pytest.mark.parametrize("kind", [MuteError, MuteOtherError])
+@pytest.mark.parametrize("where", ["open", "read", "write", "close"])
+def test_an_error_that_fails_to_say_why_is_an_error_like_any_other(
+    scene: Path, kind: type[Exception], where: str
+) -> None:
+    cls, sent = stick(), list[float]()
+    calls = 0
+
+    def fails(self: Any, *words: Any) -> Any:
+        nonlocal calls
+        calls += 1
+        if where in ("open", "close") or calls == 20:
+            raise kind
+        return before(self, *words)
+
+    def keep(self: Any, command: Record) -> None:
+        sent.append(float(abs(command["wrench"]).max()))
+
+    cls.write = keep  # type: ignore[method-assign]
+    before = getattr(cls, where)
+    setattr(cls, where, fails)
+    session = itouch.build(scene, catalog=catalog(cls))
+    if where in ("open", "close"):
+        with pytest.raises(DeviceError, match="device 'stick'.*it fails to say why"):
+            session.enable()
+            session.close()
+        return
+    session.enable()
+    with pytest.raises(itouch.DeviceFaultError, match="it fails to say why"):
+        session.run(1.0)
+    assert session.status("stick").name == "FAULT"
+    assert sent[-1] == 0.0
+    assert session.report()["faults"][-1]["trip"] == "device-error"
+    session.close()

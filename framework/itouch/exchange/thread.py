@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from itouch.plugin import RETRACT, Channel, Device, DeviceError, Field, Record, Stamps
 from itouch.plugin.device import is_new
 from itouch.plugin.stamps import Stamped, ticks_of
+from itouch.schema.diagnostics import named
 
 #: A command with the time when it was asked for, or when it left.
 Sent = tuple[float, bytes] | None
@@ -225,7 +226,7 @@ class ThreadedDevice(Device, Stamped):
 
 def told(error: BaseException) -> Exception:
     """Return what the loop is to raise: a driver that wants to end the program has failed like any other."""
-    return error if isinstance(error, Exception) else DeviceError(f"has tried to end the program: {error!r}")
+    return error if isinstance(error, Exception) else DeviceError(f"has tried to end the program: {named(error)}")
 
 
 def keep_up() -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from itouch.loop.runner import Runner
 from itouch.plugin import DeviceError
 from itouch.schema import ItouchError
+from itouch.schema.diagnostics import spoken
 from itouch.world.plugin_errors import said
 
 
@@ -21,7 +22,7 @@ def in_turn(*steps: Callable[[], object]) -> None:
             if first is None:
                 first = error
             else:
-                first.add_note(f"then: {error}")
+                first.add_note(f"then: {spoken(error)}")
     if first is not None:
         raise first
 
@@ -39,7 +40,7 @@ def released(runner: Runner) -> None:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # a plugin that exits does not end the program
-        why = str(error) if isinstance(error, ItouchError) else said(error)
+        why = spoken(error) if isinstance(error, ItouchError) else said(error)
         raise DeviceError(f"device '{runner.model.name}' could not be released: {why}") from error
 
 
@@ -51,4 +52,4 @@ def raise_unless_failing(step: Callable[[], None]) -> None:
     except DeviceError as error:
         if under_way is None:
             raise
-        under_way.add_note(f"then: {error}")
+        under_way.add_note(f"then: {spoken(error)}")

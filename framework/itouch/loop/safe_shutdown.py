@@ -13,6 +13,7 @@ from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
 from itouch.plugin import Record, Role
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, TrackedFinger, Trip
+from itouch.schema.diagnostics import named
 from itouch.world import Model
 
 
@@ -51,7 +52,7 @@ class SafeShutdown:
         entry["safe"] = {"reached": outcome.safe, "after_s": outcome.seconds, "devices": outcome.devices}
         error = self._sequence.interrupted
         if isinstance(error, Exception):
-            fault.add_note(f"while all was made safe: {type(error).__name__}: {error}")
+            fault.add_note(f"while all was made safe: {named(error)}")
         elif error is not None:
             raise error
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.metadata as metadata
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from itouch.plugin.device import Device
 from itouch.plugin.modality import Modality
 from itouch.plugin.monitor import Monitor
 from itouch.schema import ItouchError
+from itouch.schema.diagnostics import named
 
 DEVICES, MODALITIES, COMMANDS, BENCHES = "itouch.devices", "itouch.modalities", "itouch.commands", "itouch.benches"
 MONITORS = "itouch.monitors"
@@ -48,7 +50,7 @@ class Found:
         try:
             return self.entry.load()
         except (Exception, SystemExit) as error:  # a stranger's import may raise anything; the others go on
-            cause = f"{type(error).__name__}: {error}"
+            cause = named(error)
             raise PluginError(self.name, f"{self.distribution} {self.version}", cause) from error
 
 
@@ -189,10 +191,22 @@ class Catalog:
             if not (isinstance(loaded, type) and issubclass(loaded, kind)):
                 cause = f"'{found.entry.value}' is not a subclass of itouch.plugin.{kind.__name__}"
                 raise PluginError(found.name, f"{found.distribution} {found.version}", cause)
+            if cause := _undeclared(loaded):
+                raise PluginError(found.name, f"{found.distribution} {found.version}", cause)
         except PluginError as error:
             self.failures[found.name] = error
             return None
         return loaded
+
+
+def _undeclared(loaded: type) -> str:
+    """Return what a plugin's class has left out without which no scene can name it; empty: nothing."""
+    if missing := sorted(getattr(loaded, "__abstractmethods__", ())):
+        return f"class '{loaded.__name__}' does not define {', '.join(missing)}: each needs a method, however short"
+    if issubclass(loaded, Monitor) or dataclasses.is_dataclass(getattr(loaded, "Params", None)):
+        return ""
+    advice = "write 'Params = NAME' in it, the class of its parameters: a frozen dataclass, an empty one if it has none"
+    return f"class '{loaded.__name__}' declares no Params: {advice}"
 
 
 def _plugin_of(entry: str) -> str:

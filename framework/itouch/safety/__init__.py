@@ -2,7 +2,7 @@
 
 from itouch.monitors import LOSSES, DeviceFaultError, Trip, TripError
 from itouch.safety.blind_retreat import TrackedFinger
-from itouch.safety.connect import connect
+from itouch.safety.connect import claim_wires, connect
 from itouch.safety.device_monitors import DeviceMonitors
 from itouch.safety.finger import Finger
 from itouch.safety.guard import Guard
@@ -25,5 +25,6 @@ __all__ = [
     "TrackedFinger",
     "Trip",
     "TripError",
+    "claim_wires",
     "connect",
 ]

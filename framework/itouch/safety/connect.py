@@ -1,4 +1,7 @@
-"""Connecting: all devices at once, each in a thread of its own, and all that fail are told together."""
+"""Connecting: all devices at once, each in a thread of its own, and all that fail are told together.
+
+Nothing is opened if another process, or another session, speaks on a wire of what is needed.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,10 @@ from collections.abc import Iterable
 from itouch.monitors import DeviceFaultError
 from itouch.platforms import hardware_refused
 from itouch.plugin import DeviceError
+from itouch.plugin.wire_claims import WireHeldError
 from itouch.safety.lifecycle import Status
 from itouch.safety.supervisor import Supervisor
+from itouch.schema.diagnostics import named, spoken
 
 #: How long [s] a device may take to open.
 PATIENCE = 15.0
@@ -33,10 +38,12 @@ def connect(supervisors: Iterable[Supervisor], tick: int, *, patience: float = P
         Device -> why it failed; empty if all are there.
     """
     wanted = list(supervisors)
-    failures: dict[str, str] = {}
+    failures = claim_wires(wanted)
+    if any(supervisor.model.name in failures and not supervisor.model.optional for supervisor in wanted):
+        return failures
     threads = {}
     for supervisor in wanted:
-        if supervisor.status is Status.CLOSED:
+        if supervisor.status is Status.CLOSED and supervisor.model.name not in failures:
             threads[supervisor.model.name] = _start(supervisor, failures)
     for name, thread in threads.items():
         thread.join(patience)
@@ -48,6 +55,27 @@ def connect(supervisors: Iterable[Supervisor], tick: int, *, patience: float = P
     return {s.model.name: failures[s.model.name] for s in wanted if s.model.name in failures}
 
 
+def claim_wires(supervisors: Iterable[Supervisor]) -> dict[str, str]:
+    """Claim the wires of every device that is CLOSED.
+
+    Returns
+    -------
+    dict
+        Device -> who has its wire.  If one of them is not optional no wire is claimed for any.
+    """
+    wanted = [supervisor for supervisor in supervisors if supervisor.status is Status.CLOSED]
+    failures: dict[str, str] = {}
+    for supervisor in wanted:
+        try:
+            supervisor.claim_wires()
+        except WireHeldError as error:
+            failures[supervisor.model.name] = str(error)
+    if any(supervisor.model.name in failures and not supervisor.model.optional for supervisor in wanted):
+        for supervisor in wanted:
+            supervisor.free_wires()
+    return failures
+
+
 def _start(supervisor: Supervisor, failures: dict[str, str]) -> threading.Thread:
     """Open a device in a thread; twins open at once and need none."""
 
@@ -57,8 +85,8 @@ def _start(supervisor: Supervisor, failures: dict[str, str]) -> threading.Thread
                 raise DeviceError(refused)
             supervisor.open()
         except BaseException as error:  # whatever a driver raises, the others must still be told of
-            ends = f"has tried to end the program: {error!r}"
-            said = str(error) or type(error).__name__
+            ends = f"has tried to end the program: {named(error)}"
+            said = spoken(error) or type(error).__name__
             failures[supervisor.model.name] = said if isinstance(error, Exception) else ends
 
     thread = threading.Thread(target=work, name=f"open {supervisor.model.name}", daemon=True)

@@ -17,6 +17,7 @@ from itouch.monitors import OWN, DeviceFaultError, Heat, Ordinary, Readings, Sur
 from itouch.plugin import Moment, Monitor, Record
 from itouch.safety.monitor_step import Clocks, clocked
 from itouch.safety.monitor_step import moment as clocks_at
+from itouch.schema.diagnostics import named
 from itouch.world import DeviceModel
 
 #: Longest time [s] between two checks of an open device, also without news.
@@ -352,7 +353,7 @@ class DeviceMonitors:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            cause = f"was stopped because its monitor '{post.monitor.name}' failed: {type(error).__name__}: {error}"
+            cause = f"was stopped because its monitor '{post.monitor.name}' failed: {named(error)}"
             raise TripError(Trip.MONITOR_ERROR, cause) from error
         self._judge(post, found, reading)
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from itouch.monitors import LOSSES, Heat, Push, Trip, TripError
 from itouch.plugin import Channel, Device, DeviceError, Record, Role, Twin
+from itouch.plugin.wire_claims import WireClaims
 from itouch.safety.device_monitors import DeviceMonitors, InstalledMonitor
 from itouch.world import DeviceModel
 
@@ -93,6 +94,8 @@ class Lifecycle(ABC):
         self.presses = any(isinstance(post.monitor, Push) for post in self.device_monitors.installed)
         #: The fingers on which other plates act, too: what may be used up is theirs together.
         self.shared: list[SharedFinger] = []
+        #: That nobody else speaks on its wires while it is open.
+        self._claims = WireClaims()
         #: Why it can't be enabled, whoever asks: nothing tells where the finger is that it acts on; empty: it can.
         self.blind = ""
 
@@ -150,14 +153,30 @@ class Lifecycle(ABC):
         """Go on from a State that was put in place."""
         self.device_monitors.restore()
 
+    def claim_wires(self) -> None:
+        """Claim the device's wires, if they are not claimed; ``close`` and the end of the process let go of them.
+
+        Raises
+        ------
+        WireHeldError
+            If another process, or another session, has one.
+        """
+        if self.device is not None:
+            self._claims.take(self.model.wires)
+
+    def free_wires(self) -> None:
+        """Let go of the wires of a device that is not opened after all."""
+        self._claims.release()
+
     def open(self) -> None:
         """Open the device; CLOSED -> OPEN, or FAULT if a trip is latched: only re-arming releases it.
 
         Raises
         ------
         DeviceError
-            If the device is missing or refuses.
+            If the device is missing or refuses, or its wire is in use.
         """
+        self.claim_wires()
         if self.device is not None:
             self.device.open()
         self._forget()
@@ -292,6 +311,7 @@ class Lifecycle(ABC):
         if other._status.item() == CLOSED:
             return
         self.device, other.device = other.device, None
+        self._claims, other._claims = other._claims, self._claims
         other._status[...] = CLOSED
         self._status[...] = FAULT if self._trip.item() else OPEN
 
@@ -303,6 +323,7 @@ class Lifecycle(ABC):
     def close(self) -> None:
         """Send the safe command and release the device; any status -> CLOSED."""
         if self._status.item() == CLOSED:
+            self._claims.release()
             return
         try:
             self._send_safe()
@@ -310,6 +331,7 @@ class Lifecycle(ABC):
             self._status[...] = CLOSED
             if self.device is not None:
                 self.device.close()
+            self._claims.release()  # not of a device that can't be closed: its driver may still speak
 
 
 def _part(state: Record, prefix: str, channels: Sequence[Channel]) -> Record:

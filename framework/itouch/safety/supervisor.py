@@ -20,6 +20,7 @@ from itouch.safety import limiting, monitor_step
 from itouch.safety.device_monitors import InstalledMonitor
 from itouch.safety.guard import ANYWHERE, Guard
 from itouch.safety.lifecycle import BACKWARDS, CLOSED, ENABLED, FAULT, HELD, Lifecycle
+from itouch.schema.diagnostics import named, spoken
 from itouch.world import DeviceModel
 from itouch.world import limits as default
 from itouch.world.plugin_errors import failing
@@ -302,11 +303,11 @@ class Supervisor(Lifecycle):
             if self.device is not None:
                 return self._take_whole(self.device)
         except DeviceError as error:
-            raise TripError(Trip.DEVICE_ERROR, f"failed: {error}") from error
+            raise TripError(Trip.DEVICE_ERROR, f"failed: {spoken(error)}") from error
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            raise TripError(Trip.DEVICE_ERROR, f"failed in read: {type(error).__name__}: {error}") from error
+            raise TripError(Trip.DEVICE_ERROR, f"failed in read: {named(error)}") from error
         return False
 
     def _take_whole(self, device: Device) -> bool:
@@ -426,11 +427,11 @@ class Supervisor(Lifecycle):
             self._handed.raw[:] = self.sent.raw
             self.device.write(self._handed)
         except DeviceError as error:
-            raise TripError(Trip.DEVICE_ERROR, f"failed: {error}") from error
+            raise TripError(Trip.DEVICE_ERROR, f"failed: {spoken(error)}") from error
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            raise TripError(Trip.DEVICE_ERROR, f"failed in write: {type(error).__name__}: {error}") from error
+            raise TripError(Trip.DEVICE_ERROR, f"failed in write: {named(error)}") from error
 
     def _fail(self, fault: DeviceFaultError, error: TripError) -> None:
         """Stop because of a fault: all devices, unless this one is optional and merely lost."""

@@ -8,10 +8,27 @@ from difflib import SequenceMatcher, get_close_matches
 
 #: How alike a misspelt word and a known one must be for the known one to be proposed, 0 to 1.
 ALIKE = 0.6
+#: How much is told of what an error of a plugin says [characters].
+LONGEST = 1000
 
 
 class ItouchError(Exception):
     """Any fault that a user or a device can cause."""
+
+
+def spoken(error: BaseException) -> str:
+    """Return what an error says, at most ``LONGEST`` characters of it, whatever it does when it is asked."""
+    try:
+        text = str(error)
+    except BaseException:  # of a plugin: it must not keep anybody from being told, nor a device from being made safe
+        return "it fails to say why"
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
+
+def named(error: BaseException) -> str:
+    """Return the name of an error, and what it says if it says anything."""
+    text = spoken(error)
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from typing import Any
 from itouch.exchange.thread import make_safe
 from itouch.plugin import Device, Field, Record
 from itouch.plugin.discovery import Catalog
+from itouch.plugin.wire_claims import WireClaims
 from itouch.scene import loads
 from itouch.servo.link import Link
 from itouch.servo.shared_memory import SharedMemory
@@ -23,14 +24,16 @@ def openers(segment: SharedMemory, meta: dict[str, Any]) -> dict[str, Callable[[
     scene = loads(meta["scene_xml"].encode(), catalog, shown=meta["source"])
     models = build_devices(scene, catalog, [])
     link = Link(segment)
-    return {name: _act(models[name], link) for name in meta["second_openers"]}
+    claims = WireClaims()  # the servo process's end with it, and until all is safe nobody else may speak there
+    claims.guard(wire for name in meta["second_openers"] for wire in models[name].wires)
+    return {name: _act(models[name], link, claims) for name in meta["second_openers"]}
 
 
-def _act(model: DeviceModel, link: Link) -> Callable[[], None]:
+def _act(model: DeviceModel, link: Link, claims: WireClaims) -> Callable[[], None]:
     device: Device = model.cls(model.params)
     command = Record.of(Field.of(channel) for channel in model.commands)
 
-    def act() -> None:
+    def act(_held: WireClaims = claims) -> None:
         state = link.state
         for channel in model.commands:
             command[channel.name] = state[f"{model.name}.sent.{channel.name}"]

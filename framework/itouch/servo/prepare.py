@@ -83,8 +83,8 @@ def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def prepare(scene: str, *, seed: int, twin: str | None, rig: str | None) -> Session:
-    """Build an engine from a scene, or restore one from a session.
+def prepare(scene: str, *, seed: int, twin: str | None, rig: str | None, opens: bool = True) -> Session:
+    """Build an engine from a scene, or restore one from a session, with ``opens`` as in ``itouch.restore``.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def prepare(scene: str, *, seed: int, twin: str | None, rig: str | None) -> Sess
         from itouch.session import Session, is_session, load_scene, restore
 
         if is_session(scene):
-            return restore(scene)
+            return restore(scene, opens=opens)
         catalog = Catalog()
         return Session.of(load_scene(scene, rig=rig, twin=twin, catalog=catalog), catalog=catalog, seed=seed)
 

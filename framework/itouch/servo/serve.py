@@ -68,6 +68,7 @@ class Servo:
         session.clock, session.guarded = WallClock(), True
         if refused := hardware_refused(self._hardware()):
             raise ServoError(refused)
+        session.claim_wires()
         self.remotes = Remotes(session, segment.name)
         state, timing = session.state, session.times
         segment.grow(

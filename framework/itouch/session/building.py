@@ -121,11 +121,11 @@ def build(
     return Session.of(description, catalog=plugins, seed=seed, clock=clock)
 
 
-def restore(path: Path, *, clock: Clock | None = None, catalog: Catalog | None = None) -> Session:
+def restore(path: Path, *, clock: Clock | None = None, catalog: Catalog | None = None, opens: bool = True) -> Session:
     """Restore a session from a snapshot or its XML; on twins it goes on byte for byte, hardware starts OPEN.
 
     A device that moves when it is opened stays CLOSED until it is enabled, as does one that can't be opened; the
-    notices say which.
+    notices say which.  Without ``opens`` all hardware stays CLOSED until it is enabled: to look at a session.
 
     Raises
     ------
@@ -134,7 +134,8 @@ def restore(path: Path, *, clock: Clock | None = None, catalog: Catalog | None =
     """
     plugins = catalog or Catalog()
     session = rebuild(read_session(path, plugins), os.fspath(path), plugins, clock)
-    session.open_readable()
+    if opens:
+        session.open_readable()
     return session
 
 

@@ -17,7 +17,7 @@ from itouch.plugin import DeviceError, Record
 from itouch.plugin.bases import Bases, keeping
 from itouch.plugin.discovery import Catalog
 from itouch.recording import RecordingError
-from itouch.safety import Outcome, connect
+from itouch.safety import Outcome, claim_wires, connect
 from itouch.scene import Scene
 from itouch.schema.notebook import Shown
 from itouch.session import channel_selection, layout, limits, marks
@@ -400,9 +400,13 @@ class Session(Shown, Engine):
 
     def open_readable(self) -> None:
         """Open the hardware that does not move by it, so that it can be read; enabling stays an explicit act."""
+        held = claim_wires([one for one in self.runners if not one.model.cls.moves_on_open])
+        self._notes += tuple(f"device '{name}' stays closed: {why}" for name, why in held.items())
+        if any(not self.model.devices[name].optional for name in held):  # no other one either: they belong together
+            return
         for runner in self.runners:
             model = runner.model
-            if model.twin or runner.status is not Status.CLOSED:
+            if model.twin or model.name in held or runner.status is not Status.CLOSED:
                 continue
             if model.cls.moves_on_open:
                 self._notes += (f"device '{model.name}' stays closed until it is enabled: opening it moves it",)
@@ -411,6 +415,19 @@ class Session(Shown, Engine):
                 runner.open()
             except DeviceError as error:
                 self._notes += (f"device '{model.name}' stays closed: {error}",)
+
+    def claim_wires(self) -> None:
+        """Claim the wires of all hardware for this session, before anything is opened.
+
+        Raises
+        ------
+        DeviceError
+            If another process, or another session, has one; nothing is claimed or open then.
+        """
+        needed = [one for one in self.runners if not one.model.optional]
+        if held := claim_wires(needed):
+            Engine.close(self)
+            raise DeviceError("\n".join(f"device '{name}': {why}" for name, why in held.items()))
 
     def find_hardware(self) -> None:
         """Open the hardware that does not move by it, all at once: what is missing is told before anybody waits.

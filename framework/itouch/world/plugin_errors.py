@@ -8,14 +8,14 @@ from contextlib import contextmanager
 from pathlib import PurePath
 
 from itouch.schema import ItouchError, Problem, SceneError
-from itouch.schema.diagnostics import Place
+from itouch.schema.diagnostics import Place, spoken
 
 
 def said(error: BaseException) -> str:
     """Return what an error in a plugin says, and where it was raised: ``ValueError: text (file.py, line 7)``."""
     frames = traceback.extract_tb(error.__traceback__)
     where = f" ({PurePath(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
-    text = str(error).partition("\n")[0]
+    text = spoken(error).partition("\n")[0]
     return f"{type(error).__name__}{': ' if text else ''}{text}{where}"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +12,7 @@ from itouch.faults import FaultyTwin, Injection
 from itouch.plugin import Channel, Device, Field, IdealTwin, Monitor, ParameterError, Role, Twin, poses, trace
 from itouch.plugin.discovery import Catalog
 from itouch.plugin.quantity import SIZES
+from itouch.plugin.wire_claims import same
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement
 from itouch.schema import Place, Problem
@@ -78,6 +78,11 @@ class DeviceModel:
     def wire(self) -> bool:
         """Whether a wire, real or simulated, is between it and the loop."""
         return self.late or (self.cls.blocking and not self.twin)
+
+    @property
+    def wires(self) -> tuple[str, ...]:
+        """What no other device may command over while this one is open; none of a twin, or of what obeys nothing."""
+        return () if self.twin or not self.commands else tuple(self.cls.wires(self.params))
 
     def command(self, of: str | Role) -> Channel | None:
         """Return the command channel of a name that a scene or a plugin gives, or the first of a role; or None."""
@@ -148,10 +153,10 @@ def _shared_wires(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator[
     taken: dict[str, DeviceElement] = {}
     for element in scene.devices:
         model = devices.get(element.name)
-        if model is None or model.twin or not model.commands:
+        if model is None:
             continue
         with failing(f"device '{element.name}'", "wires", scene.places.of(element)):
-            wires = [(wire, _same(wire)) for wire in model.cls.wires(model.params)]
+            wires = [(wire, same(wire)) for wire in model.wires]
         for wire, key in wires:
             other = taken.setdefault(key, element)
             if other is element:
@@ -164,11 +169,6 @@ def _shared_wires(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator[
             related = ((place, "the other"),) if place else ()
             advice = "name the wire of each; several controllers on one wire need a driver that speaks to all of them"
             yield Problem("exclusive", sentence, scene.places.of(element), advice, related)
-
-
-def _same(wire: str) -> str:
-    """Return a wire by the name that all names of it have: a link to a port is that port."""
-    return os.path.realpath(wire) if os.path.isabs(wire) else wire.strip().casefold()
 
 
 def _build(

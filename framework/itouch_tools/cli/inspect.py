@@ -54,7 +54,7 @@ def _draw(path: str, picture: str) -> None:
 
     if path.endswith(".mcap"):
         raise ItouchError("--picture draws a scene or a session; `itouch-py report` draws a recording")
-    session = restore(path) if is_session(path) else build(path)
+    session = restore(path, opens=False) if is_session(path) else build(path)
     shots = Offscreen(session.model)
     shots.picture.choices.curves = False
     write_png(picture, shots.shoot(session.state))

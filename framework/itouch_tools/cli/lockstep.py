@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import os
 import random
 import select
@@ -196,6 +195,7 @@ def _unsteady(period: float, seed: int) -> Callable[[], int | None]:
 
 def main(options: argparse.Namespace) -> int:
     """Run, show and write the report."""
+    from itouch_tools.cli.shutdown import write_report
     from itouch_tools.report.screen import Screen
 
     with contextlib.ExitStack() as stack:
@@ -206,10 +206,7 @@ def main(options: argparse.Namespace) -> int:
             both.host.taps.append(lambda tick: wait.part(None, f"{tick * both.host.model.period:.1f} s simulated"))
             report = both.run(options.duration)
     Screen(both.host, sys.stdout).finish(report)
-    if options.report:
-        with open(options.report, "w", encoding="utf-8") as stream:
-            json.dump(report, stream, indent=1, allow_nan=False)
-            stream.write("\n")
+    write_report(options.report, lambda: report)
     return 1 if both.host.fault is not None else 0
 
 

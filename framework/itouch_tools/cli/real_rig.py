@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import os
 import sys
 import tempfile
@@ -193,6 +192,7 @@ def _micro(found: Histogram) -> dict[str, float | None]:
 def main(options: argparse.Namespace) -> int:
     """Run, show and write the report."""
     from itouch.schema.wait_notices import waiting
+    from itouch_tools.cli.shutdown import write_report
     from itouch_tools.report.screen import Screen
 
     began = time.monotonic()
@@ -203,10 +203,7 @@ def main(options: argparse.Namespace) -> int:
     Screen(both.world, sys.stdout).finish(report)
     for line in told(report):
         print(line)
-    if options.report:
-        with open(options.report, "w", encoding="utf-8") as stream:
-            json.dump(report, stream, indent=1, allow_nan=False)
-            stream.write("\n")
+    write_report(options.report, lambda: report)
     return 1 if report["faults"] else 0
 
 

@@ -116,10 +116,10 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _prepare(options: argparse.Namespace) -> Session:
-    """Build the engine."""
+    """Build the engine; hardware is never driven in this process, and so not opened."""
     from itouch.servo.prepare import prepare
 
-    return prepare(options.scene, seed=options.seed, twin=options.twin, rig=options.rig)
+    return prepare(options.scene, seed=options.seed, twin=options.twin, rig=options.rig, opens=False)
 
 
 def _run(session: Session, options: argparse.Namespace, show: Callable[[], None], stop: Stopping) -> int:

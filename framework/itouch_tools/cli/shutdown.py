@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import signal
+import stat
 import sys
 import threading
 import time
@@ -123,8 +124,22 @@ def write_report(path: str | None, report: Callable[[], dict[str, Any]]) -> None
     if not path:
         return
     try:
-        with open(path, "w", encoding="utf-8") as stream:
-            json.dump(report(), stream, indent=1, allow_nan=False)
-            stream.write("\n")
+        data = json.dumps(report(), indent=1, allow_nan=False).encode() + b"\n"  # first: none is left half without it
+    except ValueError as error:
+        raise ItouchError(f"cannot write '{path}': the report holds what is no number ({error})") from error
+    try:
+        if _may_be_replaced(path):
+            from itouch.session.durable import write_whole  # only now: help is instant
+
+            write_whole(path, data)
+            return
+        with open(path, "wb") as stream:
+            stream.write(data)
     except OSError as error:
         raise ItouchError(f"cannot write '{path}': {error.strerror or error}") from error
+
+
+def _may_be_replaced(path: str) -> bool:
+    """Tell whether a file can be written beside its place and moved there: not a device, a pipe or a link."""
+    regular = not os.path.lexists(path) or stat.S_ISREG(os.lstat(path).st_mode)
+    return regular and os.access(os.path.dirname(path) or ".", os.W_OK)

@@ -127,7 +127,7 @@ def _snapshot(path: str) -> Findings:
     from itouch.session.open import read_session
 
     stored = read_session(path, Catalog())
-    session = restore(path)
+    session = restore(path, opens=False)
     report = session.report()
     faults = report["faults"]
     timing = {"ticks": report["servo"]["ticks"], **_figures(session.statistics.histograms())}

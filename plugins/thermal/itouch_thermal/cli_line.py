@@ -29,6 +29,7 @@ def add_display(commands: Any) -> None:
 
 def _display(options: argparse.Namespace) -> None:
     """Greet a rig that speaks the line protocol, and print its readings; without a finger on it."""
+    from itouch.plugin.wire_claims import WireClaims
     from itouch_thermal.drivers.driver_params import LinePort
     from itouch_thermal.drivers.lineport import LineDriver
 
@@ -36,6 +37,8 @@ def _display(options: argparse.Namespace) -> None:
         raise ValueError(f"--current {options.current:g}: {_AMPS:g} A at most, without a supervisor")
     if not 0.0 <= options.seconds <= _SECONDS:
         raise ValueError(f"--seconds {options.seconds:g} is out of range: 0 to {_SECONDS:g}")
+    claims = WireClaims()
+    claims.take([options.port])
     driver = LineDriver(LinePort(port=options.port, baud=options.baud), release=options.release)
     try:
         print(driver.identity)

@@ -127,6 +127,13 @@ class UsbArm(ImpedanceArm[Falcon]):
         return (pose(locked=locked), *reads[1:]), commands
 
     @classmethod
+    def wires(cls, params: UsbArmParams) -> tuple[str, ...]:
+        """Return the arm of its serial number, or the one that is attached, on this machine or on a USB/IP server."""
+        where = f"the USB/IP server {params.usbip}" if params.usbip else "USB"
+        arm = "the arm that is attached" if params.serial == "any" else f"the arm {params.serial}"
+        return (f"{arm} on {where}",)
+
+    @classmethod
     def discover(cls) -> tuple[Attached, ...]:
         """Look for arms on the USB bus."""
         return look()

@@ -108,6 +108,7 @@ def _rig(path: str, twin: str | None, each: float, *, as_json: bool) -> int:
 
     session = prepare(path, seed=0, twin=twin, rig=None)
     session.clock = WallClock()
+    session.claim_wires()
     found = []
     for finding in examine_rig(session, each):
         found.append(finding)

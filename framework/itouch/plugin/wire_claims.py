@@ -1,0 +1,182 @@
+"""Claims of wires: while a session drives a device, no other one of this machine may speak on its wire.
+
+A claim is a name in the kernel's list of local sockets.  The kernel gives it to one process at a time, tells which one
+that is, and takes it back when that process ends, however it dies; there is no file that could be left behind, and the
+name does not depend on who asks, in which folder, or by which link to the port.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import socket
+import struct
+import sys
+import time
+import weakref
+from collections.abc import Iterable
+
+from itouch.plugin.device import DeviceError
+
+#: How many may ask who holds a wire before nobody is told any more; the kernel may allow fewer.
+_ASKED = 4096
+#: How long [s] a guardian that is still at work is waited for: a session that ended leaves its own for a moment.
+_PATIENCE, _LOOK = 3.0, 0.05
+#: What the kernel tells of a peer: process, user, group.
+_PEER = struct.Struct("3i")
+#: Modules of ours that another process starts for itself: that one is told.
+_OURS = ("itouch.", "itouch_tools.")
+#: Longest command line that is told [characters].
+_LONGEST = 80
+_ADVICE = "end that first, or each would take the other's answers, and go on driving what the other has stopped"
+
+
+class WireHeldError(DeviceError):
+    """A wire is in use, by another process or by another session of this one."""
+
+
+def same(wire: str) -> str:
+    """Return a wire by the name that all names of it have: a link to a port is that port."""
+    return os.path.realpath(wire) if os.path.isabs(wire) else wire.strip().casefold()
+
+
+class WireClaims:
+    """The wires of one device, held until ``release``, until it is forgotten, or until the process ends."""
+
+    def __init__(self) -> None:
+        self._sockets: list[socket.socket] = []
+        weakref.finalize(self, _close, self._sockets)
+
+    def take(self, wires: Iterable[str]) -> None:
+        """Claim wires for a session, all of them or none; what is held here already stays so.
+
+        Raises
+        ------
+        WireHeldError
+            If one is in use; the message says by whom, and what to do.
+        """
+        if self._sockets:
+            return
+        try:
+            for key, wire in sorted({same(wire): wire for wire in wires}.items()):
+                self._bind(_name(key), wire)
+                _await_guardian(_name(key, guardian=True), wire)
+        except BaseException:
+            self.release()
+            raise
+
+    def guard(self, wires: Iterable[str]) -> None:
+        """Claim wires for a guardian, beside the session that it watches over and beyond that one's end.
+
+        Raises
+        ------
+        WireHeldError
+            If another guardian has one.
+        """
+        for key, wire in sorted({same(wire): wire for wire in wires}.items()):
+            self._bind(_name(key, guardian=True), wire)
+
+    def release(self) -> None:
+        """Let go of all of them."""
+        _close(self._sockets)
+
+    def _bind(self, name: str, wire: str) -> None:
+        if not sys.platform.startswith("linux"):  # no hardware is driven there
+            return
+        claimed = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            claimed.bind(name)
+        except OSError as error:
+            claimed.close()
+            if error.errno != errno.EADDRINUSE:
+                raise
+            raise WireHeldError(f"'{wire}' is in use by {_told(_holder(name) or 0)}; {_ADVICE}") from error
+        claimed.listen(_ASKED)  # from here on the kernel tells who it is
+        self._sockets.append(claimed)
+        _CLAIMED.add(claimed)
+
+
+#: Every claim of this process: a copy of it that goes on by itself (fork) has none.
+_CLAIMED: weakref.WeakSet[socket.socket] = weakref.WeakSet()
+
+
+def _close(sockets: list[socket.socket]) -> None:
+    while sockets:
+        sockets.pop().close()
+
+
+def _forget() -> None:
+    for claimed in list(_CLAIMED):
+        claimed.close()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget)
+
+
+def _name(key: str, *, guardian: bool = False) -> str:
+    digest = hashlib.sha256(key.encode(errors="surrogateescape")).hexdigest()
+    return f"\0itouch/{'guarded wire' if guardian else 'wire'}/{digest}"
+
+
+def _await_guardian(name: str, wire: str) -> None:
+    """Wait for the guardian of a session that has ended: it may still be making safe what is on the wire."""
+    if not sys.platform.startswith("linux"):
+        return
+    deadline = time.monotonic() + _PATIENCE
+    while (holder := _holder(name)) is not None:
+        if time.monotonic() > deadline:
+            raise WireHeldError(
+                f"'{wire}' is in use by {_told(holder)}, the guardian of a session that has ended; {_ADVICE}"
+            )
+        time.sleep(_LOOK)
+
+
+def _holder(name: str) -> int | None:
+    """Return the process that holds a name; 0: it can't be told; None: nobody does."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
+        asking.setblocking(False)
+        try:
+            asking.connect(name)
+        except ConnectionRefusedError:  # nobody, or it has not said yet who it is
+            return None
+        except OSError:  # more have asked than the kernel keeps
+            return 0
+        return int(_PEER.unpack(asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size))[0])
+
+
+def _told(process: int) -> str:
+    """Return a process in words: that which a user knows, if another one of ours was started by it."""
+    if process == os.getpid():
+        return "another session of this process"
+    if process <= 0:
+        return "another process"
+    words, parent = _words(process), _parent(process)
+    if words[1:2] == ["-P"] and any(word.startswith(_OURS) for word in words[2:4]) and parent > 1:
+        return f"process {parent} ({_line(_words(parent))}) and its process {process}"
+    return f"process {process} ({_line(words)})"
+
+
+def _line(words: list[str]) -> str:
+    """Return a command line without the folders of program and script."""
+    if not words:
+        return "its name can't be read"
+    text = " ".join([os.path.basename(word) for word in words[:2]] + words[2:])
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+
+
+def _words(process: int) -> list[str]:
+    try:
+        with open(f"/proc/{process}/cmdline", "rb") as stream:
+            return [word.decode(errors="replace") for word in stream.read(4096).split(b"\0") if word]
+    except OSError:
+        return []
+
+
+def _parent(process: int) -> int:
+    try:
+        with open(f"/proc/{process}/stat", encoding="utf-8", errors="replace") as stream:
+            return int(stream.read(512).rpartition(")")[2].split()[1])
+    except (OSError, ValueError, IndexError):
+        return 0
