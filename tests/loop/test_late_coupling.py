@@ -30,6 +30,10 @@ class Stylus(Device):
     reads, commands = (pose(),), (wrench(force=8.0),)
     max_stiffness, damping = 5000.0, 0.0
     {timing}
+    def open(self):
+        raise NotImplementedError
+    def close(self):
+        raise NotImplementedError
     def write(self, command):
         raise NotImplementedError
     def read(self, reading):
