@@ -77,7 +77,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(error, file=sys.stderr)
         return 2
     with command_options.speaking(common), escaped():
-        return _guarded(words)
+        code = _guarded(words)
+        if argv is None:  # as a program: with its last word said, it ends
+            from itouch_tools.cli.shutdown import end_threads
+
+            end_threads(code)
+        return code
 
 
 def _guarded(words: list[str]) -> int:

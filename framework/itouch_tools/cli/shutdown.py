@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import json
 import os
@@ -31,6 +32,34 @@ def stop_writing() -> None:
         if gone:
             with contextlib.suppress(OSError, ValueError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+#: For how long [s] threads that somebody else has left may go on when all is done.
+_PATIENCE = 2.0
+
+
+def end_threads(code: int) -> None:
+    """End the process with this exit code if a thread that a plugin has left would keep it alive.
+
+    Everything is safe and written by then; the interpreter waits for every thread that is no daemon, be it for ever.
+    """
+    due = time.monotonic() + _PATIENCE
+    left = [thread for thread in threading.enumerate() if thread is not threading.current_thread()]
+    pool = getattr(sys.modules.get("concurrent.futures.thread"), "_threads_queues", ())  # the interpreter ends these
+    left = [thread for thread in left if not thread.daemon and thread not in pool]
+    for thread in left:
+        thread.join(max(0.0, due - time.monotonic()))
+    names = [f"'{thread.name}'" for thread in left if thread.is_alive()]
+    if not names:
+        return
+    verb = "threads still run" if len(names) > 1 else "thread still runs"
+    with contextlib.suppress(OSError, ValueError):
+        print(f"note: a plugin's {verb}: {', '.join(names)}; all is done, the program ends without", file=sys.stderr)
+    atexit._run_exitfuncs()  # noqa: SLF001 - what ends when the interpreter does
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(code)
 
 
 class Interrupted(KeyboardInterrupt):
