@@ -9,6 +9,7 @@ import time
 import pytest
 from parts import ARM, PERIOD, TABLE, Fake, lost, model, state
 
+from itouch.exchange import EveryNth
 from itouch.plugin import Channel, DeviceError, Record, Role
 from itouch.plugin.wire_claims import WireClaims, WireHeldError
 from itouch.safety import DeviceFaultError, HoldToRun, Status, Supervisor, Trip, connect
@@ -146,7 +147,7 @@ def test_a_wire_that_is_in_use_keeps_all_that_is_needed_closed(optional: bool) -
     kinds = [("one", "wire a of a test", False), ("two", "wire b of a test", optional)]
     models = [model(ARM, name=name, cls=wired(wire), optional=needed) for name, wire, needed in kinds]
     data = state(*models)
-    devices = [Supervisor(one, data, PERIOD, device=Fake()) for one in models]
+    devices = [Supervisor(one, data, PERIOD, device=one.cls()) for one in models]
     elsewhere = WireClaims()
     elsewhere.take(["WIRE B of a test"])
     found = connect(devices, 0)
@@ -171,7 +172,7 @@ def test_a_wire_that_is_in_use_keeps_all_that_is_needed_closed(optional: bool) -
 def test_a_device_that_cannot_be_closed_keeps_its_wire() -> None:
     cls = type("Wired", (Fake,), {"wires": classmethod(lambda cls, params: ("wire c of a test",))})
     one = model(ARM, cls=cls)
-    it = Supervisor(one, state(one), PERIOD, device=Fake())
+    it = Supervisor(one, state(one), PERIOD, device=cls())
     it.open()
 
     def hangs() -> None:
@@ -185,6 +186,19 @@ def test_a_device_that_cannot_be_closed_keeps_its_wire() -> None:
     del it
     gc.collect()
     WireClaims().take(["wire c of a test"])
+
+
+def test_the_wire_of_a_device_behind_an_exchange_is_its_own() -> None:
+    cls = type("Wired", (Fake,), {"wires": classmethod(lambda cls, params: ("wire d of a test",))})
+    one = model(ARM, cls=cls)
+    it = Supervisor(one, state(one), PERIOD, device=EveryNth(cls(), 2, 0, PERIOD))
+    it.claim_wires()
+    with pytest.raises(WireHeldError):
+        WireClaims().take(["wire d of a test"])
+    it.free_wires()
+    stands_in = Supervisor(one, state(one), PERIOD, device=Fake())  # on no wire, whatever the scene names
+    stands_in.claim_wires()
+    WireClaims().take(["wire d of a test"])
 
 
 def test_hardware_is_not_opened_where_no_guardian_can_watch(monkeypatch: pytest.MonkeyPatch) -> None:

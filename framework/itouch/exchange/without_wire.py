@@ -28,6 +28,11 @@ class Straight(Device):
         #: Whether a host commands it.
         self.driven = False
 
+    @classmethod
+    def wires(cls, params: Any) -> tuple[str, ...]:
+        """Return nothing: whatever the parameters name."""
+        return ()
+
     def open(self) -> None:
         """Begin to read."""
 

@@ -12,10 +12,11 @@ import enum
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
+from itouch.exchange import EveryNth, ThreadedDevice
 from itouch.monitors import LOSSES, Heat, Push, Trip, TripError
 from itouch.plugin import Channel, Device, DeviceError, Record, Role, Twin
 from itouch.plugin.wire_claims import WireClaims
@@ -161,8 +162,11 @@ class Lifecycle(ABC):
         WireHeldError
             If another process, or another session, has one.
         """
-        if self.device is not None:
-            self._claims.take(self.model.wires)
+        driver: Any = self.device
+        while isinstance(driver, ThreadedDevice | EveryNth):
+            driver = driver.device
+        if driver is not None and self.model.commands:  # where it is now: a virtual rig's may be moved elsewhere
+            self._claims.take(type(driver).wires(driver.params))
 
     def free_wires(self) -> None:
         """Let go of the wires of a device that is not opened after all."""

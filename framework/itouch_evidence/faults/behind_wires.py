@@ -104,6 +104,7 @@ def _lined(cls: type[Device], ticks: int, period: float, threads: bool) -> type[
         "blocking": True, "period": 0.0, "delay": 0.0, "exchange_time": ticks * period, "waits": 0.0,
         "twin_only": False, "Emulator": None, "second_opener": False, "moves_on_open": False,
         "watchdog": cls.watchdog or 0.1, "lets_go": classmethod(lambda kind, params: kind.watchdog),
+        "wires": classmethod(lambda kind, params: ()),
     }  # fmt: skip
     for name in ("open", "close", "read", "write"):
         own[name] = getattr(Line, name)
