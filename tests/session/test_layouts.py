@@ -100,6 +100,14 @@ def test_a_wider_type_keeps_the_numbers(saved: Path) -> None:
     assert any("~ hum.level" in notice for notice in session.notices)
 
 
+def test_a_field_that_a_plugin_does_not_need_any_more_is_left_out(saved: Path) -> None:
+    new = modality(COUNT, Field("level", "f4", 3))
+    new.dropped = frozenset({"old"})
+    session = itouch.restore(saved, catalog=catalog(new, "1.1"))
+    assert int(session.state["hum.count"]) == 57
+    assert session.state["hum.level"].tolist() == [7.0] * 3
+
+
 @pytest.mark.parametrize(
     ("fields", "line"),
     [((COUNT, Field("level", "f4", 3)), r"- hum.old: int32: there is no such field any more"),

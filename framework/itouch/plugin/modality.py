@@ -239,6 +239,8 @@ class Modality(ABC):
     #: Those of its fields that are of the person or the devices: they go on when a scene with other objects takes the
     #: place of this one between two touches.  All others begin as after ``reset``.
     goes_on: ClassVar[tuple[str, ...]] = ()
+    #: Fields that earlier versions had and whose content is not needed any more: a session stored with them goes on.
+    dropped: ClassVar[frozenset[str]] = frozenset()
     #: Where it carries a surface: which attributes of the probe it keeps to, of ``clearance`` and ``plate-angle``.  The
     #: others have no effect then, and whoever writes them is warned.
     keeps_to: ClassVar[frozenset[str]] = frozenset()

@@ -461,7 +461,9 @@ class Session(Shown, Engine):
             would be looser than it was.
         """
         told = self._compare_limits(snapshot, replays=replays)
-        stored, said = layout.adopt(snapshot.state, self.state, snapshot.manifest.get("plugins", {}))
+        stored, said = layout.adopt(
+            snapshot.state, self.state, snapshot.manifest.get("plugins", {}), layout.dropped_fields(self.model)
+        )
         before = self.state.tobytes()
         self.adopt(stored)
         try:

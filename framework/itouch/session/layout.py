@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Record
 from itouch.session.errors import SessionError
+from itouch.world import Model
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,13 +86,15 @@ _REMEMBERED = {
 _LOST = 2.0
 
 
-def _renamed(stored: NDArray[Any], state: Record) -> NDArray[Any]:
+def _renamed(stored: NDArray[Any], state: Record, dropped: Collection[str]) -> NDArray[Any]:
     """Return a stored State with its fields named as they are now."""
     fields: Mapping[str, Any] = stored.dtype.fields or {}
     names: dict[str, str | None] = {}
     for name in fields:
         device, _, rest = name.partition(".")
-        if rest in _FORMER and f"{device}.{rest}" not in state:
+        if name in dropped and name not in state:
+            names[name] = None
+        elif rest in _FORMER and f"{device}.{rest}" not in state:
             moved = _FORMER[rest]
             names[name] = f"{device}.{moved}" if moved is not None else None
         elif rest == "heat.samples" and f"{device}.heat.temperatures" in fields:
@@ -113,7 +116,14 @@ def _renamed(stored: NDArray[Any], state: Record) -> NDArray[Any]:
     return found
 
 
-def adopt(stored: NDArray[Any], state: Record, versions: Mapping[str, str]) -> tuple[bytes, list[str]]:
+def dropped_fields(model: Model) -> frozenset[str]:
+    """Return the fields of earlier versions whose content the model's modalities do not need any more."""
+    return frozenset(f"{one.name}.{field}" for one in model.modalities for field in one.instance.dropped)
+
+
+def adopt(
+    stored: NDArray[Any], state: Record, versions: Mapping[str, str], dropped: Collection[str] = ()
+) -> tuple[bytes, list[str]]:
     """Return the stored State in this program's layout, and what is said about it.
 
     Parameters
@@ -124,6 +134,8 @@ def adopt(stored: NDArray[Any], state: Record, versions: Mapping[str, str]) -> t
         The State of a fresh engine: where fields take their defaults from.  It is not changed.
     versions
         Plugins and versions that wrote it, for the message.
+    dropped
+        Fields that are not needed any more, see `dropped_fields`.
 
     Raises
     ------
@@ -132,7 +144,7 @@ def adopt(stored: NDArray[Any], state: Record, versions: Mapping[str, str]) -> t
     """
     if stored.dtype == state.dtype:
         return stored.tobytes(), []
-    stored = _renamed(stored, state)
+    stored = _renamed(stored, state, dropped)
     difference = compare(stored.dtype, state.dtype)
     listed = "\n".join(difference.lines())
     written = ", ".join(f"{name} {version}" for name, version in versions.items())

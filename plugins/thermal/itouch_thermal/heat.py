@@ -163,6 +163,7 @@ class Heat(Modality):
     Material: ClassVar[type | None] = ThermalMaterial
     hears = frozenset({ContactKind.BEGIN, ContactKind.END})
     goes_on = ("finger", "skin_change", "skin_count")
+    dropped = frozenset({"skin_ring"})  # readings of a tenth of a second, which are seen again
 
     def compile(self, name: str, params: HeatParams, world: World) -> HeatModel:
         """Build the modes of finger and objects."""
