@@ -115,3 +115,14 @@ def test_what_is_allowed_is_passive_and_never_grows_with_the_delay(
     assert 0.0 <= damper <= damping
     assert spring * late + damper <= relied * (1.0 + 1e-9)
     assert allowed(stiffness, damping, relied, late + more)[0] <= spring * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(("field", "value"), [("delay", -5e-4), ("delay", np.nan), ("lost", 2.0), ("lost_object", 9)])
+def test_a_session_with_a_delay_that_cannot_be_is_refused(
+    pressed: Pressed, tmp_path: Path, field: str, value: float
+) -> None:
+    session, _ = pressed(SLOW)
+    session.state[f"pen.coupling.{field}"] = value
+    session.save(tmp_path / "forged.itouch")
+    with pytest.raises(itouch.SessionError, match=f"pen.coupling.{field}"):
+        itouch.restore(tmp_path / "forged.itouch")

@@ -154,12 +154,15 @@ _CONTACT = (
 )
 
 
-#: How late the arm of a probe is, if a wire is between it and the loop, in the order of ``itouch.loop.late_coupling``.
-COUPLING = (
-    Field("coupling.delay", unit="s", doc="how old the pose is and for how long a force has acted, together, smoothed"),
-    Field("coupling.lost", unit="1", doc="greatest part of its stiffness that a touched object was rendered without"),
-    Field("coupling.lost_object", "i8", unit="1", doc="number of that object"),
-)
+def coupling_fields(objects: int) -> tuple[Field, ...]:
+    """Return how late the arm of a probe is, where a wire is between it and the loop (`itouch.loop.late_coupling`)."""
+    late = "how old the pose is and for how long a force has acted, together, a mean"
+    lost = "greatest part of its stiffness that a touched object was rendered without"
+    return (
+        Field("coupling.delay", low=0.0, high=0.1, unit="s", doc=late),
+        Field("coupling.lost", low=0.0, high=1.0, unit="1", doc=lost),
+        Field("coupling.lost_object", "i8", low=0, high=max(0, objects - 1), unit="1", doc="number of that object"),
+    )
 
 
 def skin_fields(worn: int, cells: int) -> tuple[Field, ...]:

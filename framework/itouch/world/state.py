@@ -11,7 +11,7 @@ from itouch.plugin import Field, Record, Role
 from itouch.plugin.declaration_rules import faults_of
 from itouch.schema.hold_until import Until
 from itouch.world import marks
-from itouch.world.fields import CELLS, COUPLING, HAND, probe_fields, skin_fields, wait_fields
+from itouch.world.fields import CELLS, HAND, coupling_fields, probe_fields, skin_fields, wait_fields
 from itouch.world.model import Model, ProbeModel
 from itouch.world.plugin_errors import failing
 from itouch.world.rig import FRAME, GONE, DeviceModel
@@ -111,7 +111,7 @@ def _probe(model: Model, probe: ProbeModel) -> list[Field]:
         what = "what the effects of the surfaces remember"
         fields.append(Field(f"{name}.effects", "f8", EFFECTS_MEMORY, unit="mixed", doc=what))
     if probe.relied is not None:
-        fields += _own(name, COUPLING)
+        fields += _own(name, coupling_fields(len(model.objects)))
     if probe.operator is not None:
         fields += _own(f"{name}.hand", HAND)
         if waits := sum(isinstance(target.hold, Until) for target in probe.operator.motion.targets):
