@@ -59,7 +59,7 @@ Pressed = Callable[..., tuple[itouch.Session, np.ndarray]]
 def pressed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pressed:
     """Return what lets a finger press a block through a stranger's arm, and gives the arm's force of its last 1.5 s."""
 
-    def run(timing: str, friction: str = "", far: int = 0) -> tuple[itouch.Session, np.ndarray]:
+    def run(timing: str, friction: str = "", far: int = 0, pushes: str = "") -> tuple[itouch.Session, np.ndarray]:
         own = f"late{next(NUMBERS)}"
         info = tmp_path / own / f"{own}-1.0.dist-info"
         info.mkdir(parents=True)
@@ -68,10 +68,14 @@ def pressed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pressed:
         (info / "entry_points.txt").write_text(f"[itouch.devices]\n{own} = {own}:Stylus\n", encoding="utf-8")
         monkeypatch.syspath_prepend(str(info.parent))
         path = tmp_path / f"{own}.xml"
-        path.write_text(SCENE.format(own=own, friction=friction, far=far), encoding="utf-8")
+        text = SCENE.format(own=own, friction=friction, far=far)
+        if pushes:
+            text = text.replace("</devices>", f"{pushes}</devices>").replace('force-to="grip"', 'force-to="push"')
+        path.write_text(text, encoding="utf-8")
+        arm = "push" if pushes else "grip"
         session = itouch.build(path)
         forces: list[np.ndarray] = []
-        session.taps.append(lambda tick: forces.append(session.state["grip.sent.wrench"][:3].copy()))
+        session.taps.append(lambda tick: forces.append(session.state[f"{arm}.sent.wrench"][:3].copy()))
         session.run(3.7)
         return session, np.array(forces[-1500:])
 
@@ -101,6 +105,15 @@ def test_an_arm_that_answers_at_once_is_as_stiff_as_the_material(pressed: Presse
 def test_what_is_reckoned_with_is_how_late_pose_and_force_are(pressed: Pressed) -> None:
     session, _ = pressed(SLOW)
     assert 0.004 < session.state["pen.coupling.delay"].item() < 0.012  # an exchange and a hold, each 2 to 6 ms
+
+
+def test_a_late_tracker_makes_an_arm_that_obeys_at_once_as_soft(pressed: Pressed) -> None:
+    session, _ = pressed(
+        "blocking, period, delay = True, 0.008, 0.004", pushes=' <device name="push" plugin="usb-arm"/>'
+    )
+    depth, force = session.state["pen.penetration"].item(), session.state["pen.force"][2].item()
+    assert 0.0 < force / depth < 1200.0
+    assert 0.004 < session.state["pen.coupling.delay"].item() < 0.012
 
 
 @given(

@@ -118,9 +118,10 @@ class Toucher:
         pose = next(i for i, channel in enumerate(tracker.model.reads) if channel.role is Role.TRACKED_POSE)
         measured = state[f"{tracker.model.name}.measured"][pose : pose + 1]
         own = np.column_stack((self._stiffness, self._damping))
+        left = state.get(f"{arm_name}.left")  # without a wire a command acts from its own tick on
         return (
             Bound(
-                ease, state["tick"], measured, state[f"{arm_name}.left"], state[f"{arm_name}.status"],
+                ease, state["tick"], measured, state["tick"] if left is None else left, state[f"{arm_name}.status"],
                 state[f"{name}.delay"], state[f"{name}.lost"], state[f"{name}.lost_object"], self.object, own,
                 probe.relied, model.period, self._stiffness, self._damping,
             ),

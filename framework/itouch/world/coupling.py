@@ -59,9 +59,10 @@ def _arm_limits(probe: Probe, arm: DeviceModel | None) -> tuple[float, float, bo
     return ceiling, probe.hand_damping + (damping or 0.0), unstated
 
 
-def relied(probe: Probe, arm: DeviceModel | None) -> float | None:
-    """Return the damping of hand and arm [N s/m] that counts, if a wire is between arm and loop; else None."""
-    return _arm_limits(probe, arm)[1] if arm is not None and arm.wire else None
+def relied(probe: Probe, tracker: DeviceModel | None, arm: DeviceModel | None) -> float | None:
+    """Return the damping of hand and arm [N s/m] that counts where a wire makes pose or force late; None: none does."""
+    late = any(device is not None and device.wire for device in (tracker, arm))
+    return _arm_limits(probe, arm)[1] if arm is not None and late else None
 
 
 #: K T^2 / m and B T / m at most, for a free body of mass m under several fingers, turning included.

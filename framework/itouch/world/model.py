@@ -251,7 +251,7 @@ def _probes(
         face = face_of(probe.surface_to, devices)
         own = stable_effects(probe, arm, effects, coupling, names, 1.0 / scene.rates.servo, notices)
         recorded = recorded_motion(scene, operator, reader, problems)
-        late = relied(probe, arm)
+        late = relied(probe, devices.get(probe.pose_from), arm)
         found.append(ProbeModel(probe.name, index, probe, operator, coupling, face, own, recorded, start, late))
     return found
 
