@@ -1,4 +1,4 @@
-"""What each test reaches and costs: ``python -m pytest tests -n 2 -p reach --reach FOLDER``, then ``tests/reach.py FOLDER``.
+"""What each test reaches and costs: ``PYTHONPATH=tests python -m pytest -n 2 -p reach --reach FOLDER``, then this file on FOLDER.
 
 The second command chooses what a whole run of the short form leaves out, and writes ``tests/long_form.txt``.  It stays:
 
@@ -7,7 +7,8 @@ The second command chooses what a whole run of the short form leaves out, and wr
 * of each test function the cheapest case, where that costs less than its room allows: most in safety;
 * of the rest, by what each second buys, what reaches lines of the program that nothing else there reaches.
 
-Everything else waits for the long form.  Costs are processor time, children that have ended included; lines that are
+Everything else waits for the long form, with what waited there when the run was made: empty the list before that run to
+choose anew among all.  Costs are processor time, children that have ended included; lines that are
 reached in another process are not seen, so that a test of processes stays by its cost or by that list, or not at all.
 """
 
@@ -135,13 +136,19 @@ def shortest(gone: Iterable[str], every: Iterable[str]) -> list[str]:
     return sorted(found)
 
 
+def with_those_left_out(names: Iterable[str], listed: Iterable[str]) -> list[str]:
+    """Add what the list named before, and the run therefore left out, but for what a name of a whole function covers."""
+    found = frozenset(names)
+    return sorted({*found, *(test for test in listed if not stands_in(test, found))})
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Choose, write the list, and print what the two forms cost and reach."""
     (folder,) = map(Path, sys.argv[1:] if argv is None else argv)
     cost, reached = read(folder)
     kept = read_list(KEPT)
     stay = choose(cost, reached, {test for test in cost if stands_in(test, kept)})
-    names = shortest(set(cost) - stay, cost)
+    names = with_those_left_out(shortest(set(cost) - stay, cost), read_list(LIST))
     head = "# What a whole run of the short form leaves out: python tests/reach.py FOLDER\n"
     LIST.write_text(head + "".join(f"{name}\n" for name in names), encoding="utf-8")
     every, left = (set[str]().union(*(reached.get(test, frozenset()) for test in tests)) for tests in (cost, stay))

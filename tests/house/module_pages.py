@@ -109,6 +109,13 @@ def plain(text: str) -> str:
     return re.sub(r"([*_<$\[\]])(?=(?:[^`]*`[^`]*`)*[^`]*$)", r"\\\1", text)
 
 
+def _segment(lines: list[str], node: ast.expr) -> str:
+    """Return the text of an expression that stands in one line, else nothing; `ast` would split the file for each."""
+    if node.end_lineno != node.lineno:
+        return ""
+    return lines[node.lineno - 1].encode()[node.col_offset : node.end_col_offset].decode()
+
+
 def constants(module: Module) -> Iterator[tuple[str, str]]:
     """Yield the constants of a module of which a comment says something, and what it says.
 
@@ -125,7 +132,7 @@ def constants(module: Module) -> Iterator[tuple[str, str]]:
         if not named or not all(re.fullmatch(r"_?[A-Z][A-Z0-9_]*", name) for name in named):
             continue
         end = node.end_lineno or node.lineno
-        value = ast.get_source_segment(module.text, node.value) or ""
+        value = _segment(lines, node.value)
         shown = re.fullmatch(rf"(?!TypeVar)[^\n`]{{1,{_LONGEST}}}", value) and re.search(r"[\d\"']", value)
         name = ", ".join(named) + (f" = {value}" if shown else "")
         above = node.lineno - 1

@@ -11,7 +11,7 @@ import re
 import tokenize
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -149,8 +149,12 @@ def modules(root: Path = ROOT) -> dict[str, Module]:
             if "templates" in parts:  # what a new plugin begins with is text
                 continue
             name = ".".join((package, *(part for part in parts if part != "__init__")))
-            found[name] = Module(name, path, path.read_text(encoding="utf-8"))
+            found[name] = _module(name, path, path.read_text(encoding="utf-8"))
     return found
+
+
+#: A module that is as it was keeps its syntax tree: most tests of the house read them all.
+_module = cache(Module)
 
 
 def imports(every: dict[str, Module], deferred: bool = True) -> dict[str, set[str]]:
