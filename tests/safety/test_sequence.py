@@ -15,7 +15,7 @@ from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Fake, FakeTwin, model, stat
 from itouch.plugin import HOLD, RETRACT, Channel, DeviceError, Record, pose_target
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Supervisor, Trip
-from itouch.safety.lifecycle import BACKWARDS
+from itouch.safety.lifecycle import BACKWARDS, HELD
 from itouch.safety.sequence import (
     LEAVE_TIME,
     NEARER,
@@ -997,6 +997,17 @@ def test_one_that_is_driven_back_turns_round_when_it_has_come_nearer_by_more_tha
         rig.table.reading["pose"][2] = height
         rig.sequence._mind_direction({"table": height})
         assert stopped.item() == (0 if turned else BACKWARDS)
+
+
+def test_one_that_is_told_to_retract_is_held_when_it_has_come_nearer_by_more_than_it_may() -> None:
+    rig = Rig()
+    rig.stop("arm")
+    ((_, stopped),) = rig.sequence._ways
+    for height, held in ((2.0 * WRONG_WAY, False), (2.0 * WRONG_WAY + 1e-9, True)):
+        stopped[...], rig.sequence._furthest["table"] = 0, WRONG_WAY
+        rig.table.reading["pose"][2] = height
+        rig.sequence._mind_direction({"table": height})
+        assert stopped.item() == (HELD if held else 0)
 
 
 def test_one_of_which_nothing_is_heard_is_led_by_what_touches_it_after_thirty_milliseconds(
