@@ -71,7 +71,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--unsteady", action="store_true",
                         help="other phases, jitter and losses: each at most one percentage point more")  # fmt: skip
     parser.add_argument("--only", metavar="WORDS", default="",
-                        help="only the plants whose name has these words, such as 'delay +5 ms'")  # fmt: skip
+                        help="only the plants whose name has these whole words, such as 'delay +5 ms'")  # fmt: skip
     parser.add_argument("--alone", action="store_true",
                         help="only the display on its wire: a fifth of the time, and some 0.1 %% aside")  # fmt: skip
     parser.add_argument("--for", dest="duration", metavar="60s", help="end every run after this time")
@@ -97,9 +97,9 @@ def main(argv: Sequence[str]) -> int:
     rows, names = list[dict[str, Any]](), list[str]()
     every = bool(options.only)
     tried = [*plants(corners=options.corners or every), *(faster() if options.faster or every else ())]
-    wanted = [plant for plant in tried if options.only in plant[0]]
+    wanted = [plant for plant in tried if _has(plant[0], options.only)]
     if options.unsteady:
-        wanted = [(name, {}, 1.0) for name in UNSTEADY if options.only in name or name == STEADY]
+        wanted = [(name, {}, 1.0) for name in UNSTEADY if _has(name, options.only) or name == STEADY]
     if not wanted or (options.unsteady and every and len(wanted) == 1):
         parser.error(f"no plant has '{options.only}' in its name")
     if options.real_time:
@@ -131,6 +131,12 @@ def main(argv: Sequence[str]) -> int:
     if options.json is not None:
         options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     return 0 if all(row["holds"] for row in rows) else 1
+
+
+def _has(name: str, asked: str) -> bool:
+    """Tell whether a name has these words, one after the other and whole: '5 ms' is no part of '15 ms'."""
+    words, wanted = (text.replace(",", " ").split() for text in (name, asked))
+    return any(words[at : at + len(wanted)] == wanted for at in range(1 + len(words) - len(wanted)))
 
 
 def _words(name: str, *, unsteady: bool) -> list[tuple[str, ...]]:

@@ -27,6 +27,8 @@ LONGEST_WATCHDOG, HEARTBEAT = 0.5, 0.25
 #: In every so many exchanges one servo is told its limits and its mode again; after so long [s], more than from one
 #: heartbeat to the next, a servo that does not do so is told again to start or to stop.
 RENEWED, AGAIN = 4, 0.15
+#: How long [s] what has come already is taken, at most.
+DRAIN = 2e-3
 #: Bits a second of a bus behind a serial adaptor.
 _BITRATE = 1_000_000
 
@@ -276,11 +278,15 @@ class Odrives:
             raise ServoError(f"the servos' bus failed: {error}") from error
 
     def _listen(self, wait: float) -> None:
-        """Take what comes: the first frame within ``wait`` seconds, and all that have come with it."""
+        """Take what comes: the first frame within ``wait`` seconds, and all that have come with it.
+
+        On a bus that others fill there is always one more: it ends after that time, too.
+        """
         import can
 
         wait = max(0.0, wait)
-        while True:
+        end = self._clock() + max(wait, DRAIN)
+        while self._clock() < end:
             try:
                 message = self._bus.recv(wait)
             except (ValueError, IndexError):  # the adaptor's line was damaged: a frame is lost

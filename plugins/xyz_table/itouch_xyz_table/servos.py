@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import math
 import struct
+import time
 from collections.abc import Coroutine, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
@@ -17,7 +18,8 @@ from itouch.plugin import DeviceError, Trace
 from itouch_xyz_table.faults import FAULT, POSITION, TIMEOUT, fault_name, mode_name
 
 AXES = "xyz"
-#: Longest wait for the answers of all servos [s]; those that are missing are asked one by one, half as long, so often.
+#: Longest wait for the answers of all servos [s]; those that are missing are asked one by one, half as long, for as
+#: long as so many such waits take: an adaptor that refuses a line does so at once, and can be asked more often.
 PATIENCE, TRIES = 0.04, 5
 T = TypeVar("T")
 
@@ -90,9 +92,9 @@ class Servos:
         self._watchdog, self._patience, self._port, self._trace = watchdog, PATIENCE * patience, port, trace
         #: Exchanges that were made again because a line was lost or damaged.
         self.repeated = 0
-        self._loop = asyncio.new_event_loop()
-        # What breaks is told by the exchange that it breaks.
-        self._loop.set_exception_handler(lambda loop, context: None)
+        #: What the client said of a line that the adaptor refused or that it could not read.
+        self._refused = ""
+        self._loop = _new_loop()
         self._transport: Any = None
         #: By what each servo knows its place (0 nothing, 1 its rotor, 2 what it was told), as it said last, and as it
         #: was when the table was ready; None: it does not say.
@@ -183,26 +185,34 @@ class Servos:
 
     def set_position(self, axis: int, position: float) -> None:
         """Tell a servo where it is [rev]."""
-        self._cycle_some([self._servos[axis].make_set_output_exact(position=position, query=True)], axis)
-
-    def _cycle_some(self, commands: list[Any], axis: int) -> None:
-        if not self._run(self._transport.cycle(commands), self._patience * 2):
-            raise ServoError(f"servo {AXES[axis]} (id {self._servos[axis].id}) does not answer")
+        self._exchange({axis: self._servos[axis].make_set_output_exact(position=position, query=True)})
 
     def _cycle(self, commands: list[Any]) -> tuple[ServoState, ...]:
-        """Exchange with all servos; a damaged or lost line is no reason to end a session: all are asked again."""
+        """Exchange with all servos."""
+        states = self._exchange(dict(enumerate(commands)))
+        return tuple(states[axis] for axis in range(len(commands)))
+
+    def _exchange(self, commands: dict[int, Any]) -> dict[int, ServoState]:
+        """Exchange with these servos, by axis.
+
+        A damaged, lost or refused line is no reason to end a session: every command says what shall be, so it can be
+        sent again.
+        """
         states: dict[int, ServoState] = {}
-        self._ask(commands, states, self._patience)
-        for _ in range(TRIES):
-            if len(states) == len(commands):
-                return tuple(states[axis] for axis in range(len(commands)))
+        self._refused = ""
+        self._ask(list(commands.values()), states, self._patience)
+        longest = TRIES * 0.5 * self._patience * sum(axis not in states for axis in commands)
+        end = time.monotonic() + longest
+        while missing := [axis for axis in commands if axis not in states]:
+            if time.monotonic() >= end:
+                raise ServoError(
+                    f"servo {AXES[missing[0]]} (id {self._servos[missing[0]].id}) does not answer: check its cable and "
+                    f"supply{self._refused}"
+                )
             self.repeated += 1
-            for axis, command in enumerate(commands):
-                if axis not in states:
-                    self._ask([command], states, 0.5 * self._patience)
-        axis = next(axis for axis in range(len(commands)) if axis not in states)
-        number = self._servos[axis].id
-        raise ServoError(f"servo {AXES[axis]} (id {number}) does not answer: check its cable and supply")
+            for axis in missing:
+                self._ask([commands[axis]], states, 0.5 * self._patience)
+        return states
 
     def _ask(self, commands: list[Any], states: dict[int, ServoState], patience: float) -> None:
         """Exchange once, and keep what was answered."""
@@ -232,10 +242,21 @@ class Servos:
             raise error
         import moteus
 
-        with contextlib.suppress(Exception):  # its reader has ended with the line that it could not read
-            self._transport.close()
+        if isinstance(error.__cause__, RuntimeError):
+            self._refused = f" (the client says: {error.__cause__})"
+        # The client's reader may have ended with the line that it could not read.  A loop of its own goes with each
+        # client: in the old one the port's number would count as watched, and of the new port nothing would be heard.
+        self.close()
+        self._loop = _new_loop()
         self._transport = self._run(_opened(moteus, self._port, self._patience, self._trace))
         self._servos = _controllers(moteus, [servo.id for servo in self._servos], self._transport)
+
+
+def _new_loop() -> asyncio.AbstractEventLoop:
+    """Return a loop for a client; what breaks in it is told by the exchange that it breaks."""
+    loop = asyncio.new_event_loop()
+    loop.set_exception_handler(lambda loop, context: None)
+    return loop
 
 
 async def _opened(moteus: Any, port: str, patience: float, trace: Trace | None) -> Any:

@@ -332,7 +332,7 @@ class Steppers:
             if self._owing and not self._catch_up():
                 continue
             said = self._exchange(tm.request(asked))
-            if said is None or said.module != self._address or said.status == tm.WRONG_SUM:
+            if said is None or said.status == tm.WRONG_SUM:
                 continue
             if said.command != command:
                 self._owing = True
@@ -347,14 +347,20 @@ class Steppers:
         )
 
     def _exchange(self, frame: bytes) -> tm.Answer | None:
-        """Send a request and return the answer that comes whole in time."""
+        """Send a request and return the answer that comes whole in time; what other modules say is passed over.
+
+        What is damaged is returned as None at once: where the next frame begins is not known then.
+        """
         self._send(frame)
         end = self._clock() + PATIENCE * self._patience
-        data = self._receive(end)
-        if data == frame:  # an adaptor's echo: no answer has the form of a request
-            data = self._receive(end)
-        self._owing = self._owing or not data
-        return tm.told(data)
+        while data := self._receive(end):
+            if data == frame:  # an adaptor's echo: no answer has the form of a request
+                continue
+            said = tm.told(data)
+            if said is None or said.module == self._address:
+                return said
+        self._owing = True
+        return None
 
     def _catch_up(self) -> bool:
         """Drop answers that come late, and return whether that is done.

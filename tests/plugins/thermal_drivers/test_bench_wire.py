@@ -223,3 +223,20 @@ def test_a_run_of_one_seed_that_passes_the_bound_is_not_hidden_by_the_others(
     assert [line for line in capsys.readouterr().out.splitlines() if "MISSED" in line] == [
         "| exchanges 5 ms later | 3.8 % | 5 % MISSED |"
     ]
+
+
+@pytest.mark.parametrize(
+    ("words", "phases"), [("5 ms", {"5ms"}), ("15 ms later", {"15ms"}), ("exchanges", {"5ms", "10ms", "15ms", "19ms"})]
+)
+def test_only_chooses_by_whole_words(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch, words: str, phases: set[str]
+) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def run(scene: Path, mismatch: dict[str, float], duration: str | None, **more: Any) -> dict[str, float | None]:
+        asked.append(more["words"])
+        return {"wood": 0.004}
+
+    monkeypatch.setattr(bench_wire, "run", run)
+    assert main([str(scenes / "four_materials_diy.xml"), "--unsteady", "--only", words]) == 0
+    assert {word for words in asked for word in words if word.endswith("ms")} == phases

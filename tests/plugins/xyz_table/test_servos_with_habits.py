@@ -12,7 +12,7 @@ from test_moteus import Bench, records, table
 
 from itouch.exchange import ThreadedDevice
 from itouch_xyz_table.servos import ServoError
-from itouch_xyz_table.virtual import VirtualServo, checksum
+from itouch_xyz_table.virtual import VirtualBus, VirtualServo, checksum
 
 
 @pytest.fixture
@@ -149,3 +149,41 @@ def test_a_place_that_jumps_is_not_believed(bench: Bench) -> None:
         found += drive(device, (0.0, 0.0, 0.0), lambda place: found.append(place) or False)  # type: ignore[func-returns-value]
     assert max(abs(place[0]) for place in found) < 1e-3
     device.close()
+
+
+def refuses(bench: Bench, monkeypatch: pytest.MonkeyPatch, part: float, *, does_it: bool = False) -> list[int]:
+    """Let the adaptor refuse a part of its lines, though it may have done what they say; return how many, counted."""
+    chance, count, line = Random(7), [0], VirtualBus._line
+
+    def answer(bus: VirtualBus, asked: bytes, now: float) -> bytes:
+        if chance.random() >= part:
+            return line(bus, asked, now)
+        count[0] += 1
+        rest = line(bus, asked, now).partition(b"\n")[2] if does_it else b""
+        said = b"ERR tx queue full"
+        return (b"%s *%02X\n" % (said, checksum(said + b" ")) if asked[-3:-2] == b"*" else said + b"\n") + rest
+
+    monkeypatch.setattr(VirtualBus, "_line", answer)
+    return count
+
+
+@pytest.mark.parametrize("does_it", [False, True])
+def test_an_adaptor_that_refuses_one_line_in_ten_is_asked_again(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, does_it: bool
+) -> None:
+    """Also while the table homes and its servos are told where they are."""
+    count = refuses(bench, monkeypatch, 0.1, does_it=does_it)
+    device = ThreadedDevice(table(bench), patience=30.0)
+    device.open()
+    for goal in (GOAL, (0.0, 0.0, 0.0), GOAL):
+        drive(device, goal, near(goal))
+    drive(device, GOAL, lambda _: count[0] > 100)
+    device.close()
+
+
+def test_an_adaptor_that_refuses_every_line_is_asked_within_a_bound_and_quoted(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refuses(bench, monkeypatch, 1.0)
+    with pytest.raises(ServoError, match=r"servo x \(id 1\) does not answer: check its cable .*ERR tx queue full"):
+        ThreadedDevice(table(bench, patience=1.0), patience=30.0).open()

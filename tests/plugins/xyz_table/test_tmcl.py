@@ -62,13 +62,17 @@ class Bench:
             self.terminal.send(self.hold(self.module.take(data, lambda: self.now)))
             time.sleep(2e-4)
 
+    def unplug(self) -> None:
+        if not self._stop:
+            self._stop = True
+            self._thread.join()
+            self.terminal.close()
+
     def close(self) -> None:
         for device in self._tables:
             with contextlib.suppress(DeviceError):
                 device.close()
-        self._stop = True
-        self._thread.join()
-        self.terminal.close()
+        self.unplug()
 
     def table(self, *, homing: str = "absolute", patience: float = PATIENT, **more: Any) -> XyzTable:
         given_ = {"tmcl": self.terminal.path, "address": 3, "lead": LEADS, "direction": SIGNS, "travel": TRAVEL}
@@ -312,6 +316,38 @@ def test_an_adaptor_that_echoes_is_lived_through(bench: Bench, spoilt: float) ->
     assert reading["pose"][:3] == pytest.approx(bench.truth(), abs=1e-5)
     bench.module.spoil = lambda data: data
     device.close()
+
+
+@pytest.mark.parametrize("others", [1, 3])
+def test_answers_of_another_module_on_the_bus_are_passed_over(bench: Bench, others: int) -> None:
+    """On RS485 a second host may ask its own modules: before each answer of ours come some of theirs."""
+    chance = Random(others)
+
+    def crowd(data: bytes) -> bytes:
+        theirs = b"".join(
+            tm.answer(tm.Answer(7, chance.choice((tm.OK, 3, 4)), tm.GET_AXIS, chance.randrange(1 << 20)))
+            for _ in range(others)
+        )
+        return theirs + data if data else b""
+
+    bench.hold = crowd
+    device = bench.table()
+    device.open()
+    goal = [place + 5e-4 for place in bench.truth()]
+    assert arrive(bench, device, goal)["pose"][:3] == pytest.approx(goal, abs=2e-6)
+    assert bench.truth() == pytest.approx(goal, abs=2e-6)
+    device.close()
+
+
+def test_a_port_that_vanishes_while_the_table_is_led_is_named(bench: Bench) -> None:
+    device = bench.table()
+    device.open()
+    reading, _ = records()
+    device.read(reading)
+    bench.unplug()
+    with pytest.raises(ServoError, match="the module's port failed"):
+        for _ in range(100):
+            device.read(reading)
 
 
 @pytest.mark.parametrize("late", [10e-3, 30e-3])
