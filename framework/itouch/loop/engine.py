@@ -16,10 +16,11 @@ import numpy as np
 
 from itouch.faults import FOREVER, Injection, Kind
 from itouch.joining import runner as as_one_call
+from itouch.loop import interpreter
 from itouch.loop.advance import PYTHON, STOPPED, advance
 from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.events import Events
-from itouch.loop.fault_attribution import broken_off, with_writer
+from itouch.loop.fault_attribution import broken_off, changed_python, with_replaced, with_writer
 from itouch.loop.fingers import join_fingers
 from itouch.loop.objects import Objects
 from itouch.loop.operator_commands import LatchedError, OperatorCommands
@@ -269,14 +270,26 @@ class Engine:
                 self.plan.run_timed(tick, ready, stamps)
             else:
                 self.plan.run(tick, ready)
+            if not tick % _SAMPLED and interpreter.changed():
+                raise changed_python(self.model, tick, interpreter.put_back())
+            self._end_tick(tick, ready, timed)
         except DeviceFaultError as raised:
-            fault = with_writer(self.model, self.state, raised)
+            replaced = interpreter.put_back()  # before anything else: what follows is Python
+            fault = with_replaced(with_writer(self.model, self.state, raised), replaced)
             self.make_safe(fault)
             raise fault from raised.__cause__
-        except BaseException as raised:  # Ctrl-C in the middle of it, or an error of the loop's own
+        except interpreter.ANY_ERROR as raised:  # Ctrl-C in the middle of it, or an error of the loop's own
+            replaced = interpreter.put_back()
             if self._all:
-                self.make_safe(broken_off(self.model, tick, raised))
+                self.make_safe(fault := broken_off(self.model, tick, raised, replaced))
+                if replaced and isinstance(raised, Exception):  # no mistake of the loop's own
+                    raise fault from raised
             raise
+        self._tell(tick)
+
+    def _end_tick(self, tick: int, ready: bool, timed: bool) -> None:
+        """Count a tick whose steps are done, and the time that it took."""
+        stamps = self.stamps
         if not ready and all(rig.ready for rig in self._rigs):  # scripts begin with the next tick
             self._ready[...] = 1
         self._tick[...] = tick + 1
@@ -285,7 +298,6 @@ class Engine:
         else:
             stamps[-1] = now()
             self.times.add_whole(stamps[-1].item() - stamps[0].item())
-        self._tell(tick)
 
     def _tell(self, tick: int) -> None:
         """Call the taps; hardware is made safe if one raises: whoever calls ``tick`` may never come back."""
@@ -431,7 +443,11 @@ class Engine:
         self._require_enabled()
         try:
             self._pacing.run(seconds, until, each, every)
-        except BaseException:  # nobody paces hardware any more
+        except interpreter.ANY_ERROR as raised:  # nobody paces hardware any more
+            replaced = interpreter.put_back()
+            if replaced and self.fault is None and self._all and isinstance(raised, Exception):
+                self.make_safe(fault := broken_off(self.model, self.ticks, raised, replaced))
+                raise fault from raised
             self._park_hardware()
             raise
 
@@ -512,6 +528,8 @@ class Engine:
         hardware = [runner for runner in self._all if not runner.model.twin]
         for runner in hardware:
             self.state[f"{runner.model.name}.status"] = Status.CLOSED
+        for runner in self._all:
+            runner.recall()
         begun = int(self._tick) > 0  # a session that has run is not enabled a second time
         self._enabled = not hardware and (begun or any(r.status is Status.ENABLED for r in self._all))
         stopping = self.state["stopping"]

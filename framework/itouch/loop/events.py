@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from itouch.loop.fault_attribution import foreign_write, modality_fault
+from itouch.loop import interpreter
+from itouch.loop.fault_attribution import foreign_write, modality_fault, with_replaced
 from itouch.loop.rig import ProbeRig
 from itouch.loop.write_access import Fence
 from itouch.plugin import Contact, ContactEvent, Record
@@ -44,10 +45,13 @@ class Events:
         fence.take()
         try:
             one.instance.on_contact(event, one.model, view)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as interrupted:  # Ctrl-C; whoever it was, it is told where it came
+            interrupted.add_note(f"in on_contact of modality '{one.name}'")
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            raise modality_fault(self._model, one.instance, "on_contact", event.tick, error) from error
+            replaced = interpreter.put_back()  # first: all else needs it
+            fault = modality_fault(self._model, one.instance, "on_contact", event.tick, error)
+            raise with_replaced(fault, replaced) from error
         finally:
             changed = fence.mend()
         if changed:

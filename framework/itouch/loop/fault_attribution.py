@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from itouch.loop import interpreter
 from itouch.plugin import Modality, Record
 from itouch.safety import DeviceFaultError, Trip
+from itouch.schema import ItouchError
 from itouch.world import ModalityModel, Model
 from itouch.world.plugin_errors import said
 
@@ -30,10 +32,35 @@ def foreign_write(model: Model, listed: Sequence[ModalityModel], field: str, tic
     return DeviceFaultError(devices[0] if devices else "", tick, Trip.MODALITY_ERROR, cause)
 
 
-def broken_off(model: Model, tick: int, error: BaseException) -> DeviceFaultError:
-    """Return the fault of a tick that something has ended which is no fault of a device, such as Ctrl-C."""
-    cause = f"was stopped in the middle of a tick, which ended with {said(error)}"
+def broken_off(model: Model, tick: int, error: BaseException, replaced: tuple[str, ...] = ()) -> DeviceFaultError:
+    """Return the fault of a tick that something has ended which is no fault of a device, such as Ctrl-C.
+
+    ``replaced``: what was found, and put back, that a plugin has done to Python itself.
+    """
+    notes = "".join(f", {note}" for note in getattr(error, "__notes__", ()))
+    told = interpreter.blamed(replaced)
+    cause = f"was stopped in the middle of a tick, which ended with {said(error)}{notes}{'; ' if told else ''}{told}"
     return DeviceFaultError(next(iter(model.devices), ""), tick, Trip.MODALITY_ERROR, cause)
+
+
+def changed_python(model: Model, tick: int, replaced: tuple[str, ...]) -> DeviceFaultError:
+    """Return the fault of a plugin that has put something else in the place of functions of Python itself."""
+    cause = f"was stopped because {interpreter.blamed(replaced)}"
+    return DeviceFaultError(next(iter(model.devices), ""), tick, Trip.MODALITY_ERROR, cause)
+
+
+def with_replaced(fault: DeviceFaultError, replaced: tuple[str, ...]) -> DeviceFaultError:
+    """Return a fault that tells, too, what a plugin had done to Python itself; nothing: the fault as it is."""
+    told = interpreter.blamed(replaced)
+    return DeviceFaultError(fault.device, fault.tick, fault.trip, f"{fault.cause}; {told}") if told else fault
+
+
+def ended_by(fault: DeviceFaultError | None, raised: BaseException) -> BaseException:
+    """Return what is to be told of the end of a run: the fault for which all was made safe, if it was for one."""
+    if fault is None or issubclass(type(raised), ItouchError):
+        return raised
+    fault.__cause__ = raised
+    return fault
 
 
 def with_writer(model: Model, state: Record, fault: DeviceFaultError) -> DeviceFaultError:

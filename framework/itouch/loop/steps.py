@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from itouch.joining import is_newest
-from itouch.loop import carrying
+from itouch.loop import carrying, interpreter
 from itouch.loop.events import Events
-from itouch.loop.fault_attribution import foreign_write, modality_fault
+from itouch.loop.fault_attribution import foreign_write, modality_fault, with_replaced
 from itouch.loop.objects import Objects
 from itouch.loop.placing import bound_supervision, bound_together
 from itouch.loop.rig import ProbeRig
@@ -193,11 +193,13 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[F
             elif one.attends:
                 method = "between"
                 one.instance.between(compiled, state)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as interrupted:  # Ctrl-C; whoever it was, it is told where it came
+            interrupted.add_note(f"in {method} of modality '{one.name}'")
             raise
         except BaseException as error:  # a plugin that exits does not end the program
+            replaced = interpreter.put_back()  # first: all else needs it
             mended(around)
-            raise modality_fault(model, one.instance, method, tick, error) from error
+            raise with_replaced(modality_fault(model, one.instance, method, tick, error), replaced) from error
 
     commands = tuple(".command.".join(command.split(".", 1)) for command in one.commands)
     own, reads = (*shown_fields(one, state), *commands), one.instance.reads(compiled)

@@ -33,7 +33,7 @@ class _Rehearsed(Supervisor):
             moment = self.device_monitors.moment
             moment.gap, moment.calibrated, moment.touched = (-1e-3, True, True) if touched else (1.0, False, False)
             for act in self._acts(touched):
-                self._status[...] = ENABLED
+                self.become(ENABLED)
                 with contextlib.suppress(TripError, DeviceFaultError):
                     act()
         self.fault(Trip.DEVICE_ERROR, 0)

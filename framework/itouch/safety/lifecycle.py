@@ -35,6 +35,7 @@ class Status(enum.IntEnum):
 
 #: The same as plain numbers: an attribute of an enumeration costs a microsecond.
 CLOSED, OPEN, ENABLED, FAULT = (int(status) for status in Status)
+_TRIPS = frozenset(int(trip) for trip in Trip)
 
 
 #: W4: the time [s] in which a device may be re-armed so many times.
@@ -71,6 +72,9 @@ class Lifecycle(ABC):
         has_twin_state = twin is not None and any(n.startswith(f"{name}.twin.") for n in state)
         self.twin_state = state.part(f"{name}.twin.") if has_twin_state else Record(np.dtype([]))
         self._status, self._trip, self._tripped = (state[f"{name}.{field}"] for field in ("status", "trip", "tripped"))
+        #: What it may do, where nothing that writes to State by address can change it: a surface under a finger must be
+        #: withdrawn, and a device closed, whatever State says then.
+        self.status_number: int = self._status.item()
         self._ramp, self._age, self._sequence = (state[f"{name}.{field}"] for field in ("ramp", "age", "sequence"))
         self._measured, self._left = state[f"{name}.measured"], state.get(f"{name}.left")
         self._out = _part(state, f"{name}.out.", model.commands) if self._left is not None else self.sent
@@ -118,24 +122,33 @@ class Lifecycle(ABC):
         self._twin = other
         self.replaced[0] = 1
 
+    def become(self, status: int) -> None:
+        """Set what the device may do from now on."""
+        self._status[...] = self.status_number = status
+
+    def recall(self) -> None:
+        """Take what the device may do from a State that was put in place."""
+        self.status_number = self._status.item()
+
     @property
     def enabled(self) -> bool:
         """Whether commands are let through."""
-        return bool(self._status.item() == ENABLED)
+        return self.status_number == ENABLED
 
     def knows(self, reading: int, since: int) -> bool:
         """Tell whether the device is open, and has measured this reading in that tick or later."""
-        return self._status.item() != CLOSED and bool(self._measured[reading] >= since)
+        return self.status_number != CLOSED and bool(self._measured[reading] >= since)
 
     @property
     def status(self) -> Status:
         """What the device may do now."""
-        return Status(self._status.item())
+        return Status(self.status_number)
 
     @property
     def trip(self) -> Trip:
         """Why the device was stopped, latched until it is re-armed."""
-        return Trip(self._trip.item())
+        number = self._trip.item()
+        return Trip(number) if number in _TRIPS else Trip.MODALITY_ERROR  # somebody has written over it
 
     @property
     def tripped(self) -> int:
@@ -152,6 +165,7 @@ class Lifecycle(ABC):
 
     def restore(self) -> None:
         """Go on from a State that was put in place."""
+        self.recall()
         self.device_monitors.restore()
 
     def claim_wires(self) -> None:
@@ -184,7 +198,7 @@ class Lifecycle(ABC):
         if self.device is not None:
             self.device.open()
         self._forget()
-        self._status[...] = FAULT if self._trip.item() else OPEN
+        self.become(FAULT if self._trip.item() else OPEN)
 
     def _forget(self) -> None:
         """Drop what was read before: it says nothing of the device as it is now."""
@@ -206,7 +220,7 @@ class Lifecycle(ABC):
         name = self.model.name
         if self.blind:
             raise DeviceError(f"device '{name}' can't be enabled: {self.blind}")
-        if self._status.item() != OPEN:
+        if self.status_number != OPEN:
             raise DeviceError(f"device '{name}' is {self.status.name}, it can't be enabled")
         if self._trip.item():
             raise DeviceError(f"device '{name}' was stopped by {self.trip.label}: it must be re-armed first")
@@ -215,7 +229,7 @@ class Lifecycle(ABC):
             raise DeviceError(f"device '{name}' has not read anything yet: nothing could watch what it does")
         self.rest_at_measured()
         self.device_monitors.begin()
-        self._status[...] = ENABLED
+        self.become(ENABLED)
         self._ramp[...] = 0.0 if self.model.limits.ramp > 0.0 else 1.0
 
     def rest_at_measured(self) -> None:
@@ -229,8 +243,8 @@ class Lifecycle(ABC):
 
     def disable(self) -> None:
         """Stop commands; ENABLED -> OPEN."""
-        if self._status.item() == ENABLED:
-            self._status[...] = OPEN
+        if self.status_number == ENABLED:
+            self.become(OPEN)
 
     def rearm(self, tick: int) -> None:
         """Release the latched trip: FAULT -> OPEN; commands wait for ``enable``.
@@ -241,7 +255,7 @@ class Lifecycle(ABC):
             If what stopped the device is not over: its reading is still wrong, a budget is used up, or it has been
             re-armed too often within a minute.
         """
-        if self._status.item() != FAULT:
+        if self.status_number != FAULT:
             return
         self._refuse_spent()
         self._refuse_often(tick)
@@ -254,7 +268,7 @@ class Lifecycle(ABC):
             raise DeviceError(f"device '{self.model.name}' can't be re-armed: it {error}") from error
         self._sequence[...] = 1
         self._trip[...] = Trip.NONE
-        self._status[...] = OPEN
+        self.become(OPEN)
         self._rearmed[1:] = self._rearmed[:-1].copy()
         self._rearmed[0] = tick
 
@@ -312,12 +326,12 @@ class Lifecycle(ABC):
         """
         if other.enabled:
             raise DeviceError(f"device '{self.model.name}' must be made safe before another scene takes it over")
-        if other._status.item() == CLOSED:
+        if other.status_number == CLOSED:
             return
         self.device, other.device = other.device, None
         self._claims, other._claims = other._claims, self._claims
-        other._status[...] = CLOSED
-        self._status[...] = FAULT if self._trip.item() else OPEN
+        other.become(CLOSED)
+        self.become(FAULT if self._trip.item() else OPEN)
 
     def leave(self) -> None:
         """Give the device up, whatever it says; any status -> CLOSED."""
@@ -326,13 +340,13 @@ class Lifecycle(ABC):
 
     def close(self) -> None:
         """Send the safe command and release the device; any status -> CLOSED."""
-        if self._status.item() == CLOSED:
+        if self.status_number == CLOSED:
             self._claims.release()
             return
         try:
             self._send_safe()
         finally:
-            self._status[...] = CLOSED
+            self.become(CLOSED)
             if self.device is not None:
                 self.device.close()
             self._claims.release()  # not of a device that can't be closed: its driver may still speak

@@ -100,7 +100,7 @@ class Supervisor(Lifecycle):
         DeviceFaultError
             If the device failed, or was silent for too long.
         """
-        status = self._status.item()
+        status = self.status_number
         self._taken[0] = 0
         if status == CLOSED or (tick % self._every and self._sequence.item()):
             return
@@ -131,7 +131,7 @@ class Supervisor(Lifecycle):
         DeviceFaultError
             If the device reads what can't be or may not be.
         """
-        status = self._status.item()
+        status = self.status_number
         if status == CLOSED:
             return
         try:
@@ -243,7 +243,7 @@ class Supervisor(Lifecycle):
 
     def _disbelieve(self, tick: int, error: TripError) -> None:
         self._keep_sane()
-        if self._status.item() != FAULT:
+        if self.status_number != FAULT:
             self._fail(DeviceFaultError(self.model.name, tick, error.trip, str(error)), error)
 
     def _stamp(self, tick: int, new: bool) -> None:
@@ -357,7 +357,7 @@ class Supervisor(Lifecycle):
         DeviceFaultError
             If a command is not a number.
         """
-        status = self._status.item()
+        status = self.status_number
         if status == CLOSED:
             return
         if status != ENABLED:
@@ -374,11 +374,14 @@ class Supervisor(Lifecycle):
         Raises
         ------
         DeviceFaultError
-            If the device failed.
+            If the device failed, or State says that it may do what was never let through.
         """
-        if self.device is None or self._status.item() == CLOSED:
+        if self.device is None or self.status_number == CLOSED:
             return
         try:
+            if self._status.item() != self.status_number and self.status_number != FAULT:
+                said, self._status[...] = self._status.item(), self.status_number
+                raise TripError(Trip.MODALITY_ERROR, f"was stopped: something has written {said} over its status")
             self._put()
         except TripError as error:
             self._fail(DeviceFaultError(self.model.name, tick, error.trip, str(error)), error)
@@ -435,7 +438,7 @@ class Supervisor(Lifecycle):
 
     def _fail(self, fault: DeviceFaultError, error: TripError) -> None:
         """Stop because of a fault: all devices, unless this one is optional and merely lost."""
-        if self._status.item() == FAULT:
+        if self.status_number == FAULT:
             return
         if self.on_loss is not None and fault.trip in LOSSES:
             self.fault(fault.trip, fault.tick)
@@ -445,7 +448,7 @@ class Supervisor(Lifecycle):
 
     def fault(self, trip: Trip, tick: int) -> None:
         """Latch a trip and make the device safe now; what the device raises meanwhile can't help any more."""
-        self._status[...] = FAULT
+        self.become(FAULT)
         self._trip[...] = trip
         self._tripped[...] = tick
         self._ramp[...] = 0.0
@@ -457,7 +460,7 @@ class Supervisor(Lifecycle):
 
         A reading that can't be believed is a fault of its own here: it is latched, but raises nothing.
         """
-        status, answered = self._status.item(), False
+        status, answered = self.status_number, False
         try:
             answered = status != CLOSED and self._take()
             self._stamp(tick, answered)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from difflib import SequenceMatcher, get_close_matches
+from types import TracebackType
 
 #: How alike a misspelt word and a known one must be for the known one to be proposed, 0 to 1.
 ALIKE = 0.6
@@ -16,6 +17,10 @@ class ItouchError(Exception):
     """Any fault that a user or a device can cause."""
 
 
+#: What every class and every error has, also one whose author has put something else in its place.
+_NAME, _TRACEBACK = type.__dict__["__name__"], BaseException.__dict__["__traceback__"]
+
+
 def spoken(error: BaseException) -> str:
     """Return what an error says, at most ``LONGEST`` characters of it, whatever it does when it is asked."""
     try:
@@ -25,10 +30,22 @@ def spoken(error: BaseException) -> str:
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
+def class_of(error: BaseException) -> str:
+    """Return the name of an error's class, whatever that does when it is asked."""
+    name: str = _NAME.__get__(type(error))
+    return name
+
+
+def raised_at(error: BaseException) -> TracebackType | None:
+    """Return where an error was raised, whatever it does when it is asked."""
+    found: TracebackType | None = _TRACEBACK.__get__(error)
+    return found
+
+
 def named(error: BaseException) -> str:
     """Return the name of an error, and what it says if it says anything."""
     text = spoken(error)
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+    return f"{class_of(error)}: {text}" if text else class_of(error)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import traceback
 from collections.abc import Mapping
 from typing import Any
@@ -10,6 +11,7 @@ from itouch.loop import DeviceFaultError, EngineError, LatchedError
 from itouch.plugin import DeviceError
 from itouch.safety import Trip
 from itouch.schema import ItouchError, Place, Problem, SceneError
+from itouch.schema.diagnostics import class_of, named, spoken
 from itouch.servo.shared_memory import ServoError
 from itouch.session import SessionError
 
@@ -27,22 +29,23 @@ def let_go(error: BaseException) -> None:
 
     The frames stay named in the traceback; only their variables are gone.
     """
-    chain: list[BaseException] = []
-    link: BaseException | None = error
-    while link is not None and link not in chain:
-        chain.append(link)
-        link = link.__cause__ or link.__context__
-    if any(isinstance(one, MemoryError) for one in chain):
-        for one in chain:
-            traceback.clear_frames(one.__traceback__)
+    with contextlib.suppress(BaseException):  # an error of a plugin may fail at whatever it is asked
+        chain: list[BaseException] = []
+        link: BaseException | None = error
+        while link is not None and link not in chain:
+            chain.append(link)
+            link = link.__cause__ or link.__context__
+        if any(isinstance(one, MemoryError) for one in chain):
+            for one in chain:
+                traceback.clear_frames(one.__traceback__)
 
 
 def encode(error: BaseException) -> dict[str, Any]:
     """Return an error as plain data."""
     told: dict[str, Any] = {
-        "type": type(error).__name__,
-        "message": str(error),
-        "traceback": "".join(traceback.format_exception(error)),
+        "type": class_of(error),
+        "message": str(error) if issubclass(type(error), ItouchError) else spoken(error),
+        "traceback": _traceback(error),
     }
     if isinstance(error, DeviceFaultError):
         told["fault"] = [error.device, error.tick, int(error.trip), error.cause]
@@ -52,6 +55,13 @@ def encode(error: BaseException) -> dict[str, Any]:
     elif isinstance(error, ItouchError) and told["type"] not in _PLAIN:
         told["type"] = "ItouchError"
     return told
+
+
+def _traceback(error: BaseException) -> str:
+    try:
+        return "".join(traceback.format_exception(error))
+    except BaseException:  # an error of a plugin, which stands in the chain, may fail at whatever it is asked
+        return f"{named(error)}, of which there is no traceback\n"
 
 
 def decode(told: dict[str, Any]) -> Exception:

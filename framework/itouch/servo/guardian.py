@@ -131,9 +131,10 @@ class Guardian:
     def _died(self) -> str:
         if self._said:
             return self._said
-        if not self._was_armed or self._segment.phase == at.ENDED:
+        if not self._was_armed or not self._words[at.ARMED]:
             return ""
-        return self._make_safe("the servo process died")
+        ended = self._segment.phase == at.ENDED
+        return self._make_safe(f"the servo process {'ended with devices that were not safe' if ended else 'died'}")
 
     def _end_it(self) -> str:
         with contextlib.suppress(ProcessLookupError):

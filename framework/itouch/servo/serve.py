@@ -8,8 +8,11 @@ import os
 import time
 from typing import Any
 
-from itouch.loop import DeviceFaultError, Engine, LatchedError, WallClock
+from itouch.loop import DeviceFaultError, Engine, LatchedError, WallClock, interpreter
+from itouch.loop.fault_attribution import ended_by
+from itouch.loop.interpreter import LoadedModules
 from itouch.loop.release import in_turn
+from itouch.loop.runner import Status
 from itouch.platforms import hardware_refused, lives
 from itouch.plugin import Role
 from itouch.scene import write
@@ -117,23 +120,30 @@ class Servo:
     def run(self) -> tuple[dict[str, Any], BaseException | None]:
         """Run to the end; return the report, and the error that ended the run if one did."""
         error: BaseException | None = None
+        modules = LoadedModules()
         try:
             self._kept.enter_context(open_outputs(self.session, Outputs(**self._config["keep"])))
             self._begin()
             self._run()
             error = self._failure
         except BaseException as raised:
-            error = raised
+            interpreter.put_back()
+            error = ended_by(self.session.fault, raised)
             let_go(raised)
+        interpreter.put_back()
+        modules.put_back()
         self.words[at.PHASE] = at.ENDING
-        for act in (self._park, self._release, self._finish, self._save):
+        for act in (self._park, self._release, self._finish, self._save, self._publish_last):
             try:
                 act()
             except BaseException as raised:
                 error = error or raised
+        return self.report(), error
+
+    def _publish_last(self) -> None:
+        """Publish the State at the end, and what the ticks have taken."""
         self._publish(0.0, 0.0)
         self._publisher.publish_timing()
-        return self.report(), error
 
     def _save(self) -> None:
         """Save the session as it has ended, if that is asked for; what made it end counts more than a failure here."""
@@ -142,17 +152,20 @@ class Servo:
 
     def _park(self) -> None:
         """Make devices that are not simulated here safe in the rig's order, unless a fault has done so."""
-        if self.words[at.ARMED] and self.session.fault is None:
+        enabled = any(runner.enabled for runner in self.session.runners)
+        if self.words[at.ARMED] and (self.session.fault is None or enabled):
             self.session.park()
         self.words[at.ARMED] = 0  # all is safe: letting go may take its time
 
     def _release(self) -> None:
-        """Let go of the devices; if they could not be made safe, the guardian still watches."""
+        """Let go of the devices; where one did not even get so far, the guardian makes it safe."""
         try:
             Engine.close(self.session)
         finally:
             self.remotes.hang_up()
-            self.words[at.ARMED] = 0
+            hardware = [runner for runner in self.session.runners if not runner.model.twin]
+            if all(runner.status is Status.CLOSED for runner in hardware):
+                self.words[at.ARMED] = 0
 
     def _finish(self) -> None:
         """End what takes long: recordings, and the twins' processes."""

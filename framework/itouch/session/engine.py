@@ -449,6 +449,8 @@ class Session(Shown, Engine):
         """Stand at a State with every status as it was, also of hardware: only for a replay, which opens nothing."""
         self.adopt(stored)
         self.state.raw[:] = np.frombuffer(stored, np.uint8)
+        for runner in self.runners:
+            runner.recall()
         self._enabled = True
 
     def take_up(self, snapshot: Snapshot, *, replays: bool = False) -> None:

@@ -8,15 +8,15 @@ from contextlib import contextmanager
 from pathlib import PurePath
 
 from itouch.schema import ItouchError, Problem, SceneError
-from itouch.schema.diagnostics import Place, spoken
+from itouch.schema.diagnostics import Place, class_of, raised_at, spoken
 
 
 def said(error: BaseException) -> str:
     """Return what an error in a plugin says, and where it was raised: ``ValueError: text (file.py, line 7)``."""
-    frames = traceback.extract_tb(error.__traceback__)
-    where = f" ({PurePath(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
+    stack = traceback.extract_tb(raised_at(error))
+    where = f" ({PurePath(stack[-1].filename).name}, line {stack[-1].lineno})" if stack else ""
     text = spoken(error).partition("\n")[0]
-    return f"{type(error).__name__}{': ' if text else ''}{text}{where}"
+    return f"{class_of(error)}{': ' if text else ''}{text}{where}"
 
 
 def failure(what: str, method: str, error: BaseException, place: Place | None) -> Problem:

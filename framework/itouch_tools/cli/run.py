@@ -123,10 +123,13 @@ def _prepare(options: argparse.Namespace) -> Session:
 
 
 def _run(session: Session, options: argparse.Namespace, show: Callable[[], None], stop: Stopping) -> int:
-    from itouch.loop import DeviceFaultError
+    from itouch.loop import DeviceFaultError, interpreter
+    from itouch.loop.fault_attribution import ended_by
+    from itouch.loop.interpreter import LoadedModules
 
     stop.bind(session.stop)
-    fault: DeviceFaultError | None = None
+    fault: BaseException | None = None
+    modules = LoadedModules()
     try:
         if options.duration is None and not session.scripted:
             raise ItouchError("the scene has no scripted motion: say for how long to run, with --for 30s")
@@ -134,9 +137,14 @@ def _run(session: Session, options: argparse.Namespace, show: Callable[[], None]
         session.run(options.duration, each=show, every=50)
     except DeviceFaultError as met:
         fault = met
-    except BaseException:
-        session.close()
-        raise
+    except BaseException as raised:
+        fault = ended_by(session.fault, raised)  # who ends the program in a tick has been told as a fault
+        if fault is raised:
+            session.close()
+            raise
+    finally:
+        interpreter.put_back()
+        modules.put_back()
     try:
         session.close()
     except ItouchError as error:

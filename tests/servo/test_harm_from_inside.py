@@ -1,0 +1,196 @@
+"""Code that harms the program from inside its process: what stops a device then, and who tells it.
+
+The device here is hardware as far as the program knows: it writes each command that it is given into a file, with the
+process that gave it.  Where nothing inside can help, what stands outside must: the guardian, by its second opener.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+PLUGIN = """
+import builtins, ctypes, gc, os, signal, sys, threading, time
+from dataclasses import dataclass
+from itouch.plugin import Device, Modality, Opening, deadman, pose, wrench
+
+@dataclass(frozen=True, slots=True)
+class Nothing:
+    "Nothing to set."
+
+class Stick(Device):
+    "An arm that stands in a block, held by somebody."
+    Params = Nothing
+    reads = (pose(), deadman())
+    commands = (wrench(force=3.0),)
+    opening = Opening(second_opener=True)
+    count = 0
+    def open(self):
+        self.log("open")
+    def close(self):
+        self.log("close")
+    def log(self, what):
+        handle = os.open(FILE, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+        os.write(handle, f"{{os.getpid()}} {{what}}\\n".encode())
+        os.close(handle)
+    def read(self, reading):
+        self.count += 1
+        reading["pose"] = (0, 0, 0.019 + 1e-6 * (self.count % 7), 1, 0, 0, 0)
+        reading["deadman"] = 1.0
+        return True
+    def write(self, command):
+        self.log(float(abs(command["wrench"]).max()))
+    def make_safe(self, command):
+        self.write(command)
+
+def _address(state, field):
+    view = state[field]
+    return view.ctypes.data
+
+class Evil(Modality):
+    "Does wrong, once."
+    Params = Nothing
+    def compile(self, name, params, world):
+        return params
+    def reset(self, model, state):
+        pass
+    def update(self, model, state, period):
+        if int(state["tick"]) == 300:
+            self.act(state)
+    def act(self, state):
+{act}
+
+FILE = {file!r}
+"""
+SCENE = """<itouch version="1.0" xmlns:evil="urn:itouch:plugin:evil">
+  <materials><material name="m"><contact stiffness="300 N/m"/></material></materials>
+  <world><box name="floor" size="100 100 20 mm" pos="0 0 10 mm" material="m"/></world>
+  <devices><device name="stick" plugin="stick" twin="no"/></devices>
+  <interaction><probe name="tip" radius="0" pose-from="stick" force-to="stick"/><evil:it name="evil"/></interaction>
+</itouch>
+"""
+PROGRAM = "from itouch_tools.cli import main; raise SystemExit(main())"
+
+
+def run(folder: Path, act: str) -> tuple[subprocess.CompletedProcess[str], dict[str, Any] | None, list[list[str]]]:
+    """Run the stick for a second beside this act; return what the program said, its report, and the device's log."""
+    log, report = folder / "log", folder / "report.json"
+    info = folder / "evil-1.0.dist-info"
+    info.mkdir()
+    text = "\n".join(f"        {line}" for line in act.splitlines())
+    (folder / "evil.py").write_text(PLUGIN.format(act=text, file=str(log)), encoding="utf-8")
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: evil\nVersion: 1.0\n", encoding="utf-8")
+    (info / "entry_points.txt").write_text(
+        "[itouch.modalities]\nevil.it = evil:Evil\n[itouch.devices]\nstick = evil:Stick\n", encoding="utf-8"
+    )
+    (folder / "scene.xml").write_text(SCENE, encoding="utf-8")
+    words = [str(folder / "scene.xml"), "--headless", "--for", "1 s", "--report", str(report)]
+    path = os.pathsep.join((str(folder), os.environ.get("PYTHONPATH", "")))
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, "run", *words], capture_output=True, text=True, timeout=150, check=False,
+        env={**os.environ, "PYTHONPATH": path},
+    )  # fmt: skip
+    told = json.loads(report.read_text(encoding="utf-8")) if report.exists() else None
+    return done, told, [line.split() for line in log.read_text(encoding="utf-8").splitlines()]
+
+
+def forces(log: list[list[str]]) -> list[float]:
+    """Return the forces that the device was given, one after the other [N]."""
+    return [float(what) for _, what in log if what not in ("open", "close")]
+
+
+def test_without_harm_it_pushes_to_the_end(tmp_path: Path) -> None:
+    done, report, log = run(tmp_path, "pass")
+    assert done.returncode == 0, done.stderr
+    assert report is not None and report["faults"] == []
+    assert max(forces(log)) > 0.2 and len(forces(log)) > 900
+
+
+#: Written over a status again and again, by a thread that nothing stops.
+OVERWRITE = """
+at = _address(state, "stick.status")
+def go_on():
+    while True:
+        ctypes.memset(at, {}, 1)
+        time.sleep(1e-4)
+threading.Thread(target=go_on, daemon=True).start()
+{}"""
+REPLACED = ("isinstance", "len", "float", "bool", "type", "next", "BaseException")
+
+
+@pytest.mark.parametrize(
+    ("act", "says"),
+    [
+        *((f"builtins.{name} = None", f"a plugin had replaced '{name}' of Python") for name in REPLACED),
+        ("builtins.min = lambda *a: 3.0", "a plugin had replaced 'min' of Python"),
+        ("vars(builtins).clear()", "a plugin had replaced 'abs', "),
+        ("vars(builtins).clear()\nraise ValueError", "a plugin had replaced 'abs', "),
+        ("sys.setrecursionlimit(len(__import__('inspect').stack()) + 6)\nraise ValueError", "sys.setrecursionlimit"),
+        ("raise KeyboardInterrupt", "KeyboardInterrupt (evil.py, line {}), in update of modality 'evil'"),
+        ("def trace(*_):\n  raise ValueError('trace')\nsys.settrace(trace)", "ValueError: trace (evil.py, "),
+        *(
+            (f"class Odd(Exception):\n  {odd}\nraise Odd('x')", "'evil', which failed in update: Odd: ")
+            for odd in (
+                "__traceback__ = property(lambda self: 1 / 0)",
+                "def __getattribute__(self, name): raise SystemExit(4)",
+                "__str__ = None",
+            )
+        ),
+        (
+            "Meta = type('Meta', (type,), {{'__name__': property(lambda self: 1 / 0)}})\nraise Meta('Odd', (Exception,), {{}})('x')",
+            "'evil', which failed in update: Odd: x",
+        ),
+        *((OVERWRITE.format(number, "raise ValueError('now')"), "ValueError: now") for number in (0, 1, 2, 99)),
+        *((OVERWRITE.format(number, "pass"), "status") for number in (0, 1, 99)),
+    ],
+)  # fmt: skip
+def test_what_a_plugin_does_to_its_process_lets_go_of_the_finger_first_and_is_told(
+    tmp_path: Path, act: str, says: str
+) -> None:
+    done, report, log = run(tmp_path, act.replace("{{", "{").replace("}}", "}"))
+    assert forces(log)[-1] == 0.0
+    assert log[-1][1] == "close"
+    assert done.returncode == 1, done.stderr
+    assert "Traceback" not in done.stderr
+    assert report is not None
+    (fault,) = report["faults"]
+    assert says.partition("{}")[0] in fault["cause"]
+    assert report["devices"]["stick"]["status"] in ("FAULT", "CLOSED")
+    assert fault["cause"] in done.stdout.replace("\n", " ") or fault["cause"][:40] in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("name", ["print", "open", "__import__"])
+def test_what_only_the_end_of_a_run_needs_is_there_again_at_its_end(tmp_path: Path, name: str) -> None:
+    done, report, log = run(tmp_path, f"builtins.{name} = None")
+    assert done.returncode == 0, done.stderr
+    assert report is not None and report["devices"]["stick"]["status"] == "CLOSED"
+    assert forces(log)[-1] == 0.0
+    assert log[-1][1] == "close"
+
+
+@pytest.mark.parametrize(
+    ("act", "says"),
+    [
+        ("os._exit(0)", "the servo process ended with code 0; the servo process died; stick made safe by the guardian"),
+        ("ctypes.string_at(0)", "was killed by SIGSEGV; the servo process died; stick made safe by the guardian"),
+        ("os.kill(os.getpid(), signal.SIGKILL)", "was killed by SIGKILL; the servo process died; stick made safe by"),
+        ("time.sleep(1000)", "the servo process hung; stick made safe by the guardian"),
+        ("import itouch.safety.lifecycle as all\nall.Lifecycle.close = None\n"
+         "import itouch.safety.sequence as all\nall.SafeSequence.carry_out = None\nraise ValueError",
+         "stick made safe by the guardian"),
+    ],
+)  # fmt: skip
+def test_where_nothing_inside_the_process_can_help_the_guardian_does(tmp_path: Path, act: str, says: str) -> None:
+    done, _, log = run(tmp_path, act)
+    assert done.returncode == 1, done.stderr
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+    (last, force), pushed = log[-1], next(who for who, what in log if what != "open")
+    assert force == "0.0"
+    assert last != pushed  # it was another process
