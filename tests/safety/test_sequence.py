@@ -12,11 +12,12 @@ import pytest
 from numpy.typing import NDArray
 from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Fake, FakeTwin, model, state
 
-from itouch.plugin import HOLD, RETRACT, Channel, DeviceError, Record, pose_target
+from itouch.plugin import HOLD, RETRACT, Channel, DeviceError, Record, Role, pose_target
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Supervisor, Trip
 from itouch.safety.lifecycle import BACKWARDS, HELD
 from itouch.safety.sequence import (
+    CLEAR,
     LEAVE_TIME,
     NEARER,
     SAFE_TIME,
@@ -1008,6 +1009,34 @@ def test_one_that_is_told_to_retract_is_held_when_it_has_come_nearer_by_more_tha
         rig.table.reading["pose"][2] = height
         rig.sequence._mind_direction({"table": height})
         assert stopped.item() == (HELD if held else 0)
+
+
+@pytest.mark.parametrize(("gone", "free"), [(CLEAR, True), (CLEAR - 1e-9, False)])
+def test_one_that_is_driven_back_is_held_as_soon_as_it_is_clear_of_the_finger(gone: float, free: bool) -> None:
+    rig = Rig()
+    rig.stop("arm")
+    ((_, stopped),) = rig.sequence._ways
+    rig.table.reading["pose"][2], rig.table.reading["wrench"][:] = 0.0, 0.0
+    stopped[...], rig.sequence._furthest["table"] = BACKWARDS, 0.0
+    rig.sequence._mind_direction({"table": gone})
+    assert stopped.item() == (HELD if free else BACKWARDS)
+
+
+def test_a_place_that_was_measured_in_the_tick_of_the_command_counts() -> None:
+    rig = Rig()
+    rig.stop("arm")
+    before = rig.table.reading["pose"][2].item() + 0.02
+    measured = rig.table.measured_at(Role.TRACKED_POSE)
+    rig.sequence._ways[0][1][...] = 0
+    for since, back in ((measured, True), (measured + 1, False)):
+        rig.sequence._since = since
+        assert rig.sequence._back(rig.table, before) is back
+
+
+def test_how_far_one_has_retracted_is_told_in_millimetres() -> None:
+    rig = Rig()
+    rig.table.reading["pose"][2], rig.table.reading["wrench"][:] = 0.01, 0.0
+    assert rig.sequence._seen_surface(rig.table, 0.01 + 0.02493) == ("retracted 24.9 mm", False)
 
 
 def test_one_of_which_nothing_is_heard_is_led_by_what_touches_it_after_thirty_milliseconds(
