@@ -17,6 +17,7 @@ from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Supervisor, Trip
 from itouch.safety.lifecycle import BACKWARDS, HELD
 from itouch.safety.sequence import (
+    AT_END,
     CLEAR,
     LEAVE_TIME,
     NEARER,
@@ -27,6 +28,7 @@ from itouch.safety.sequence import (
     UNHEARD,
     WATCH_TIME,
     WRONG_WAY,
+    _end,
 )
 
 
@@ -1031,6 +1033,13 @@ def test_a_place_that_was_measured_in_the_tick_of_the_command_counts() -> None:
     for since, back in ((measured, True), (measured + 1, False)):
         rig.sequence._since = since
         assert rig.sequence._back(rig.table, before) is back
+
+
+def test_a_surface_is_at_its_end_within_a_millimetre_of_it() -> None:
+    rig = Rig()
+    end = _end(rig.table)
+    for height, there in ((end + AT_END, True), (end + AT_END + 1e-9, False)):
+        assert rig.sequence._stands(rig.table, {"table": height}) is there
 
 
 def test_how_far_one_has_retracted_is_told_in_millimetres() -> None:
