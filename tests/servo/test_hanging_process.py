@@ -7,11 +7,15 @@ import signal
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import itouch
+from itouch.servo import control_block as at
 from itouch.servo.errors import let_go
+from itouch.servo.guardian import Guardian
+from itouch.servo.shared_memory import monotonic
 from itouch.servo.silence_limit import LastWords, Process
 from itouch_evidence.deaths.observer import Observer
 from itouch_tools.cli.doctor.touch_scene import scene
@@ -137,3 +141,34 @@ def test_an_error_without_memory_gives_back_what_its_frames_hold() -> None:
     with pytest.raises(KeyError) as other:
         {}["nothing"]
     let_go(other.value)
+
+
+class Words:
+    """The control words, of which some change when the guardian has looked at them."""
+
+    def __init__(self, now: dict[int, int], then: dict[int, int]) -> None:
+        self._now, self._then = now, then
+
+    def __getitem__(self, word: int) -> int:
+        value = self._now[word]
+        self._now[word] = self._then.get(word, value)
+        return value
+
+
+@pytest.mark.parametrize(
+    ("after", "hangs"),
+    [({}, True), ({at.ARMED: 0}, False), ({at.BEAT: 1 << 62}, False)],
+    ids=["silent", "its devices rest", "it has spoken"],
+)
+def test_a_guardian_that_waited_for_a_processor_itself_calls_nobody_hung_for_it(
+    after: dict[int, int], hangs: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It sees a process that is armed, and is held up before it sees how long that has been silent."""
+    guardian = Guardian.__new__(Guardian)
+    words = Words({at.ARMED: 1, at.BEAT: monotonic() - 300_000_000}, after)
+    monkeypatch.setattr(guardian, "_words", words, raising=False)
+    monkeypatch.setattr(guardian, "_segment", SimpleNamespace(phase=at.RUNNING), raising=False)
+    monkeypatch.setattr(guardian, "_orphaned", None, raising=False)
+    monkeypatch.setattr(guardian, "_gone", lambda: False)
+    monkeypatch.setattr(guardian, "_was_armed", bool(words[at.ARMED]), raising=False)
+    assert guardian._hangs() == hangs

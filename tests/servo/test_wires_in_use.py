@@ -193,3 +193,48 @@ def test_two_arms_of_one_serial_number_are_refused(tmp_path: Path) -> None:
     assert "would both write to 'the arm 7 on USB'" in said("7", "7")
     assert "would both write to 'the arm that is attached on USB'" in said("any", "any")
     assert said("7", "8") == ""
+
+
+def test_a_second_virtual_rig_is_refused_and_the_first_goes_on(
+    rig: Path, running: Handle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    port = rig.parent / "port"
+    leads = os.readlink(port)
+    (tmp_path / "by-another-way").symlink_to(rig.parent)
+    (tmp_path / "scene.xml").write_text(SCENE.format(tmp_path / "by-another-way" / "port"), "utf-8")
+    for scene in (rig, tmp_path / "scene.xml"):
+        assert main(["virtual-rig", str(scene), "--for", "1s"]) == 2
+        said = capsys.readouterr()
+        assert "port' is in use by process " in said.err and len(said.err.strip().splitlines()) == 1
+        assert "ready" not in said.out
+        assert os.readlink(port) == leads
+    assert running.link.phase == "ready"
+
+
+def test_a_virtual_rig_takes_no_link_away_but_that_of_a_virtual_port(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The name of a port may be the system's link to real hardware."""
+    (tmp_path / "scene.xml").write_text(SCENE.format(tmp_path / "port"), "utf-8")
+    (tmp_path / "port").symlink_to("/dev/ttyUSB0")
+    words = ["virtual-rig", str(tmp_path / "scene.xml"), "--for", "0.2s"]
+    assert main(words) == 2
+    assert "no virtual port can be made at" in capsys.readouterr().err
+    assert os.readlink(tmp_path / "port") == "/dev/ttyUSB0"
+    (tmp_path / "port").unlink()
+    (tmp_path / "port").symlink_to("/dev/pts/987654")  # of a rig that was killed
+    assert main(words) == 0
+    assert not (tmp_path / "port").is_symlink()
+
+
+def test_a_virtual_rig_does_not_take_the_place_of_a_port_that_a_session_has_open(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "scene.xml").write_text(SCENE.format(tmp_path / "port"), "utf-8")
+    (tmp_path / "port").symlink_to("/dev/pts/987654")
+    claims = WireClaims()
+    claims.take([str(tmp_path / "port")])
+    assert main(["virtual-rig", str(tmp_path / "scene.xml"), "--for", "0.2s"]) == 2
+    assert "is in use by another session of this process" in capsys.readouterr().err
+    assert (tmp_path / "port").is_symlink()
+    claims.release()

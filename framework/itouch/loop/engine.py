@@ -530,6 +530,8 @@ class Engine:
             self.state[f"{runner.model.name}.status"] = Status.CLOSED
         for runner in self._all:
             runner.recall()
+        if hardware:  # whoever held the switch then holds nothing now
+            self.state["hold"] = min(self.state["hold"].item(), self.ticks)
         begun = int(self._tick) > 0  # a session that has run is not enabled a second time
         self._enabled = not hardware and (begun or any(r.status is Status.ENABLED for r in self._all))
         stopping = self.state["stopping"]

@@ -8,12 +8,14 @@ import math
 import os
 import time
 from collections import deque
-from pathlib import Path
 
 from itouch.plugin.device import DeviceError
+from itouch.plugin.wire_claims import WireClaims, WireHeldError
 
 #: Bits on a serial line that make a byte: start, eight, stop.
 _BITS = 10
+#: Where the system keeps pseudo-terminals.
+_TERMINALS = "/dev/pts/"
 
 
 class Terminal:
@@ -31,21 +33,41 @@ class Terminal:
         import tty
 
         self._heard, self._said = _Line(baud), _Line(baud)
+        self._claims = WireClaims()
+        if name:
+            self._claims.stand_in(name)
         self._ours, theirs = os.openpty()
         tty.setraw(self._ours)
         tty.setraw(theirs)
         os.set_blocking(self._ours, False)
         self.path, self._name, self._theirs = os.ttyname(theirs), name, theirs
         if name:
-            with contextlib.suppress(FileNotFoundError):
-                if Path(name).is_symlink():
-                    os.unlink(name)
             try:
+                self._take_over(name)
                 os.symlink(self.path, name)
-            except OSError as error:
+            except (OSError, WireHeldError) as error:
                 self._name = ""
                 self.close()
-                raise DeviceError(f"no virtual port can be made at '{name}': {error.strerror}") from error
+                why = str(error) if isinstance(error, WireHeldError) else error.strerror
+                raise DeviceError(f"no virtual port can be made at '{name}': {why}") from error
+
+    def _take_over(self, name: str) -> None:
+        """Take away the link of a virtual port that has gone; no other link is touched: it may lead to a device.
+
+        Raises
+        ------
+        WireHeldError
+            If a session still has that port open.
+        """
+        try:
+            leads = os.readlink(name)
+        except OSError:  # there is none
+            return
+        if leads.startswith(_TERMINALS):
+            before = WireClaims()
+            before.take([leads])
+            before.release()
+            os.unlink(name)
 
     def fileno(self) -> int:
         """Return the descriptor on which bytes of the other side come."""
@@ -99,6 +121,7 @@ class Terminal:
         if self._name:
             with contextlib.suppress(OSError):
                 os.unlink(self._name)
+        self._claims.release()
 
 
 class _Line:

@@ -61,7 +61,7 @@ class WireClaims:
         try:
             for key, wire in sorted({same(wire): wire for wire in wires}.items()):
                 self._bind(_name(key), wire)
-                _await_guardian(_name(key, guardian=True), wire)
+                _await_guardian(_name(key, "guarded wire"), wire)
         except BaseException:
             self.release()
             raise
@@ -75,7 +75,18 @@ class WireClaims:
             If another guardian has one.
         """
         for key, wire in sorted({same(wire): wire for wire in wires}.items()):
-            self._bind(_name(key, guardian=True), wire)
+            self._bind(_name(key, "guarded wire"), wire)
+
+    def stand_in(self, place: str) -> None:
+        """Claim the place at which something stands in for a device: two would take each other's place.
+
+        Raises
+        ------
+        WireHeldError
+            If something stands in there; the message says in which process.
+        """
+        folder, base = os.path.split(os.path.abspath(place))
+        self._bind(_name(os.path.join(os.path.realpath(folder), base), "stand-in"), place)
 
     def release(self) -> None:
         """Let go of all of them."""
@@ -115,9 +126,9 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_forget)
 
 
-def _name(key: str, *, guardian: bool = False) -> str:
+def _name(key: str, what: str = "wire") -> str:
     digest = hashlib.sha256(key.encode(errors="surrogateescape")).hexdigest()
-    return f"\0itouch/{'guarded wire' if guardian else 'wire'}/{digest}"
+    return f"\0itouch/{what}/{digest}"
 
 
 def _await_guardian(name: str, wire: str) -> None:

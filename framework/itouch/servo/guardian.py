@@ -87,11 +87,16 @@ class Guardian:
             return True
         if self._segment.phase < at.RUNNING and not self._was_armed:
             return False
-        silent = (monotonic() - int(self._words[at.BEAT])) * 1e-9
+        beat = int(self._words[at.BEAT])
+        silent = (monotonic() - beat) * 1e-9
         if self._was_armed and silent > DOUBT and self._gone():
             return True
         ending = self._segment.phase >= at.ENDING
-        return silent > (SILENCE if self._was_armed else SILENCE_ENDING if ending else SILENCE_ALONE)
+        if silent <= (SILENCE if self._was_armed else SILENCE_ENDING if ending else SILENCE_ALONE):
+            return False
+        # between these looks this process, too, may have waited for a processor: since then the other one may have
+        # spoken, or have said that its devices rest and nothing need be watched, and only then have fallen silent
+        return bool(self._words[at.ARMED]) == self._was_armed and int(self._words[at.BEAT]) == beat
 
     def _process(self) -> Process | None:
         """Ask the kernel about the servo process; None if it has gone."""
