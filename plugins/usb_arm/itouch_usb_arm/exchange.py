@@ -15,12 +15,18 @@ PATIENCE = 0.1
 _QUIET, _EMPTIES = 0.005, 2
 #: How often a frame whose answer was damaged is sent.
 _TRIES = 3
+#: After how long [s] a frame is sent again that nothing has answered, and how often: within an arm's watchdog of 20 ms.
+_SOON, _AGAIN = 0.006, 3
 #: After an answer that never came, so many exchanges are watched for it.
 _WATCHED = 20
 
 
 class _DamagedError(Exception):
     """Bytes came that make no frame."""
+
+
+class _SilentError(Exception):
+    """Nothing came."""
 
 
 class Exchange:
@@ -31,11 +37,14 @@ class Exchange:
         self._scanner = Scanner()
         self.owed = 0
         self._watched = 0
-        #: Frames that were asked for again because their answer was damaged.
+        #: Frames that were asked for again because their answer was damaged or lost.
         self.repeated = 0
 
-    def run(self, frame: bytes, again: bytes, patience: float = PATIENCE) -> Reply:
+    def run(self, frame: bytes, again: bytes, patience: float = PATIENCE, *, insist: bool = False) -> Reply:
         """Send a frame and return its answer; if that is damaged, ask with the frame ``again``, which is without force.
+
+        ``insist``: also if nothing comes.  An answer that was only late may come beside that of the frame that was sent
+        again: the last one counts.
 
         Raises
         ------
@@ -48,18 +57,27 @@ class Exchange:
         """
         if self.owed:
             self._settle(patience)
-        for _ in range(_TRIES):
+        begin, soon, damaged, lost = self._clock(), _SOON * patience / PATIENCE, 0, 0
+        most = _AGAIN if insist else 0
+        while damaged < _TRIES:
             self.owed += 1
             self._link.send(frame)
+            rest = begin + patience - self._clock() if damaged == 0 else patience
             try:
-                reply = self._answer(patience)
+                reply = self._answer(min(soon, rest) if lost < most else rest)
             except _DamagedError:
-                self.repeated += 1
+                damaged += 1
                 self._clear()
-                frame = again
-                continue
-            self.owed = 0
-            return self._newest(reply) if self._watched else reply
+            except _SilentError as error:
+                lost += 1
+                if lost > most:
+                    raise Timeout(f"the arm did not answer within {patience * 1e3:.0f} ms") from error
+                self._watched = _WATCHED
+            else:
+                self.owed = 0
+                return self._newest(reply) if self._watched else reply
+            self.repeated += 1
+            frame = again
         raise ProtocolError(f"the arm answered nonsense {_TRIES} times; check its cable and power")
 
     def post(self, frame: bytes) -> None:
@@ -87,7 +105,7 @@ class Exchange:
             if now - begin >= patience:
                 if damaged:
                     raise _DamagedError
-                raise Timeout(f"the arm did not answer within {patience * 1e3:.0f} ms")
+                raise _SilentError
 
     def _settle(self, patience: float) -> None:
         """Wait for answers that are owed, and drop them: the next one must belong to the next frame."""

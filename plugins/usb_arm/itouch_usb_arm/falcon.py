@@ -288,7 +288,8 @@ class Falcon:
         leds = self._shown()
         idle = command((0, 0, 0), homing=self._homing, leds=leds)
         try:
-            return self._wire.run(command(motors, homing=self._homing, leds=leds), idle, PATIENCE * self._patience)
+            frame = command(motors, homing=self._homing, leds=leds)
+            return self._wire.run(frame, idle, PATIENCE * self._patience, insist=True)
         except Disconnected:
             self._drop()
             raise

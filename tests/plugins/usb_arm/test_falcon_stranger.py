@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import usb.core
-from stranger import Habits, StrangerBus
+from stranger import Arm, Habits, StrangerBus
 
 from itouch_usb_arm import (
     Disconnected,
@@ -145,3 +145,64 @@ def test_a_backend_without_anything_is_an_error_with_a_name() -> None:
 
     with pytest.raises(FalconError, match="claim_interface"):
         Falcon(None, Bare(Habits(running=True))).open()
+
+
+class Bursts(StrangerBus):
+    """A hub that keeps a part of the answers, which come with the next one in a packet, and gives a part twice."""
+
+    kept, keeps, twice = b"", 0.0, 0.0
+
+    def _answer(self, arm: Any) -> None:
+        before = len(arm.line)
+        super()._answer(arm)
+        new = bytes(arm.line[before:])
+        del arm.line[before:]
+        self.kept += new * (2 if self.random.random() < self.twice else 1)
+        if self.random.random() >= self.keeps:
+            arm.line += self.kept
+            self.kept = b""
+
+
+@pytest.mark.parametrize(("keeps", "twice"), [(0.1, 0.0), (0.0, 0.5), (0.1, 0.1)])
+def test_answers_that_come_in_bursts_end_nothing_and_none_is_taken_for_a_newer_one(keeps: float, twice: float) -> None:
+    """What is sent again has no force: whoever does not answer may have lost more.  The next frame has it again."""
+    bus = Bursts(Habits(running=True), IMAGE)
+    (arm,) = bus.arms
+    with Falcon(None, bus, patience=0.5) as falcon:
+        falcon.home(5.0)
+        falcon.read()
+        bus.keeps, bus.twice = keeps, twice
+        falcon.write((0.0, 0.0, 0.5))
+        for count in range(300):
+            arm.encoders = (count % 50, -count % 50, 2 * count % 50)
+            assert falcon.read().encoders == arm.encoders
+        bus.keeps = bus.twice = 0.0
+        falcon.read()
+        assert any(arm.commands[-1][0])
+
+
+def test_an_arm_that_is_enumerated_anew_is_told_and_opened_again_without_force() -> None:
+    """A loose plug: the arm is back at once, at another address, and has lost neither firmware nor homing."""
+    bus = StrangerBus(Habits(running=True), IMAGE)
+    with Falcon(None, bus, resume=True) as falcon:
+        falcon.home(5.0)
+        falcon.write((0.0, 0.0, 0.5))
+        falcon.read()
+        (old,) = bus.arms
+        new = Arm(0, "run", homing=old.homing)
+        bus.arms = [new]
+        write = bus.bulk_write
+
+        def bulk_write(dev_handle: Any, *words: Any) -> int:
+            if dev_handle is old:
+                raise usb.core.USBError("No such device (it may have been disconnected)", -4, errno.ENODEV)
+            return write(dev_handle, *words)
+
+        bus.bulk_write = bulk_write  # type: ignore[method-assign]
+        with pytest.raises(Disconnected, match="the arm is gone"):
+            falcon.read()
+        with pytest.raises(Disconnected):
+            falcon.read()
+        falcon.open()
+        assert falcon.home(5.0).valid
+        assert all(motors == (0, 0, 0) for motors, _ in new.commands)
