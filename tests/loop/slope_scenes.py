@@ -139,6 +139,7 @@ class Course:
     depth: Floats  # of the finger in a rigid plate at the virtual height [m]
     flux: Floats
     skin: Floats
+    lowest: Floats  # point of the finger [m]
     report: dict[str, Any]
     force: float  # what the scene allows [N]
 
@@ -211,11 +212,11 @@ def follow(session: itouch.Session, seconds: float | None = None) -> Course:
                 *state["finger.normal"].tolist(), -x, -y, z, state["finger.plate_force"].item(),
                 state["finger.surface_height"].item() - before,
                 state["peltier.twin.true_flux"].item() if warm else 0.0,
-                state["peltier.twin.true_skin"].item() if warm else 0.0,
+                state["peltier.twin.true_skin"].item() if warm else 0.0, before,
             )
         )  # fmt: skip
     a = np.array(rows)
     return Course(
         a[:, 0], a[:, 1] > 0, a[:, 2] > 0, a[:, 3] > 0, a[:, 4] > 0, a[:, 5], a[:, 6:9], a[:, 9:12], a[:, 12:15],
-        a[:, 15], a[:, 16], a[:, 17], a[:, 18], session.report(), session.scene.safety.force,
+        a[:, 15], a[:, 16], a[:, 17], a[:, 18], a[:, 19], session.report(), session.scene.safety.force,
     )  # fmt: skip

@@ -94,16 +94,17 @@ def led(withdrawn: Any, kept: Floats) -> int:
 
 @kernel
 def look_below(
-    c: Floats, world: Floats, mesh: Any, poses: Floats, table: Floats, figures: Floats, kept: Floats, load: Floats,
-    below: Any, down: Floats, normal: Floats,
+    c: Floats, world: Floats, mesh: Any, poses: Floats, twists: Floats, table: Floats, figures: Floats, kept: Floats,
+    load: Floats, below: Any, down: Floats, normal: Floats,
 ) -> int:  # fmt: skip
     """Find the virtual surface below the finger, for who carries one to it; ``below`` (1,) is written: whose it is.
 
     ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) of `render`, ``kept`` (MEMORY,) of the surface; ``world``
-    (objects, WORLD_WIDTH), ``poses`` (objects, 7) [m; quaternion]; ``table`` (7,) and ``load`` (6,): what the device
-    reads of its pose [m; quaternion] and of the force on it [N, N m]; ``down`` and ``normal`` (3,) as in `ground.find`.
+    (objects, WORLD_WIDTH), ``poses`` (objects, 7) [m; quaternion], ``twists`` (objects, 6) [m/s, rad/s]; ``table`` (7,)
+    and ``load`` (6,): what the device reads of its pose [m; quaternion] and of the force on it [N, N m]; ``down``
+    and ``normal`` (3,) as in `ground.find`.
     """
-    below[0] = ground.find(c, world, mesh, poses, figures, kept, down, normal)
+    below[0] = ground.find(c, world, mesh, poses, twists, figures, kept, down, normal)
     plate.foresee(c, table, figures, kept, load[2])
     return 0
 

@@ -164,8 +164,8 @@ class Toucher:
             return
         here = table.read_as(Role.TRACKED_POSE)
         look = Bound(
-            carrying.look_below, self._constants, model.geometry.world, model.geometry.mesh, self._poses, here,
-            self.figures, self.surface, self._load, self.below, np.array([0.0, 0.0, -1.0]), np.zeros(3),
+            carrying.look_below, self._constants, model.geometry.world, model.geometry.mesh, self._poses, self._twists,
+            here, self.figures, self.surface, self._load, self.below, np.array([0.0, 0.0, -1.0]), np.zeros(3),
         )  # fmt: skip
         without = {"coming": np.full(1, -1.0), "missed": np.zeros(1), "yields": np.full(1, -1.0)}
         said = [

@@ -72,7 +72,11 @@ _SURFACE = (
     Field("surface.missed_load", unit="N", doc="what the plate's force then read"),
     Field("surface.cut", unit="N", doc="what the plate takes of the force that the arm may give"),
     Field("surface.upright", unit="1", doc="cosine of the tilt of the surface below the finger against the plate"),
-    Field("surface.climb", unit="m/s", doc="how fast the height of that surface changes as the finger goes on"),
+    Field(
+        "surface.climb",
+        unit="m/s",
+        doc="how fast the height of that surface changes as the finger goes on, or as the object moves",
+    ),
     Field("surface.changing", unit="s", doc="how much longer the force is blended between plate and arm"),
     Field("surface.load", unit="N", doc="force on the plate a tick ago"),
     Field("surface.level", unit="m", doc="height of the finger's lowest point, smoothed"),

@@ -46,6 +46,13 @@ SLACK = 3e-5
 HAND_OVER = 1e-3
 #: How fast it yields above its greatest force [m/s per N], and how fast it comes back [m/s].
 YIELD_RATE, YIELD_RETURN = 0.02, 0.005
+#: How fast its force goes from a finger whose virtual surface falls away [N/s]: 0.1 N a tick is felt.
+FALLS = 45.0
+#: How it brakes as it comes up to a finger that it may meet [m/s2], or else would push; below what speed it need not
+#: [m/s].
+BRAKES, CALM = 1.0, 0.03
+#: How far a device may be behind as it goes up to a finger that is so near [m]: it would make up for it in a hurry.
+LEADS, NEAR = 1e-3, 0.02
 #: How far ahead its force is seen, for a device needs time [s].
 AHEAD = 0.008
 #: How fast it is learned how far the device gives way and how late it is [1/s], the most that is made good [m/N], [s],
@@ -127,7 +134,7 @@ def _come(
     if not touching and not felt:
         own[ARRIVED] = 1.0
         return
-    if own[ARRIVED] > 0.0 and begins and depth < -ABOUT:  # not there in time
+    if own[ARRIVED] > 0.0 and (begins or not felt) and depth < -ABOUT:  # not there in time, or left behind
         own[ARRIVED], own[PRESS] = 0.0, depth
     if own[ARRIVED] > 0.0:
         return
@@ -203,6 +210,29 @@ def _wanted(
 
 
 @kernel
+def _fall(c: Any, own: Any, wanted: float, last: float, sink: float, pressed: float) -> float:
+    """Return how low it may be wanted [m]: what falls away under a finger leaves it no faster than the pad eases.
+
+    A finger that goes up by itself eases the pad already; ``last``: the height it was sent to last [m].
+    """
+    if pressed <= LEFT or own[LOST] == HIGH:
+        return wanted
+    return float(max(wanted, last + min(0.0, sink - FALLS / c.stiffness) * c.period))
+
+
+@kernel
+def _brake(c: Any, wanted: float, climb: float, last: float, here: float, level: float) -> float:
+    """Return how high it may be wanted [m] as it comes up to a surface that a finger is near, or on; ``level`` [m]."""
+    way = wanted - last
+    if way > 0.0 and last - here > LEADS and level - here < NEAR:
+        return last
+    if way <= 0.0 or level - wanted > SOON:
+        return wanted
+    speed = max(0.0, climb) + max(CALM, math.sqrt(2.0 * BRAKES * way))
+    return float(min(wanted, last + speed * c.period))
+
+
+@kernel
 def _bearable(c: Any, own: Any, climb: float, level: float, sink: float, off: float) -> float:
     """Return the greatest height [m] at which it presses no harder than it may.
 
@@ -257,6 +287,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
         doubt(c, own, here - lowest, pressed, touching)
     begins = touching and seen.pressed[0] == 0.0
     wanted = _wanted(c, own, height, climb, level, sink, lowest, here, last, pressed, touching, begins)
+    wanted = _fall(c, own, _brake(c, wanted, climb, last, here, level), last, sink, pressed)
     most = _bearable(c, own, climb, level, sink, seen.off[0])
     still = own[TAKES] > 0.0 and own[ARRIVED] > 0.0 and wanted <= most
     if still and touching and pressed >= TOUCH and own[YIELDS] <= 0.0:

@@ -24,7 +24,8 @@ STEEPEST = 0.3
 
 @kernel
 def find(
-    c: Floats, world: Floats, mesh: Any, poses: Floats, figures: Floats, memory: Floats, down: Floats, normal: Floats
+    c: Floats, world: Floats, mesh: Any, poses: Floats, twists: Floats, figures: Floats, memory: Floats, down: Floats,
+    normal: Floats,
 ) -> int:  # fmt: skip
     """Find the highest virtual surface below the finger.
 
@@ -32,8 +33,8 @@ def find(
     ----------
     c
         Constants of the probe, shape (CONSTANTS,).
-    world, mesh, poses
-        The objects; see ``itouch.contact``.
+    world, mesh, poses, twists
+        The objects; see ``itouch.contact``.  One that moves takes its surface along.
     figures, memory
         The probe's part of State, and that of the carried surface.
     down, normal
@@ -56,8 +57,23 @@ def find(
     memory[UPRIGHT] = along_plate(c, normal)
     if normal[2] > STEEPEST:
         climb = -(normal[0] * figures[VELOCITY] + normal[1] * figures[VELOCITY + 1]) / normal[2]
+        climb += _rises(c, poses, twists, hit, figures, distance, normal) / normal[2]
         memory[CLIMB] = before + c[PERIOD] / (SMOOTHLY + c[PERIOD]) * (climb - before)
     return int(hit)
+
+
+@kernel
+def _rises(
+    c: Floats, poses: Floats, twists: Floats, hit: int, figures: Floats, distance: float, normal: Floats
+) -> float:  # fmt: skip
+    """Return how fast the surface that is hit moves along its normal [m/s], where the finger would rest on it."""
+    x = figures[HIP] - c[RADIUS] * normal[0] - poses[hit, 0]
+    y = figures[HIP + 1] - c[RADIUS] * normal[1] - poses[hit, 1]
+    z = figures[HIP + 2] - distance - c[RADIUS] * normal[2] - poses[hit, 2]
+    u = twists[hit, 0] + twists[hit, 4] * z - twists[hit, 5] * y
+    v = twists[hit, 1] + twists[hit, 5] * x - twists[hit, 3] * z
+    w = twists[hit, 2] + twists[hit, 3] * y - twists[hit, 4] * x
+    return float(normal[0] * u + normal[1] * v + normal[2] * w)
 
 
 @kernel
