@@ -96,7 +96,7 @@ def test_an_object_that_moves_under_a_finger_is_felt_without_steps(folder: Path,
 
 @pytest.mark.long
 def test_nearly_no_object_that_moves_under_a_finger_is_felt_in_steps(folder: Path) -> None:
-    """What is left: a plate that is on its way down from a slope is met by a finger that falls faster (3 of 800)."""
+    """What is left, 3 of 800; the one that was looked at: a finger falls onto a plate on its way down from a slope."""
     over = [seed for seed in range(1000, 1400) if excess(follow(moved(seed).build(folder))).max() > NOISE]
     assert len(over) <= 4
 
