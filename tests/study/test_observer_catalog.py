@@ -28,6 +28,18 @@ class Stubborn(Peak):
     def colder(self, intervals, rng):
         return 1
 
+class Faints(Peak):
+    def colder(self, intervals, rng):
+        raise RuntimeError("boom")
+
+class Beyond(Peak):
+    def colder(self, intervals, rng):
+        return 7
+
+class Shy(Peak):
+    def __init__(self):
+        raise OSError("no table")
+
 class Wild:
     def cue(self, felt):
         return [float("nan")]
@@ -41,7 +53,7 @@ class Mute:
 
 nobody = 3
 '''
-POINTS = {"peak": "Peak", "stubborn": "Stubborn", "wild": "Wild", "cross": "Cross", "mute": "Mute", "nobody": "nobody",
+POINTS = {"peak": "Peak", "stubborn": "Stubborn", "faints": "Faints", "beyond": "Beyond", "shy": "Shy", "wild": "Wild", "cross": "Cross", "mute": "Mute", "nobody": "nobody",
           "gone": "Gone", "flux": "Mute"}  # fmt: skip
 FELT = Felt(np.linspace(3000.0, 1000.0, 100), np.full(100, 303.0), np.full(100, 304.0), 0.01)
 
@@ -108,6 +120,29 @@ def test_what_is_none_is_refused_before_anything_is_touched(
 def test_what_errs_is_named(installed: None, name: str, said: str) -> None:
     with pytest.raises(ObserverError, match=said):
         observer_of(name)(Person(lapse=0.0)).colder([FELT, FELT], np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("faints", "observer 'faints' (strange-observers 1.2): colder raised RuntimeError: boom"),
+        ("beyond", "colder gave 7; it must be the number of an interval, from 0"),
+        ("shy", "making it raised OSError: no table"),
+    ],
+)
+def test_decisions_that_err_are_sentences(
+    installed: None, name: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    from test_study import Hands as Touches
+    from test_study import written
+
+    monkeypatch.setattr(simulation, "Toucher", Touches)
+    study = written(tmp_path, task='kind="colder" factor="material" standard="wood"')
+    words = ["study", "simulate", str(study), "-o", str(tmp_path / "rows"), "--observers", "1", "--processes", "1"]
+    assert main([*words, "--model", name]) == 2
+    told = capsys.readouterr().err
+    assert said in told and "Traceback" not in told
 
 
 def test_a_whole_study_is_answered_by_one(installed: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

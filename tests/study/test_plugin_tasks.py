@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -40,6 +41,13 @@ class Broken(Pedal):
     def poll(self):
         raise OSError("unplugged")
 
+class Loud:
+    question = "How loud?"
+    def right(self, answer, trial):
+        return None
+    def simulated(self, observer, felt, rng):
+        return 2.0 * felt[0].mean_flux()
+
 class Unmade(Rougher):
     def __init__(self):
         raise OSError("no such port")
@@ -47,7 +55,7 @@ class Unmade(Rougher):
 nobody = 3
 """
 POINTS = {"rougher": "Rougher", "pedal": "Pedal", "twisted": "Twisted", "cross": "Cross", "odd-words": "Odd",
-          "vague": "Vague", "broken": "Broken", "unmade": "Unmade", "nobody": "nobody", "gone": "Gone",
+          "vague": "Vague", "broken": "Broken", "unmade": "Unmade", "loud": "Loud", "nobody": "nobody", "gone": "Gone",
           "identify": "Twisted"}  # fmt: skip
 
 
@@ -123,6 +131,26 @@ def test_observers_answer_it_as_the_plugin_says(
         assert {row.answer for row in store.rows() if not row.void} == {"first", "second"}
     assert main(["study", "report", str(path), str(tmp_path / "rows")]) == 0
     assert main(["study", "power", str(path), "--panel", "2"]) == 2
+
+
+def test_numbers_that_a_task_asks_for_are_in_the_report(
+    installed: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from test_study import Hands as Touches
+    from test_study import written
+
+    from itouch_tools.study import simulate as simulation
+
+    monkeypatch.setattr(simulation, "Toucher", Touches)
+    path = str(written(tmp_path, task='kind="loud" factor="material"', more='<order repetitions="2"/>'))
+    folder = tmp_path / "rows"
+    assert main(["study", "simulate", path, "-o", str(folder), "--observers", "2", "--processes", "1"]) == 0
+    assert main(["study", "report", path, str(folder)]) == 0
+    found = json.loads((folder / "report.json").read_text())["ratings"]
+    assert {one["condition"]["material"]: one["mean"] for one in found} == pytest.approx(
+        {name: 2.0 * flux for name, flux in Touches.FLUX.items()}
+    )
+    assert "Ratings" in (folder / "report.html").read_text()
 
 
 @pytest.mark.parametrize(

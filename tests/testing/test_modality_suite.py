@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from slider import Slider, SliderTwin
 
-from itouch.plugin import Field, Modality, schema
+from itouch.plugin import Contact, Field, Modality, schema
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.testing.checks import examine
@@ -155,6 +156,60 @@ def test_a_good_modality_is_not_blamed():
         f"{f.check.name}: {f.note}" for f in examine(MODALITY_CHECKS, subject(documented)) if f.outcome == "failed"
     ]
     assert not blamed
+
+
+class HearsBegins(Counter):
+    """Counts touches, and wants to hear of nothing else."""
+
+    hears = frozenset((Contact.BEGIN,))
+
+    def on_contact(self, event, model, state):
+        state[f"{model['name']}.x"] += 1.0
+
+
+TWICE = """<to pos="-40 0 25 mm" in="0.3 s"/><to pos="-40 0 45 mm" in="0.2 s"/>
+        <to pos="-40 0 25 mm" in="0.3 s"/><to pos="-20 0 25 mm" in="0.3 s"/><to pos="-20 0 45 mm" in="0.3 s"/>"""
+
+
+def test_one_that_hears_beginnings_alone_is_not_blamed_for_two_of_them():
+    one = subject(HearsBegins)
+    head, rest = made("counter.count", one.catalog).split("<motion>", 1)
+    scene = f"{head}<motion>{TWICE}</motion>{rest.split('</motion>', 1)[1]}"
+    finding = CHECKS["order"].examine(replace(one, scene=scene))
+    assert finding.outcome == "passed", finding.note
+
+
+class LiftTwin(SliderTwin):
+    """Goes up and down alone."""
+
+    def step(self, state, command, touch, period):
+        if touch.finger_attached:
+            state["place"] = (0.0, 0.0, touch.finger_pose[2])
+
+
+class Lift(Slider):
+    """An arm with one axis."""
+
+    Twin = LiftTwin
+
+
+class LiftSubject(CounterSubject):
+    """A counter beside an arm with one axis."""
+
+    @property
+    def catalog(self):
+        catalog = CounterCatalog({**super().catalog._known, "lift": Lift})
+        catalog.cls = self.cls
+        return catalog
+
+
+def test_a_touch_that_cannot_slide_is_not_called_none():
+    """An arm with one axis touches and lets go, but slides over nothing."""
+    one = LiftSubject(Counter, name="counter.count")
+    text = made("counter.count", one.catalog).replace('plugin="suite-finger"', 'plugin="lift"')
+    finding = CHECKS["order"].examine(replace(one, scene=text.replace('pos="-30 0 10 mm"', 'pos="0 0 10 mm"')))
+    assert finding.outcome == "left out"
+    assert "no touch in the scene begins, slides and ends" in finding.note
 
 
 @pytest.mark.parametrize("name", ["thermal.heat", "thermal.flux-control"])

@@ -86,13 +86,15 @@ class ModalitySubject:
     def loaded(self) -> tuple[Scene, float]:
         """The scene without a recording, and how long its touch takes [s]; its motion is replaced if none touches."""
         scene = replace(self._read(), record=None)
-        seconds = self._seen(scene)
+        seconds, touched = self._seen(scene)
         if seconds is None:
             scene = _with_touch(scene)
-            seconds = self._seen(scene)
+            seconds, again = self._seen(scene)
+            touched = touched or again
         if seconds is None:
+            missing = "no touch in the scene begins, slides and ends" if touched else "nothing is touched in the scene"
             raise NotApplicableError(
-                "nothing is touched in the scene: give one whose operator touches an object, slides over it and lets go"
+                f"{missing}: give one whose operator touches an object, slides over it and lets go"
             )
         return scene, max(seconds, self.least or 0.0)
 
@@ -129,8 +131,11 @@ class ModalitySubject:
             return load(self.scene, self.catalog)
         return loads(self.scene.encode(), self.catalog)
 
-    def _seen(self, scene: Scene) -> float | None:
-        """Return how long it takes until a touch has begun, slid and ended [s]; None if that does not come."""
+    def _seen(self, scene: Scene) -> tuple[float | None, bool]:
+        """Return how long it takes until a touch has begun, slid and ended [s], and whether there was any touch.
+
+        The time is None if that does not come.
+        """
         engine = Engine(Model.of(scene, self.catalog), seed=4)
         self.own(engine)
         touches = [_Touch(engine, probe.name) for probe in engine.model.probes]
@@ -140,7 +145,8 @@ class ModalitySubject:
             return any(whole) or engine.seconds > _LONGEST
 
         engine.run(None if engine.scripted else _LONGEST, until=over)
-        return engine.seconds + 0.1 if any(touch.done for touch in touches) else None
+        seconds = engine.seconds + 0.1 if any(touch.done for touch in touches) else None
+        return seconds, any(touch.touched for touch in touches)
 
 
 class _Touch:
@@ -149,11 +155,12 @@ class _Touch:
     def __init__(self, engine: Engine, probe: str) -> None:
         self._object, self._proxy = engine.state[f"{probe}.contact.object"], engine.state[f"{probe}.proxy"]
         self._start: Any = None
-        self.slid = self.done = False
+        self.touched = self.slid = self.done = False
 
     def whole(self) -> bool:
         """Look at this tick; tell whether a touch has begun, slid and ended."""
         if int(self._object) >= 0:
+            self.touched = True
             if self._start is None:
                 self._start = self._proxy.copy()
             self.slid = self.slid or float(np.linalg.norm(self._proxy - self._start)) > _SLIDE

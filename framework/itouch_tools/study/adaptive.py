@@ -169,7 +169,13 @@ class Running:
         self.rows.append((level, answer))
 
     def estimate(self) -> float:
-        """Return the threshold found so far; NaN as long as there is none."""
-        if self.rule.procedure == "up-down" and not self._made.Finished():
-            return math.nan
-        return float(self._made.Estimate())
+        """Return the threshold found so far; NaN as long as there is none.
+
+        An up-down procedure whose trials ran out before its reversals did has the median of the reversals that there
+        are: the first two are left out, and as many upper ones are taken as lower ones.
+        """
+        if self.rule.procedure != "up-down" or self._made.Finished():
+            return float(self._made.Estimate())
+        turns = [float(self._made.Observation(index)[0]) for index in self._made.Reversals()][2:]
+        turns = turns[len(turns) % 2 :]
+        return float(np.median(turns)) if self.finished and turns else math.nan

@@ -20,6 +20,7 @@ from itouch_tools.study.elements import CATCH, PRACTICE, TASKS, UNCOUNTED
 from itouch_tools.study.figures import BACK, OWN
 from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.store import Row
+from itouch_tools.study.tasks import choices_of
 
 #: Panels drawn for the intervals over participants.
 DRAWS = 2000
@@ -38,7 +39,10 @@ def analyse(file: StudyFile, rows: Sequence[Row], *, draws: int = DRAWS) -> dict
         "study": file.name, "task": study.task.kind, "participants": len({row.participant for row in counted}),
         "trials": len(counted), "practice": sum(row.block == PRACTICE for row in rows),
         "void": dict(Counter(row.void for row in rows if row.void)),
-        "conditions": [_condition(counted, condition, judged=judged) for condition in file.conditions()],
+        "conditions": [
+            _condition(counted, condition, judged=judged, seed=study.seed, draws=draws)
+            for condition in file.conditions()
+        ],
         "felt": _felt(file, counted),
         "skin_not_back": sum(touch.get(BACK.key) is False for row in counted for touch in row.felt or []),
     }  # fmt: skip
@@ -49,11 +53,12 @@ def analyse(file: StudyFile, rows: Sequence[Row], *, draws: int = DRAWS) -> dict
             _identification(file, rows_of, name, draws) for name, rows_of in _split(file, counted)
         ]
     if study.task.kind in ("colder", "odd"):
-        result["sensitivity"] = _sensitivity(file, counted)
-    if study.task.kind == "rate":
+        result["sensitivity"] = _sensitivity(file, counted, draws)
+    if study.task.kind == "rate" or (study.task.kind not in TASKS and not choices_of(study)):
         result["ratings"] = _ratings(file, counted, draws)
     if study.catch is not None:
-        result["catch"] = {"trials": len(caught), "right": sum(row.right or 0 for row in caught)}
+        seen = [row.right for row in caught if row.right is not None]
+        result["catch"] = {"trials": len(caught), "judged": len(seen), "right": sum(seen)}
     if (series := constant(file, counted, draws=draws)) is not None:
         result["constant"] = series
     if study.staircases:
@@ -93,6 +98,12 @@ def _share(rows: Sequence[Row]) -> float:
     return sum(judged) / len(judged) if judged else math.nan
 
 
+def _counts(rows: Sequence[Row]) -> list[tuple[int, int]]:
+    """Return how many answers of each participant were right, and how many could be."""
+    judged = [[row.right for row in person if row.right is not None] for person in _by_person(rows)]
+    return [(sum(person), len(person)) for person in judged]
+
+
 def _panel_share(panel: Sequence[Sequence[Row]]) -> float:
     shares = [share for person in panel if math.isfinite(share := _share(person))]
     return float(np.mean(shares)) if shares else math.nan
@@ -102,20 +113,26 @@ def _correct(rows: Sequence[Row], seed: int, draws: int) -> dict[str, Any]:
     """Return the proportion right: of all trials with Wilson's interval, and over participants by bootstrap."""
     rows = [row for row in rows if row.right is not None]
     right = sum(row.right or 0 for row in rows)
-    low, high = stats.participant_interval(_by_person(rows), _panel_share, seed=seed, draws=draws)
+    counts = _counts(rows)
+    low, high = stats.share_interval(counts, seed=seed, draws=draws) if len(counts) > 1 else (math.nan, math.nan)
     return {
         "right": right, "trials": len(rows), "proportion": _share(rows), "wilson_95": stats.wilson(right, len(rows)),
         "panel_mean": _panel_share(_by_person(rows)), "panel_95": (low, high),
     }  # fmt: skip
 
 
-def _condition(rows: Sequence[Row], condition: dict[str, str], *, judged: bool) -> dict[str, Any]:
+def _condition(
+    rows: Sequence[Row], condition: dict[str, str], *, judged: bool, seed: int, draws: int
+) -> dict[str, Any]:
     here = [row for row in rows if dict(row.condition) == condition]
     right = sum(row.right or 0 for row in here)
     entry: dict[str, Any] = {"condition": condition, "trials": len(here)}
     if judged:
         of = sum(row.right is not None for row in here)
-        entry |= {"proportion": _share(here), "wilson_95": stats.wilson(right, of)}
+        entry |= {
+            "proportion": _share(here), "wilson_95": stats.wilson(right, of),
+            "panel_95": stats.share_interval(_counts(here), seed=seed, draws=draws),
+        }  # fmt: skip
     return entry
 
 
@@ -141,6 +158,13 @@ def _identification(file: StudyFile, rows: Sequence[Row], name: str, draws: int)
             [row.condition[asked] for row in panel], [row.answer or "" for row in panel], labels
         )
 
+    def cell(row: int, column: int) -> tuple[float, float]:
+        people = [matrix(person)[row] for person in _by_person(rows)]
+        shares = {float(own[column] / own.sum()) for own in people if own.sum()}
+        if len(people) > 1 and len(shares) == 1:  # resampling equal people has no width
+            return stats.wilson(int(counts[row, column]), int(counts[row].sum()))
+        return over(partial(_cell, row=row, column=column))
+
     def over(statistic: Callable[[Any], float]) -> tuple[float, float]:
         return stats.participant_interval(
             _by_person(rows), lambda panel: statistic(matrix([row for person in panel for row in person])),
@@ -151,7 +175,7 @@ def _identification(file: StudyFile, rows: Sequence[Row], name: str, draws: int)
     information = stats.information_transfer(counts)
     choice = stats.choice_model(counts)
     cells = [
-        [over(partial(_cell, row=i, column=j)) for j in range(len(labels))] for i in range(len(labels))
+        [cell(i, j) for j in range(len(labels))] for i in range(len(labels))
     ] if draws else []  # fmt: skip
     return {
         "of": name, "labels": labels, "counts": counts, "intervals_95": cells,
@@ -178,17 +202,17 @@ def _cell(table: Any, row: int, column: int) -> float:
     return float(table[row, column] / total) if total else math.nan
 
 
-def _sensitivity(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Return d' of each level against the standard."""
+def _sensitivity(file: StudyFile, rows: Sequence[Row], draws: int) -> list[dict[str, Any]]:
+    """Return d' of each level against the standard, from the participants' mean share and its interval over them."""
     study = file.study
     inverse = stats.d_prime_of_oddity if study.task.kind == "odd" else _two
     found = []
     for factor in study.factors:
         for level in factor.names if factor.name == study.task.factor else ():
             here = [row for row in rows if row.condition.get(factor.name) == level and row.right is not None]
-            right = sum(row.right or 0 for row in here)
-            ends = [inverse(end) for end in stats.wilson(right, len(here))]
-            value = inverse(_share(here)) if here else math.nan
+            interval = stats.share_interval(_counts(here), seed=study.seed, draws=draws)
+            ends = [inverse(end) for end in interval] if here else list(interval)
+            value = inverse(_panel_share(_by_person(here))) if here else math.nan
             found.append({"level": level, "trials": len(here), "d_prime": value, "d_prime_95": ends})
     return found
 
@@ -198,19 +222,38 @@ def _two(correct: float) -> float:
 
 
 def _ratings(file: StudyFile, rows: Sequence[Row], draws: int) -> list[dict[str, Any]]:
-    def mean(panel: Sequence[Sequence[Row]]) -> float:
-        return float(np.mean([np.mean([float(row.answer or "nan") for row in person]) for person in panel]))
+    """Return the mean of each condition over participants; of ratings all above 0 the geometric mean, too.
 
-    found = []
+    The geometric mean is that of magnitude estimation, where each participant's numbers have a scale of their own.
+    """
+
+    def means(panel: Sequence[Sequence[Row]]) -> list[float]:
+        return [float(np.mean([float(row.answer or "nan") for row in person])) for person in panel]
+
+    def mean(panel: Sequence[Sequence[Row]]) -> float:
+        return float(np.mean(means(panel)))
+
+    def geometric(panel: Sequence[Sequence[Row]]) -> float:
+        logs = [np.mean([math.log(float(row.answer or "nan")) for row in person]) for person in panel]
+        return math.exp(float(np.mean(logs)))
+
+    positive = all(float(row.answer or "nan") > 0.0 for row in rows)
+    found: list[dict[str, Any]] = []
     for condition in file.conditions():
         people = _by_person([row for row in rows if dict(row.condition) == condition])
         interval = stats.participant_interval(people, mean, seed=file.study.seed, draws=draws)
-        found.append({"condition": condition, "mean": mean(people) if people else math.nan, "panel_95": interval})
+        entry = {"condition": condition, "mean": mean(people) if people else math.nan, "panel_95": interval}
+        if positive:
+            entry |= {
+                "geometric_mean": geometric(people) if people else math.nan,
+                "geometric_95": stats.participant_interval(people, geometric, seed=file.study.seed, draws=draws),
+            }
+        found.append(entry)
     return found
 
 
 def _staircase(file: StudyFile, rows: Sequence[Row], name: str) -> dict[str, Any]:
-    """Return each person's threshold, and a function fitted to all of their trials."""
+    """Return each person's threshold, their mean, and its interval over participants."""
     from itouch_tools.study.adaptive import Running
 
     rule = next(one for one in file.study.staircases if one.name == name).rule()

@@ -66,19 +66,36 @@ def point_of_equality(counts: Sequence[tuple[float, int, int]]) -> tuple[float, 
     """Return the level that is judged colder as often as not, and the difference from there to three of four.
 
     A normal function from 0 to 1, with 2 % of answers that are given blindly, rising or falling with the level.  Both
-    are NaN where the answers do not bound them.
+    are NaN where the answers do not bound them, or the point of equality would lie beyond the levels that were shown.
     """
-    if len(counts) < LEAST:
+    found = _fitted(counts)
+    return (math.nan, math.nan) if found is None else (found[0] * found[1].threshold, QUARTILE * found[1].spread)
+
+
+def interval_of_equality(counts: Sequence[tuple[float, int, int]]) -> tuple[float, float]:
+    """Return the 95 % profile interval of the point of equality; an end is NaN where the answers do not bound it."""
+    found = _fitted(counts)
+    if found is None:
         return math.nan, math.nan
+    sign, best = found
+    levels, chosen, trials = (np.array(each, float) for each in zip(*counts, strict=True))
+    ends = stats.profile_interval(sign * levels, chosen, trials, best)
+    low, high = sorted(sign * end for end in ends)
+    return (low if math.isfinite(low) else math.nan), (high if math.isfinite(high) else math.nan)
+
+
+def _fitted(counts: Sequence[tuple[float, int, int]]) -> tuple[float, stats.Psychometric] | None:
+    """Return the better of a rising (1) and a falling (-1) function; None where the answers do not bound it."""
+    if len(counts) < LEAST:
+        return None
     levels, chosen, trials = (np.array(each, float) for each in zip(*counts, strict=True))
     blind = 0.5 * LAPSE
     ways = [
         (sign, stats.fit_psychometric(sign * levels, chosen, trials, guess=blind, lapse=blind)) for sign in (1.0, -1.0)
     ]
     sign, best = min(ways, key=lambda way: way[1].loss)
-    if best.bounded:
-        return math.nan, math.nan
-    return sign * best.threshold, QUARTILE * best.spread
+    inside = levels.min() <= sign * best.threshold <= levels.max()
+    return None if best.bounded or not inside else (sign, best)
 
 
 def constant(file: StudyFile, rows: Sequence[Row], *, draws: int) -> dict[str, Any] | None:
@@ -99,8 +116,16 @@ def constant(file: StudyFile, rows: Sequence[Row], *, draws: int) -> dict[str, A
                 values, lambda some: float(np.mean(some)), seed=file.study.seed, draws=draws
             ),
         }  # fmt: skip
+    counts = {person: judged_colder(file, [r for r in rows if r.participant == person]) for person in people}
+    named["equal"]["people_95"] = {person: interval_of_equality(own) for person, own in counts.items()}
     series = [
-        {"level": level, "chosen": chosen, "trials": trials, "wilson_95": stats.wilson(chosen, trials)}
+        {
+            "level": level, "chosen": chosen, "trials": trials, "wilson_95": stats.wilson(chosen, trials),
+            "panel_95": stats.share_interval(
+                [(c, n) for own in counts.values() for at, c, n in own if at == level],
+                seed=file.study.seed, draws=draws,
+            ),
+        }
         for level, chosen, trials in judged_colder(file, rows)
-    ]
+    ]  # fmt: skip
     return {"factor": file.study.task.factor, "standard": file.study.task.standard, "series": series, **named}

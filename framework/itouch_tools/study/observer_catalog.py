@@ -7,7 +7,7 @@ as those of `Observer`; ``self.person`` holds the person's noise, memory, lapses
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -59,17 +59,55 @@ def observer_of(name: str) -> type[Observer]:
         raise ObserverError(f"{whose} is no class with a method cue(self, felt)")
     if issubclass(loaded, Observer):
         return loaded
-    own = {"__init__": _made(loaded), "cue": _checked(loaded, whose), "__doc__": loaded.__doc__}
+    own = {"__init__": _made(loaded, whose), "cue": _checked(loaded, whose), "__doc__": loaded.__doc__}
+    own |= {name: _decides(getattr(loaded, name), name, whose) for name in DECISIONS if hasattr(loaded, name)}
     return type(loaded.__name__, (loaded, Observer), own)
 
 
-def _made(loaded: Any) -> object:
+def _made(loaded: Any, whose: str) -> object:
     def init(self: Observer, person: Person) -> None:
         Observer.__init__(self, person)
         if loaded.__init__ is not object.__init__:
-            loaded.__init__(self)
+            try:
+                loaded.__init__(self)
+            except Exception as error:  # a stranger's code may raise anything
+                raise ObserverError(f"{whose}: making it raised {type(error).__name__}: {error}") from error
 
     return init
+
+
+def _decides(own: Any, name: str, whose: str) -> object:
+    """Return a stranger's decision that is one of the answers that there are, or a sentence."""
+    allowed, what = DECISIONS[name]
+
+    def decide(self: Observer, felt: Any, *rest: Any) -> Any:
+        try:
+            found = own(self, felt, *rest)
+        except ObserverError:  # of its cue, which is a sentence already
+            raise
+        except Exception as error:  # a stranger's code may raise anything
+            raise ObserverError(f"{whose}: {name} raised {type(error).__name__}: {error}") from error
+        if not allowed(found, felt, rest):
+            raise ObserverError(f"{whose}: {name} gave {found!r}; it must be {what}")
+        return found
+
+    return decide
+
+
+def _is_place(found: Any, felt: Any, _: Sequence[Any]) -> bool:
+    return isinstance(found, int | np.integer) and not isinstance(found, bool) and 0 <= int(found) < len(felt)
+
+
+#: The decisions that a plugin's observer may make itself: whether what it says is an answer, and what one is.
+DECISIONS: Mapping[str, tuple[Callable[[Any, Any, Sequence[Any]], bool], str]] = {
+    "identify": (
+        lambda found, _, rest: isinstance(found, str) and found in rest[0],
+        "one of the names that it is given",
+    ),
+    "colder": (_is_place, "the number of an interval, from 0"),
+    "odd": (_is_place, "the number of an interval, from 0"),
+    "same": (lambda found, _, __: isinstance(found, bool | np.bool_), "True or False"),
+}
 
 
 def _checked(loaded: type, whose: str) -> object:

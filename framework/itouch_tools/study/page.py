@@ -47,11 +47,17 @@ def _lead(result: dict[str, Any]) -> str:
     why = ", ".join(f"{reason} ({count})" for reason, count in sorted(result["void"].items()))
     rest = f"{result['practice']} of practice; {void} void" + (f": {escape(why)}" if why else "")
     if "catch" in result:
-        rest += f"; {result['catch']['right']} of {result['catch']['trials']} catch trials right"
+        rest += "; " + _catch(result["catch"])
     late = result["skin_not_back"]
     if late:
         rest += f"; the skin was not back before {late} {'touch that counts' if late == 1 else 'touches that count'}"
     return f'<p class="lead">{text}.</p><p class="note">{rest}.</p>'
+
+
+def _catch(found: dict[str, int]) -> str:
+    if not found["judged"]:
+        return f"{found['trials']} catch trials, in which no answer is right or wrong"
+    return f"{found['right']} of {found['judged']} catch trials right"
 
 
 def _percent(value: float | None) -> str:
@@ -120,19 +126,29 @@ def _sections(result: dict[str, Any]) -> list[str]:
     rows: list[tuple[Any, ...]]
     if "correct" in result:
         rows = [
-            (_name(one["condition"]), one["trials"], _percent(one["proportion"]), _interval(one["wilson_95"]).strip())
+            (_name(one["condition"]), one["trials"], _percent(one["proportion"]), _interval(one["panel_95"]).strip())
             for one in result["conditions"]
         ]
         parts.append("<h2>Right answers</h2>" + _table(("condition", "trials", "right", "95 %"), rows))
     if "sensitivity" in result:
-        rows = [(s["level"], s["trials"], _number(s["d_prime"])) for s in result["sensitivity"]]
-        parts.append("<h2>Sensitivity</h2>" + _table(("level", "trials", "d'"), rows))
+        rows = [
+            (s["level"], s["trials"], _number(s["d_prime"]), _interval(s["d_prime_95"], percent=False).strip())
+            for s in result["sensitivity"]
+        ]
+        parts.append("<h2>Sensitivity</h2>" + _table(("level", "trials", "d'", "95 %"), rows))
     if "ratings" in result:
         rows = [
             (_name(one["condition"]), _number(one["mean"]), _interval(one["panel_95"], percent=False).strip())
             for one in result["ratings"]
         ]
-        parts.append("<h2>Ratings</h2>" + _table(("condition", "mean", "95 %"), rows))
+        head: tuple[str, ...] = ("condition", "mean", "95 %")
+        if any("geometric_mean" in one for one in result["ratings"]):
+            head += ("geometric mean", "95 %")
+            rows = [
+                (*row, _number(one["geometric_mean"]), _interval(one["geometric_95"], percent=False).strip())
+                for row, one in zip(rows, result["ratings"], strict=True)
+            ]
+        parts.append("<h2>Ratings</h2>" + _table(head, rows))
     if "constant" in result:
         parts += _constant(result["constant"])
     for one in result.get("staircases", []):
@@ -164,7 +180,7 @@ def _constant(found: dict[str, Any]) -> list[str]:
             f"{one['level']:g}",
             one["trials"],
             _percent(one["chosen"] / one["trials"]),
-            _interval(one["wilson_95"]).strip(),
+            _interval(one["panel_95"]).strip(),
         )
         for one in found["series"]
     ]
@@ -172,7 +188,11 @@ def _constant(found: dict[str, Any]) -> list[str]:
     parts = [f"<h2>Judged colder than {escape(found['standard'])}</h2>" + _table(head, rows)]
     equal, threshold = found["equal"], found["threshold"]
     rows = [
-        (person, _number(value, 3), _number(threshold["people"][person], 3))
+        (
+            person,
+            _number(value, 3) + _interval(equal["people_95"][person], percent=False),
+            _number(threshold["people"][person], 3),
+        )
         for person, value in equal["people"].items()
     ]
     rows.append(

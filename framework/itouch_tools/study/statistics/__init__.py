@@ -36,7 +36,7 @@ from itouch_tools.study.statistics.psychometric import (
     profile_interval,
 )
 from itouch_tools.study.statistics.regression import Term, logistic_gee
-from itouch_tools.study.statistics.resampling import participant_interval
+from itouch_tools.study.statistics.resampling import participant_interval, share_interval
 
 __all__ = [
     "Choice",
@@ -67,6 +67,7 @@ __all__ = [
     "participant_interval",
     "profile_interval",
     "proportion_correct",
+    "share_interval",
     "tost",
     "wilson",
 ]

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from itouch_tools.study.statistics.proportions import wilson
+
 T = TypeVar("T")
 
 
@@ -51,6 +53,36 @@ def participant_interval(
     left = np.array([statistic([*participants[:i], *participants[i + 1 :]]) for i in range(count)])
     low, high = _corrected_levels(values, seen, left, level)
     return float(np.quantile(values, low)), float(np.quantile(values, high))
+
+
+def share_interval(
+    counts: Sequence[tuple[int, int]], *, seed: int, draws: int = 2000, level: float = 0.95
+) -> tuple[float, float]:
+    """Return the interval of the participants' mean share, from each one's (successes, trials).
+
+    It is `participant_interval` of their shares.  Where all have the same share, resampling them has no width: 12
+    people who are right in 10 of 10 would have [1, 1], which never covers a truth of 99 %.  Then, and for one
+    participant, it is Wilson's interval of all answers.
+
+    Parameters
+    ----------
+    counts
+        Successes and trials of each participant; one without trials is left out.
+    seed, draws, level
+        As of `participant_interval`.
+
+    Returns
+    -------
+    tuple of float
+        NaN where there are no trials.
+    """
+    held = [(right, trials) for right, trials in counts if trials]
+    if not held:
+        return math.nan, math.nan
+    shares = [right / trials for right, trials in held]
+    if len(set(shares)) == 1:
+        return wilson(sum(right for right, _ in held), sum(trials for _, trials in held), level=level)
+    return participant_interval(shares, lambda some: sum(some) / len(some), seed=seed, draws=draws, level=level)
 
 
 def _corrected_levels(
