@@ -17,6 +17,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from statistics import median
 from types import TracebackType
 from typing import Any, Self
 
@@ -114,6 +115,7 @@ class Falcon:
         self._position: kinematics.Vector | None = None
         self._when = self._late = 0.0
         self._speed: tuple[float, ...] = (0.0, 0.0, 0.0)
+        self._speeds: list[tuple[float, ...]] = []
 
     def __enter__(self) -> Self:
         return self if self.is_open else self.open()
@@ -375,9 +377,14 @@ class Falcon:
         since = now - self._when
         if before is not None and before.homed == reply.homed and 0.0 < since < _COASTS and not self._late:
             speed = tuple((a - b) / since for a, b in zip(reply.encoders, before.encoders, strict=True))
+            # a wrong letter that was believed is seen in two of them, forth and back: the median knows nothing of it,
+            # so that it does not widen what is believed of the next frame
+            self._speeds = [*self._speeds[-2:], speed]
+            if len(self._speeds) == 3:
+                speed = tuple(map(median, zip(*self._speeds, strict=True)))
             self._speed = speed if max(map(abs, speed)) < _JUMP_RATE else (0.0, 0.0, 0.0)
         else:
-            self._speed = (0.0, 0.0, 0.0)
+            self._speed, self._speeds = (0.0, 0.0, 0.0), []
         self._last, self._when = reply, now
 
 

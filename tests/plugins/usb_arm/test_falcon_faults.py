@@ -192,7 +192,10 @@ def test_one_wrong_letter_in_ten_ends_nothing(seed: int) -> None:
             arm.faults.wrong = int(rng.random() < 0.1)
             reading = falcon.read()
             assert reading.valid
-            assert np.abs(reading.position - arm.mechanics.position).max() < BELIEVED[0]
+            # nobody holds the arm at first, and it moves at up to 1 m/s: what is believed grows with its speed as above
+            speed = float(np.linalg.norm(arm.mechanics.velocity))
+            most = BELIEVED[0] + (BELIEVED[1] - BELIEVED[0]) * speed / 0.2
+            assert np.abs(reading.position - arm.mechanics.position).max() < most
 
 
 def test_a_frame_that_came_late_is_no_measure_of_the_next() -> None:
