@@ -699,3 +699,16 @@ def test_a_glance_knows_for_how_long_its_tick_was_held(
         rig.place[2] += 0.008
         with pytest.raises(DeviceFaultError, match="not believable"):
             rig.it.read(3)
+
+
+@pytest.mark.parametrize("number", [0, 1, 3, 99])
+def test_what_is_written_over_a_status_changes_nothing_of_what_a_device_may_do(number: int) -> None:
+    rig = Rig().enabled()
+    rig.state["it.status"] = number
+    with pytest.raises(DeviceFaultError, match=f"something has written {number} over its status"):
+        rig.it.send(1)
+    assert rig.it.status is Status.ENABLED  # it is for the safe sequence to change that
+    rig.it.fault(Trip.MODALITY_ERROR, 1)
+    rig.state["it.status"] = number
+    rig.it.send(2)  # what is stopped is sent what is safe, whatever State says
+    assert rig.it.status is Status.FAULT
