@@ -115,9 +115,12 @@ class Rig:
     def stop(self, device: str, trip: Trip = Trip.TRACKING) -> Outcome:
         after: list[int] = []
         begin = self.state["tick"].item()
-        outcome = self.sequence.carry_out(
-            DeviceFaultError(device, 0, trip, "has failed"), lambda: after.append(self.state["tick"].item())
-        )
+
+        def note() -> None:
+            after.append(self.state["tick"].item())
+            assert self.state["stopping"].item() == 1
+
+        outcome = self.sequence.carry_out(DeviceFaultError(device, 0, trip, "has failed"), note)
         assert after == list(range(begin + 1, begin + len(after) + 1))
         assert self.state["stopping"].item() == 0
         assert 0.0 < outcome.seconds <= len(after) * PERIOD * (1.0 + 1e-9)  # safe by then; minded until all stands

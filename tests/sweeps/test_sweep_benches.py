@@ -7,6 +7,7 @@ import random
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pyarrow as pa
@@ -100,6 +101,8 @@ def test_what_goes_on_working_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(deaths, "GONE", 0.2)
     left = subprocess.Popen(["sleep", "100"], env={"ITOUCH_SWEEP_DEATHS": "some mark"})
     try:
+        while not Path(f"/proc/{left.pid}/environ").read_bytes():  # a program that has just begun shows none yet
+            time.sleep(0.01)
         assert deaths._left("some mark") == 1
     finally:
         left.kill()
