@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from campaign import seeds
+from campaign import seeds, some
 from plain_falcon import PlainFalcon
 
 from itouch_usb_arm import Disconnected, Falcon, FalconError, Timeout, boot
@@ -181,7 +181,7 @@ def test_a_wrong_letter_is_not_believed(moving: int) -> None:
     assert max(wrong) < BELIEVED[moving]
 
 
-@pytest.mark.parametrize("seed", seeds(3, 20))
+@pytest.mark.parametrize("seed", some(range(20), lambda seed: seed < 3 or seed in (12, 14)))  # two in a row
 def test_one_wrong_letter_in_ten_ends_nothing(seed: int) -> None:
     arm, falcon, time = rig(running=True, seed=seed)
     rng = np.random.default_rng(seed)
