@@ -141,4 +141,4 @@ def test_ratings_above_nought_have_a_geometric_mean(tmp_path: Path) -> None:
     assert by["steel"]["geometric_mean"] == pytest.approx(80.0)
     assert by["wood"]["mean"] == pytest.approx(101.0)
     assert "geometric mean" in text
-    assert "1 catch trials, in which no answer is right or wrong" in text  # none of one is not an error of somebody
+    assert "1 catch trial, in which no answer is right or wrong" in text  # none of one is not an error of somebody

@@ -55,9 +55,11 @@ def _lead(result: dict[str, Any]) -> str:
 
 
 def _catch(found: dict[str, int]) -> str:
+    of = found["judged"] or found["trials"]
+    trials = f"{of} catch trial{'' if of == 1 else 's'}"
     if not found["judged"]:
-        return f"{found['trials']} catch trials, in which no answer is right or wrong"
-    return f"{found['right']} of {found['judged']} catch trials right"
+        return f"{trials}, in which no answer is right or wrong"
+    return f"{found['right']} of {trials} right"
 
 
 def _percent(value: float | None) -> str:
