@@ -80,6 +80,25 @@ def test_contacts_on_the_wires_are_those_on_twins(scene: Path, tmp_path: Path) -
     assert not (tmp_path / "table").exists()
 
 
+def test_a_loop_that_is_late_in_a_touch_goes_on_with_the_finger_as_it_is(scene: Path) -> None:
+    """The loop sleeps for 0.2 s soon after the finger has come: display and finger go on by themselves."""
+    wires = Lockstep(str(scene), only=("peltier",))
+    state, asleep = wires.host.state, []
+
+    def sleep(tick: int) -> None:
+        if state["flux-control.touching"].item() and tick == state["flux-control.begun"].item() + 30 and not asleep:
+            asleep.append(tick)
+            for _ in range(200):
+                wires.rig.step()
+            wires.host.leave_out(0.2, running=True)
+
+    wires.host.taps.append(sleep)
+    (contact,) = wires.run()["contacts"]
+    assert asleep
+    assert contact["true_error_rms"] < 0.03
+    assert contact["estimate_error_rms"] < 0.03
+
+
 def test_two_rigs_in_step_run_at_once() -> None:
     """Their scene names fixed ports; each rig has its own."""
     scene = str(SCENES / "four_materials_wire.xml")

@@ -191,12 +191,36 @@ class Engine:
         """Host seconds since the last tick ended."""
         return now() - float(self.stamps[-1])
 
-    def leave_out(self, seconds: float) -> None:
-        """Let time go on for hardware that nobody has read for so long."""
+    def leave_out(self, seconds: float, *, running: bool = False) -> None:
+        """Let time go on that no tick stands for: budgets, and what modalities know of real fingers and displays.
+
+        Parameters
+        ----------
+        seconds
+            For how long nobody has read the hardware [s].
+        running
+            Whether a loop that was late leaves it out, in which the monitors of twins count it as well.
+
+        Raises
+        ------
+        DeviceFaultError
+            If a modality fails; all devices have been made safe.
+        """
         periods = round(seconds / self.model.period)
-        for runner in self._all if periods > 1 else ():
-            if not runner.model.twin:
+        if periods <= 1:
+            return
+        for runner in self._all:
+            if running or not runner.model.twin:
                 runner.leave_out(periods)
+        if all(runner.model.twin for runner in self._all):
+            return
+        for rig in self._rigs:
+            rig.toucher.settle()
+        try:
+            self._events.left_out(periods * self.model.period, self.ticks)
+        except DeviceFaultError as fault:
+            self.make_safe(fault)
+            raise
 
     def status(self, device: str) -> Status:
         """Return what a device may do now."""

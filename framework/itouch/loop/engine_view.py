@@ -73,8 +73,8 @@ class Running(Protocol):
     def tick(self) -> None:
         """Advance by one servo period."""
 
-    def leave_out(self, seconds: float) -> None:
-        """Let time go on for hardware that nobody has read for so long."""
+    def leave_out(self, seconds: float, *, running: bool = False) -> None:
+        """Let time go on that no tick stands for."""
 
     def make_safe(self, fault: DeviceFaultError) -> None:
         """Make every device safe because of a fault."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 from itouch.loop import interpreter
 from itouch.loop.fault_attribution import foreign_write, modality_fault, with_replaced
@@ -41,21 +42,36 @@ class Events:
         if event.kind is Contact.END:
             self._log(event)
 
+    def left_out(self, seconds: float, tick: int) -> None:
+        """Let modalities know that so many seconds [s] were left out before a tick.
+
+        Raises
+        ------
+        DeviceFaultError
+            If one fails, or writes what is not its own.
+        """
+        for one, view, fence in self._modalities:
+            self._call(one, fence, "left_out", tick, partial(one.instance.left_out, one.model, view, seconds))
+
     def _tell(self, event: ContactEvent, one: ModalityModel, view: Record, fence: Fence) -> None:
+        self._call(one, fence, "on_contact", event.tick, partial(one.instance.on_contact, event, one.model, view))
+
+    def _call(self, one: ModalityModel, fence: Fence, method: str, tick: int, call: Callable[[], None]) -> None:
+        """Call a method of a modality; what it raises, or writes elsewhere, is a fault."""
         fence.take()
         try:
-            one.instance.on_contact(event, one.model, view)
+            call()
         except KeyboardInterrupt as interrupted:  # Ctrl-C; whoever it was, it is told where it came
-            interrupted.add_note(f"in on_contact of modality '{one.name}'")
+            interrupted.add_note(f"in {method} of modality '{one.name}'")
             raise
         except BaseException as error:  # a plugin that exits does not end the program
             replaced = interpreter.put_back()  # first: all else needs it
-            fault = modality_fault(self._model, one.instance, "on_contact", event.tick, error)
+            fault = modality_fault(self._model, one.instance, method, tick, error)
             raise with_replaced(fault, replaced) from error
         finally:
             changed = fence.mend()
         if changed:
-            raise foreign_write(self._model, [one], changed, event.tick)
+            raise foreign_write(self._model, [one], changed, tick)
 
     def _remember(self, event: ContactEvent) -> None:
         count = int(self._count)

@@ -74,7 +74,7 @@ class Pacing:
                 return
             late = engine.times.late = engine.clock.wait() if real else 0.0
             if late > HOPELESS * engine.model.period:  # what is read now is of now, not of a period after the last
-                self._leave_out(late)
+                engine.leave_out(late, running=True)
             if real:
                 begin, waited = processor_time(), waits()
             engine.tick()
@@ -111,7 +111,3 @@ class Pacing:
         if late > HOPELESS * engine.model.period:  # a burst of ticks would not undo what was missed
             engine.times.skip(round(late / engine.model.period))
             engine.clock.start(engine.model.period)
-
-    def _leave_out(self, late: float) -> None:
-        for runner in self._engine.runners:
-            runner.leave_out(round(late / self._engine.model.period))

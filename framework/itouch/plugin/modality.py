@@ -308,6 +308,14 @@ class Modality(ABC):
     def update(self, model: Any, state: Record, period: float) -> None:
         """Advance its fields by one period and write its commands."""
 
+    def left_out(self, model: Any, state: Record, seconds: float) -> None:  # noqa: B027
+        """Let time go on in its fields: between two ticks, a loop that was late has left out so many seconds [s].
+
+        Called with hardware in the rig only, before the tick that comes next: a real finger has gone on touching, and a
+        real display heating, while nobody looked.  Readings are still those from before.  Simulated devices have stood
+        still; who models what one of these does (``WorldDevice.twin``) has nothing to do.
+        """
+
     def witness(self, model: Any, state: Record, twins: Mapping[str, Record]) -> None:  # noqa: B027
         """Take note of what is true, for its figures: a virtual rig that runs the scene in step shows its twins' State.
 

@@ -101,6 +101,11 @@ class Recording(Shown, Mapping[str, NDArray[Any]]):
         return self._letters("/log/marks")
 
     @property
+    def left_out(self) -> list[dict[str, Any]]:
+        """Time that a late loop has left out: tick before which, time [s], seconds, 1 if a run was under way."""
+        return self._letters("/log/left_out")
+
+    @property
     def faults(self) -> list[dict[str, Any]]:
         """Faults: tick, time [s], device, trip, cause."""
         return self._letters("/log/faults")

@@ -37,6 +37,7 @@ LETTERS: dict[str, dict[str, Any]] = {
                 "point": "number[]", "normal": "number[]", "distance": "number", "speed": "number",
                 "tangential_velocity": "number[]", "penetration": "number", "force": "number", "area": "number"},
     "/log/marks": {"tick": "integer", "time": "number", "name": "string", "payload": "string"},
+    "/log/left_out": {"tick": "integer", "time": "number", "seconds": "number", "running": "integer"},
     "/log/faults": {"tick": "integer", "time": "number", "device": "string", "trip": "string", "cause": "string"},
     "/log/lifecycle": {"tick": "integer", "time": "number", "device": "string", "status": "string"},
     "/log/timing": {"tick": "integer", "time": "number", "p50": "number", "p99": "number", "max": "number",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -81,6 +81,7 @@ class Replay:
         self.ticks = self.skipped = 0
         self._starts, self._failed = _starts(recording), _failures(recording)
         self._marks = {int(m["tick"]): m for m in recording.marks}
+        self._left_out = _by_tick(recording.left_out)
         for runner in self.session.runners:
             name = runner.model.name
             if runner.twin is not None:
@@ -104,6 +105,7 @@ class Replay:
         for runner in self._real:
             runner.slip[0] = LATE
         self._mark(tick)
+        self._leave_out(tick)
         begin, failed = feed.at, self._failed.pop(tick, None)
         if failed is not None:
             return self._fail(tick, failed)
@@ -155,6 +157,11 @@ class Replay:
 
             marks.put(self.session.state, str(mark["name"]).encode(), str(mark["payload"]).encode())
 
+    def _leave_out(self, tick: int) -> None:
+        """Leave out what the loop has left out before this tick."""
+        for said in self._left_out.get(tick, ()):
+            self.session.leave_out(float(said["seconds"]), running=bool(said["running"]))
+
     def _after(self, tick: int) -> None:
         feed = self.feed
         if feed.at < len(feed.ticks) and int(feed.ticks[feed.at]) == tick:
@@ -193,6 +200,14 @@ class Replay:
         self.comparison.settle()
         found = self.comparison
         return Outcome(self.ticks, found.compared, found.mismatches, found.first, self.skipped, self.recording.losses)
+
+
+def _by_tick(letters: Iterable[Mapping[str, Any]]) -> dict[int, list[Mapping[str, Any]]]:
+    """Return messages by tick, in their order."""
+    found: dict[int, list[Mapping[str, Any]]] = {}
+    for letter in letters:
+        found.setdefault(int(letter["tick"]), []).append(letter)
+    return found
 
 
 def _failures(recording: Recording) -> dict[int, Mapping[str, Any]]:

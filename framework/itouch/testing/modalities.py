@@ -226,10 +226,13 @@ def own_fields(subject: ModalitySubject) -> None:
             engine.run(subject.seconds / 60)
             _writes(engine, modality, "update", (f"{modality.name}.", *commands))
             _writes(engine, modality, "on_contact", (f"{modality.name}.", *commands))
+            _writes(engine, modality, "left_out", (f"{modality.name}.", *commands))
             for silent in ("measures", "status", "report"):
                 _writes(engine, modality, silent, ())
 
 
+#: For how long [s] a loop is said to have been late.
+_LEFT_OUT = 0.05
 #: What no one commands.
 _UNLIKELY = 1.2345e-6
 
@@ -245,6 +248,8 @@ def _writes(engine: Engine, modality: ModalityModel, name: str, allowed: tuple[s
         instance.update(model, scratch, engine.model.period * modality.every)
     elif name == "on_contact" and event is not None:
         instance.on_contact(event, model, scratch)
+    elif name == "left_out":
+        instance.left_out(model, scratch, _LEFT_OUT)
     elif name == "measures" and event is not None:
         instance.measures(model, scratch, event.probe, event.object_index)
     elif name == "status":
@@ -263,7 +268,7 @@ def _writes(engine: Engine, modality: ModalityModel, name: str, allowed: tuple[s
             "a field of somebody else's"
             if allowed
             else f"{name} is asked now and then, or never, and must change nothing",
-            "write only NAME.* and the commands that commands() names, in on_contact and update",
+            "write only NAME.* and the commands that commands() names, in on_contact, update and left_out",
         )
 
 

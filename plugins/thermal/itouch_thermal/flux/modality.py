@@ -190,6 +190,16 @@ class FluxControl(Modality):
             current = masked(current, model.preset_noise, model.current, tick)
         actuation.issue(model, state, current, model.hold)
 
+    def left_out(self, model: FluxModel, state: Record, seconds: float) -> None:
+        """Let the law go on under the current that has left last; the touch is older by so much."""
+        if model.truth:  # a simulated display, and the finger on it, have stood still
+            return
+        names, periods = model.names, round(seconds / model.period)
+        if model.law is not None:
+            predictive.leave_out(model, state, periods)
+        for moment in (names.begun, names.preset_begun):
+            state[moment] -= periods
+
     def bound_update(self, model: FluxModel, state: Record, period: float) -> tuple[Bound, ...]:
         """Return the update of these views as compiled calls, which leave to Python what begins or ends."""
         if model.law is None or model.preview is None or not joined.joins(model, state):

@@ -133,6 +133,16 @@ def _late(model: FluxModel, state: Record) -> int:
     return min(LATE, max(1, int(force / grown + 0.5))) if grown > 0.0 else 1
 
 
+def leave_out(model: FluxModel, state: Record, periods: int) -> None:
+    """Count so many periods in which no tick was run among those that are caught up with in the next one.
+
+    Only then is it known which current has left in them.
+    """
+    state[model.names.tracked] -= periods
+    if model.wire:
+        wires.leave_out(model, state, periods)
+
+
 def take_off(model: FluxModel, state: Record, tick: int) -> None:
     """End a touch, between two updates if it must be."""
     if model.law is not None and state[model.names.on_plate].item():

@@ -105,9 +105,13 @@ def keep_ahead(
     every ``hold`` ticks.  ``finger``, ``below`` and ``desired`` are those of now, as in `begin_at`.
     """
     reached, wanted = ahead.reached[0], ticks + horizon
-    if steady:
+    if reached < ticks:  # periods were left out
+        begin_at(ahead, finger, below, desired, ticks)
+        go_on(ahead, resistance, press, min(horizon, CATCH_UP * hold))
+        stay(ahead, wanted)
+    elif steady:
         go_on(ahead, resistance, press, min(wanted - reached, CATCH_UP * hold))
-    elif reached >= wanted - hold or reached < ticks:
+    elif reached >= wanted - hold:
         begin_at(ahead, finger, below, desired, ticks)
         go_on(ahead, resistance, press, min(horizon, STRIDE * hold))
     else:
