@@ -124,6 +124,7 @@ def test_the_sum_by_hand() -> None:
     assert crc(b"123456789") == 0x29B1  # the catalogue's check value
     assert unseal_2(seal_2("I 1 2.5")) == "I 1 2.5"
     assert unseal(seal_2("I 1 2.5")) is None
+    assert unseal_2(seal_2("I 12 1.50000").replace(b"C1B9", b"c1B9")) is None  # one bit, in the sum itself
 
 
 @given(st.binary(min_size=1, max_size=3), st.integers(0, 20), st.floats(-3, 3))

@@ -80,20 +80,22 @@ def seal_2(text: str) -> bytes:
 
 
 def unseal(line: bytes) -> str | None:
-    """Return a line's text, or None if its check sum, of version 1, is wrong."""
-    return _unseal(line, 2, seal)
+    """Return a line's text, or None if its check sum, of version 1, is wrong; its letters may be small."""
+    return _unseal(line, 2, seal, str.upper)
 
 
 def unseal_2(line: bytes) -> str | None:
     """Return a line's text, or None if its check sum, of version 2, is wrong."""
-    return _unseal(line, 4, seal_2)
+    return _unseal(line, 4, seal_2, str)
 
 
-def _unseal(line: bytes, digits: int, sealed: Callable[[str], bytes]) -> str | None:
+def _unseal(
+    line: bytes, digits: int, sealed: Callable[[str], bytes], spelt: Callable[[str], str]
+) -> str | None:  # fmt: skip
     body, star, check = line.strip(b"\r\n").decode("ascii", "replace").rpartition("*")
     if not star or len(check) != digits or not body.isascii():
         return None
-    return body if sealed(body)[-1 - digits : -1].decode() == check.upper() else None
+    return body if sealed(body)[-1 - digits : -1].decode() == spelt(check) else None
 
 
 class LineDriver:
