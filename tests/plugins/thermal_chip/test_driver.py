@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from itouch.plugin import DeviceError, Terminal
@@ -124,16 +124,16 @@ def test_the_sum_by_hand() -> None:
     assert crc(b"123456789") == 0x29B1  # the catalogue's check value
     assert unseal_2(seal_2("I 1 2.5")) == "I 1 2.5"
     assert unseal(seal_2("I 1 2.5")) is None
-    assert unseal_2(seal_2("I 12 1.50000").replace(b"C1B9", b"c1B9")) is None  # one bit, in the sum itself
 
 
+@example(b"c", 13, 1.5)
 @given(st.binary(min_size=1, max_size=3), st.integers(0, 20), st.floats(-3, 3))
 def test_a_burst_of_three_bytes_at_most_is_always_seen(burst: bytes, at: int, amps: float) -> None:
-    """A CRC of 16 bits sees every burst of 16 bits; of three bytes it misses one in 65536."""
+    """A CRC of 16 bits sees every burst of 16 bits; a letter of the sum may be small, as some rigs write it."""
     line = bytearray(seal_2(f"I 12 {amps:.5f}"))
     before = bytes(line)
     line[at : at + min(len(burst), 2)] = burst[:2]
-    if bytes(line[: len(before)]) != before:
+    if bytes(line[: len(before) - 5]) != before[:-5] or bytes(line).upper() != before.upper():
         assert unseal_2(bytes(line)) != f"I 12 {amps:.5f}"
 
 

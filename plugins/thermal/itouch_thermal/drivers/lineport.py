@@ -80,22 +80,20 @@ def seal_2(text: str) -> bytes:
 
 
 def unseal(line: bytes) -> str | None:
-    """Return a line's text, or None if its check sum, of version 1, is wrong; its letters may be small."""
-    return _unseal(line, 2, seal, str.upper)
+    """Return a line's text, or None if its check sum, of version 1, is wrong."""
+    return _unseal(line, 2, seal)
 
 
 def unseal_2(line: bytes) -> str | None:
     """Return a line's text, or None if its check sum, of version 2, is wrong."""
-    return _unseal(line, 4, seal_2, str)
+    return _unseal(line, 4, seal_2)
 
 
-def _unseal(
-    line: bytes, digits: int, sealed: Callable[[str], bytes], spelt: Callable[[str], str]
-) -> str | None:  # fmt: skip
+def _unseal(line: bytes, digits: int, sealed: Callable[[str], bytes]) -> str | None:
     body, star, check = line.strip(b"\r\n").decode("ascii", "replace").rpartition("*")
     if not star or len(check) != digits or not body.isascii():
         return None
-    return body if sealed(body)[-1 - digits : -1].decode() == spelt(check) else None
+    return body if sealed(body)[-1 - digits : -1].decode() == check.upper() else None
 
 
 class LineDriver:
