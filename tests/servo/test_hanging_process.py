@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import time
@@ -14,7 +15,7 @@ import pytest
 import itouch
 from itouch.servo import control_block as at
 from itouch.servo.errors import let_go
-from itouch.servo.guardian import Guardian
+from itouch.servo.guardian import SILENCE, Guardian
 from itouch.servo.shared_memory import monotonic
 from itouch.servo.silence_limit import LastWords, Process
 from itouch_evidence.deaths.observer import Observer
@@ -31,6 +32,13 @@ signal.signal(signal.SIGUSR1, hang)
 """
 
 
+def silence(said: str) -> int:
+    """Return for how long [ms] a servo process gave no sign of life, by what is said of its end."""
+    found = re.search(r"\(no beat for (\d+) ms\)", said)
+    assert found is not None
+    return int(found[1])
+
+
 def test_a_loop_that_hangs_is_ended_and_the_devices_are_safe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "sitecustomize.py").write_text(_CUSTOM, encoding="utf-8")
     path = tmp_path / "hang.xml"
@@ -43,9 +51,11 @@ def test_a_loop_that_hangs_is_ended_and_the_devices_are_safe(tmp_path: Path, mon
             time.sleep(0.02)
         os.kill(handle.pid, signal.SIGUSR1)
         with pytest.raises(
-            itouch.ServoError, match="killed by SIGKILL; the servo process hung; arm, table, peltier made"
-        ):
+            itouch.ServoError,
+            match=r"killed by SIGKILL; the servo process hung \(no beat for \d+ ms\); arm, table, peltier made",
+        ) as caught:
             handle.wait(60)
+        assert silence(str(caught.value)) >= SILENCE * 1e3
         assert observer.wait(30)
         assert all(time is not None for time in observer.safe_after(0).values())
 
@@ -83,7 +93,9 @@ def test_a_loop_that_comes_to_itself_after_its_devices_were_made_safe_tells_the_
         with pytest.raises(itouch.ServoError) as caught:
             handle.wait(60)
         said = str(caught.value)
-        assert said.startswith("the servo process hung; arm, table, peltier made safe by the guardian within")
+        assert said.startswith("the servo process hung (no beat for ")
+        assert silence(said) >= SILENCE * 1e3
+        assert " ms); arm, table, peltier made safe by the guardian within" in said
         assert "; then the servo process ended in order: " in said and "MemoryError" in said
         assert "SIGKILL" not in said
         assert observer.wait(30)

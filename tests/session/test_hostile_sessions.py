@@ -19,6 +19,7 @@ from campaign import size, tell
 from shipped import SCENES
 
 import itouch
+from itouch_tools.cli import main as cli
 
 
 @pytest.fixture(scope="module")
@@ -214,3 +215,17 @@ def test_a_document_in_an_encoding_that_there_is_not(tmp_path: Path) -> None:
     path.write_bytes(b'<?xml version="1.0" encoding="uf-8"?>\n<itouch version="1.0"><session/></itouch>')
     with pytest.raises((itouch.SessionError, itouch.SceneError), match="encoding"):
         itouch.restore(path)
+
+
+@pytest.mark.parametrize("pace", ["fast", "real"])
+@pytest.mark.parametrize(
+    ("field", "value"), [("tick", 1 << 55), ("arm.status", 0), ("arm.measured", 600)], ids=["old", "closed", "early"]
+)
+def test_a_state_that_can_be_none_is_one_sentence_for_who_starts_it(
+    members: dict[str, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str], field: str, value: int, pace: str
+) -> None:
+    state = state_of(members).copy()
+    state["arm.sent.wrench"], state[field] = 0.25, value
+    forged = write(tmp_path / "s.itouch", with_state(members, state))
+    assert cli([str(forged), "--headless", "--for", "0.1 s", "--pace", pace]) == 2
+    assert "the session can't be taken up: " in capsys.readouterr().err

@@ -70,3 +70,55 @@ def test_a_field_has_a_range_for_all_or_for_each() -> None:
     Field("slot", "f8", 3, low=(0.0, -math.inf, -1.0), high=4.0)
     with pytest.raises(ValueError, match=r"state field 'slot': low has 2 numbers for size 3"):
         Field("slot", "f8", 3, low=(0.0, 1.0))
+
+
+@pytest.fixture(scope="module")
+def wired() -> Iterator[Session]:
+    """A session on hardware behind wires, which nobody has opened."""
+    built = itouch.build(SCENES / "four_materials_wire.xml")
+    built.state["tick"] = 1000
+    yield built
+    built.close()
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "says"),
+    [
+        ("arm.left", 1 << 61, "later"), ("table.left", 2500, "later"), ("table.gone", 1e5, "later"),
+        ("table.gone", math.nan, "out of range"), ("table.gone", -math.inf, "out of range"),
+        ("table.measured", 1001, "later"), ("table.goings", -1, "out of range"),
+    ],
+)  # fmt: skip
+def test_what_a_wire_has_brought_or_taken_is_not_of_the_future(
+    wired: Session, field: str, value: float, says: str
+) -> None:
+    """The coupling is eased by when commands left, and a surface is held against where they sent it (K6)."""
+    validate_state(wired.model, wired.state)
+    forged = wired.state.copy()
+    forged[field][...] = value
+    with pytest.raises(ValueError, match=field.replace(".", r"\.")) as caught:
+        validate_state(wired.model, forged)
+    assert says in str(caught.value)
+    on_its_way = wired.state.copy()
+    on_its_way["table.left"] = on_its_way["table.gone"][:, 0] = 1020
+    validate_state(wired.model, on_its_way)
+
+
+@pytest.mark.parametrize("field", ["tick", "peltier.missed"])
+def test_a_session_that_has_lasted_for_ages_is_none(session: Session, field: str) -> None:
+    """Times are floats: beyond, one tick is no time, and neither a dose nor a time in contact would grow."""
+    forged = session.state.copy()
+    forged[field] = 1 << 45
+    with pytest.raises(ValueError, match="none can have"):
+        validate_state(session.model, forged)
+
+
+@pytest.mark.parametrize(("device", "sent"), [("arm", "wrench"), ("peltier", "current")])
+def test_a_closed_twin_is_off(session: Session, device: str, sent: str) -> None:
+    """Nobody looks at one that is closed: what it was sent would act for ever."""
+    forged = session.state.copy()
+    forged[f"{device}.status"], forged[f"{device}.sent.{sent}"][0] = 0, 0.5
+    with pytest.raises(ValueError, match=rf"{device}\.sent\.{sent} is not off"):
+        validate_state(session.model, forged)
+    forged[f"{device}.sent.{sent}"] = 0.0
+    validate_state(session.model, forged)

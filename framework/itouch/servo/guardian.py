@@ -49,6 +49,8 @@ class Guardian:
         with contextlib.suppress(OSError):
             self._stat = os.open(f"/proc/{servo_pid(servo)}/stat", os.O_RDONLY)
         self._why, self._said, self._stays_safe = "hung", "", False
+        #: For how long [s] there was no beat when that was noticed.
+        self._silent = 0.0
         self._last_words: LastWords | None = None
 
     def watch(self) -> str:
@@ -83,12 +85,13 @@ class Guardian:
             self._words[at.GUARDIAN_BEAT] = monotonic()
 
     def _hangs(self) -> bool:
+        beat = int(self._words[at.BEAT])
+        silent = (monotonic() - beat) * 1e-9
+        self._silent = silent if beat else 0.0
         if self._orphaned is not None and time.monotonic() - self._orphaned > ORPHAN_TIME:
             return True
         if self._segment.phase < at.RUNNING and not self._was_armed:
             return False
-        beat = int(self._words[at.BEAT])
-        silent = (monotonic() - beat) * 1e-9
         if self._was_armed and silent > DOUBT and self._gone():
             return True
         ending = self._segment.phase >= at.ENDING
@@ -117,7 +120,7 @@ class Guardian:
         """Make the devices safe; then let a servo process that hangs come to itself, if that can do no harm."""
         if not self._was_armed:
             return False
-        self._said = self._make_safe(f"the servo process {self._why}")
+        self._said = self._make_safe(f"the servo process {self._why}{self._how_long()}")
         process = self._process()
         if not self._stays_safe or self._orphaned is not None or process is None or process.gone:
             return False
@@ -147,7 +150,11 @@ class Guardian:
         if self._said and not self._stays_safe:  # whatever it has still sent between the two
             select.select([self._servo], [], [], _DEAD)
             self._make_safe("")
-        return self._said or f"the servo process {self._why} and was ended"
+        return self._said or f"the servo process {self._why}{self._how_long()} and was ended"
+
+    def _how_long(self) -> str:
+        """Say for how long a servo process that has not died gave no sign of life; empty: that says nothing."""
+        return f" (no beat for {self._silent * 1e3:.0f} ms)" if self._why != "died" and self._silent > DOUBT else ""
 
     def _make_safe(self, why: str) -> str:
         """Send every safe command, all at once: one device that blocks must not delay the others."""

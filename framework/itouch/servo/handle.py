@@ -97,6 +97,8 @@ class Handle:
             self._error = ServoError(_death(code, self._guarded.said))
         elif self._guarded.said:
             self._error = _account(self._guarded.said, self._error)
+            if self._report is not None:
+                self._report["ended_by"] = self._guarded.said
         self._over.set()
         self._ready.set()
         with self._answers:

@@ -205,7 +205,7 @@ def _stamps(device: DeviceModel) -> list[Field]:
         fields.append(Field("left", "i8", unit="tick", doc="when the newest command left"))
         if any(channel.role is Role.SURFACE_POSE for channel in device.commands):
             places = "ticks from which the newest commands have acted, and where they sent the surface [m]"
-            fields.append(Field("gone", "f8", (GONE, 4), unit="mixed", doc=places))
+            fields.append(Field("gone", "f8", (GONE, 4), *_FINITE, unit="mixed", doc=places))
             fields.append(Field("goings", "i8", low=0, unit="1", doc="how many commands have left"))
         sent = [Field.of(c, f"out.{c.name}", doc=f"left: {c.doc}" if c.doc else "", show="no") for c in device.commands]
         fields += [replace(field, low=_FINITE[0], high=_FINITE[1]) for field in sent]
