@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from program import program
 from shipped import SCENES
-from slope_scenes import Course, Slope, follow, ramp
+from slope_scenes import RADIUS, Course, Slope, follow, ramp
 
 from itouch.loop.surface import memory as surface
 from itouch_encountered import own
-from itouch_encountered.choosing import FAR_UNCALIBRATED, doubt
+from itouch_encountered.choosing import FAR_UNCALIBRATED, doubt, touches_unasked
 from itouch_encountered.motion import Numbers
 
 
@@ -80,6 +80,92 @@ def test_a_plate_that_is_too_high_is_left_away_and_told(folder: Path, error: flo
     assert "touch-off" in told[0]
     (contact,) = course.report["contacts"]
     assert (contact["plate"], contact["plate_missed"]) == (False, True)
+
+
+@pytest.mark.parametrize("error", [2.0, 3.0])
+def test_a_plate_that_is_too_low_and_was_late_is_missed_too(folder: Path, error: float) -> None:
+    """It comes softly to a finger that was quicker, and stood still 2 mm deep in it by its height, for it may not press
+
+    harder than 2 N: it was not at its goal, so nobody asked for its force.
+    """
+    world, _ = ramp(0.0)
+    motion = (
+        f'<to pos="0 0 25 mm" in="0.1 s" hold="0.2 s"/><to pos="0 0 {1.0 + RADIUS} mm" in="0.12 s" hold="0.8 s"/>'
+        '<to pos="0 0 25 mm" in="0.3 s" hold="0.1 s"/>'
+    )
+    course = follow(Slope(world, motion, stiffness=0.5, error=error).build(folder))
+    (begin,) = course.begins()
+    late = course.touching & (course.time > course.time[begin] + 0.5)
+    assert late.sum() > 200
+    virtual, total = np.linalg.norm(course.virtual[late], axis=1), np.linalg.norm(course.total[late], axis=1)
+    assert total == pytest.approx(np.minimum(3.0, virtual), rel=0.02)
+    assert len([notice for notice in course.report["notices"] if "should have been felt" in notice]) == 1
+
+
+def hover(height: float, approach: float) -> tuple[str, str]:
+    """Return a block, and a finger that comes so near to it [mm] in so many seconds, stays there, and leaves."""
+    world, _ = ramp(0.0)
+    return world, (
+        f'<to pos="0 0 25 mm" in="0.1 s" hold="0.2 s"/><to pos="0 0 {5.0 + RADIUS + height} mm" in="{approach} s" '
+        'hold="0.8 s"/><to pos="0 0 25 mm" in="0.3 s" hold="0.1 s"/>'
+    )
+
+
+@pytest.mark.parametrize(
+    ("error", "height"), [(-0.5, 0.1), (-0.9, 0.1), (-0.9, 0.5), (-1.2, 0.9), (-1.6, 1.3), (-3.0, 2.7)]
+)
+@pytest.mark.parametrize("approach", [0.15, 0.4, 1.5])
+def test_a_plate_that_is_too_high_leaves_a_finger_that_hovers(
+    folder: Path, error: float, height: float, approach: float
+) -> None:
+    """It pressed with less than 0.1 N, or from less than 1 mm below, for as long as the finger stayed there."""
+    course = follow(Slope(*hover(height, approach), error=error, warm=True).build(folder))
+    felt = (course.pad > 0.05) & ~course.touching
+    first = int(np.flatnonzero(felt)[0])
+    assert felt.sum() < 150
+    assert not (course.pad[first + 300 :] > 0.0).any()
+    assert not course.flux[first + 300 :].any()
+    told = [notice for notice in course.report["notices"] if "should not have been" in notice]
+    assert len(told) == 1
+    assert "touch-off" in told[0]
+
+
+def test_a_tap_on_a_plate_that_is_too_high_is_noticed(folder: Path) -> None:
+    """It lasted less than 30 ms and pressed with half a newton, at each approach anew."""
+    course = follow(Slope(*hover(1.0, 0.15), error=-1.2).build(folder))
+    assert not course.touching.any()
+    assert 0.3 < course.pad.max() < 1.0
+    assert ((course.pad > 0.05).sum()) < 40
+    assert len([notice for notice in course.report["notices"] if "should not have been" in notice]) == 1
+
+
+@pytest.mark.parametrize("height", [0.0, 0.2])
+@pytest.mark.parametrize("error", [-0.2, 0.0, 0.5])
+def test_a_plate_that_is_as_good_as_there_stays(folder: Path, error: float, height: float) -> None:
+    report = follow(Slope(*hover(height, 0.4), error=error).build(folder)).report
+    assert not [notice for notice in report["notices"] if "should" in notice]
+
+
+def unasked(force: float, noise: float, gap: float = 0.6) -> float:
+    """Return when a surface is said to be too high that presses so [N] on a finger above it [mm]; 60: not in a minute."""
+    numbers = Numbers._make(np.zeros(len(Numbers._fields)))._replace(period=1e-3, has_load=True, stiffness=1e3)
+    memory, rng = np.zeros(len(own.FIELDS)), np.random.default_rng(1)
+    for tick in range(60_000):
+        touches_unasked(numbers, memory, -gap * 1e-3, max(0.0, force + noise * rng.standard_normal()), False)
+        if memory[own.LOST] > 0.0:
+            assert memory[own.LOST] == own.HIGH
+            return tick * 1e-3
+    return 60.0
+
+
+@pytest.mark.parametrize(("force", "noise", "within"), [(0.07, 0.0, 0.06), (0.07, 0.005, 0.07), (0.07, 0.02, 0.3)])
+def test_a_small_force_is_noticed_through_the_noise_of_its_sensor(force: float, noise: float, within: float) -> None:
+    assert unasked(force, noise) < within
+
+
+@pytest.mark.parametrize("noise", [0.005, 0.02, 0.1, 0.5])
+def test_the_noise_of_a_force_sensor_is_no_finger(noise: float) -> None:
+    assert unasked(0.0, noise) == 60.0
 
 
 @pytest.mark.parametrize(

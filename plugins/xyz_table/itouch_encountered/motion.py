@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from itouch.plugin.kernels import kernel
-from itouch_encountered.choosing import along, choose, doubt
+from itouch_encountered.choosing import along, choose, doubt, touches_unasked
 from itouch_encountered.own import (
     ABOUT,
     ARRIVED,
@@ -272,7 +272,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     """Say who renders the virtual surface below the finger, and command the device; return 0.
 
     ``c``: `Numbers`; ``seen``: `Seen`, taken apart here, for a tuple of many arrays is dear to hand on; ``goal`` (7,):
-    the command; ``own`` (13,): its own fields.
+    the command; ``own`` (14,): its own fields.
     """
     frame, sent, hip = seen.frame, seen.sent, seen.hip
     height, climb, level, sink = seen.height[0], seen.climb[0], seen.level[0], seen.sink[0]
@@ -285,6 +285,8 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     choose(c, own, along(frame, seen.normal) if touching else seen.upright[0], touching, withdrawn)
     if seen.ready[0] != 0 and c.has_load and own[LOST] == 0.0 and not withdrawn:
         doubt(c, own, here - lowest, pressed, touching)
+        if own[LOST] == 0.0:
+            touches_unasked(c, own, here - lowest, pressed, touching)
     begins = touching and seen.pressed[0] == 0.0
     wanted = _wanted(c, own, height, climb, level, sink, lowest, here, last, pressed, touching, begins)
     wanted = _fall(c, own, _brake(c, wanted, climb, last, here, level), last, sink, pressed)

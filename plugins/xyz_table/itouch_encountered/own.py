@@ -21,11 +21,12 @@ FIELDS = tuple(
         ("unfelt", "s", "how long it should have been felt and was not"),
         ("give", "m/N", "how far the device gives way under a force, as learned"),
         ("lag", "s", "how late the device is where it goes up or down, as learned"),
+        ("unasked", "s", "how long it has been felt though there is no virtual contact; less again while it is not"),
     )
 )
 
 TAKES, AT_FINGER, DISTANCE, GAP, COMING, LOST, YIELDS = range(7)
-ARRIVED, PRESS, FREE, UNFELT, GIVE, LAG = range(7, 13)
+ARRIVED, PRESS, FREE, UNFELT, GIVE, LAG, UNASKED = range(7, 14)
 
 #: What `LOST` says: the surface is lower than its height says, or higher.
 LOW, HIGH = 1.0, 2.0
