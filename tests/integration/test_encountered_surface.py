@@ -333,7 +333,7 @@ def test_a_modality_of_another_kind_may_not_have_its_name(tmp_path: Path) -> Non
 
 
 #: What State did not have of a probe when the framework carried the surface itself.
-GROWN = ("takes", "at_finger", "distance", "gap", "coming", "lost", "yields", "arrived")
+GROWN = ("takes", "at_finger", "distance", "gap", "coming", "lost", "yields", "arrived", "unasked")
 
 
 @pytest.mark.parametrize(("world", "at"), [("over a ball", 0.9), ("too low", 0.9), ("withdrawn", 2.7), ("level", 0.7)])
