@@ -7,9 +7,20 @@ so before it is carried out, all is put back as it was when this module was load
 from __future__ import annotations
 
 import builtins
+import io
+import json
+import os
+import shutil
+import struct
 import sys
+import tempfile
+import zipfile
+import zlib
 from operator import itemgetter
+from types import ModuleType
 from typing import Any
+
+from itouch.schema.terminal import PlainStream
 
 #: What programs replace by something that does the same and more, as a notebook does: that harms nobody.
 _WRAPPED = frozenset(
@@ -55,17 +66,99 @@ def blamed(names: tuple[str, ...]) -> str:
     """Return what is to be said of things that were put back; empty: nothing was."""
     if not names:
         return ""
+    how = "replaced or closed" if any(name.startswith(("file ", "sys.std")) for name in names) else "replaced"
     listed = ", ".join(f"'{name}'" for name in names[:3])
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-    return f"a plugin had replaced {listed}{more} of Python for the whole program; that was put back"
+    return f"a plugin had {how} {listed}{more} of Python for the whole program; that was put back"
+
+
+#: The modules and classes whose functions the end of a session needs.
+_NEEDED: tuple[ModuleType | type, ...] = (
+    json, json.encoder, json.JSONEncoder, os, io, shutil, struct, tempfile, zipfile, zipfile.ZipFile, zlib
+)  # fmt: skip
+#: What a program replaces on purpose, to refuse those who would end it.
+_ENDINGS = ("_exit", "execv", "execve")
+_STREAMS = ("stdout", "stderr")
 
 
 class LoadedModules:
-    """The modules that are loaded now: what a plugin takes away of them, somebody may need at the end of a session."""
+    """What the end of a session needs of its process, as it is now: modules, their functions, and standard streams.
+
+    What a plugin has taken away of them or replaced by then is put back.
+    """
 
     def __init__(self) -> None:
         self._modules = sys.modules.copy()
+        self._contents = [(owner, dict(filter(_is_function, vars(owner).items()))) for owner in _NEEDED]
+        self._wraps = {name: _THERE[name] for name in _WRAPS if name in _THERE}
+        self._streams = [(name, getattr(sys, name)) for name in _STREAMS]
+        self._files = [_File(number) for number in (0, 1, 2)]
 
-    def put_back(self) -> None:
-        """Put those back that are missing, or that something else stands for."""
+    def put_back(self) -> tuple[str, ...]:
+        """Put all back; return the names of what was closed, or of functions for which none stood any more.
+
+        Those for which another one stood are not named: it may have done the same and more, which harms nobody.
+        """
         sys.modules.update(self._modules)
+        _THERE.update(self._wraps)
+        found = []
+        for owner, functions in self._contents:
+            there = vars(owner)
+            for name, value in functions.items():
+                now = there.get(name)
+                if now is not value:
+                    setattr(owner, name, value)
+                    found += [f"{owner.__name__}.{name}"] if not _callable(now) else []
+        found += [f"file {one.number}" for one in self._files if one.put_back()]
+        for (name, stream), number in zip(self._streams, (1, 2), strict=True):
+            there, gone = getattr(sys, name), stream.closed
+            if gone:
+                stream = _reopened(stream, number)
+            if gone or there is None:
+                found.append(f"sys.{name}")
+            setattr(sys, name, stream)
+        return tuple(found)
+
+
+class _File:
+    """A file of the process by its number, kept open under another one until it is put back."""
+
+    def __init__(self, number: int) -> None:
+        self.number, self._kept, self._which = number, -1, self._identity(number)
+        if self._which:
+            self._kept = os.dup(number)
+
+    @staticmethod
+    def _identity(number: int) -> tuple[int, int] | None:
+        try:
+            found = os.fstat(number)
+        except OSError:
+            return None
+        return found.st_dev, found.st_ino
+
+    def put_back(self) -> bool:
+        """Open it again if it was closed, and tell whether it was; what was closed as well leads nowhere now."""
+        if self._which is None:
+            return False
+        there, closed = self._identity(self._kept) == self._which, self._identity(self.number) is None
+        if closed:
+            source = self._kept if there else os.open(os.devnull, os.O_RDWR)
+            if source != self.number:  # the lowest number that is free may be its own
+                os.dup2(source, self.number)
+        if there:
+            os.close(self._kept)
+            self._which = None
+        return closed
+
+
+def _is_function(entry: tuple[str, Any]) -> bool:
+    return _callable(entry[1]) and entry[0] not in _ENDINGS and entry[0] != "__class__"
+
+
+def _reopened(stream: Any, number: int) -> Any:
+    """Return a standard stream that somebody has closed, open again: itself, if it only stands before another one."""
+    fresh = open(number, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - to the end of the program
+    if isinstance(stream, PlainStream):
+        stream.inner = fresh
+        return stream
+    return fresh

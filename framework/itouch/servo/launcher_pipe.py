@@ -42,12 +42,13 @@ class Outbox:
 
     def finish(self, content: Mapping[str, Any]) -> None:
         """Send the last message, and wait some seconds for it to be taken."""
-        self._line.setblocking(True)
-        self._line.settimeout(LAST_WAIT)
         text = json.dumps({"kind": "end", **content}).encode() + b"\n"
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError):  # the launcher has gone, or somebody has closed the line
+            self._line.setblocking(True)
+            self._line.settimeout(LAST_WAIT)
             self._line.sendall(bytes(self._waiting) + text)
-        self._line.close()
+        with contextlib.suppress(OSError):
+            self._line.close()
 
 
 def messages(line: socket.socket) -> Iterator[dict[str, Any]]:

@@ -16,6 +16,7 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
+from itouch.ending import end_soon
 from itouch.platforms import lives, signals
 from itouch.servo import control_block as at
 from itouch.servo.launcher_pipe import Outbox, messages
@@ -101,4 +102,6 @@ def _end_on_signals(segment: SharedMemory) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    code = main(sys.argv[1:])
+    end_soon(code)
+    sys.exit(code)

@@ -9,7 +9,7 @@ import time
 from typing import Any
 
 from itouch.loop import DeviceFaultError, Engine, LatchedError, WallClock, interpreter
-from itouch.loop.fault_attribution import ended_by
+from itouch.loop.fault_attribution import changed_python, ended_by
 from itouch.loop.interpreter import LoadedModules
 from itouch.loop.release import in_turn
 from itouch.loop.runner import Status
@@ -131,7 +131,10 @@ class Servo:
             error = ended_by(self.session.fault, raised)
             let_go(raised)
         interpreter.put_back()
-        modules.put_back()
+        harmed = modules.put_back()
+        if harmed and error is None and self.session.runners:
+            error = changed_python(self.session.model, self.session.ticks, harmed)
+            self.session.make_safe(error)
         self.words[at.PHASE] = at.ENDING
         for act in (self._park, self._release, self._finish, self._save, self._publish_last):
             try:

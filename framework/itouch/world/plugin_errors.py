@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import PurePath
 
+from itouch import ending
 from itouch.schema import ItouchError, Problem, SceneError
 from itouch.schema.diagnostics import Place, class_of, raised_at, spoken
 
 
 def said(error: BaseException) -> str:
     """Return what an error in a plugin says, and where it was raised: ``ValueError: text (file.py, line 7)``."""
-    stack = traceback.extract_tb(raised_at(error))
+    stack = [frame for frame in traceback.extract_tb(raised_at(error)) if frame.filename != ending.__file__]
     where = f" ({PurePath(stack[-1].filename).name}, line {stack[-1].lineno})" if stack else ""
     text = spoken(error).partition("\n")[0]
     return f"{class_of(error)}{': ' if text else ''}{text}{where}"

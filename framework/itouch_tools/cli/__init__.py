@@ -76,6 +76,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ItouchError as error:
         print(error, file=sys.stderr)
         return 2
+    if argv is None:
+        from itouch.ending import refuse_sudden_ends
+
+        refuse_sudden_ends()
     with command_options.speaking(common), escaped():
         code = _guarded(words)
         if argv is None:  # as a program: with its last word said, it ends

@@ -14,7 +14,7 @@ from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli import arm_input, deprecations, live, outputs, pictures, sounds, windows
 from itouch_tools.cli.arguments import Parser, output_file, seconds
-from itouch_tools.cli.shutdown import Interrupted, Stopping, unstarted, write_report
+from itouch_tools.cli.shutdown import Interrupted, Stopping, begin_report, unstarted, write_report
 
 if TYPE_CHECKING:
     from itouch.session import Session
@@ -124,16 +124,17 @@ def _prepare(options: argparse.Namespace) -> Session:
 
 def _run(session: Session, options: argparse.Namespace, show: Callable[[], None], stop: Stopping) -> int:
     from itouch.loop import DeviceFaultError, interpreter
-    from itouch.loop.fault_attribution import ended_by
-    from itouch.loop.interpreter import LoadedModules
+    from itouch.loop.fault_attribution import changed_python, ended_by
 
     stop.bind(session.stop)
     fault: BaseException | None = None
-    modules = LoadedModules()
+    modules = interpreter.LoadedModules()
+    harmed: tuple[str, ...] = ()
     try:
         if options.duration is None and not session.scripted:
             raise ItouchError("the scene has no scripted motion: say for how long to run, with --for 30s")
         session.enable()
+        begin_report(options.report, {"scene": options.scene, "seed": options.seed, "pace": "fast"})
         session.run(options.duration, each=show, every=50)
     except DeviceFaultError as met:
         fault = met
@@ -144,7 +145,10 @@ def _run(session: Session, options: argparse.Namespace, show: Callable[[], None]
             raise
     finally:
         interpreter.put_back()
-        modules.put_back()
+        harmed = modules.put_back()
+    if harmed and fault is None and session.runners:
+        fault = changed_python(session.model, session.ticks, harmed)
+        session.make_safe(fault)
     try:
         session.close()
     except ItouchError as error:

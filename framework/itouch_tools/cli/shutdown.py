@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import errno
 import json
 import os
 import signal
@@ -14,6 +15,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, ParamSpec
 
+from itouch import ending
 from itouch.platforms import signals
 from itouch.schema import ItouchError
 from itouch.schema.terminal import PlainStream
@@ -43,6 +45,10 @@ def end_threads(code: int) -> None:
 
     Everything is safe and written by then; the interpreter waits for every thread that is no daemon, be it for ever.
     """
+    for what in ending.refused:
+        with contextlib.suppress(OSError, ValueError):
+            print(f"note: {what}", file=sys.stderr)
+    ending.end_soon(code)
     due = time.monotonic() + _PATIENCE
     left = [thread for thread in threading.enumerate() if thread is not threading.current_thread()]
     pool = getattr(sys.modules.get("concurrent.futures.thread"), "_threads_queues", ())  # the interpreter ends these
@@ -59,7 +65,7 @@ def end_threads(code: int) -> None:
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):
             stream.flush()
-    os._exit(code)
+    ending.end_now(code)
 
 
 class Interrupted(KeyboardInterrupt):
@@ -111,6 +117,10 @@ class Stopping:
                 stop_writing()
                 if self._stop is not None and not self._signal:
                     self._note(signal.SIGPIPE, None)
+            except (OSError, ValueError) as error:
+                if not sys.stdout.closed and getattr(error, "errno", None) != errno.EBADF:
+                    raise
+                # a plugin has closed the stream: that is told at the end of the run, when it has been put back
 
         return shown
 
@@ -140,6 +150,27 @@ def unstarted(number: int, words: Mapping[str, Any], begun: float, path: str | N
     report = {**words, "simulated_s": 0.0, "wall_s": time.monotonic() - begun, "stopped_by": name}
     write_report(path, lambda: {**report, "contacts": [], "faults": []})
     return 128 + number
+
+
+def begin_report(path: str | None, words: Mapping[str, Any]) -> None:
+    """Write what a report says until it is whole: whatever kills the program, it does not look as an earlier one ended.
+
+    Parameters
+    ----------
+    path
+        Of the report, if one is asked for; what is no ordinary file is written at the end only.
+    words
+        What was asked for: entries of the report.
+
+    Raises
+    ------
+    ItouchError
+        If the file can't be written.
+    """
+    if path and _may_be_replaced(path):
+        ended = "the program was ended before it had finished, and could not say by what"
+        report = {**words, "simulated_s": 0.0, "ended_by": ended, "contacts": [], "faults": []}
+        write_report(path, lambda: report)
 
 
 def write_report(path: str | None, report: Callable[[], dict[str, Any]]) -> None:

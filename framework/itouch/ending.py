@@ -1,0 +1,108 @@
+"""How a program of ours ends: when its work is done, with its own exit code, and within some seconds after it.
+
+Code of others runs in the process.  It may try to end the program at once, which would look like an end in order; and
+it may leave what never ends: threads, functions that ``atexit`` calls, locks that those wait for.
+"""
+
+from __future__ import annotations
+
+import _thread
+import contextlib
+import os
+import sys
+import sysconfig
+import time
+from collections.abc import Callable
+from types import FrameType
+from typing import Any
+
+#: How long [s] what others have left may take when all is done.
+LONGEST = 5.0
+#: Functions that end the process at once, in the modules under whose names they are found.
+_ENDINGS = tuple(
+    (module, name)
+    for module in (os, sys.modules[os.name if os.name == "nt" else "posix"])
+    for name in ("_exit", "execv", "execve")
+    if hasattr(module, name)
+)
+_exit, _write, _sleep = os._exit, os.write, time.sleep
+#: What threads beside the loop's have tried in order to end the program: it was refused, and nobody was told.
+refused: list[str] = []
+#: The exit code of a program whose work is done, else nothing.
+_done: list[int] = []
+
+
+def refuse_sudden_ends() -> None:
+    """Let nobody end this process, or put another program in its place, from now on; processes that it forks may."""
+    own, loop = os.getpid(), _thread.get_ident()
+    for module, name in _ENDINGS:
+        setattr(module, name, _refusing(name, getattr(module, name), own, loop))
+
+
+def _refusing(name: str, true: Callable[..., Any], own: int, loop: int) -> Callable[..., Any]:
+    def refusing(*words: Any, **named: Any) -> Any:
+        if os.getpid() != own:
+            return true(*words, **named)
+        if _done:
+            _flush()
+            _exit(_done[0])
+        what = f"os.{name}({', '.join(map(repr, words))[:60]}) was refused: a plugin does not end the program"
+        if _thread.get_ident() != loop:
+            refused.append(what + _place(sys._getframe()))  # noqa: SLF001 - who has called this
+        raise SystemExit(what)
+
+    refusing.__name__ = name
+    return refusing
+
+
+def end_now(code: int) -> None:
+    """End this process at once."""
+    _exit(code)
+
+
+def end_soon(code: int) -> None:
+    """End the process with this exit code if it has not ended in some seconds: call it when all is done.
+
+    The thread that waits is begun without `threading`, whose locks somebody may hold.
+    """
+    _done.append(code)
+    _thread.start_new_thread(_end_late, (code, _thread.get_ident()))
+
+
+def _end_late(code: int, waited_for: int) -> None:
+    _sleep(LONGEST)
+    frame = sys._current_frames().get(waited_for)  # noqa: SLF001 - what it waits in
+    place = _place(frame) or _threads() or " (registered with atexit, or holding a lock)"
+    said = f"note: what a plugin has left{place} does not end; all is done, the program ends without\n"
+    with contextlib.suppress(Exception):
+        _thread.start_new_thread(_flush, ())  # somebody may hold a stream: what can't go out then is lost
+        _sleep(0.1)
+        _write(2, said.encode())
+    _exit(code)
+
+
+def _threads() -> str:
+    """Return the names of the threads that the interpreter waits for, without their lock."""
+    listed = getattr(sys.modules.get("threading"), "_active", {})
+    names = [f"'{one.name}'" for one in list(listed.values()) if not one.daemon and one.name != "MainThread"]
+    return f" (thread {', '.join(names)})" if names else ""
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(Exception):
+            stream.flush()
+
+
+def _place(frame: FrameType | None) -> str:
+    """Return where a frame is, or the first around it that is neither Python's own nor of this program."""
+    here = os.path.dirname(os.path.dirname(__file__))
+    libraries = sysconfig.get_path("stdlib"), os.path.join(here, "itouch"), os.path.join(here, "itouch_tools")
+    while frame is not None:
+        file = frame.f_code.co_filename
+        packages = "site-packages" in file and not file.startswith(libraries[1:])
+        own = frame.f_globals.get("__name__") == "__main__" or file.startswith("<")
+        if packages or not (own or file.startswith(libraries)):
+            return f" ({os.path.basename(file)}, line {frame.f_lineno})"
+        frame = frame.f_back
+    return ""
