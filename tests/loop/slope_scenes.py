@@ -170,8 +170,13 @@ class Course:
         return (np.flatnonzero(self.touching[1:] & ~self.touching[:-1]) + 1).tolist()
 
     def changing(self) -> NDArray[np.bool_]:
-        """Return the ticks of a contact in and after a change, without first impacts."""
-        return self.touching & self.after(self.changes(), 0.3) & ~self.after(self.begins(), 0.05)
+        """Return the ticks of a contact in and after a change, without first impacts.
+
+        Nor those in which the arm alone gives the virtual force, as in the tick before: its steps are the contact's.
+        """
+        own = ~self.renders & (np.linalg.norm(self.arm - self.virtual, axis=1) < 1e-9) & (self.pad == 0.0)
+        own[1:] &= own[:-1]
+        return self.touching & self.after(self.changes(), 0.3) & ~self.after(self.begins(), 0.05) & ~own
 
     def late(self) -> int:
         """Return the longest time [ticks] that a plate which could be at the surface is on its way there."""
