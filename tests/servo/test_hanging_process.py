@@ -97,6 +97,7 @@ def test_a_loop_that_comes_to_itself_after_its_devices_were_made_safe_tells_the_
         assert silence(said) >= SILENCE * 1e3
         assert " ms); arm, table, peltier made safe by the guardian within" in said
         assert "; then the servo process ended in order: " in said and "MemoryError" in said
+        assert said.startswith(f"{handle.report()['ended_by']}; then")
         assert "SIGKILL" not in said
         assert observer.wait(30)
         assert all(time is not None for time in observer.safe_after(0).values())

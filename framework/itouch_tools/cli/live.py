@@ -58,9 +58,8 @@ def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, le
             write_report(options.report, handle.report)
             if error is not None:
                 raise error
-        except ServoError as error:  # it died, and may have left no report
+        except ServoError as error:  # it died, and has left no report
             print(error, file=sys.stderr)
-            write_report(options.report, lambda: _last_report(handle, options, error))
             return 1
         finally:
             if leader is not None:
@@ -68,17 +67,6 @@ def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, le
     if options.save:
         did(f"saved {options.save}")
     return code
-
-
-def _last_report(handle: Handle, options: argparse.Namespace, error: Exception) -> dict[str, Any]:
-    """Return the report of a session whose process did not end in order; it left none: what was heard of it."""
-    from itouch.servo import ServoError
-
-    try:
-        return handle.report()
-    except ServoError:
-        words = {"scene": options.scene, "seed": options.seed, "pace": "real", "simulated_s": handle.seconds}
-        return {**words, "ended_by": str(error), "contacts": handle.contacts, "faults": handle.faults}
 
 
 def _follow(
