@@ -107,6 +107,12 @@ def test_inspect_prints_the_plan(capsys: pytest.CaptureFixture[str], tmp_path: P
     assert "a whole tick" in shown
 
 
+@pytest.mark.parametrize("name", ["materials.xml", "handbook.xml"])
+def test_a_plan_without_steps_is_said_in_a_sentence(capsys: pytest.CaptureFixture[str], name: str) -> None:
+    assert main(["inspect", str(SCENES / name), "--plan"]) == 0
+    assert "a tick has no steps, for the scene has no device and no modality" in capsys.readouterr().out
+
+
 def test_joined_steps_do_what_they_do_alone(session: Session) -> None:
     assert any(len(names) > 1 for names in session.plan.pieces)  # some are one call from Python
     session.run(0.05)

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import gc
+import os
+import pickle
+import signal
+from collections.abc import Callable, Iterator
+from typing import Any, NoReturn
 
 import pytest
 from shipped import SCENES
@@ -10,7 +15,7 @@ from shipped import SCENES
 import itouch
 from itouch.plugin.discovery import Catalog
 from itouch.safety import Trip
-from itouch.session import Session, load_scene
+from itouch.session import Session, SessionError, load_scene
 from itouch.world import Model
 
 FIRST = SCENES / "first_touch.xml"
@@ -73,6 +78,107 @@ def test_what_a_worker_raises_arrives() -> None:
 
     with pytest.raises(KeyError):
         itouch.batch(FIRST, seeds=[3, 4], until=0.01, collect=refuse)
+
+
+@pytest.fixture
+def patience() -> Iterator[None]:
+    """Fail what waits for ever."""
+
+    def give_up(*_: object) -> NoReturn:
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.alarm(30)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+class Odd(Exception):  # noqa: N818
+    """An error that can't be read back from its bytes."""
+
+    def __init__(self, where: str, number: int) -> None:
+        super().__init__(f"{where} {number}")
+
+
+class Unreadable:
+    """A result that can't be read back from its bytes."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return int, ("no number",)
+
+
+def _two(then: Callable[[], Any]) -> Callable[[Session], Any]:
+    """Return what does something in the session with seed 2 only."""
+    return lambda session: then() if session.state["seed"] == 2 else None
+
+
+def _raise(error: BaseException) -> Callable[[], NoReturn]:
+    def raise_it() -> NoReturn:
+        raise error
+
+    return raise_it
+
+
+FAULT = itouch.DeviceFaultError("arm", 7, Trip.DEVICE_ERROR, "was stopped")
+
+
+@pytest.mark.usefixtures("patience")
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize(
+    ("error", "raised", "words"),
+    [
+        (Odd("here", 3), (Odd, RuntimeError), "here 3"),
+        (FAULT, itouch.DeviceFaultError, "device 'arm' was stopped at tick 7"),
+        (SystemExit(3), SystemExit, "3"),
+        (KeyboardInterrupt("now"), KeyboardInterrupt, "now"),
+    ],
+)
+def test_whatever_is_raised_arrives(error: BaseException, raised: Any, words: str, workers: int) -> None:
+    with pytest.raises(raised, match=words) as caught:
+        itouch.batch(FIRST, seeds=[1, 2, 3], until=0.01, collect=_two(_raise(error)), workers=workers)
+    if workers > 1:
+        assert "the process that ran seed 2" in caught.value.__notes__[0]
+
+
+@pytest.mark.usefixtures("patience")
+def test_a_process_that_is_killed_is_told_and_not_waited_for() -> None:
+    with pytest.raises(SessionError, match="seed 2 was ended by signal 9 .* `workers`"):
+        itouch.batch(
+            FIRST, seeds=[1, 2, 3], until=0.01, workers=2, collect=_two(lambda: os.kill(os.getpid(), signal.SIGKILL))
+        )
+
+
+@pytest.mark.usefixtures("patience")
+@pytest.mark.parametrize("result", [lambda: None, Unreadable()])
+def test_a_result_that_cannot_be_handed_over_is_named(result: object) -> None:
+    with pytest.raises(TypeError, match="returns for seed 2 can't be handed .* return plain data"):
+        itouch.batch(FIRST, seeds=[1, 2, 3], until=0.01, workers=2, collect=_two(lambda: result))
+
+
+@pytest.mark.usefixtures("patience")
+def test_an_error_ends_sessions_that_would_never_end() -> None:
+    def ask(session: Session) -> bool:
+        if session.state["seed"] == 2:
+            raise ValueError("no such question")
+        return False
+
+    with pytest.raises(ValueError, match="no such question"):
+        itouch.batch(FIRST, seeds=[1, 2, 3], until=ask, workers=2)
+
+
+@pytest.mark.parametrize("seed", [-1, 1 << 63, 1.5, "1"])
+def test_what_is_no_seed_is_refused(seed: Any) -> None:
+    with pytest.raises(ValueError, match=r"seed .* 0 to 2\^63 - 1"):
+        itouch.batch(FIRST, seeds=[1, seed], until=0.01)
+    with pytest.raises(ValueError, match=r"seed .* 0 to 2\^63 - 1"):
+        itouch.build(FIRST, seed=seed)
+
+
+def test_a_fault_goes_whole_from_one_process_to_another() -> None:
+    fault = pickle.loads(pickle.dumps(FAULT))
+    assert str(fault) == str(FAULT)
+    assert vars(fault) == vars(FAULT)
 
 
 def test_hardware_is_refused() -> None:

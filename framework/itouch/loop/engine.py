@@ -31,6 +31,7 @@ from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.loop.safe_shutdown import SafeShutdown
+from itouch.loop.seeds import checked_seed
 from itouch.loop.timing import Timing
 from itouch.loop.warm_up import reset_modalities, warm_up
 from itouch.loop.write_access import view_for
@@ -62,6 +63,7 @@ class Engine:
     """
 
     def __init__(self, model: Model, *, seed: int = 0, clock: Clock | None = None) -> None:
+        seed = checked_seed(seed)
         self.model, self.clock, self._moving = model, clock or VirtualClock(), model.moving
         self.state: Record = make_state(model)
         self.statistics = RunStatistics()

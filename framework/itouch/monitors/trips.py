@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from typing import Any
 
 from itouch.schema import ItouchError
 
@@ -61,6 +62,10 @@ class TripError(ItouchError):
         super().__init__(sentence)
         self.trip = trip
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process whole: by default only the sentence would."""
+        return type(self), (self.trip, str(self))
+
 
 class DeviceFaultError(ItouchError):
     """A device that was stopped while the loop ran: which, when, and why."""
@@ -68,3 +73,7 @@ class DeviceFaultError(ItouchError):
     def __init__(self, device: str, tick: int, trip: Trip, cause: str) -> None:
         super().__init__(f"device '{device}' {cause} at tick {tick}")
         self.device, self.tick, self.trip, self.cause = device, tick, trip, cause
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process whole: by default only the sentence would."""
+        return type(self), (self.device, self.tick, self.trip, self.cause)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 from itouch.loop import DeviceFaultError
+from itouch.loop.seeds import checked_seed
 from itouch.platforms import cores
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.session.building import load_scene
 from itouch.session.engine import Session
+from itouch.session.forks import forked
 from itouch.world import Model
 
 Result = TypeVar("Result")
@@ -55,23 +56,6 @@ class Job:
         return collected
 
 
-#: The batch that this process was forked for.
-_job: list[Job] = []
-
-
-def _work(seed: int) -> Any:
-    return _job[-1].run(seed)
-
-
-@contextmanager
-def _current(job: Job) -> Iterator[None]:
-    _job.append(job)
-    try:
-        yield
-    finally:
-        _job.remove(job)
-
-
 def report(session: Session) -> dict[str, Any]:
     """Return the report of a session."""
     return session.report()
@@ -96,7 +80,7 @@ def batch(
     model
         A compiled scene, a scene, or its file; all devices must be twins.
     seeds
-        One session each.
+        One session each: whole numbers from 0 to 2^63 - 1.
     until
         Seconds to run, or a function of the session that is asked after every tick and ends it; None: until the
         scripted motion has ended.
@@ -111,7 +95,13 @@ def batch(
     SceneError
         With all problems of the scene.
     ValueError
-        If a device is no twin, or there is neither a time nor a scripted motion.
+        If a device is no twin, a seed is none, or there is neither a time nor a scripted motion.
+    TypeError
+        If what is collected cannot be handed from one process to another.
+    SessionError
+        If a process ends before its session does: it was killed, or the machine has no memory left.
+    BaseException
+        What ``until`` or ``collect`` raises; the other sessions are then ended, too.
     """
     catalog = Catalog()
     if not isinstance(model, Model):
@@ -119,15 +109,9 @@ def batch(
     hardware = [device.name for device in model.devices.values() if not device.twin]
     if hardware:
         raise ValueError(f"a batch runs on twins; '{hardware[0]}' is real: build the scene with twin='all'")
-    job, wanted = Job(model, catalog, until, collect), [int(seed) for seed in seeds]
+    job, wanted = Job(model, catalog, until, collect), [checked_seed(seed) for seed in seeds]
     count = min(len(wanted), workers or cores())
     if count <= 1 or "fork" not in multiprocessing.get_all_start_methods():
         return [job.run(seed) for seed in wanted]
-    return _forked(job, model, catalog, wanted, count)
-
-
-def _forked(job: Job, model: Model, catalog: Catalog, seeds: Sequence[int], count: int) -> list[Any]:
-    """Run the sessions in processes that are forked from this one when everything is compiled."""
-    Session(model, catalog=catalog).close()
-    with _current(job), multiprocessing.get_context("fork").Pool(count) as pool:
-        return pool.map(_work, seeds, chunksize=1)
+    Session(model, catalog=catalog).close()  # everything is compiled once, before the processes are forked
+    return forked(job.run, wanted, count)

@@ -55,6 +55,8 @@ def _row(session: Session, step: Any) -> dict[str, Any]:
 
 def plan_text(facts: dict[str, Any]) -> list[str]:
     """Return the plan as lines for people."""
+    if not facts["steps"]:
+        return [f"{facts['file']}: a tick has no steps, for the scene has no device and no modality"]
     wide = max(len(row["step"]) for row in facts["steps"])
     lines = [f"{facts['file']}: the {len(facts['steps'])} steps of a tick, in order, on twins"]
     lines.append(f"  {'step':<{wide}}  {'Hz':>6}  {'code':<13}  p50 us  p99 us")

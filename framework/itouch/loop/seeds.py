@@ -1,0 +1,23 @@
+"""Which numbers are seeds."""
+
+from __future__ import annotations
+
+import operator
+from typing import SupportsIndex
+
+
+def checked_seed(seed: SupportsIndex) -> int:
+    """Return a seed as a number: whole, from 0 to 2^63 - 1.
+
+    Raises
+    ------
+    ValueError
+        If it is anything else; a fraction that was cut off would be another run than the one asked for.
+    """
+    try:
+        number = operator.index(seed)
+    except TypeError:
+        raise ValueError(f"seed {seed!r} is not a whole number: give one from 0 to 2^63 - 1") from None
+    if not 0 <= number < 1 << 63:
+        raise ValueError(f"seed {number} is out of range: 0 to 2^63 - 1")
+    return number
