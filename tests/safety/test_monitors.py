@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import pickle
 from collections.abc import Iterator
 from typing import Any, ClassVar
 
@@ -453,3 +454,11 @@ def test_details_of_rules_and_windows() -> None:
     table.moment.now += 0.01  # it looks again, but nothing was measured since
     assert table.monitor.check(table.state, table.reading, table.sent, table.moment) == 1.0
     assert table.state["places"].item() == 1
+
+
+def test_what_has_tripped_goes_to_another_process_whole() -> None:
+    trip = pickle.loads(pickle.dumps(TripError(Trip.SPEED, "is too fast")))
+    assert (trip.trip, str(trip)) == (Trip.SPEED, "is too fast")
+    fault = pickle.loads(pickle.dumps(DeviceFaultError("arm", 7, Trip.SPEED, "was too fast")))
+    assert (fault.device, fault.tick, fault.trip, fault.cause) == ("arm", 7, Trip.SPEED, "was too fast")
+    assert str(fault) == "device 'arm' was too fast at tick 7"
