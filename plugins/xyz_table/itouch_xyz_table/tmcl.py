@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from itouch.plugin import Trace
@@ -82,6 +82,8 @@ class Steppers:
         self.repeated = 0
         #: Whether an answer may still be on its way for which nobody waits any more.
         self._owing = False
+        #: The other host to which the module has answered; -1: to none.  Whether it has heard only damaged requests.
+        self._other, self._garbled = -1, False
         self._driven, self._count = False, 0
         self._limits: list[int] = [0] * len(self._motors)
         self._last: list[tuple[float, float]] = []
@@ -157,6 +159,21 @@ class Steppers:
         ServoError
             If it goes on, or does not come back.
         """
+        with self._stopped_after_failure():
+            self._try_out()
+
+    @contextlib.contextmanager
+    def _stopped_after_failure(self) -> Iterator[None]:
+        """Stop all motors if what is done ends with an error: no heartbeat may be there to end what has begun."""
+        try:
+            yield
+        except BaseException:
+            with contextlib.suppress(ServoError):
+                self.stop()
+            raise
+
+    def _try_out(self) -> None:
+        """Let one motor turn in silence, and bring it back."""
         axis, began = 0, self.query()[0].position
         if self._watchdog is None:
             self._hold(axis, began)
@@ -205,6 +222,10 @@ class Steppers:
         ServoError
             If an axis does not find its switch.
         """
+        with self._stopped_after_failure():
+            self._search(travel, low)
+
+    def _search(self, travel: Sequence[float], low: Sequence[float]) -> None:
         for axis in (2, 0, 1):
             lead = self._leads[axis]
             turn = self._microsteps[axis] / abs(lead)
@@ -216,7 +237,6 @@ class Steppers:
             while self._ask(axis, tm.SEARCH, tm.SEARCH_STATUS):
                 if self._clock() > end:
                     self._ask(axis, tm.SEARCH, tm.SEARCH_STOP)
-                    self.stop()
                     raise ServoError(f"axis {AXES[axis]} found no end switch: check its lead, direction and switch")
                 time.sleep(_POLL)
             self.set_position(axis, low[axis] / lead)
@@ -325,6 +345,7 @@ class Steppers:
             If no answer comes, or the module refuses.
         """
         asked = tm.Request(self._address, command, kind, self._motors[axis] if bank is None else bank, value)
+        self._other, self._garbled = -1, False
         for turn in range(TRIES):
             if turn:
                 self.repeated += 1
@@ -332,23 +353,34 @@ class Steppers:
             if self._owing and not self._catch_up():
                 continue
             said = self._exchange(tm.request(asked))
-            if said is None or said.status == tm.WRONG_SUM:
+            self._garbled = said is not None and said.status == tm.WRONG_SUM
+            if said is None or self._garbled:
                 continue
             if said.command != command:
                 self._owing = True
                 continue
-            if said.status not in (tm.OK, tm.LOADED):
+            if said.status != tm.OK:  # not LOADED either: what is stored as a part of a program is not done
                 why = tm.STATUS.get(said.status, f"status {said.status}")
                 what = f"motor {AXES[axis]}" if bank is None else "the module"
                 raise ServoError(f"{what} refuses command {command}, type {kind}, value {value}: {why}")
             return said.value
-        raise ServoError(
-            f"motor {AXES[axis]} (module {self._address}) does not answer: check its cable, supply and address"
-        )
+        raise ServoError(f"motor {AXES[axis]} (module {self._address}) {self._unheard()}")
+
+    def _unheard(self) -> str:
+        """Return what is the matter with a module of which no good answer comes, and what to do."""
+        if self._garbled:
+            return "says that requests reach it damaged: check its cable, and the line's speed (baud)"
+        if self._other >= 0:
+            return (
+                f"answers to host {self._other} only: set its global parameter {tm.HOST_ADDRESS} to {tm.HOST} with the "
+                "maker's program"
+            )
+        return "does not answer: check its cable, supply and address"
 
     def _exchange(self, frame: bytes) -> tm.Answer | None:
-        """Send a request and return the answer that comes whole in time; what other modules say is passed over.
+        """Send a request and return the answer that comes whole in time.
 
+        What other modules say, and what is said to other hosts, is passed over.
         What is damaged is returned as None at once: where the next frame begins is not known then.
         """
         self._send(frame)
@@ -357,10 +389,16 @@ class Steppers:
             if data == frame:  # an adaptor's echo: no answer has the form of a request
                 continue
             said = tm.told(data)
-            if said is None or said.module == self._address:
+            if said is None or self._mine(said):
                 return said
         self._owing = True
         return None
+
+    def _mine(self, said: tm.Answer) -> bool:
+        """Tell whether an answer is the module's, and to this host: another host has asked another question."""
+        if said.module == self._address and said.host != tm.HOST:
+            self._other = said.host
+        return said.module == self._address and said.host == tm.HOST
 
     def _catch_up(self) -> bool:
         """Drop answers that come late, and return whether that is done.
@@ -374,7 +412,7 @@ class Steppers:
         end = self._clock() + PATIENCE * self._patience
         while data := self._receive(end):
             said = tm.told(data) if data != asked else None
-            if said is not None and said.module == self._address and said.command == tm.GET_GLOBAL:
+            if said is not None and self._mine(said) and said.command == tm.GET_GLOBAL:
                 self._owing = False
                 return True
         return False

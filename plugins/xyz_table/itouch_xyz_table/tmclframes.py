@@ -23,13 +23,14 @@ SEARCH_MODE, SEARCH_SPEED, SWITCH_SPEED = 193, 194, 195
 LEFT_SWITCH, RIGHT_INSTEAD = 1, 64
 #: Global parameter: after so many milliseconds without a request all motors stop; 0: never.
 HEARTBEAT = 68
-#: The host's own address, to which answers go.
-HOST = 2
+#: The host's address, to which a module answers: its global parameter 76, 2 as it comes from the maker.
+HOST, HOST_ADDRESS = 2, 76
 
 OK, LOADED, WRONG_SUM = 100, 101, 1
 STATUS = {
     1: "a wrong check sum", 2: "an unknown command", 3: "an unknown parameter", 4: "a value that it does not take",
     5: "a locked memory", 6: "a command that it has not now",
+    LOADED: "it stores commands as a program and obeys none: end its download mode, or switch it off and on",
 }  # fmt: skip
 
 
@@ -44,12 +45,13 @@ class Request(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What a module says."""
+    """What a module says, and to which host."""
 
     module: int
     status: int
     command: int
     value: int
+    host: int = HOST
 
 
 def check(data: bytes) -> int:
@@ -71,9 +73,9 @@ def request(asked: Request) -> bytes:
     return data + bytes((check(data),))
 
 
-def answer(said: Answer, host: int = HOST) -> bytes:
+def answer(said: Answer) -> bytes:
     """Return the frame of an answer."""
-    data = struct.pack(">BBBBi", host, *said)
+    data = struct.pack(">BBBBi", said.host, *said[:-1])
     return data + bytes((check(data),))
 
 
@@ -88,4 +90,5 @@ def told(frame: bytes) -> Answer | None:
     """Return the answer of a frame; None if it is damaged."""
     if len(frame) != SIZE or check(frame[:-1]) != frame[-1]:
         return None
-    return Answer(*struct.unpack(">BBBBi", frame[:-1])[1:])
+    host, *said = struct.unpack(">BBBBi", frame[:-1])
+    return Answer(*said, host)

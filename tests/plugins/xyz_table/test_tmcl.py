@@ -117,7 +117,7 @@ def test_frames_by_hand() -> None:
     assert tm.heard(frame) == (1, 4, 0, 2, 1000)
     said = tm.answer(tm.Answer(1, tm.OK, tm.MOVE, -1))
     assert said == bytes.fromhex("02 01 64 04 ff ff ff ff 67")
-    assert tm.told(said) == (1, 100, 4, -1)
+    assert tm.told(said) == (1, 100, 4, -1, 2)
     assert tm.told(said[:-1]) is None
     for at in range(tm.SIZE):  # any single byte that is damaged is seen
         assert tm.told(said[:at] + bytes((said[at] ^ 0x10,)) + said[at + 1 :]) is None
