@@ -90,5 +90,5 @@ def told(frame: bytes) -> Answer | None:
     """Return the answer of a frame; None if it is damaged."""
     if len(frame) != SIZE or check(frame[:-1]) != frame[-1]:
         return None
-    host, *said = struct.unpack(">BBBBi", frame[:-1])
-    return Answer(*said, host)
+    host, module, status, command, value = struct.unpack(">BBBBi", frame[:-1])
+    return Answer(module, status, command, value, host)
