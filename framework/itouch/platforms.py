@@ -58,6 +58,18 @@ def _system() -> str:
     return {"darwin": "macOS", "win32": "Windows"}.get(_SYSTEM, _SYSTEM)
 
 
+def keep_standard_numbers() -> None:
+    """Open onto nothing what is closed of the files 0, 1 and 2, for this process and those that it starts.
+
+    Else the next files that are opened would get these numbers: a device what a program prints, or a library complains.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # the lowest number that is free: this one
+
+
 def signals(*names: str) -> list[signal.Signals]:
     """Return the signals that this system has, of those named."""
     return [getattr(signal, name) for name in names if hasattr(signal, name)]

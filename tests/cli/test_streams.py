@@ -25,6 +25,8 @@ RUN = f"{COMMAND} run {SCENES / 'first_touch.xml'} --headless --for 0.1s"
         (f"{CHECK} | (exec <&-; sleep 3); exit ${{PIPESTATUS[0]}}", 141, ""),
         (f"mkfifo p; {RUN} --report p", 2, "'p' is a pipe, which may have no reader; name a file, or /dev/stdout"),
         (f"set -o pipefail; {RUN} --quiet --report /dev/stdout | grep -q servo", 0, ""),
+        (f"{RUN} --pace real >&-", 0, ""),
+        (f"{RUN} --pace real >&- 2>&- <&-", 0, ""),
     ],
 )
 def test_it_ends_without_a_traceback(tmp_path: Path, command: str, code: int, said: str) -> None:

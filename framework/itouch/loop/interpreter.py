@@ -78,7 +78,7 @@ _NEEDED: tuple[ModuleType | type, ...] = (
 )  # fmt: skip
 #: What a program replaces on purpose, to refuse those who would end it.
 _ENDINGS = ("_exit", "execv", "execve")
-_STREAMS = ("stdout", "stderr")
+_STREAMS = (("stdout", 1), ("stderr", 2))
 
 
 class LoadedModules:
@@ -91,8 +91,10 @@ class LoadedModules:
         self._modules = sys.modules.copy()
         self._contents = [(owner, dict(filter(_is_function, vars(owner).items()))) for owner in _NEEDED]
         self._wraps = {name: _THERE[name] for name in _WRAPS if name in _THERE}
-        self._streams = [(name, getattr(sys, name)) for name in _STREAMS]
-        self._files = [_File(number) for number in (0, 1, 2)]
+        numbered = [(name, getattr(sys, name), number) for name, number in _STREAMS]
+        self._streams = [one for one in numbered if one[1] is not None]  # who starts it may have given none
+        begun_with = (sys.__stdin__, sys.__stdout__, sys.__stderr__)  # other files may have the number of none
+        self._files = [_File(number) for number, stream in enumerate(begun_with) if stream is not None]
 
     def put_back(self) -> tuple[str, ...]:
         """Put all back; return the names of what was closed, or of functions for which none stood any more.
@@ -110,7 +112,7 @@ class LoadedModules:
                     setattr(owner, name, value)
                     found += [f"{owner.__name__}.{name}"] if not _callable(now) else []
         found += [f"file {one.number}" for one in self._files if one.put_back()]
-        for (name, stream), number in zip(self._streams, (1, 2), strict=True):
+        for name, stream, number in self._streams:
             there, gone = getattr(sys, name), stream.closed
             if gone:
                 stream = _reopened(stream, number)

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from itouch.platforms import SERVO_PROCESS
+from itouch.platforms import SERVO_PROCESS, keep_standard_numbers
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, write
 from itouch.servo.guardian_link import Guarded, child_environment
@@ -118,6 +118,7 @@ def start(name: str, config: dict[str, Any]) -> Handle:
     ServoError
         If the servo process can't be started.
     """
+    keep_standard_numbers()
     handle = _start(name, config)
     try:
         handle.await_ready()

@@ -139,6 +139,9 @@ def _told(error: Exception) -> int:
 
 def _need_streams() -> None:
     """Give a process that was started without output streams ones that lead nowhere."""
+    from itouch.platforms import keep_standard_numbers
+
+    keep_standard_numbers()
     if sys.stdout is None:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     if sys.stderr is None:
