@@ -297,7 +297,7 @@ class KernelCache(FunctionCache):
         said = f"{self._py_func.__module__} {self._base} {fingerprint(self._py_func)} {sig}"
         try:
             claim = os.open(
-                place / hashlib.sha256(said.encode()).hexdigest(), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600
+                place / hashlib.sha256(said.encode()).hexdigest(), os.O_RDWR | os.O_CREAT | platforms.OPEN_FLAGS, 0o600
             )
         except OSError:  # the start that this was for is over
             return None

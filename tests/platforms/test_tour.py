@@ -77,3 +77,15 @@ def test_the_interpreter_has_really_lost_them(system: str) -> None:
     environment = {**os.environ, "PYTHONPATH": str(HERE / system)}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert done.stdout.split() == (["darwin", "False", "True"] if system == "mac" else ["win32", "False", "False"])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("system", ["mac", "win"])
+def test_a_first_start_compiles_there(system: str, tmp_path: Path) -> None:
+    """Several processes compile together, and open files by which one tells the others what it is at."""
+    environment = {**os.environ, "PYTHONPATH": str(HERE / system), "ITOUCH_KERNELS": str(tmp_path / "kernels")}
+    words = ["run", str(SCENES / "first_touch.xml"), "--headless", "--for", "0.1s", "--pace", "fast"]
+    code = f"from itouch_tools.cli import main; raise SystemExit(main({words!r}))"
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    assert "0.100 s simulated" in done.stdout

@@ -40,7 +40,7 @@ def steps(scenes: Path, folder: Path) -> list[list[str]]:
 def study(scenes: Path, folder: Path) -> list[list[str]]:
     """Return the commands of a study with one simulated observer."""
     file, data = str(scenes / "studies" / "four_materials.xml"), str(folder / "panel")
-    return [["study", "simulate", file, "-o", data, "--observers", "1"], ["study", "report", data]]
+    return [["study", "simulate", file, "-o", data, "--observers", "1"], ["study", "report", file, data]]
 
 
 def main(scenes: Path, folder: Path, *, long: bool) -> None:
