@@ -15,6 +15,7 @@ from itouch.loop import DeviceFaultError
 from itouch.loop.runner import Status
 from itouch.plugin import Device, Modality, Record, World, deadman, pose, wrench
 from itouch.plugin.discovery import Catalog, Found, find
+from itouch_thermal.heat import LEFT_OUT
 
 SCENE = """<itouch version="1.0" xmlns:thermal="urn:itouch:plugin:thermal" xmlns:asked="urn:itouch:plugin:asked">
   <materials><material name="wood"><contact stiffness="0.5 N/mm"/>
@@ -155,6 +156,33 @@ def test_the_velocity_is_not_that_of_a_tick(sessions: Any) -> None:
     assert float(abs(session.state["finger.velocity"]).max()) < 0.01
 
 
+def test_after_a_moment_the_finger_is_thought_to_move_on(sessions: Any) -> None:
+    """It went down at 0.1 m/s, and does so still: neither faster for the places in between, nor not at all."""
+    session = sessions()
+    session.run(0.05)
+    for _ in range(50):
+        Stick.height -= 1e-4
+        session.run(0.001)
+    Stick.height -= 31e-4
+    session.leave_out(0.030, running=True)
+    for _ in range(2):
+        session.run(0.001)
+        assert float(session.state["finger.velocity"][2]) == pytest.approx(-0.1, rel=0.2)
+        Stick.height -= 1e-4
+
+
+def test_what_is_made_up_for_is_bounded(sessions: Any) -> None:
+    """A pause of an hour may not keep a loop from its first tick: its guardian would take it for one that hangs."""
+    fingers = []
+    for pause in (LEFT_OUT, 3600.0):
+        session = sessions()
+        session.run(0.05)
+        session.leave_out(pause)
+        fingers.append(session.state["heat.finger"].copy())
+        assert int(session.state["stick.missed"]) == round(pause * 1e3)
+    np.testing.assert_array_equal(*fingers)
+
+
 def test_a_modality_is_told_once_for_how_long(sessions: Any) -> None:
     session = sessions("<asked:told/>")
     session.run(0.01)
@@ -176,7 +204,7 @@ def test_what_it_raises_then_is_a_fault(sessions: Any) -> None:
     assert fault["safe"]["reached"]
 
 
-def test_a_loop_that_was_late_says_so(sessions: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_loop_that_was_late_says_so(sessions: Any) -> None:
     """Through the pacing of a run in real time, whose third tick comes 50 ms late."""
     session = sessions("<asked:told/>")
     ticks = iter([0.0, 0.0, 0.05])

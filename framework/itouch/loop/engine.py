@@ -22,6 +22,7 @@ from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.events import Events
 from itouch.loop.fault_attribution import broken_off, changed_python, with_replaced, with_writer
 from itouch.loop.fingers import join_fingers
+from itouch.loop.left_out import leave_out
 from itouch.loop.objects import Objects
 from itouch.loop.operator_commands import LatchedError, OperatorCommands
 from itouch.loop.pacing import Pacing
@@ -31,13 +32,13 @@ from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.loop.safe_shutdown import SafeShutdown
-from itouch.loop.seeds import checked_seed
 from itouch.loop.timing import Timing
 from itouch.loop.warm_up import reset_modalities, warm_up
 from itouch.loop.write_access import view_for
 from itouch.plugin import Bound, DeviceError, Record
 from itouch.safety import Outcome
 from itouch.schema import ItouchError
+from itouch.schema.seeds import checked_seed
 from itouch.world import Model, make_state
 from itouch.world.bindings import blind
 from itouch.world.plugin_errors import failing
@@ -193,8 +194,8 @@ class Engine:
         """Host seconds since the last tick ended."""
         return now() - float(self.stamps[-1])
 
-    def leave_out(self, seconds: float, *, running: bool = False) -> None:
-        """Let time go on that no tick stands for: budgets, and what modalities know of real fingers and displays.
+    def leave_out(self, seconds: float, *, running: bool = False) -> int:
+        """Let time go on that no tick stands for, as `left_out.leave_out` says; return how many periods that is.
 
         Parameters
         ----------
@@ -208,18 +209,8 @@ class Engine:
         DeviceFaultError
             If a modality fails; all devices have been made safe.
         """
-        periods = round(seconds / self.model.period)
-        if periods <= 1:
-            return
-        for runner in self._all:
-            if running or not runner.model.twin:
-                runner.leave_out(periods)
-        if all(runner.model.twin for runner in self._all):
-            return
-        for rig in self._rigs:
-            rig.toucher.settle()
         try:
-            self._events.left_out(periods * self.model.period, self.ticks)
+            return leave_out(self.model.period, self._all, self._rigs, self._events, seconds, self.ticks, running)
         except DeviceFaultError as fault:
             self.make_safe(fault)
             raise

@@ -73,8 +73,8 @@ class Running(Protocol):
     def tick(self) -> None:
         """Advance by one servo period."""
 
-    def leave_out(self, seconds: float, *, running: bool = False) -> None:
-        """Let time go on that no tick stands for."""
+    def leave_out(self, seconds: float, *, running: bool = False) -> int:
+        """Let time go on that no tick stands for; return how many periods that is."""
 
     def make_safe(self, fault: DeviceFaultError) -> None:
         """Make every device safe because of a fault."""

@@ -243,9 +243,13 @@ class Toucher:
         """What of the probe never changes but the frames of its devices, shape (CONSTANTS,); see `render`."""
         return self._constants
 
-    def settle(self) -> None:
-        """Take the tracker's next place without a velocity: hardware may have moved while nothing ran."""
-        self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0
+    def settle(self, *, moves: bool = False) -> None:
+        """Take the tracker's next place without a velocity: hardware may have moved while nothing ran.
+
+        ``moves``: the finger is thought to move on as it did, for it was only a moment.
+        """
+        if not moves:
+            self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0
         self._afresh[0] = 1
 
     def update(self) -> None:

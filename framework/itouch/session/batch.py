@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 from itouch.loop import DeviceFaultError
-from itouch.loop.seeds import checked_seed
 from itouch.platforms import cores
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
+from itouch.schema.seeds import checked_seed
 from itouch.session.building import load_scene
 from itouch.session.engine import Session
 from itouch.session.forks import forked

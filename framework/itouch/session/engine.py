@@ -312,11 +312,12 @@ class Session(Shown, Engine):
             for rig in self._rigs:
                 rig.toucher.settle()
 
-    def leave_out(self, seconds: float, *, running: bool = False) -> None:
+    def leave_out(self, seconds: float, *, running: bool = False) -> int:
         """Leave time out as ``Engine.leave_out`` says; a recording notes it, and a replay does the same."""
-        if self.recorder is not None:
+        periods = super().leave_out(seconds, running=running)
+        if periods and self.recorder is not None:
             self.recorder.tell("/log/left_out", self.ticks, seconds=seconds, running=int(running))
-        super().leave_out(seconds, running=running)
+        return periods
 
     def rearm(self) -> None:
         """Re-arm as ``Engine.rearm`` says; a recording notes the State after it."""

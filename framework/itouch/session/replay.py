@@ -105,10 +105,10 @@ class Replay:
         for runner in self._real:
             runner.slip[0] = LATE
         self._mark(tick)
-        self._leave_out(tick)
         begin, failed = feed.at, self._failed.pop(tick, None)
         if failed is not None:
             return self._fail(tick, failed)
+        self._leave_out(tick)
         if self._parks:
             self._parks = False
             self.session.park()

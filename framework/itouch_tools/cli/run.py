@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.plugin import trace
 from itouch.schema import ItouchError
+from itouch.schema.seeds import checked_seed
 from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli import arm_input, deprecations, live, outputs, pictures, sounds, windows
@@ -104,8 +105,10 @@ def _parser() -> argparse.ArgumentParser:
 
 def _check(options: argparse.Namespace) -> None:
     given, options.seed = options.seed is not None, options.seed or 0
-    if not 0 <= options.seed < 1 << 63:
-        raise ItouchError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
+    try:
+        checked_seed(options.seed)
+    except ValueError as error:
+        raise ItouchError(f"--{error}") from None
     outputs.wanted(options)
     from itouch.session.open import is_session
 

@@ -28,9 +28,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: How much time [s] that a loop has left out is made up for at most: then a finger in air is as it stays.  Where a
-#: curve is played, or two objects are touched at once, Python does it, a hundred times slower.
-LEFT_OUT, LEFT_OUT_IN_PYTHON = 120.0, 1.0
+#: How much time [s] that a loop has left out is made up for at most, for that takes time itself, in which a loop is
+#: silent; more than a guardian lets pass in a run.  Where a curve is played, or two objects are touched at once, Python
+#: does it, some thirty times slower.
+LEFT_OUT, LEFT_OUT_IN_PYTHON = 10.0, 0.25
 
 #: The model finger, unless a scene has its own: epidermis of the paper; dermis and subcutis, with the perfusion of
 #: blood, after Torvi and Dale's kind of tissue model.
