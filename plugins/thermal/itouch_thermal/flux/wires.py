@@ -7,8 +7,6 @@ how long that takes, and for how long it will stand then, is learnt from the las
 
 from __future__ import annotations
 
-import math
-
 from itouch.plugin import Field, Record
 from itouch_thermal.flux.law import Coming, ModelLaw
 from itouch_thermal.flux.setting import FluxModel
@@ -17,8 +15,8 @@ from itouch_thermal.flux.setting import FluxModel
 MISSED = 250
 #: By what part a departure moves what is thought of the next one; most periods that a current is thought to stand.
 LEARNT, LONG = 0.3, 50.0
-#: How many currents are remembered that were sent; what stands there of those of which nothing is known [A].
-LOG, NO_CURRENT = 64, math.inf
+#: How many currents are remembered that were sent.
+LOG = 64
 
 #: Sequence number and tick of the reading taken last; the current that has left last and when; how many periods it had
 #: waited for that, and how many there are between two such; the currents that were sent, by tick.
@@ -77,24 +75,25 @@ def pass_by(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: fl
     count = max(0, min(MISSED, tick - tracked))
     first, departed = tick - count, state[names.departed].item()
     change = max(0, departed - first)
-    if left != departed:  # another has left, maybe before what was tracked already
-        _learn(model, state, left, departed)
-        state[names.before] = state[names.acting].item()
-        state[names.acting], state[names.departed] = state[names.out].item(), left
+    acting, out = state[names.acting].item(), state[names.out].item()
+    # Another has left, maybe before what was tracked already; after time left out its tick may be that of the last.
+    if left != departed or out != acting:
+        if count <= 1:
+            _learn(model, state, left, departed)
+        elif out not in state[names.sent_log]:  # what a wire sends by itself in a gap; before it the newest has left
+            acting = state[names.sent].item()
+        state[names.before] = acting
+        state[names.acting], state[names.departed] = out, left
         change = left - first
     law.pass_by(state, count, state[names.before].item(), state[names.acting].item(), change, scale, press)
     state[names.tracked] = max(tick, tracked)
 
 
 def leave_out(model: FluxModel, state: Record, periods: int) -> None:
-    """Date what is remembered back by so many periods, in which no tick was run.
-
-    Nothing is learnt of how long the next current has waited: it may have been sent before them.
-    """
+    """Date what is remembered back by so many periods, in which no tick was run."""
     names = model.names
     state[names.taken_at] -= periods
-    state[names.departed] = -1
-    state[names.sent_log] = NO_CURRENT
+    state[names.before] = state[names.acting].item()  # it flows until another is told of
 
 
 def _learn(model: FluxModel, state: Record, left: int, last: int) -> None:
