@@ -19,6 +19,11 @@ from collections.abc import Iterable
 
 from itouch.plugin.device import DeviceError
 
+try:
+    import fcntl
+except ImportError:  # no hardware is driven there
+    fcntl = None  # type: ignore[assignment]
+
 #: How many may ask who holds a wire before nobody is told any more; the kernel may allow fewer.
 _ASKED = 4096
 #: How long [s] a guardian that is still at work is waited for: a session that ended leaves its own for a moment.
@@ -39,6 +44,27 @@ class WireHeldError(DeviceError):
 def same(wire: str) -> str:
     """Return a wire by the name that all names of it have: a link to a port is that port."""
     return os.path.realpath(wire) if os.path.isabs(wire) else wire.strip().casefold()
+
+
+def share(handle: int, port: str) -> None:
+    """Hold an open serial port against other programs, until it is closed; a second opener of ours may come beside.
+
+    Terminal programs, and whoever opens a port for itself alone, lock it as a file (``flock``): two programs on one
+    line take each other's answers.  A guardian speaks on it all the same: a finger may be on what it makes safe.
+
+    Raises
+    ------
+    WireHeldError
+        If another program has it for itself alone.
+    """
+    if fcntl is None or same(port) in _GUARDED:
+        return
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise WireHeldError(f"'{port}' is in use by another program, which has locked it: end that first") from error
+    except OSError:  # no file that can be locked
+        return
 
 
 class WireClaims:
@@ -76,6 +102,7 @@ class WireClaims:
         """
         for key, wire in sorted({same(wire): wire for wire in wires}.items()):
             self._bind(_name(key, "guarded wire"), wire)
+            _GUARDED.add(key)
 
     def stand_in(self, place: str) -> None:
         """Claim the place at which something stands in for a device: two would take each other's place.
@@ -108,6 +135,8 @@ class WireClaims:
         _CLAIMED.add(claimed)
 
 
+#: The wires that this process watches over as a guardian, which is all that it does.
+_GUARDED: set[str] = set()
 #: Every claim of this process: a copy of it that goes on by itself (fork) has none.
 _CLAIMED: weakref.WeakSet[socket.socket] = weakref.WeakSet()
 

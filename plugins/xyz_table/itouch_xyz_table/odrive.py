@@ -9,6 +9,7 @@ is told is not acknowledged, so that limits and modes are told again and again.
 from __future__ import annotations
 
 import contextlib
+import errno
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -29,6 +30,9 @@ LONGEST_WATCHDOG, HEARTBEAT = 0.5, 0.25
 RENEWED, AGAIN = 4, 0.15
 #: How long [s] what has come already is taken, at most.
 DRAIN = 2e-3
+#: How long [s] room for a frame is waited for in an adaptor whose queue is full, and how often it is looked for: an
+#: interface of Linux has room for ten frames as it comes, and a cycle of three servos has up to fifteen.
+ROOM, _LOOK = 20e-3, 2e-4
 #: Bits a second of a bus behind a serial adaptor.
 _BITRATE = 1_000_000
 
@@ -272,10 +276,18 @@ class Odrives:
         message = can.Message(
             arbitration_id=number, data=data, is_remote_frame=remote, dlc=8 if remote else None, is_extended_id=False
         )
-        try:
-            self._bus.send(message)
-        except (can.CanError, OSError) as error:
-            raise ServoError(f"the servos' bus failed: {error}") from error
+        end = self._clock() + ROOM * self._patience
+        while True:
+            try:
+                self._bus.send(message)
+            except (can.CanError, OSError) as error:
+                full = getattr(error, "error_code", None) == errno.ENOBUFS
+                if full and self._clock() < end:
+                    time.sleep(_LOOK)
+                    continue
+                why = "; no frame leaves it: check its cable, its terminators and the servos' supply" if full else ""
+                raise ServoError(f"the servos' bus failed: {error}{why}") from error
+            return
 
     def _listen(self, wait: float) -> None:
         """Take what comes: the first frame within ``wait`` seconds, and all that have come with it.

@@ -11,12 +11,14 @@ The frames are made here.  Trinamic's own library (PyTrinamic) installs packages
 from __future__ import annotations
 
 import contextlib
+import errno
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from itouch.plugin import Trace
+from itouch.plugin import DeviceError, Trace
+from itouch.plugin.wire_claims import share
 from itouch_xyz_table import tmclframes as tm
 from itouch_xyz_table.faults import POSITION
 from itouch_xyz_table.servos import AXES, Goal, ServoError, ServoState
@@ -464,5 +466,12 @@ def _opened(port: str, baud: int) -> Any:
         line: Any = serialx.serial_for_url(port, baud, read_timeout=_POLL, write_timeout=0.5, exclusive=False)
         line.open()
     except (OSError, ValueError, serialx.SerialException) as error:
-        raise ServoError(f"the module's port {port} cannot be opened: {error}") from error
+        busy = "; another program has it, end that first" if getattr(error, "errno", 0) == errno.EBUSY else ""
+        raise ServoError(f"the module's port {port} cannot be opened: {error}{busy}") from error
+    if "://" not in port:
+        try:
+            share(line.fileno(), port)
+        except DeviceError as error:
+            line.close()
+            raise ServoError(f"the module's port {error}") from error
     return line

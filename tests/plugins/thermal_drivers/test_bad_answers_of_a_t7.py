@@ -15,6 +15,7 @@ import pytest
 from itouch.plugin import DeviceError
 from itouch_thermal.drivers import FluxSensor, Infrared, LabJack
 from itouch_thermal.drivers.labjack import LabJackDriver
+from itouch_thermal.drivers.modbus import ModbusLine
 from itouch_thermal.drivers.virtual import VirtualT7
 
 VOLTS = 1e-4
@@ -66,6 +67,8 @@ class BadT7:
             yield from (whole[at : at + 1] for at in range(len(whole)))
         elif not ill or self.kind == "late":
             yield whole
+        elif self.kind == "refuses":
+            yield struct.pack(">HHHBBB", number, 0, 3, request[6], request[7] | 0x80, 4)
         elif self.kind == "cut":
             yield whole[:-1]
         elif self.kind == "another number":
@@ -118,5 +121,45 @@ def test_three_answers_lost_in_a_row_are_asked_for_again_soon(monkeypatch: pytes
         driver.exchange(296.15)
     assert sum(waits[:3]) < 0.1
     assert waits[3] == 0.2
+    driver.close()
+    t7.close()
+
+
+def test_who_hangs_up_between_two_exchanges_is_connected_to_anew() -> None:
+    """A device that ends idle connections with a reset: the next request, of a mean, finds no line."""
+    value, ended = struct.pack(">f", 2.5), threading.Event()
+
+    def work() -> None:
+        for number in range(2):
+            line, _ = listener.accept()
+            with line:
+                head = line.recv(12)[:7]
+                line.sendall(head[:4] + b"\0\7" + head[6:] + b"\3\4" + value)
+                if number:
+                    line.recv(1)
+                else:
+                    line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            ended.set()
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        listener.settimeout(5.0)
+        thread = threading.Thread(target=work, daemon=True)
+        thread.start()
+        wire = ModbusLine("T7", f"127.0.0.1:{listener.getsockname()[1]}", patience=8.0)
+        assert wire.floats(0) == [2.5]
+        assert ended.wait(10.0)
+        wire.ask(7000)
+        assert wire.answer() == (2.5, True)
+        wire.close()
+        thread.join()
+
+
+def test_a_refusal_names_its_register_and_its_exception() -> None:
+    t7 = BadT7("refuses")
+    driver = LabJackDriver(sensors(t7.host), patience=4.0)
+    t7.bad = True
+    with pytest.raises(DeviceError, match=r"refuses register 0: exception 4$"):
+        for _ in range(100):
+            driver.exchange(296.15)
     driver.close()
     t7.close()

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import io
+import os
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import serialx
 
-from itouch.plugin import DeviceError, Terminal, Trace, read_trace
+from itouch.plugin import DeviceError, Terminal, Trace, read_trace, wire_claims
 from itouch_thermal import ThermalDisplay
 from itouch_thermal.drivers.serialport import SerialLine
+from itouch_xyz_table import tmcl
 
 
 @pytest.fixture
@@ -100,6 +105,64 @@ def test_a_second_opener_reaches_the_port_of_one_that_hangs(terminal: Terminal) 
     assert arrives(terminal, 4) == b"off\r"
     second.close()
     hangs.close()
+
+
+def openers() -> list[Callable[[str], object]]:
+    return [lambda port: SerialLine(port, 57600, end=b"\r"), lambda port: tmcl._opened(port, 9600)]
+
+
+@pytest.mark.parametrize("opener", openers())
+def test_a_port_that_another_program_has_locked_is_left_alone(
+    terminal: Terminal, opener: Callable[[str], object]
+) -> None:
+    """As terminal programs do, and whoever opens it for itself alone."""
+    other = os.open(terminal.path, os.O_RDWR | os.O_NOCTTY)
+    fcntl.flock(other, fcntl.LOCK_EX)
+    before = len(os.listdir("/proc/self/fd"))
+    with pytest.raises(DeviceError, match=f"'{terminal.path}' is in use by another program, .*: end that first$"):
+        opener(terminal.path)
+    assert len(os.listdir("/proc/self/fd")) == before
+    assert terminal.receive() == b""
+    os.close(other)
+
+
+@pytest.mark.parametrize("opener", openers())
+def test_who_has_a_port_open_keeps_other_programs_from_it(terminal: Terminal, opener: Callable[[str], Any]) -> None:
+    ours, second = opener(terminal.path), opener(terminal.path)  # the guardian's
+    other = os.open(terminal.path, os.O_RDWR | os.O_NOCTTY)
+    for one in (ours, second):
+        with pytest.raises(BlockingIOError):
+            fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        one.close()
+    fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    os.close(other)
+
+
+@pytest.mark.parametrize("opener", openers())
+def test_a_guardian_speaks_on_a_port_that_another_program_has_locked(
+    terminal: Terminal, opener: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The program may have come between a session's death and what makes its devices safe."""
+    monkeypatch.setattr(wire_claims, "_GUARDED", set[str]())
+    claims = wire_claims.WireClaims()
+    claims.guard([terminal.path])
+    other = os.open(terminal.path, os.O_RDWR | os.O_NOCTTY)
+    fcntl.flock(other, fcntl.LOCK_EX)
+    opener(terminal.path).close()
+    os.close(other)
+    claims.release()
+
+
+def test_a_port_that_the_system_keeps_for_another_program_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def busy(self: object) -> None:  # TIOCEXCL, which holds for everybody but root
+        raise OSError(errno.EBUSY, os.strerror(errno.EBUSY), "/dev/bench")
+
+    monkeypatch.setattr(type(serialx.serial_for_url("/dev/bench", 9600)), "_open", busy)
+    for opener, words in zip(
+        openers(), (": another program has it; end that first", "; another program has it, "), strict=True
+    ):
+        with pytest.raises(DeviceError, match=f"Device or resource busy.*{words}"):
+            opener("/dev/bench")
 
 
 def test_a_port_that_is_unplugged_is_named() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import threading
 import time
 from collections.abc import Iterator
@@ -47,6 +48,27 @@ class Crowded:
             time.sleep(1e-4)  # a full bus of 1 Mbit/s has one every 120 us
             return OTHERS[self.count % len(OTHERS)]
         return found
+
+
+class Narrow:
+    """A bus behind an adaptor with room for few frames, which leave it one by one, or not any more."""
+
+    def __init__(self, bus: Any, room: int) -> None:
+        self.bus, self.room, self.full, self.stuck = bus, room, 0, False
+        self._left = list[float]()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.bus, name)
+
+    def send(self, message: can.Message) -> None:
+        """Send, or say as Linux does that there is no room."""
+        now = time.monotonic()
+        self._left = [when for when in self._left if when > now or self.stuck]
+        if len(self._left) >= self.room:
+            self.full += 1
+            raise can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS)
+        self._left.append(max([now, *self._left]) + 133e-6)
+        self.bus.send(message)
 
 
 @pytest.fixture
@@ -102,3 +124,23 @@ def test_a_servo_whose_heartbeat_ends_is_named_though_it_answers(quiet: Bench, m
         for _ in range(2000):
             device.read(reading)
             time.sleep(1e-3)
+
+
+def test_an_adaptor_with_room_for_few_frames_ends_nothing(quiet: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cycle of three servos is longer than the queue of ten frames that an interface of Linux comes with."""
+    opened, made = odrive._opened, list[Narrow]()
+    monkeypatch.setattr(odrive, "_opened", lambda bus: made.append(Narrow(opened(bus), 4)) or made[-1])
+    device = quiet.table()
+    reading, command = records()
+    device.open()
+    device.read(reading)
+    command["pose_target"] = (*reading["pose"][:3], 1.0, 0.0, 0.0, 0.0)
+    device.write(command)
+    device.read(reading)
+    assert made[0].full > 3
+    made[0].stuck = True
+    device._servos._patience = 1.0  # type: ignore[union-attr]
+    with pytest.raises(ServoError, match=r"No buffer space .*; no frame leaves it: check its cable, its terminators"):
+        for _ in range(3):
+            device.read(reading)
+    made[0].stuck = False

@@ -105,12 +105,17 @@ class ModbusLine:
         self._number, self._asked_for = (self._number + 1) % 0x10000, address
         if self._trace:
             self._trace.sent(b"read %d x 1" % address)
-        try:
-            if not self._connect():
-                raise self._failure("no connection")
-            self._client.send(struct.pack(">HHHBBHH", self._number, 0, 6, 1, _READ, address, 2))
-        except (self._failure, OSError) as error:
-            raise self._silent(error) from error
+        request = struct.pack(">HHHBBHH", self._number, 0, 6, 1, _READ, address, 2)
+        for last in (False, True):
+            try:
+                if not self._connect():
+                    raise self._failure("no connection")
+                self._client.send(request)
+                return
+            except (self._failure, OSError) as error:
+                self._client.close()  # it has hung up since the last answer
+                if last:
+                    raise self._silent(error) from error
 
     def answer(self) -> tuple[float, bool]:
         """Return the number that was asked for, and whether that first request has brought it.
@@ -174,7 +179,9 @@ class ModbusLine:
                     busy += code in _BUSY
                     if code in _BUSY and busy < _TRIES:
                         continue
-                    raise ModbusRefusal(f"the {self._name} at {self._host} refuses register {address}: {answer}")
+                    raise ModbusRefusal(
+                        f"the {self._name} at {self._host} refuses register {address}: exception {code}"
+                    )
                 if not answer.isError() and answer.function_code == function:
                     took = time.monotonic() - begin
                     self._usual = took if self._usual is None else self._usual + _NEWEST * (took - self._usual)

@@ -8,9 +8,12 @@ import time
 from typing import Any
 
 from itouch.plugin import DeviceError, Trace
+from itouch.plugin.wire_claims import share
 
 #: The longest wait for a byte [s]: how late the end of a patience can be noticed.
 _POLL = 0.01
+#: What to do about a port that cannot be opened, by the number of the error.
+_ADVICE = {errno.ENOENT: ": look at its plug", errno.EBUSY: ": another program has it; end that first"}
 #: Most bytes that are taken at once; what is there is given without waiting for more.
 _PIECE = 4096
 
@@ -40,8 +43,14 @@ class SerialLine:
         except (OSError, ValueError, serialx.SerialException) as error:
             number = getattr(error, "errno", None)  # serialx's own text has number and port as well
             reason = os.strerror(number) if number else str(error)
-            advice = ": look at its plug" if number == errno.ENOENT else ""
+            advice = _ADVICE.get(number or 0, "")
             raise DeviceError(f"serial port '{port}' cannot be opened: {reason}{advice}") from error
+        if "://" not in port:
+            try:
+                share(self._serial.fileno(), port)
+            except DeviceError:
+                self._serial.close()
+                raise
 
     def close(self) -> None:
         """Let go of the port."""
