@@ -14,6 +14,7 @@ import campaign
 import pytest
 from program import program as run
 from shipped import SCENES
+from strangers import install
 
 FIRST = str(SCENES / "first_touch.xml")
 
@@ -117,11 +118,7 @@ def test_check_prints_every_problem_and_exits_2(tmp_path: Path) -> None:
 
 
 def test_devices_lists_what_is_installed_and_names_what_failed(tmp_path: Path) -> None:
-    package = tmp_path / "site"
-    info = package / "broken_thing-1.0.dist-info"
-    info.mkdir(parents=True)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: broken-thing\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[itouch.devices]\nbroken = no_such_module:Thing\n")
+    package = install(tmp_path / "site", "broken-thing", "[itouch.devices]\nbroken = no_such_module:Thing\n")
     done = subprocess.run(
         [sys.executable, "-m", "itouch_tools.cli", "devices"], capture_output=True, text=True, check=False,
         env={**os.environ, "PYTHONPATH": str(package)},

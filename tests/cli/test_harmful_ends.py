@@ -14,6 +14,7 @@ from typing import Any
 import campaign
 import pytest
 from shipped import SCENES
+from strangers import install
 
 from itouch.ending import LONGEST
 
@@ -48,12 +49,8 @@ Ended = tuple[int, str, str, dict[str, Any] | None, float]
 
 def run(folder: Path, act: str, pace: str = "fast") -> Ended:
     """Run 0.1 s beside this act; return exit code, what was said and complained of, the report and the time [s]."""
-    info = folder / "evil-1.0.dist-info"
-    info.mkdir(parents=True)
     text = "\n".join(f"    {line}" for line in act.splitlines())
-    (folder / "evil.py").write_text(PLUGIN.format(act=text), encoding="utf-8")
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: evil\nVersion: 1.0\n", encoding="utf-8")
-    (info / "entry_points.txt").write_text("[itouch.modalities]\nevil.it = evil:Evil\n", encoding="utf-8")
+    install(folder, "evil", "[itouch.modalities]\nevil.it = evil:Evil\n", code=PLUGIN.format(act=text))
     text = (SCENES / "first_touch.xml").read_text(encoding="utf-8")
     text = text.replace("<itouch ", '<itouch xmlns:evil="urn:itouch:plugin:evil" ', 1)
     (folder / "scene.xml").write_text(text.replace("</interaction>", '<evil:it name="evil"/></interaction>'))

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from shipped import SCENES
+from strangers import install
 
 PLUGIN = """
 import threading, time
@@ -33,11 +34,8 @@ PROGRAM = "from itouch_tools.cli import main; raise SystemExit(main())"
 
 
 def run(folder: Path, daemon: bool) -> subprocess.CompletedProcess[str]:
-    info = folder / "listens-1.0.dist-info"
-    info.mkdir(parents=True)
-    (folder / "listens.py").write_text(PLUGIN.format(daemon=daemon), encoding="utf-8")
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: listens\nVersion: 1.0\n", encoding="utf-8")
-    (info / "entry_points.txt").write_text("[itouch.modalities]\nlistens.here = listens:Listens\n", encoding="utf-8")
+    code = PLUGIN.format(daemon=daemon)
+    install(folder, "listens", "[itouch.modalities]\nlistens.here = listens:Listens\n", code=code)
     text = (SCENES / "first_touch.xml").read_text(encoding="utf-8")
     text = text.replace("<itouch ", '<itouch xmlns:listens="urn:itouch:plugin:listens" ', 1)
     text = text.replace("</interaction>", '<listens:here name="ears"/></interaction>')

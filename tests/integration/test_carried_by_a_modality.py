@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from strangers import install
 from test_outside_surface import PLUGIN, SCENE
 
 import itouch
@@ -78,15 +79,10 @@ NUMBERS = itertools.count()
 @pytest.fixture
 def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
     """Return what writes a scene whose surface the modality brings, with plugin and robot installed."""
-    info = tmp_path / "site" / "robo-1.0.dist-info"
-    info.mkdir(parents=True)
     module = f"robo_{next(NUMBERS)}"
-    (info.parent / f"{module}.py").write_text(PLUGIN + EXAMPLE + WRONG)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: robo\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(
-        f"[itouch.devices]\nrobo = {module}:Presenter\n[itouch.modalities]\nrobo.brings = {module}:Wrong\n"
-    )
-    monkeypatch.syspath_prepend(str(info.parent))
+    listed = f"[itouch.devices]\nrobo = {module}:Presenter\n[itouch.modalities]\nrobo.brings = {module}:Wrong\n"
+    site = install(tmp_path / "site", "robo", listed, module=module, code=PLUGIN + EXAMPLE + WRONG)
+    monkeypatch.syspath_prepend(str(site))
 
     def written(attributes: str = "", mount: str = "") -> Path:
         text = SCENE.replace("<operator", ASKED.format(attributes), 1)

@@ -20,6 +20,7 @@ sys.path.append(str(Path(__file__).parents[1] / "session"))
 
 from commanded import commanded, same
 from shipped import SCENES
+from strangers import install
 
 import itouch
 from itouch.loop.surface import memory
@@ -191,23 +192,14 @@ def written(world: str, folder: Path) -> Path:
     return path
 
 
-def install(site: Path) -> None:
-    """Write a distribution with a cart, the surface under another name, and two modalities of a stranger."""
-    info = site / "ours-1.0.dist-info"
-    info.mkdir()
-    (site / "cart_and_others.py").write_text(PLUGIN, encoding="utf-8")
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: ours\nVersion: 1.0\n")
-    listed = {"named": "Encountered", "hum": "Hum", "astray": "Astray"}
-    (info / "entry_points.txt").write_text(
-        "[itouch.devices]\nours = cart_and_others:Cart\n[itouch.modalities]\n"
-        + "".join(f"ours.{name} = cart_and_others:{kind}\n" for name, kind in listed.items())
-    )
-
-
 @pytest.fixture(scope="module", autouse=True)
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Install a cart, the surface under another name, and two modalities of a stranger."""
     site = tmp_path_factory.mktemp("site")
-    install(site)
+    listed = {"named": "Encountered", "hum": "Hum", "astray": "Astray"}
+    modalities = "".join(f"ours.{name} = cart_and_others:{kind}\n" for name, kind in listed.items())
+    points = f"[itouch.devices]\nours = cart_and_others:Cart\n[itouch.modalities]\n{modalities}"
+    install(site, "ours", points, module="cart_and_others", code=PLUGIN)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(site))
         yield

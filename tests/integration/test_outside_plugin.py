@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from strangers import install
 
 SOURCE = Path(__file__).parents[1] / "outside" / "itouch-lever"
 
@@ -91,14 +92,11 @@ print("closed", engine.status("stick").name, device.sent[-1])
 
 
 def test_a_scene_that_can_only_command_locked_axes_fails(site: Path, tmp_path: Path) -> None:
-    (site / "locked_lever.py").write_text(
+    code = (
         "import itouch_lever\nfrom itouch.plugin import wrench\n"
         "class Locked(itouch_lever.Lever):\n    commands = (wrench(force=1.0, locked=(0, 1, 2, 3, 4, 5)),)\n"
     )
-    info = site / "locked_lever-1.0.dist-info"
-    info.mkdir(exist_ok=True)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: locked-lever\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[itouch.devices]\nlocked = locked_lever:Locked\n")
+    install(site, "locked-lever", "[itouch.devices]\nlocked = locked_lever:Locked\n", code=code)
     path = tmp_path / "s.xml"
     path.write_text(
         '<itouch version="1.0"><devices><device name="d" plugin="locked"/></devices>\n'

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from strangers import install
 
 import itouch
 
@@ -77,12 +78,8 @@ SCENE = """<itouch version="1.0" xmlns:usb-arm="urn:itouch:plugin:usb-arm">
 def test_a_prop_that_a_strangers_robot_presents_is_what_is_felt(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    info = tmp_path / "site" / "robo-1.0.dist-info"
-    info.mkdir(parents=True)
-    (info.parent / "robo.py").write_text(PLUGIN)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: robo\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[itouch.devices]\nrobo = robo:Presenter\n")
-    monkeypatch.syspath_prepend(str(info.parent))
+    site = install(tmp_path / "site", "robo", "[itouch.devices]\nrobo = robo:Presenter\n", code=PLUGIN)
+    monkeypatch.syspath_prepend(str(site))
     (tmp_path / "s.xml").write_text(SCENE)
     session = itouch.build(tmp_path / "s.xml")
     session.run()

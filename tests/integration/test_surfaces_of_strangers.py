@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from strangers import install
 from test_carried_by_a_modality import ASKED, EXAMPLE
 from test_outside_surface import PLUGIN, SCENE
 
@@ -55,17 +56,13 @@ def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Made:
 
     def write(robot: str, *, brings: str = "", hold: float = 0.5, safety: str = "") -> Path:
         module = f"strangers_robo_{next(NUMBERS)}"
-        info = tmp_path / module / f"{module}-1.0.dist-info"
-        info.mkdir(parents=True)
         code = robot + (EXAMPLE + brings if brings else "")
-        (info.parent / f"{module}.py").write_text(code, encoding="utf-8")
-        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n", encoding="utf-8")
         entries = "[itouch.devices]\nrobo = {0}:Presenter\n"
         if brings:
             name = brings.split("class ")[1].split("(")[0]
             entries += f"[itouch.modalities]\nrobo.brings = {{0}}:{name}\n"
-        (info / "entry_points.txt").write_text(entries.format(module), encoding="utf-8")
-        monkeypatch.syspath_prepend(str(info.parent))
+        site = install(tmp_path / module, module, entries.format(module), code=code)
+        monkeypatch.syspath_prepend(str(site))
         text = SCENE.replace('in="0.5 s" hold="0.5 s"/>', f'in="0.5 s" hold="{hold} s"/>')
         text = text.replace("</interaction>", f"</interaction><safety {safety}/>" if safety else "</interaction>")
         if brings:
@@ -192,14 +189,10 @@ def carried(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Made:
 
     def write(attributes: str, defaults: str = "") -> Path:
         module = f"strangers_carrier_{next(NUMBERS)}"
-        info = tmp_path / module / f"{module}-1.0.dist-info"
-        info.mkdir(parents=True)
-        (info.parent / f"{module}.py").write_text(PLUGIN + EXAMPLE + ALONE, encoding="utf-8")
-        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n", encoding="utf-8")
         ways = "hovering = {0}:Alone\nidle = {0}:Nothing\nasking = {0}:Hover\n"
         entries = f"[itouch.devices]\nrobo = {{0}}:Presenter\n[itouch.carriers]\n{ways}".format(module)
-        (info / "entry_points.txt").write_text(entries, encoding="utf-8")
-        monkeypatch.syspath_prepend(str(info.parent))
+        site = install(tmp_path / module, module, entries, code=PLUGIN + EXAMPLE + ALONE)
+        monkeypatch.syspath_prepend(str(site))
         text = SCENE.replace("<probe ", f"<probe {attributes} ", 1)
         text = text.replace("<materials>", f"<defaults>{defaults}</defaults><materials>", 1) if defaults else text
         path = tmp_path / f"{module}.xml"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from strangers import install
 
 import itouch
 from itouch.plugin import Bound
@@ -127,14 +128,8 @@ SCENE = """<itouch version="1.0" xmlns:polar="urn:itouch:plugin:polar" xmlns:chi
 
 @pytest.fixture
 def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    site = tmp_path / "site"
-    info = site / "polar_glove-1.0.dist-info"
-    info.mkdir(parents=True)
-    (site / "polar_glove.py").write_text(PLUGIN)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: polar-glove\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(
-        "[itouch.devices]\npolar = polar_glove:Pad\n[itouch.modalities]\nchill = polar_glove:Chill\n"
-    )
+    listed = "[itouch.devices]\npolar = polar_glove:Pad\n[itouch.modalities]\nchill = polar_glove:Chill\n"
+    site = install(tmp_path / "site", "polar-glove", listed, code=PLUGIN)
     monkeypatch.syspath_prepend(str(site))
     path = tmp_path / "worn.xml"
     path.write_text(SCENE.format(plate="", surface=""))

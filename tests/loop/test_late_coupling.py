@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from strangers import install
 
 import itouch
 from itouch.loop.late_coupling import allowed
@@ -61,12 +62,9 @@ def pressed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pressed:
 
     def run(timing: str, friction: str = "", far: int = 0, pushes: str = "") -> tuple[itouch.Session, np.ndarray]:
         own = f"late{next(NUMBERS)}"
-        info = tmp_path / own / f"{own}-1.0.dist-info"
-        info.mkdir(parents=True)
-        (info.parent / f"{own}.py").write_text(PLUGIN.format(timing=timing), encoding="utf-8")
-        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {own}\nVersion: 1.0\n", encoding="utf-8")
-        (info / "entry_points.txt").write_text(f"[itouch.devices]\n{own} = {own}:Stylus\n", encoding="utf-8")
-        monkeypatch.syspath_prepend(str(info.parent))
+        code = PLUGIN.format(timing=timing)
+        site = install(tmp_path / own, own, f"[itouch.devices]\n{own} = {own}:Stylus\n", code=code)
+        monkeypatch.syspath_prepend(str(site))
         path = tmp_path / f"{own}.xml"
         text = SCENE.format(own=own, friction=friction, far=far)
         if pushes:

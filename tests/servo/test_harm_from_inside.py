@@ -16,6 +16,7 @@ from typing import Any
 
 import campaign
 import pytest
+from strangers import install
 
 PLUGIN = """
 import builtins, ctypes, gc, os, signal, sys, threading, time
@@ -83,14 +84,9 @@ PROGRAM = "from itouch_tools.cli import main; raise SystemExit(main())"
 def run(folder: Path, act: str) -> tuple[subprocess.CompletedProcess[str], dict[str, Any] | None, list[list[str]]]:
     """Run the stick for a second beside this act; return what the program said, its report, and the device's log."""
     log, report = folder / "log", folder / "report.json"
-    info = folder / "evil-1.0.dist-info"
-    info.mkdir()
     text = "\n".join(f"        {line}" for line in act.splitlines())
-    (folder / "evil.py").write_text(PLUGIN.format(act=text, file=str(log)), encoding="utf-8")
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: evil\nVersion: 1.0\n", encoding="utf-8")
-    (info / "entry_points.txt").write_text(
-        "[itouch.modalities]\nevil.it = evil:Evil\n[itouch.devices]\nstick = evil:Stick\n", encoding="utf-8"
-    )
+    listed = "[itouch.modalities]\nevil.it = evil:Evil\n[itouch.devices]\nstick = evil:Stick\n"
+    install(folder, "evil", listed, code=PLUGIN.format(act=text, file=str(log)))
     (folder / "scene.xml").write_text(SCENE, encoding="utf-8")
     words = [str(folder / "scene.xml"), "--headless", "--for", "1 s", "--report", str(report)]
     path = os.pathsep.join((str(folder), os.environ.get("PYTHONPATH", "")))

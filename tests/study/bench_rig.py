@@ -12,6 +12,8 @@ import mmap
 import struct
 from pathlib import Path
 
+import strangers
+
 MODULE = '''
 import json, mmap, os, struct, time
 from dataclasses import dataclass
@@ -204,16 +206,12 @@ UP, DOWN = 0.034, 0.0277
 
 def install(folder: Path) -> Path:
     """Lay the distribution out as pip does, and the study beside it; return the folder to put on the path."""
-    site = folder / "site"
-    info = site / "bench-1.0.dist-info"
-    info.mkdir(parents=True)
-    (site / "study_bench.py").write_text(MODULE)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: bench\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(
+    listed = (
         "[itouch.devices]\nbench-stick = study_bench:Stick\nbench-lift = study_bench:Lift\n"
         "bench-plate = study_bench:Plate\nbench-thermometer = study_bench:Thermometer\nbench-lamp = study_bench:Lamp\n"
         "[itouch.modalities]\nbench.cool = study_bench:Cool\n"
     )
+    site = strangers.install(folder / "site", "bench", listed, module="study_bench", code=MODULE)
     (folder / "scene.xml").write_text(SCENE)
     (folder / "study.xml").write_text(STUDY)
     (folder / "no-Lamp").write_text("")

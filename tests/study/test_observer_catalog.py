@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from shipped import SCENES
+from strangers import install
 
 from itouch_tools.cli import main
 from itouch_tools.study import simulate as simulation
@@ -61,13 +62,8 @@ FELT = Felt(np.linspace(3000.0, 1000.0, 100), np.full(100, 303.0), np.full(100, 
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Lay a distribution out as pip does."""
-    site = tmp_path / "site"
-    info = site / "strange_observers-1.2.dist-info"
-    info.mkdir(parents=True)
-    (site / "strange_observers.py").write_text(MODULE)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: strange-observers\nVersion: 1.2\n")
-    lines = [f"{name} = strange_observers:{cls}" for name, cls in POINTS.items()]
-    (info / "entry_points.txt").write_text("[itouch.observers]\n" + "\n".join(lines) + "\n")
+    lines = "".join(f"{name} = strange_observers:{cls}\n" for name, cls in POINTS.items())
+    site = install(tmp_path / "site", "strange-observers", f"[itouch.observers]\n{lines}", code=MODULE, version="1.2")
     monkeypatch.syspath_prepend(str(site))
     monkeypatch.delitem(sys.modules, "strange_observers", raising=False)
 

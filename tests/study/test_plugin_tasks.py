@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from run_scene import write_study
 from shipped import SCENES
+from strangers import install
 
 from itouch.plugin.discovery import Catalog
 from itouch_tools.cli import main
@@ -62,13 +63,9 @@ POINTS = {"rougher": "Rougher", "pedal": "Pedal", "twisted": "Twisted", "cross":
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Lay a distribution out as pip does."""
-    site = tmp_path / "site"
-    info = site / "strange_tasks-1.2.dist-info"
-    info.mkdir(parents=True)
-    (site / "my_tasks.py").write_text(LISTING + MORE)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: strange-tasks\nVersion: 1.2\n")
-    lines = [f"{name} = my_tasks:{cls}" for name, cls in POINTS.items()]
-    (info / "entry_points.txt").write_text("[itouch.tasks]\n" + "\n".join(lines) + "\n")
+    lines = "".join(f"{name} = my_tasks:{cls}\n" for name, cls in POINTS.items())
+    points = f"[itouch.tasks]\n{lines}"
+    site = install(tmp_path / "site", "strange-tasks", points, module="my_tasks", code=LISTING + MORE, version="1.2")
     monkeypatch.syspath_prepend(str(site))
     monkeypatch.delitem(sys.modules, "my_tasks", raising=False)
     plugin_tasks._task.cache_clear()
