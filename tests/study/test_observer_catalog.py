@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -49,12 +51,17 @@ class Cross:
     def cue(self, felt):
         raise KeyError("nothing")
 
+class Dies(Peak):
+    def __init__(self):
+        import os, signal
+        os.kill(os.getpid(), signal.SIGKILL)
+
 class Mute:
     pass
 
 nobody = 3
 '''
-POINTS = {"peak": "Peak", "stubborn": "Stubborn", "faints": "Faints", "beyond": "Beyond", "shy": "Shy", "wild": "Wild", "cross": "Cross", "mute": "Mute", "nobody": "nobody",
+POINTS = {"peak": "Peak", "stubborn": "Stubborn", "faints": "Faints", "beyond": "Beyond", "shy": "Shy", "wild": "Wild", "cross": "Cross", "mute": "Mute", "dies": "Dies", "nobody": "nobody",
           "gone": "Gone", "flux": "Mute"}  # fmt: skip
 FELT = Felt(np.linspace(3000.0, 1000.0, 100), np.full(100, 303.0), np.full(100, 304.0), 0.01)
 
@@ -150,3 +157,16 @@ def test_a_whole_study_is_answered_by_one(installed: None, tmp_path: Path, monke
     words = ["study", "simulate", str(study), "-o", str(tmp_path / "rows"), "--observers", "2", "--processes", "1"]
     assert main([*words, "--model", "peak"]) == 0
     assert main(["study", "report", str(study), str(tmp_path / "rows")]) == 0
+
+
+@pytest.mark.long
+def test_a_process_that_dies_is_told_and_not_waited_for(installed: None, tmp_path: Path) -> None:
+    from test_study import written
+
+    words = ["study", "simulate", str(written(tmp_path)), "-o", str(tmp_path / "rows"), "--observers", "3"]
+    done = subprocess.run(
+        [sys.executable, "-m", "itouch_tools.cli", *words, "--processes", "2", "--model", "dies"], capture_output=True,
+        text=True, timeout=100, check=False, env={**os.environ, "PYTHONPATH": str(tmp_path / "site")},
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "one of the processes that simulate was killed" in done.stderr and "Traceback" not in done.stderr

@@ -245,6 +245,7 @@ def _forget(options: argparse.Namespace) -> int:
 
 def _simulate(options: argparse.Namespace) -> int:
     from itouch.schema import ItouchError
+    from itouch.session.errors import SessionError
     from itouch_tools.study.observer_catalog import observer_of
     from itouch_tools.study.simulate import Panel, simulate
 
@@ -261,6 +262,9 @@ def _simulate(options: argparse.Namespace) -> int:
             simulate(options.study, Path(options.output), panel, processes=options.processes), 1
         ):
             print(f"{made} ({done} of {options.observers})", flush=True)
+    except SessionError as error:
+        print(f"{error}", file=sys.stderr)
+        return 1
     except ItouchError as error:
         return _store_error(error)
     return 0

@@ -5,6 +5,8 @@ from __future__ import annotations
 import multiprocessing
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +14,7 @@ import numpy as np
 
 from itouch.plugin.discovery import Catalog
 from itouch.schema import SceneError
+from itouch.session.errors import SessionError
 from itouch_tools.study import orders
 from itouch_tools.study.elements import TASKS
 from itouch_tools.study.observer_catalog import observer_of
@@ -170,14 +173,24 @@ def simulate(path: str, folder: Path, panel: Panel, *, processes: int = 1) -> It
         If the folder holds another study, or cannot be written.
     ObserverError
         If there is no such observer.
+    SessionError
+        If a process ends before its participant is done; what was made stays.
     """
     observer_of(panel.model)
     work = [(path, str(folder), panel, code) for code in panel.codes()]
     if processes <= 1:
         yield from map(_simulate_one, work)
         return
-    with multiprocessing.get_context("spawn").Pool(min(processes, len(work))) as pool:
-        yield from pool.imap(_simulate_one, work)
+    # not multiprocessing's own Pool, which waits for ever for a worker that was killed
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(processes, len(work)), mp_context=context) as pool:
+        try:
+            yield from pool.map(_simulate_one, work)
+        except BrokenProcessPool as error:
+            raise SessionError(
+                "one of the processes that simulate was killed, or ended by itself, before it was done; what was made "
+                "is kept, and the same command goes on from there (with less memory for each: fewer --processes)"
+            ) from error
 
 
 __all__ = ["Made", "Panel", "SceneError", "Simulation", "simulate"]
