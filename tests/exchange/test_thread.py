@@ -162,6 +162,40 @@ def test_an_error_comes_up_in_the_next_read_and_the_device_is_closed(device: _Sl
     threaded.close()
 
 
+def test_what_went_wrong_first_is_what_is_told(device: _Slow, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stuck() -> None:
+        raise DeviceError("and it does not close")
+
+    threaded, reading = ThreadedDevice(device, patience=10.0), _reading()
+    threaded.open()
+    monkeypatch.setattr(device, "close", stuck)
+    device.failure = DeviceError("the cable is out")
+    time.sleep(0.05)
+    threaded.read(reading)
+    with pytest.raises(DeviceError, match="cable"):
+        threaded.read(reading)
+
+
+def test_exchanges_are_no_nearer_than_the_devices_period(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_Slow, "period", 0.02)
+    threaded = ThreadedDevice(_Slow(), patience=10.0)
+    threaded.open()
+    time.sleep(0.3)
+    threaded.close()
+    begins = np.array([begin for begin, _ in threaded._latest])
+    assert begins.size > 2 and begins[-1] - begins[0] > 0.02 * (begins.size - 1.5)
+
+
+def test_figures_are_of_the_latest_exchanges() -> None:
+    threaded = ThreadedDevice(_Slow(), patience=10.0)
+    assert threaded.figures() is None
+    threaded._latest.extend((0.01 * number, 1e-3 * (number + 1)) for number in range(200))
+    threaded.exchanges, threaded.longest = 300, 0.7
+    assert threaded.figures() == pytest.approx(
+        {"count": 300, "rate_hz": 100.0, "p50_ms": 101.0, "p99_ms": 199.0, "max_ms": 700.0}
+    )
+
+
 def test_a_device_that_refuses_to_open_says_why(device: _Slow) -> None:
     device.refusal = DeviceError("no such port")
     threaded = ThreadedDevice(device, patience=10.0)

@@ -156,6 +156,19 @@ def test_a_wrong_hold_is_one_message_with_its_place(hold: str, said: str, advice
     assert (problem.place.line, problem.place.column) == (3, 30)
 
 
+@pytest.mark.parametrize("within", [0.05, 10.0])
+def test_the_nearest_and_the_furthest_that_may_be_waited_for(within: float, tmp_path: Path) -> None:
+    path = tmp_path / "s.xml"
+    path.write_text(
+        '<itouch version="1.0"><include file="itouch:rigs/twin.xml"/><interaction><probe name="finger" pose-from="arm"/>'
+        '<operator probe="finger"><motion>'
+        f'<to pos="0 0 40 mm" in="1 s" hold="until skin {within} K"/></motion></operator></interaction></itouch>',
+        encoding="utf-8",
+    )
+    (operator,) = itouch.load(path).operators
+    assert operator.motion.targets[0].hold == Until(within)
+
+
 def test_a_wait_for_a_skin_that_nothing_tells_is_one_message(tmp_path: Path) -> None:
     path = tmp_path / "nothing.xml"
     path.write_text(

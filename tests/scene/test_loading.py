@@ -41,6 +41,26 @@ def test_prefix_renames_what_the_included_file_defines(write: Write) -> None:
     assert [(o.name, o.material) for o in scene.objects] == [("left-a", "left-m"), ("right-a", "right-m")]
 
 
+def test_a_prefix_renames_also_what_refers_to_a_files_own_includes(write: Write) -> None:
+    write("inner.xml", '<itouch version="1.0"><materials><material name="m"><contact stiffness="100"/></material>'
+          '</materials></itouch>')  # fmt: skip
+    write("part.xml", '<itouch version="1.0"><include file="inner.xml" prefix="in-"/>'
+          '<world><box name="a" size="1 1 1 mm" material="in-m"/></world></itouch>')  # fmt: skip
+    path = write("s.xml", '<itouch version="1.0"><include file="part.xml" prefix="left-"/></itouch>')
+    assert [(o.name, o.material) for o in itouch.load(path).objects] == [("left-a", "left-in-m")]
+
+
+def test_a_whole_scene_may_be_included_under_a_prefix(scenes: Path) -> None:
+    path = scenes / "s.xml"
+    path.write_text('<itouch version="1.0"><include file="four_materials.xml" prefix="p-"/></itouch>')
+    scene = itouch.load(path)
+    (probe,) = scene.probes
+    assert (probe.pose_from, probe.force_to, probe.surface_to) == ("p-arm", "p-arm", "p-table")
+    heat, control = scene.modalities
+    assert (heat.name, control.name, control.params.display) == ("p-heat", "p-flux-control", "p-peltier")
+    assert control.params.desired_from == "p-heat"
+
+
 def test_the_same_file_twice_is_told(write: Write) -> None:
     write("part.xml", '<itouch version="1.0"/>')
     path = write("s.xml", '<itouch version="1.0"><include file="part.xml"/><include file="part.xml"/></itouch>')

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from itouch.scene import bundled_scenes
 from itouch.scene.elements import VERSION
+from itouch.scene.names import defined_names
 from itouch.scene.source import Attribute, Node, SourceError, parse, read_bytes
 from itouch.schema.diagnostics import Place, Problem, did_you_mean, meant
 
@@ -21,7 +22,8 @@ SECTIONS = ("include", "defaults", "materials", "world", "devices", "interaction
 class Document:
     """One file: its root, its sections by tag, the prefix that its includer gave, and the defaults that hold in it.
 
-    ``folder`` is where it lies, relative to the scene's folder.
+    ``folder`` is where it lies, relative to the scene's folder, and ``included`` are the documents that it includes
+    itself, each with the prefix that it gives.
     """
 
     shown: str
@@ -30,6 +32,14 @@ class Document:
     folder: str = ""
     sections: dict[str, Node] = field(default_factory=dict)
     defaults: dict[str, dict[str, Attribute]] = field(default_factory=dict)
+    included: list[tuple[str, Document]] = field(default_factory=list)
+
+    def names(self) -> set[str]:
+        """Return the names that it may refer to without its includer: its own, and those of what it includes."""
+        found = defined_names(self.root)
+        for prefix, document in self.included:
+            found.update(prefix + name for name in document.names())
+        return found
 
 
 @dataclass
@@ -184,7 +194,7 @@ class DocumentReader:
             if not any(name not in known for name in node.attributes):
                 self.problems.append(Problem("missing-attribute", "<include> needs the attribute 'file'", node.place))
             return
-        prefix = document.prefix + (node.attributes["prefix"].value if "prefix" in node.attributes else "")
+        prefix = node.attributes["prefix"].value if "prefix" in node.attributes else ""
         if file.value.startswith(bundled_scenes.SCHEME) or document.shown.startswith(bundled_scenes.SCHEME):
             self._include_shipped(document, file, prefix)
             return
@@ -221,8 +231,9 @@ class DocumentReader:
         self._take_in(document, folder / inner, bundled_scenes.SCHEME + inner, prefix, file.place)
 
     def _take_in(self, document: Document, target: Path, shown: str, prefix: str, place: Place) -> None:
-        included = self._document(target, shown, prefix, place)
+        included = self._document(target, shown, document.prefix + prefix, place)
         if included is not None:
+            document.included.append((prefix, included))
             for tag, attributes in included.defaults.items():
                 document.defaults.setdefault(tag, {}).update(attributes)
 

@@ -13,7 +13,7 @@ from itouch.scene.description import Scene, Swapped
 from itouch.scene.documents import Document, DocumentReader
 from itouch.scene.edits import Edit, apply_edits
 from itouch.scene.extensions import Extensions
-from itouch.scene.names import Names, defined_names
+from itouch.scene.names import Names
 from itouch.scene.places import Places
 from itouch.scene.source import Node
 from itouch.schema.diagnostics import Adviser, Problem, SceneError, did_you_mean
@@ -163,7 +163,7 @@ class _Assembly:
         return self
 
     def _binder(self, document: Document) -> Binder:
-        own = defined_names(document.root) if document.prefix else set()
+        own = document.names() if document.prefix else set()
 
         def rename(name: str) -> str:
             return document.prefix + name if name in own else name
