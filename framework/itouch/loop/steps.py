@@ -36,7 +36,7 @@ _TRIPPED = ("status", "trip", "tripped", "ramp")
 #: What is remembered of a surface of what its modality says; see ``itouch.loop.surface.memory``.
 _TAKEN_OVER = (
     "renders", "present", "settled", "clear", "pressed", "felt", "felt_weight", "missed", "misses", "missed_at",
-    "missed_depth", "missed_load", "changing",
+    "missed_depth", "missed_load", "changing", "lingers", "lingered", "lingered_at",
 )  # fmt: skip
 
 
