@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -143,6 +144,31 @@ def test_a_slide_onto_another_material_is_judged_anew_and_told(folder: Path) -> 
     assert report["modalities"]["flux-control"]["contacts_before_ready"] == 1
     ended = program("run", folder / "slope.xml", "--pace", "fast")
     assert ended.stdout.count("began before the plate was ready") == 1
+
+
+@pytest.mark.parametrize(("deep", "speed"), [(4.0, 60.0), (10.0, 100.0), (20.0, 200.0), (15.0, 190.0)])
+def test_a_finger_that_slips_off_a_rim_is_let_go_at_once_and_heat_after_the_end_is_told(
+    folder: Path, deep: float, speed: float
+) -> None:
+    world = '<box name="block" pos="0 0 5 mm" size="60 60 10 mm" material="stuff"/>'
+    motion = (
+        f'<to pos="0 0 30 mm" in="0.1 s" hold="0.8 s"/><to pos="0 0 {18.0 - deep} mm" in="0.5 s" hold="0.3 s"/>'
+        f'<to pos="50 0 {18.0 - deep} mm" in="{1.875 * 50.0 / speed} s" hold="0.3 s"/>'
+        '<to pos="50 0 40 mm" in="0.3 s" hold="0.1 s"/>'
+    )
+    slope = Slope(world, motion, friction=0.4 if deep == 15.0 else 0.0, warm=True)
+    (touched, pad, flux), report = rows(folder, slope, "finger.object", "finger.plate_force", "peltier.twin.true_flux")
+    (contact,) = report["contacts"]
+    apart = int(np.flatnonzero(touched >= 0)[-1]) + 1
+    assert np.diff(pad[apart - 1 :]).max() <= 0.03  # it only goes
+    assert np.abs(np.diff(pad[apart - 1 :])).max() <= 0.1
+    lasts = np.flatnonzero(flux)[-1] * 1e-3 - contact["end_s"]
+    assert lasts < 0.03
+    told = [notice for notice in report["notices"] if "after a contact had ended" in notice]
+    assert len(told) == (lasts > 1e-3)
+    if told:
+        (after,) = re.findall(r"for (\d+) ms after", told[0])
+        assert int(after) == pytest.approx(1e3 * lasts, abs=2.5)  # below 0.05 N nothing is felt
 
 
 def crossing(angle: float, speed: float, first: str, second: str) -> tuple[str, str]:

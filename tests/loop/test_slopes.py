@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 from mesh_scenes import KINDS, make
 from shipped import SCENES
-from slope_scenes import RADIUS, Course, Floats, Slope, ball, follow, ramp
+from slope_scenes import PLATE_FORCE, RADIUS, Course, Floats, Slope, ball, follow, ramp
 
 LIMIT = 25.0
 #: Above this a plate trips that slides past a finger (K5: 0.15 m/s) [mm/s].
@@ -109,6 +110,55 @@ def test_a_mesh_is_felt_without_steps(folder: Path, name: str) -> None:
         '<to pos="14 3 12 mm" in="1.5 s"/><to pos="0 8 30 mm" in="0.5 s"/>'
     )
     hold(follow(Slope(world, motion, friction=0.3).build(folder)))
+
+
+def thin(kind: str, folder: Path) -> str:
+    """Return a world whose top is 10 mm high in the middle: how thick it is, and what is below, nobody feels."""
+    if kind == "mesh":
+        trimesh.creation.box((60.0, 60.0, 4.0)).export(folder / "meshes" / "thin.stl")
+        return '<mesh name="thing" file="meshes/thin.stl" pos="0 0 8 mm" material="stuff"/>'
+    if kind == "prism":  # its ridge is above x = 0
+        corners = [(x, y, z) for y in (-30.0, 30.0) for x, z in ((-25.0, 0.0), (25.0, 0.0), (0.0, 10.0))]
+        prism = trimesh.convex.convex_hull(np.array(corners))
+        prism.export(folder / "meshes" / "prism.stl")
+        return '<mesh name="thing" file="meshes/prism.stl" pos="0 0 0 mm" material="stuff"/>'
+    thick, tilt = (80.0, 0.0) if kind == "thick" else (4.0, 20.0 if kind == "tilted" else 0.0)
+    world = (
+        f'<box name="thing" pos="0 0 {10.0 - thick / 2} mm" rpy="0 {tilt} 0 deg" size="60 60 {thick} mm" '
+        'material="stuff"/>'
+    )
+    return world + '<box name="lower" pos="0 0 -10 mm" size="90 90 4 mm" material="stuff"/>' * (kind == "shelves")
+
+
+@pytest.mark.parametrize("deep", [20.0, 40.0])
+@pytest.mark.parametrize(("kind", "friction"), [
+    ("thin", 0.0), ("thin", 0.6), ("thick", 0.0), ("mesh", 0.0), ("shelves", 0.3), ("tilted", 0.0), ("prism", 0.6),
+])  # fmt: skip
+def test_a_hand_that_presses_through_an_object_feels_its_top(
+    folder: Path, kind: str, friction: float, deep: float
+) -> None:
+    """The plate stays at its own limit, the arm adds what the scene's leaves, and nothing changes hands."""
+    motion = (
+        f'<to pos="0 0 30 mm" in="0.1 s" hold="0.2 s"/><to pos="0 0 {18.0 - deep} mm" in="1 s" hold="0.4 s"/>'
+        '<to pos="0 0 30 mm" in="1 s" hold="0.1 s"/>'
+    )
+    course = follow(Slope(thin(kind, folder), motion, friction=friction).build(folder))
+    height = (course.depth + course.lowest)[course.touching]
+    rise = np.tan(np.radians(20.0 if kind == "tilted" else 22.0 if kind == "prism" else 0.0))
+    assert np.abs(np.diff(height)).max() <= 1e-4 * rise + 1e-6  # as far as the finger goes aside in a tick
+    assert not course.changes()
+    assert len(course.begins()) == 1
+    assert course.plate[course.touching][20:-20].all()
+    held = course.touching & (course.time > 1.45) & (course.time < 1.65)
+    assert held.sum() > 150
+    assert course.pad[held].min() > 1.8
+    assert course.pad.max() < PLATE_FORCE + 0.1
+    total = np.linalg.norm(course.total, axis=1)
+    assert total.max() <= course.force
+    assert total[held].min() > 2.7
+    own = np.r_[0.0, np.linalg.norm(np.diff(course.virtual, axis=0), axis=1)]
+    after = course.touching & ~course.after(course.begins(), 0.05)
+    assert (course.steps <= np.maximum(0.1, own + 0.03))[after].all()
 
 
 LAW = {"deadline": None, "phases": (Phase.explicit, Phase.generate), "suppress_health_check": list(HealthCheck)}

@@ -16,7 +16,7 @@ from itouch.contact.adjacent_objects import beside
 from itouch.joining import SKIP
 from itouch.loop import render
 from itouch.loop.surface import force, ground, memory, plate, taking_over
-from itouch.loop.surface.feeling import feel
+from itouch.loop.surface.feeling import feel, linger
 from itouch.monitors.surface_kernels import pace
 
 Floats = NDArray[np.float64]
@@ -149,6 +149,7 @@ def carried(
     plate.stray(figures, sent, table)
     plate.spare(c, figures, kept, goal, pressed, yields[0])
     feel(c, figures, kept, load[2], touching)
+    linger(c, kept, load[2], touching, tick[0] * period)
     there[0] = int(kept[memory.PRESENT])
     rising[0] = (figures[render.PLATE_TOP] - before) / period
     return 0

@@ -36,7 +36,7 @@ _TRIPPED = ("status", "trip", "tripped", "ramp")
 #: What is remembered of a surface of what its modality says; see ``itouch.loop.surface.memory``.
 _TAKEN_OVER = (
     "renders", "present", "settled", "clear", "pressed", "felt", "felt_weight", "missed", "misses", "missed_at",
-    "missed_depth", "missed_load", "changing",
+    "missed_depth", "missed_load", "changing", "lingers", "lingered", "lingered_at",
 )  # fmt: skip
 
 
@@ -120,7 +120,8 @@ def look_below(rig: ProbeRig) -> Step:
     name = rig.probe.name
     surface = _of(name, "surface.upright", "surface.climb", "surface.level", "surface.sink", "surface.off")
     written = (*_of(name, "surface_height", "below"), *surface)
-    reads = (*_of(name, "hip", "velocity"), "objects.pose", *_roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE))
+    figures = _of(name, "hip", "velocity", "proxy", "normal", "penetration")
+    reads = (*figures, "objects.pose", *_roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE))
     return joinable(f"below {name}", rig.toucher.looks, (*reads, *surface), written)
 
 

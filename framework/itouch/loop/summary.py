@@ -7,6 +7,7 @@ from typing import Any
 from itouch.exchange import ThreadedDevice
 from itouch.loop.engine_view import Running
 from itouch.loop.late_coupling import late_couplings
+from itouch.loop.lingering_plate import lingering_plates
 from itouch.loop.missing_plate import missed_plates
 from itouch.loop.skin_waits import vain_waits, waits_of
 from itouch.loop.timing import Timing
@@ -72,6 +73,7 @@ def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -
         "notices": [
             *model.notices,
             *missed_plates(model, engine.state),
+            *lingering_plates(model, engine.state),
             *late_couplings(model, engine.state),
             *vain_waits(model, engine.state),
         ],

@@ -82,6 +82,9 @@ _SURFACE = (
     Field("surface.level", unit="m", doc="height of the finger's lowest point, smoothed"),
     Field("surface.sink", unit="m/s", doc="how fast that rises, smoothed"),
     Field("surface.off", unit="m", doc="how much deeper it seems to be in the plate than the force explains, smoothed"),
+    Field("surface.lingers", unit="s", doc="how long the plate is felt since the virtual contact ended, -1: no more"),
+    Field("surface.lingered", unit="s", doc="the longest time that it was felt so"),
+    Field("surface.lingered_at", unit="s", doc="when that ended"),
 )
 
 

@@ -244,8 +244,8 @@ def _bearable(c: Any, own: Any, climb: float, level: float, sink: float, off: fl
 
 
 @kernel
-def _command(c: Any, frame: Any, sent: Any, hip: Any, goal: Any, height: float, touching: bool) -> None:
-    """Write the command (7,): the face under the finger at a height [m]; in touch it gives way first."""
+def _command(c: Any, frame: Any, sent: Any, hip: Any, goal: Any, height: float, felt: bool) -> None:
+    """Write the command (7,): the face under the finger at a height [m]; where it is felt it gives way first."""
     x, y, z = hip[0] - frame[0], hip[1] - frame[1], height - frame[2]
     goal[0] = frame[3] * x + frame[6] * y + frame[9] * z - c.x
     goal[1] = frame[4] * x + frame[7] * y + frame[10] * z - c.y
@@ -254,7 +254,7 @@ def _command(c: Any, frame: Any, sent: Any, hip: Any, goal: Any, height: float, 
     down = sent[2] - goal[2]
     aside = math.sqrt((goal[0] - sent[0]) ** 2 + (goal[1] - sent[1]) ** 2)
     left = math.sqrt(max(0.0, c.reach * c.reach - down * down))
-    if touching and down > 0.0 and aside > left:
+    if felt and down > 0.0 and aside > left:
         for i in range(2):
             goal[i] = sent[i] + (goal[i] - sent[i]) * left / aside
 
@@ -294,6 +294,6 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     still = own[TAKES] > 0.0 and own[ARRIVED] > 0.0 and wanted <= most
     if still and touching and pressed >= TOUCH and own[YIELDS] <= 0.0:
         _learn(c, own, climb, last, here, pressed)
-    _command(c, frame, sent, hip, goal, min(wanted, most), touching)
+    _command(c, frame, sent, hip, goal, min(wanted, most), touching or pressed > LEFT)
     own[AT_FINGER] = 1.0 if touching and _there(own, seen.present[0] > 0.0, here - lowest, pressed) else 0.0
     return 0

@@ -7,7 +7,17 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel
 from itouch.loop.render import HAS_LOAD, NORMAL_FORCE, PERIOD
-from itouch.loop.surface.memory import FELT, FELT_FORCE, FELT_WEIGHT, PRESENT, PRESSED, TOUCH
+from itouch.loop.surface.memory import (
+    FELT,
+    FELT_FORCE,
+    FELT_WEIGHT,
+    LINGERED,
+    LINGERED_AT,
+    LINGERS,
+    PRESENT,
+    PRESSED,
+    TOUCH,
+)
 
 Floats = NDArray[np.float64]
 
@@ -41,3 +51,20 @@ def feel(c: Floats, figures: Floats, memory: Floats, load: float, touching: bool
         memory[FELT_FORCE] = max(LEAST, (1.0 - weight) * figures[NORMAL_FORCE] + weight * pressed)
     else:
         memory[FELT_FORCE] = figures[NORMAL_FORCE]
+
+
+@kernel
+def linger(c: Floats, memory: Floats, load: float, touching: bool, time: float) -> None:
+    """Remember for how long the plate was felt at most after a virtual contact had ended [s], and when that was.
+
+    ``c`` (CONSTANTS,), ``memory`` (MEMORY,) of the surface; ``load``: the force that the plate reads [N]; ``time`` of
+    the tick [s].
+    """
+    if touching:
+        memory[LINGERS] = 0.0
+    elif memory[LINGERS] >= 0.0 and -load > TOUCH:
+        memory[LINGERS] += c[PERIOD]
+        if memory[LINGERS] > memory[LINGERED]:
+            memory[LINGERED], memory[LINGERED_AT] = memory[LINGERS], time
+    else:
+        memory[LINGERS] = -1.0

@@ -9,7 +9,17 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel
 from itouch.contact.cast import sphere_cast
-from itouch.loop.render import HIP, PERIOD, RADIUS, SURFACE_HEIGHT, TABLE, VELOCITY
+from itouch.loop.render import (
+    HIP,
+    NORMAL,
+    PENETRATION,
+    PERIOD,
+    PROXY,
+    RADIUS,
+    SURFACE_HEIGHT,
+    TABLE,
+    VELOCITY,
+)
 from itouch.loop.surface.memory import CLIMB, UPRIGHT
 
 Floats = NDArray[np.float64]
@@ -20,6 +30,8 @@ REACH = 0.2
 SMOOTHLY = 0.005
 #: Cosine of the steepest slope whose change of height is reckoned with: no plate renders a steeper one.
 STEEPEST = 0.3
+#: What is found so far below the touched surface [m] is another one: the finger has been pressed past that.
+PAST = 1e-3
 
 
 @kernel
@@ -27,7 +39,7 @@ def find(
     c: Floats, world: Floats, mesh: Any, poses: Floats, twists: Floats, figures: Floats, memory: Floats, down: Floats,
     normal: Floats,
 ) -> int:  # fmt: skip
-    """Find the highest virtual surface below the finger.
+    """Find the highest virtual surface below the finger, also where it is pressed through the one that it touches.
 
     Parameters
     ----------
@@ -51,6 +63,16 @@ def find(
     if world.shape[0] == 0:
         return -1
     distance, hit = sphere_cast(world, mesh, poses, figures[HIP : HIP + 3], down, c[RADIUS], REACH, normal)
+    above = _past(figures, distance)
+    if above > PAST:
+        # Nothing stops a hand but a few newtons: it may be beyond a thin object, or far inside one, which it touches
+        # from above all the same.  From in there a cast would find nothing, or what is further below.
+        above += PAST  # well clear of it: what just touches is taken for either
+        start = np.empty(3)
+        start[0], start[1], start[2] = figures[HIP], figures[HIP + 1], figures[HIP + 2] + above
+        held, touched = sphere_cast(world, mesh, poses, start, down, c[RADIUS], REACH, normal)
+        if touched >= 0:
+            distance, hit = held - above, touched
     if hit < 0:
         return -1
     figures[SURFACE_HEIGHT] = figures[HIP + 2] - c[RADIUS] - distance
@@ -60,6 +82,21 @@ def find(
         climb += _rises(c, poses, twists, hit, figures, distance, normal) / normal[2]
         memory[CLIMB] = before + c[PERIOD] / (SMOOTHLY + c[PERIOD]) * (climb - before)
     return int(hit)
+
+
+@kernel
+def _past(figures: Floats, distance: float) -> float:
+    """Return how far the finger is below the plane that it touches from above [m]; 0: what it has found is that.
+
+    ``figures`` (FIGURES,); ``distance``: how far below the finger a surface was found [m].
+    """
+    if figures[PENETRATION] <= 0.0 or figures[NORMAL + 2] <= STEEPEST:
+        return 0.0
+    above = 0.0
+    for i in range(3):
+        above += figures[NORMAL + i] * (figures[PROXY + i] - figures[HIP + i])
+    above /= figures[NORMAL + 2]
+    return float(above) if above + distance > PAST else 0.0
 
 
 @kernel
