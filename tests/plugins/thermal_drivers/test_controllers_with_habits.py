@@ -121,9 +121,9 @@ def test_one_that_gives_less_voltage_than_its_limit_has_not_started_anew() -> No
 
 @pytest.mark.parametrize("limit", [0.0, math.nan])
 def test_one_whose_voltage_is_limited_to_nothing_is_refused(limit: float) -> None:
-    with on_a_line(Controller(Plate(), reads={2031: single(limit)})) as path:
-        with pytest.raises(DeviceError, match="limit of voltage .* set it with the maker's program"):
-            driver(path)
+    said = pytest.raises(DeviceError, match="limit of voltage .* set it with the maker's program")
+    with on_a_line(Controller(Plate(), reads={2031: single(limit)})) as path, said:
+        driver(path)
 
 
 def test_one_that_is_busy_for_a_moment_is_waited_for() -> None:
@@ -161,6 +161,6 @@ def test_one_that_knows_no_request_for_several_is_asked_one_by_one(code: int) ->
 
 
 def test_a_watchdog_that_rounds_up_is_not_called_off() -> None:
-    with on_a_line(Controller(Plate(), reads={2060: single(1.0)})) as path:
-        with pytest.raises(DeviceError, match="at 1 where 0.5 was written: its own watchdog would come too late"):
-            driver(path)
+    said = pytest.raises(DeviceError, match="at 1 where 0.5 was written: its own watchdog would come too late")
+    with on_a_line(Controller(Plate(), reads={2060: single(1.0)})) as path, said:
+        driver(path)

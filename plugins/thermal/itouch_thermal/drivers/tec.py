@@ -124,8 +124,8 @@ class TecDriver:
             voltage = self._client.read_float(VOLTAGE_LIMIT, self._instance)
             if not voltage > NO_VOLTAGE:
                 raise DeviceError(
-                    f"the TEC controller's limit of voltage (parameter {VOLTAGE_LIMIT}) is {voltage:g} V, with which no "
-                    "current flows: set it with the maker's program"
+                    f"the TEC controller's limit of voltage (parameter {VOLTAGE_LIMIT}) is {voltage:g} V, with which "
+                    "no current flows: set it with the maker's program"
                 )
             self._client.write_float(LIVE_VOLTAGE, voltage, self._instance)
         except MecomRefusal as refusal:
