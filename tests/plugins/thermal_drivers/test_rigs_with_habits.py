@@ -16,6 +16,7 @@ from test_thermal_drivers import served
 from itouch.plugin import DeviceError, Terminal
 from itouch_thermal.drivers import LinePort
 from itouch_thermal.drivers.lineport import LineDriver, seal, seal_2, unseal, unseal_2
+from itouch_tools.cli import main as cli
 
 GREETING = "N itouch-line 2 bench amps=3 plate=10:43 sink=58 silence=0.2 reset=power cut=none"
 PLATE = 24.5
@@ -294,3 +295,9 @@ def test_another_version_is_not_taken_for_one_that_begins_so(sealed: Callable[[s
     said = pytest.raises(DeviceError, match=f"answers 'itouch-line {version} .*not 'itouch-line 1'")
     with on_a_line(OwnRig(2, greets=lambda: greeting)) as terminal, said:
         driver(terminal)
+
+
+@pytest.mark.parametrize("baud", ["0", "-5", "3000000"])
+def test_a_speed_that_no_port_has_is_bad_input(baud: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli(["thermal", "display", "/dev/no-such-port", "--baud", baud]) == 2
+    assert f"--baud {baud} is out of range: 9600 to 2000000" in capsys.readouterr().err
