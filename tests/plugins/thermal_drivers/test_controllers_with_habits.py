@@ -84,6 +84,13 @@ def test_one_that_refuses_a_current_of_zero_still_has_its_output_taken_off() -> 
     assert device.output() == 0.0
 
 
+@pytest.mark.parametrize(("parameter", "code"), [(50000, 5), (50001, 6), (2060, 7)])
+def test_a_refusal_names_the_parameter_in_the_makers_number(parameter: int, code: int) -> None:
+    device = Controller(Plate(), writes={parameter: b"+%02d" % code})
+    with on_a_line(device) as path, pytest.raises(DeviceError, match=rf"\(parameter {parameter}\): .* \(\+0{code}\)"):
+        driver(path)
+
+
 def test_one_that_is_refused_late_is_not_left_enabled() -> None:
     device = Controller(Plate(), reads={1001: b"+05"})
     with on_a_line(device) as path, pytest.raises(DeviceError, match="no such parameter"):

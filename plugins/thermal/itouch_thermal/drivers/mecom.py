@@ -49,7 +49,9 @@ class MecomRefusal(MecomError):  # noqa: N818
     """The controller refuses a request, with its error code."""
 
     def __init__(self, code: int, request: str) -> None:
-        super().__init__(f"the TEC controller refuses '{request}': {ERRORS.get(code, 'unknown error')} (+{code:02d})")
+        super().__init__(
+            f"the TEC controller refuses {_named(request)}: {ERRORS.get(code, 'unknown error')} (+{code:02d})"
+        )
         self.code = code
 
 
@@ -61,6 +63,14 @@ def crc16(data: bytes) -> int:
         for _ in range(8):
             crc = (crc << 1 ^ 0x1021) & 0xFFFF if crc & 0x8000 else crc << 1
     return crc
+
+
+def _named(request: str) -> str:
+    """Return a request with the number of its parameter, as the maker's papers have it."""
+    part = {"VS": request[2:6], "?V": request[3:7]}.get(request[:2], "")
+    if not part or request.startswith("?VX"):
+        return f"'{request}'"
+    return f"'{request}' (parameter {int(part, 16)})"
 
 
 class MecomClient:
