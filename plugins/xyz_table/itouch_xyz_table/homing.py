@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -48,7 +49,12 @@ def home(
     """
     for axis in (2, 0, 1):
         lead = leads[axis]
-        _to_the_end(servos, axis, lead, GENTLE * torques[axis], travel[axis] / SLOW + _GRACE, clock)
+        try:
+            _to_the_end(servos, axis, lead, GENTLE * torques[axis], travel[axis] / SLOW + _GRACE, clock)
+        except BaseException:
+            with contextlib.suppress(ServoError):  # what came before is to be told
+                servos.stop()
+            raise
         servos.stop()
         servos.set_position(axis, low[axis] / lead)
         _believed(servos, axis, lead, low[axis], clock)

@@ -11,6 +11,7 @@ import pytest
 from test_moteus import Bench, records, table
 
 from itouch.exchange import ThreadedDevice
+from itouch_xyz_table import homing
 from itouch_xyz_table.multiplex import Write
 from itouch_xyz_table.servos import ServoError
 from itouch_xyz_table.virtual import EXACT, HOME, VirtualBus, VirtualServo, checksum
@@ -249,3 +250,11 @@ def test_a_line_that_ends_the_clients_reader_in_a_second_try_is_lived_through(be
     device.open()
     drive(device, (0.0, 0.0, 0.0), lambda _: lines[0] > 200)
     device.close()
+
+
+def test_an_axis_that_finds_no_end_is_stopped_at_once(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not by its watchdog, a tenth of a second later."""
+    monkeypatch.setattr(homing, "_GRACE", -0.3)
+    with pytest.raises(ServoError, match="axis z found no end"):
+        table(bench).open()
+    assert {servo.mode for servo in bench.bus.servos.values()} == {0}
