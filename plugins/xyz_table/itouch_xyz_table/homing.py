@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -13,6 +14,8 @@ from itouch_xyz_table.servos import AXES, Goal, ServoError, check
 GENTLE, SLOW = 0.25, 0.02
 #: An axis that moves less than this [m/s] for so long [s], and so many looks, stands at its end.
 _STILL, _STOOD, _LOOKS = 0.002, 0.15, 30
+#: A servo that was told its place must say so within this time [s], as near [m].
+_TOLD, _NEAR = 0.3, 1e-3
 #: How much longer than its travel takes it may look [s].
 _GRACE = 3.0
 
@@ -42,13 +45,33 @@ def home(
     Raises
     ------
     ServoError
-        If an axis does not find its end.
+        If an axis does not find its end, or its servo does not take its place there.
     """
     for axis in (2, 0, 1):
         lead = leads[axis]
-        _to_the_end(servos, axis, lead, GENTLE * torques[axis], travel[axis] / SLOW + _GRACE, clock)
+        try:
+            _to_the_end(servos, axis, lead, GENTLE * torques[axis], travel[axis] / SLOW + _GRACE, clock)
+        except BaseException:
+            with contextlib.suppress(ServoError):  # what came before is to be told
+                servos.stop()
+            raise
         servos.stop()
         servos.set_position(axis, low[axis] / lead)
+        _believed(servos, axis, lead, low[axis], clock)
+
+
+def _believed(servos: Drives, axis: int, lead: float, place: float, clock: Callable[[], float]) -> None:
+    """See that a servo counts from the place that it was told: old firmware passes over a register it does not know."""
+    begin = clock()
+    while True:
+        found = servos.query()[axis].position * lead
+        if abs(found - place) <= _NEAR:
+            return
+        if clock() - begin > _TOLD:
+            raise ServoError(
+                f"axis {AXES[axis]} was told that it is at {1e3 * place:.1f} mm and says {1e3 * found:.1f} mm: its "
+                "servo does not take a place; update its firmware"
+            )
 
 
 def _to_the_end(

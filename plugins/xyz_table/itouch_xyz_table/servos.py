@@ -183,6 +183,10 @@ class Servos:
         self.query()
         self._ready = list(self._anchors)
 
+    def lost(self) -> tuple[int, ...]:
+        """Return the axes whose servos say that they know nothing of their places: they count from where they began."""
+        return tuple(axis for axis, anchor in enumerate(self._anchors) if anchor == 0)
+
     def set_position(self, axis: int, position: float) -> None:
         """Tell a servo where it is [rev]."""
         self._exchange({axis: self._servos[axis].make_set_output_exact(position=position, query=True)})
@@ -225,8 +229,11 @@ class Servos:
         for result in results:
             state = _state(result.values) if result.id in axes else None
             if state is not None:
-                states[axes[result.id]] = state
-                self._anchors[axes[result.id]] = _anchor(result.values)
+                axis = axes[result.id]
+                states[axis] = state
+                # An answer without it says nothing new: one that has started anew says it with the next.
+                anchor = _anchor(result.values)
+                self._anchors[axis] = self._anchors[axis] if anchor is None else anchor
 
     def _revive(self, error: ServoError) -> None:
         """Go on after answers that did not come, or a line that the client could not read; not after a lost bus.
@@ -236,9 +243,10 @@ class Servos:
         ServoError
             The same, if the bus is gone.
         """
-        if isinstance(error.__cause__, TimeoutError):
-            return
-        if isinstance(error.__cause__, OSError):
+        silent = isinstance(error.__cause__, TimeoutError)
+        if silent and asyncio.all_tasks(self._loop):
+            return  # its reader goes on
+        if isinstance(error.__cause__, OSError) and not silent:
             raise error
         import moteus
 
@@ -310,7 +318,7 @@ def _anchor(values: Any) -> int | None:
     import moteus
 
     found = float(values.get(moteus.Register.HOME_STATE, math.nan))
-    return int(found) if math.isfinite(found) else None
+    return int(found) if found >= 0.0 else None  # the least number is "none"
 
 
 def check(states: Sequence[ServoState], *, driven: bool) -> None:

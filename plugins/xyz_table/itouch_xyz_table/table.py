@@ -30,7 +30,7 @@ from itouch.plugin import (
 from itouch_xyz_table.drives import Drives, opened
 from itouch_xyz_table.emulator import TableEmulator
 from itouch_xyz_table.homing import home
-from itouch_xyz_table.servos import AXES, Goal, ServoError, ServoState, check
+from itouch_xyz_table.servos import AXES, Goal, ServoError, Servos, ServoState, check
 from itouch_xyz_table.tmcl import Steppers
 from itouch_xyz_table.tmclframes import SIZE
 from itouch_xyz_table.twin import XyzTableTwin
@@ -224,11 +224,14 @@ class XyzTable(Device):
         servos = opened(p, WATCHDOG, self.patience, self.trace)
         try:
             servos.query()
-            check(servos.stop(latched=True), driven=False)
+            states = servos.stop(latched=True)
+            check(states, driven=False)
             if p.homing == "stops" and isinstance(servos, Steppers):
                 servos.search(p.travel, (-x / 2, -y / 2, 0.0))
             elif p.homing == "stops":
                 home(servos, leads=self._leads, torques=p.max_torque, travel=p.travel, low=(-x / 2, -y / 2, 0.0))
+            else:
+                self._trust(servos, states)
             servos.ready()
         except BaseException:
             servos.close()
@@ -289,6 +292,29 @@ class XyzTable(Device):
         self._follow(states)
         self._tell(states, reading)
         return True
+
+    def _trust(self, servos: Drives, states: tuple[ServoState, ...]) -> None:
+        """See that servos that know where they are can be right.
+
+        Raises
+        ------
+        ServoError
+            If one says that it does not know, or that it is outside its travel: it would be led against an end.
+        """
+        lost = servos.lost() if isinstance(servos, Servos) else ()
+        x, y, z = self.params.travel
+        ends = ((-x / 2, x / 2), (-y / 2, y / 2), (0.0, z))
+        for axis, (state, lead, (low, high)) in enumerate(zip(states, self._leads, ends, strict=True)):
+            place, why = state.position * lead, ""
+            if axis in lost:
+                why = "counts from where it was switched on"
+            elif not low - FURTHER <= place <= high + FURTHER:
+                why = f"says {1e3 * place:.1f} mm, outside its travel of {1e3 * low:g} to {1e3 * high:g} mm"
+            if why:
+                raise ServoError(
+                    f"axis {AXES[axis]} does not know where it is: its servo {why}; home it first, or write "
+                    'homing="stops"'
+                )
 
     def _follow(self, states: tuple[ServoState, ...]) -> None:
         """See that no axis has jumped: a servo that has started anew counts from another zero.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import random
 import time
@@ -15,6 +16,7 @@ from test_thermal_drivers import served
 from itouch.plugin import DeviceError, Terminal
 from itouch_thermal.drivers import LinePort
 from itouch_thermal.drivers.lineport import LineDriver, seal, seal_2, unseal, unseal_2
+from itouch_tools.cli import main as cli
 
 GREETING = "N itouch-line 2 bench amps=3 plate=10:43 sink=58 silence=0.2 reset=power cut=none"
 PLATE = 24.5
@@ -25,7 +27,14 @@ class OwnRig:
     """A rig of either version, written by somebody else; ``said`` are answers on their way, with when they arrive."""
 
     version: int
+    #: How late it answers, and how long it does nothing else for an order.
     late: float = 0.0
+    takes: float = 0.0
+    #: What it says at once when it has heard an order, how it greets, and what it answers to one.
+    talks: bytes = b""
+    greets: Callable[[], bytes] | None = None
+    answers: Callable[[str, float], str] | None = None
+    free: float = 0.0
     current: float = 0.0
     orders: int = 0
     said: list[tuple[float, bytes]] = field(default_factory=list)
@@ -41,7 +50,11 @@ class OwnRig:
             if body is not None:
                 answer = self.answer(body)
                 sealed = seal_2(answer) if self.version == 2 else seal(answer)
-                self.said.append((time.monotonic() + self.late, self.habit(line + b"\n", sealed)))
+                if body == "?" and self.greets is not None:
+                    sealed = self.greets()
+                now = time.monotonic()
+                self.free = max(now, self.free) + self.takes
+                self.said += [(now, self.talks), (self.free + self.late, self.habit(line + b"\n", sealed))]
 
     def answer(self, body: str) -> str:
         kind, _, rest = body.partition(" ")
@@ -52,6 +65,8 @@ class OwnRig:
         self.orders += 1
         number, amps = rest.split() if self.version == 2 else ("", rest)
         self.current = float(amps)
+        if self.answers is not None:
+            return self.answers(number, self.current)
         values = f"{PLATE:.3f} 25.1 120.0 nan {self.current:.5f}"
         return f"R {number} {values} ok" if self.version == 2 else f"R {values}"
 
@@ -214,3 +229,75 @@ def test_a_restart_in_the_middle_is_lived_through_or_told() -> None:
     rig, count = OwnRig(2), iter(range(1000))
     rig.habit = lambda order, answer: (seal_2(GREETING) if next(count) == 5 else b"") + answer
     drive(rig, 12)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_one_that_talks_before_it_measures_is_not_asked_again_meanwhile(version: int) -> None:
+    """Orders in a queue would be answered ever later; of version 1 nobody could tell which order an answer is to."""
+    rig = OwnRig(version, takes=50e-3, talks=b"# measuring\n")
+    drive(rig, 6)
+    assert rig.orders < 12
+
+
+@pytest.mark.parametrize("words", ["", "24.5 25.1 120.0 nan 1.0 ok fan=1200", "24.5 25.1 2.4e1 nan 1.0 ok"])
+def test_an_answer_of_other_words_is_told_as_it_was(words: str) -> None:
+    rig = OwnRig(2, answers=lambda number, _: f"R {number} {words}")
+    with on_a_line(rig) as terminal:
+        line = driver(terminal)
+        with pytest.raises(
+            DeviceError, match=f"answered '{words}', not five numbers and its state".replace(".", "[.]")
+        ):
+            line.exchange(0.5)
+        line._line.close()
+
+
+@pytest.mark.parametrize("plate", ["+24.5", "24.500000000000004", "+24.50"])
+def test_numbers_have_any_sign_and_any_digits(plate: str) -> None:
+    drive(OwnRig(2, answers=lambda number, amps: f"R {number} {plate} +25.1 -nan NaN {amps:+.12f} ok"), 4)
+
+
+@pytest.mark.parametrize(("skin", "seen"), [("-127", False), ("999.9", False), ("31.5", True)])
+def test_a_skin_that_cannot_be_is_no_finger(skin: str, seen: bool) -> None:
+    """An open thermometer says such numbers."""
+    with on_a_line(OwnRig(2, answers=lambda number, amps: f"R {number} 24.5 25.1 0 {skin} {amps:.5f} ok")) as terminal:
+        line = driver(terminal)
+        assert math.isfinite(line.exchange(0.5).skin) == seen
+        line.close()
+
+
+@pytest.mark.parametrize("words", ["EVENT fan on", "READY"])
+def test_a_sealed_word_that_only_begins_as_an_answer_is_none(words: str) -> None:
+    for version, sealed in ((1, seal(words)), (2, seal_2(words))):
+        drive(OwnRig(version, talks=sealed), 3)
+
+
+@pytest.mark.parametrize(
+    ("said", "instead"),
+    [("silence=0.2", "silence=0"), ("silence=0.2", "silence=-1"), ("plate=10:43", "plate=43:10"), ("amps=3", "amps=0")],
+)
+def test_a_promise_that_can_be_none_is_refused(said: str, instead: str) -> None:
+    """A silence of 0 is how many a device says that its watchdog is off."""
+    greeting = seal_2(GREETING.replace(said, instead))
+    with on_a_line(OwnRig(2, greets=lambda: greeting)) as terminal, pytest.raises(DeviceError, match="can be none"):
+        driver(terminal)
+
+
+def test_a_cut_off_is_seen_even_if_the_greeting_has_the_old_check_sum() -> None:
+    greeting = seal(GREETING.replace("cut=none", "cut=plate-hot"))
+    said = pytest.raises(DeviceError, match="its plate was too hot")
+    with on_a_line(OwnRig(2, greets=lambda: greeting)) as terminal, said:
+        driver(terminal)
+
+
+@pytest.mark.parametrize(("sealed", "version"), [(seal, "10"), (seal_2, "20")])
+def test_another_version_is_not_taken_for_one_that_begins_so(sealed: Callable[[str], bytes], version: str) -> None:
+    greeting = sealed(f"N itouch-line {version} bench amps=3 plate=10:43 sink=58 silence=0.2 reset=power cut=none")
+    said = pytest.raises(DeviceError, match=f"answers 'itouch-line {version} .*not 'itouch-line 1'")
+    with on_a_line(OwnRig(2, greets=lambda: greeting)) as terminal, said:
+        driver(terminal)
+
+
+@pytest.mark.parametrize("baud", ["0", "-5", "3000000"])
+def test_a_speed_that_no_port_has_is_bad_input(baud: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli(["thermal", "display", "/dev/no-such-port", "--baud", baud]) == 2
+    assert f"--baud {baud} is out of range: 9600 to 2000000" in capsys.readouterr().err

@@ -60,6 +60,12 @@ class Bench:
             else:
                 time.sleep(2e-4)
 
+    def homed(self) -> None:
+        """Let servos that were never told a place count from where they are."""
+        for servo in self.bus.servos.values():
+            if abs(servo.zero) == 3.0:
+                servo.zero = -servo.place
+
     def close(self) -> None:
         self._stop = True
         self._thread.join()
@@ -75,6 +81,8 @@ def bench() -> Iterator[Bench]:
 
 def table(bench: Bench, *, patience: float = 12.0, **changed: object) -> XyzTable:
     """A table that waits longer for answers than a real one would: the machine may be busy."""
+    if changed.get("homing") == "absolute":
+        bench.homed()
     device = XyzTable(XyzTableParams(port=bench.terminal.path, **(PARAMS | changed)))  # type: ignore[arg-type]
     device.patience = patience
     return device

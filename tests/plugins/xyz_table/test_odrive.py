@@ -93,6 +93,9 @@ class Bench:
                 part.close() if isinstance(part, Terminal) else part.shutdown()
 
     def table(self, *, homing: str = "absolute", **more: Any) -> XyzTable:
+        for servo in self.servos.values():
+            if homing == "absolute" and abs(servo.zero) == 3.0:  # as one that knows where it is
+                servo.zero = -servo.place
         device = XyzTable(
             XyzTableParams(bus=self.name, lead=LEADS, direction=SIGNS, travel=TRAVEL, homing=homing, **more)
         )

@@ -11,8 +11,10 @@ import pytest
 from test_moteus import Bench, records, table
 
 from itouch.exchange import ThreadedDevice
+from itouch_xyz_table import homing
+from itouch_xyz_table.multiplex import Write
 from itouch_xyz_table.servos import ServoError
-from itouch_xyz_table.virtual import VirtualBus, VirtualServo, checksum
+from itouch_xyz_table.virtual import EXACT, HOME, VirtualBus, VirtualServo, checksum
 
 
 @pytest.fixture
@@ -187,3 +189,72 @@ def test_an_adaptor_that_refuses_every_line_is_asked_within_a_bound_and_quoted(
     refuses(bench, monkeypatch, 1.0)
     with pytest.raises(ServoError, match=r"servo x \(id 1\) does not answer: check its cable .*ERR tx queue full"):
         ThreadedDevice(table(bench, patience=1.0), patience=30.0).open()
+
+
+def test_a_servo_that_does_not_take_its_place_is_told_and_not_led_by_a_wrong_zero(bench: Bench) -> None:
+    """Old firmware passes over a register that it does not know, and answers as if all were well."""
+
+    class Old(VirtualServo):
+        def _write(self, write: Write, now: float) -> bool:
+            return False if write.register == EXACT else super()._write(write, now)
+
+    for number, servo in bench.bus.servos.items():
+        bench.bus.servos[number] = Old(number, low=servo.low, high=servo.high, place=servo.place, zero=3.0)
+    device = table(bench)
+    with pytest.raises(
+        ServoError, match="axis z was told that it is at 0.0 mm and says 15.0 mm: .* update its firmware"
+    ):
+        device.open()
+    assert {servo.mode for servo in bench.bus.servos.values()} == {0}
+
+
+@pytest.mark.parametrize(
+    ("home", "zero", "said"),
+    [(0, 0.0, "counts from where it was switched on"), (1, 3.0, "says 30.0 mm, outside its travel of -6 to 6 mm")],
+)
+def test_servos_that_cannot_know_where_they_are_are_refused(bench: Bench, home: int, zero: float, said: str) -> None:
+    for servo in bench.bus.servos.values():
+        servo.home, servo.zero = home, zero - servo.place
+    with pytest.raises(ServoError, match=f'axis x does not know where it is: .* {said}; .* homing="stops"'):
+        table(bench, homing="absolute").open()
+
+
+def test_an_answer_that_does_not_say_by_what_a_servo_knows_its_place_is_no_new_start(bench: Bench) -> None:
+    answers = [0]
+
+    def sometimes(answer: bytes) -> bytes:
+        answers[0] += 1
+        at = answer.find(bytes((HOME, bench.bus.servos[1].home)))
+        return answer[: at + 1] + b"\x80" + answer[at + 2 :] if at >= 0 and answers[0] % 10 == 0 else answer
+
+    device = ThreadedDevice(table(bench, homing="absolute"), patience=30.0)
+    device.open()
+    through_its_answers(bench, sometimes)
+    drive(device, (0.0, 0.0, 0.0), lambda _: answers[0] > 60)
+    device.close()
+
+
+def test_a_line_that_ends_the_clients_reader_in_a_second_try_is_lived_through(bench: Bench) -> None:
+    """The client waits longer for its answers than the driver does there, and has no time to tell of it."""
+    lines, nonsense = [0], b"rcv 1"
+    write = bench.terminal.send
+
+    def send(data: bytes) -> None:
+        lines[0] += 1
+        if 100 < lines[0] < 104:
+            data = b"%s *%02X\n" % (nonsense, checksum(nonsense + b" "))
+        write(data)
+
+    bench.terminal.send = send  # type: ignore[method-assign]
+    device = ThreadedDevice(table(bench, homing="absolute", patience=2.0), patience=30.0)
+    device.open()
+    drive(device, (0.0, 0.0, 0.0), lambda _: lines[0] > 200)
+    device.close()
+
+
+def test_an_axis_that_finds_no_end_is_stopped_at_once(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not by its watchdog, a tenth of a second later."""
+    monkeypatch.setattr(homing, "_GRACE", -0.3)
+    with pytest.raises(ServoError, match="axis z found no end"):
+        table(bench).open()
+    assert {servo.mode for servo in bench.bus.servos.values()} == {0}

@@ -27,6 +27,8 @@ from itouch_thermal.drivers.serialport import SerialLine
 
 GREETING = "itouch-line 1"
 GREETING_2 = "itouch-line 2"
+#: The word that refuses; more may follow.
+REFUSED = "E"
 #: How long [s] an answer may take beside its way, for how many such times a line is sent again, and how often at most;
 #: the rig's own watchdog [s].
 PATIENCE, SILENT, TRIES, WATCHDOG = 0.06, 3, 8, 0.2
@@ -43,7 +45,9 @@ START = 2.5
 KELVIN = 273.15
 #: Temperatures [degC] that a plate or a sink can have: what is outside is a sensor that is open or short.
 BELIEVED = (-20.0, 90.0)
-_NUMBER = re.compile(r"-?[0-9]{1,9}(\.[0-9]{1,9})?|nan")
+_NUMBER = re.compile(r"[-+]?([0-9]{1,9}(\.[0-9]+)?|nan)", re.IGNORECASE | re.ASCII)
+#: Words behind an order's number: five numbers, and of version 2 the state.
+_NUMBERS = 5
 
 
 class LineReading(NamedTuple):
@@ -94,6 +98,11 @@ def _unseal(line: bytes, digits: int, sealed: Callable[[str], bytes]) -> str | N
     if not star or len(check) != digits or not body.isascii():
         return None
     return body if sealed(body)[-1 - digits : -1].decode() == check.upper() else None
+
+
+def _says(text: str, words: str) -> bool:
+    """Tell whether a text is these words, or begins with them."""
+    return text == words or text.startswith(f"{words} ")
 
 
 class LineDriver:
@@ -160,7 +169,9 @@ class LineDriver:
             except _SilentError:
                 if time.monotonic() >= limit:
                     raise
-        if not found.startswith((GREETING, GREETING_2)):
+        if _says(found, GREETING_2):
+            self._version = 2  # whichever check sum it has: what it promises is to be looked at
+        elif not _says(found, GREETING):
             raise DeviceError(f"on {self._line.port} answers '{found}', not '{GREETING}' or '{GREETING_2}'")
         return found
 
@@ -178,13 +189,13 @@ class LineDriver:
         return f"has cut itself off: {CAUSES.get(cause, cause)}{then}"
 
     def _body(self, answer: bytes) -> str | None:
-        """Return the text of an answer that is whole; a greeting tells the version."""
+        """Return the text of an answer that is whole; a greeting may have either check sum."""
         answer = answer.lstrip(b"\r\n\0")  # a port that is opened may say zeros
         if self._version == 2:
             return unseal_2(answer)
         body = unseal(answer)
-        if body is None and (greeting := unseal_2(answer)) is not None and greeting.startswith(f"N {GREETING_2}"):
-            self._version, body = 2, greeting
+        if body is None and (greeting := unseal_2(answer)) is not None and _says(greeting, "N"):
+            return greeting
         return body
 
     def _ask(self, text: str, wanted: str) -> str:
@@ -210,7 +221,7 @@ class LineDriver:
             if body is None:
                 break
             self._usual += _NEWEST * (took / self._patience - self._usual)
-            if not body.startswith(wanted):
+            if not _says(body, wanted):
                 raise DeviceError(f"the rig on {self._line.port} refuses '{text}': {body[1:].strip()}")
             return body[len(wanted) :].strip()
         raise _SilentError(f"the rig on {self._line.port} did not answer '{text}', sent again and again")
@@ -219,7 +230,8 @@ class LineDriver:
         """Return the answer, or a refusal, that comes within ``wait`` seconds, or None.
 
         What else is said is passed over: what an adaptor echoes, words of a program that talks, an answer to an earlier
-        order.  Behind what is damaged, which may have been the answer, little is waited for.
+        order.  Behind what is damaged, which may have been the answer, little is waited for; not behind words without a
+        check sum, which a program may say when it has heard the order and is still measuring.
         """
         limit = time.monotonic() + wait
         while True:
@@ -228,8 +240,9 @@ class LineDriver:
                 return None
             body = self._body(answer)
             if body is None:
-                limit = min(limit, time.monotonic() + self._patience * (BEHIND + self._way))
-            elif body.startswith((wanted, "E")):
+                if b"*" in answer or answer.lstrip(b"\r\n\0").startswith(wanted[:1].encode()):
+                    limit = min(limit, time.monotonic() + self._patience * (BEHIND + self._way))
+            elif _says(body, wanted) or _says(body, REFUSED):
                 self.wire = (len(answer) + 1) * self._byte  # with its end
                 return body
 
@@ -241,14 +254,21 @@ class LineDriver:
         DeviceError
             If it does not answer, refuses, answers nonsense, has lost a sensor or has cut itself off.
         """
-        words = self._order(f"{current:.5f}")
-        state = words.pop() if self._version == 2 else "ok"
-        if state not in ("ok", "held-back"):
-            raise DeviceError(f"the rig on {self._line.port} {self._cut(state)}")
-        if len(words) != 5 or not all(_NUMBER.fullmatch(word) for word in words):
-            raise DeviceError(f"the rig on {self._line.port} answered '{' '.join(words)}', not five numbers")
+        said = self._order(f"{current:.5f}")
+        words, state = said[:_NUMBERS], said[_NUMBERS:]
+        fits = len(words) == _NUMBERS and len(state) == self._version - 1
+        if not fits or not all(_NUMBER.fullmatch(word) for word in words):
+            what = "five numbers" + (" and its state" if self._version == 2 else "")
+            raise DeviceError(
+                f"the rig on {self._line.port} answered '{' '.join(said)}', not {what}: digits with a sign and a "
+                "point, or nan"
+            )
+        if state and state[0] not in ("ok", "held-back"):
+            raise DeviceError(f"the rig on {self._line.port} {self._cut(state[0])}")
         plate, sink, flux, skin, actual = (float(word) for word in words)
         low, high = BELIEVED
+        if not low <= skin <= high:
+            skin = math.nan  # a thermometer that is open or short sees no finger
         if not (low <= plate <= high and low <= sink <= high and math.isfinite(actual)):
             raise DeviceError(f"the rig on {self._line.port} has lost its plate's or sink's sensor")
         return LineReading(plate + KELVIN, sink + KELVIN, flux, skin + KELVIN, actual)
@@ -258,7 +278,7 @@ class LineDriver:
         if self._version == 1:
             return self._ask(f"I {amps}", "R").split()
         self._number = (self._number + 1) % 256
-        return self._ask(f"I {self._number} {amps}", f"R {self._number} ").split()
+        return self._ask(f"I {self._number} {amps}", f"R {self._number}").split()
 
     def close(self) -> None:
         """Set the current to zero, then let go of the line."""

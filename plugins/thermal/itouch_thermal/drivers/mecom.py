@@ -32,9 +32,11 @@ ERRORS = {
     5: "no such parameter", 6: "parameter is read only", 7: "value out of range", 8: "no such instance",
     9: "parameter general failure",
 }  # fmt: skip
+#: The controller is busy; it has no such channel.
+BUSY, NO_INSTANCE = 2, 8
 #: Refusals that pass: it is busy, or what it heard was damaged on the way (a general communication error, a format
 #: error).  Such a request is made again.
-_PASSING = (2, 3, 4)
+_PASSING = (BUSY, 3, 4)
 #: Refusals that mean that a parameter, or a command, is not there.
 UNKNOWN = (1, 5)
 
@@ -47,7 +49,9 @@ class MecomRefusal(MecomError):  # noqa: N818
     """The controller refuses a request, with its error code."""
 
     def __init__(self, code: int, request: str) -> None:
-        super().__init__(f"the TEC controller refuses '{request}': {ERRORS.get(code, 'unknown error')} (+{code:02d})")
+        super().__init__(
+            f"the TEC controller refuses {_named(request)}: {ERRORS.get(code, 'unknown error')} (+{code:02d})"
+        )
         self.code = code
 
 
@@ -59,6 +63,14 @@ def crc16(data: bytes) -> int:
         for _ in range(8):
             crc = (crc << 1 ^ 0x1021) & 0xFFFF if crc & 0x8000 else crc << 1
     return crc
+
+
+def _named(request: str) -> str:
+    """Return a request with the number of its parameter, as the maker's papers have it."""
+    part = {"VS": request[2:6], "?V": request[3:7]}.get(request[:2], "")
+    if not part or request.startswith("?VX"):
+        return f"'{request}'"
+    return f"'{request}' (parameter {int(part, 16)})"
 
 
 class MecomClient:
@@ -230,7 +242,8 @@ class MecomClient:
             self._line.send(request)
             sooner = self.hurry and turn < SOONER
             quick = min(PATIENCE, max(QUICK, USUAL * self._usual))
-            answer = self._answer(crc, self._patience * (quick if sooner else PATIENCE))
+            end = monotonic() + self._patience * (quick if sooner else PATIENCE)
+            answer = self._answer(crc, end)
             if answer is None and self._spoilt and spoilt < DAMAGED - tries:
                 spoilt += 1  # it is there and answers: that was no silence
                 continue
@@ -244,6 +257,8 @@ class MecomClient:
             refusal = MecomRefusal(code, payload)
             if code not in _PASSING:
                 break
+            if code == BUSY and 1 < turn < turns:  # all tries at once would find it as busy
+                sleep(max(0.0, end - monotonic()))
         if refusal is not None:
             raise refusal
         if raised != self.baud:
@@ -252,12 +267,12 @@ class MecomClient:
         other = f'; one of address {found} did: if that is yours, write address="{found}"' if found >= 0 else ""
         raise MecomError(f"the TEC controller on {self._line.port} did not answer {turns} times{other}")
 
-    def _answer(self, sent: int, wait: float) -> str | None:
-        """Return the payload of the next good answer to this request within ``wait`` seconds, or None.
+    def _answer(self, sent: int, limit: float) -> str | None:
+        """Return the payload of the next good answer to this request before ``limit``, or None.
 
         What others say on the line meanwhile is not for us, and gains nobody time.
         """
-        limit, self._spoilt = monotonic() + wait, False
+        self._spoilt = False
         while True:
             message = self._line.receive(max(0.0, limit - monotonic()))
             if message is None:

@@ -13,7 +13,10 @@ from itouch.plugin.wire_claims import share
 #: The longest wait for a byte [s]: how late the end of a patience can be noticed.
 _POLL = 0.01
 #: What to do about a port that cannot be opened, by the number of the error.
-_ADVICE = {errno.ENOENT: ": look at its plug", errno.EBUSY: ": another program has it; end that first"}
+_ADVICE = {
+    errno.ENOENT: ": look at its plug", errno.EBUSY: ": another program has it; end that first",
+    errno.ENOTTY: ": it is no serial port",
+}  # fmt: skip
 #: Most bytes that are taken at once; what is there is given without waiting for more.
 _PIECE = 4096
 

@@ -6,13 +6,14 @@ current and its error thresholds are armed and read back.  What differs is writt
 
 from __future__ import annotations
 
+import contextlib
 import struct
 from collections import deque
 from typing import NamedTuple
 
 from itouch.plugin import DeviceError, Stamps, Trace
 from itouch_thermal.drivers.driver_params import Mecom
-from itouch_thermal.drivers.mecom import UNKNOWN, MecomClient, MecomRefusal
+from itouch_thermal.drivers.mecom import BUSY, NO_INSTANCE, UNKNOWN, MecomClient, MecomRefusal
 
 STATUS, ERROR_NUMBER = 104, 105
 OBJECT_TEMPERATURE, SINK_TEMPERATURE, ACTUAL_CURRENT = 1000, 1001, 1020
@@ -27,6 +28,10 @@ KELVIN = 273.15
 PLATE, LONGEST_WATCHDOG = (8.0, 45.0), 0.5
 #: The greatest current [A] that is asked for if nothing else is said, and the error threshold as a multiple of it.
 CEILING, THRESHOLD = 16.0, 1.25
+#: Temperatures [degC] that a plate or a sink can have: what is outside is a sensor that is open or short.
+BELIEVED = (-20.0, 90.0)
+#: A live voltage [V] of less is none: the controller has lost what it was told.
+NO_VOLTAGE = 0.01
 #: How far the current that flows may be from what was asked for [A], and as a part of it; for how many exchanges.
 ASIDE, PART, STRAYED, ASKED = 0.3, 0.2, 25, 8
 
@@ -58,7 +63,9 @@ class TecDriver:
         self._client = MecomClient(params.port, params.baud, params.address, patience=patience, trace=trace)
         self._instance, self._count, self._sink, self._bulk = params.instance, 0, 0.0, True
         self._asked: deque[float] = deque([0.0], maxlen=ASKED)
-        self._strayed, self._voltage, self._watched = 0, 0.0, params.watchdog
+        self._strayed, self._watched, self._enabled = 0, params.watchdog, False
+        #: Under which instance the status stands: a controller of two channels may have one for both.
+        self._status = params.instance
         #: What this controller does not know of the protection that it should have.
         self.missing: list[int] = []
         try:
@@ -66,13 +73,17 @@ class TecDriver:
                 self._client.hasten(params.session_baud)
             self._start(ceiling)
         except BaseException:
+            if self._enabled:
+                with contextlib.suppress(DeviceError):  # what came before is to be told
+                    self._client.write_int(LIVE_ENABLE, 0, self._instance)
             self._client.close()
             raise
 
     def _start(self, ceiling: float) -> None:
         """Check that it is well, arm what protects the plate, and hand its output over to live parameters."""
         self.identity = self._client.identity()
-        self._check(self._client.read_int(STATUS))
+        self._status = self._place(STATUS)
+        self._check(self._client.read_int(STATUS, self._status))
         client, instance = self._client, self._instance
         client.write_int(LIVE_ENABLE, 0, instance)
         client.write_float(LIVE_CURRENT, 0.0, instance)
@@ -83,7 +94,7 @@ class TecDriver:
         self._arm_float(CURRENT_ERROR, 0.0, THRESHOLD * ceiling, THRESHOLD * ceiling)
         self._arm_float(LOW_ERROR, PLATE[0], PLATE[1], PLATE[0])
         self._arm_float(HIGH_ERROR, PLATE[0], PLATE[1], PLATE[1])
-        self._arm_float(WATCHDOG, 0.05, LONGEST_WATCHDOG, LONGEST_WATCHDOG)
+        self._arm_float(WATCHDOG, 0.05, LONGEST_WATCHDOG, LONGEST_WATCHDOG, self._place(WATCHDOG))
         if WATCHDOG in self.missing and self._watched:
             raise DeviceError(
                 f"the TEC controller knows no parameter {WATCHDOG}: nothing in it would end the current if this "
@@ -92,15 +103,31 @@ class TecDriver:
         self._arm_int(OBSERVE, 2)
         self._arm_int(OBJECT_RATE, 1)
         self._open_voltage()
+        self._enabled = True  # even if its answer is lost
         client.write_int(LIVE_ENABLE, 1, instance)
-        self._sink = client.read_float(SINK_TEMPERATURE, instance) + KELVIN
+        self._sink = _temperature(client.read_raw(SINK_TEMPERATURE, instance), "sink")
         client.hurry = True  # from now on a loop waits
+
+    def _place(self, parameter: int) -> int:
+        """Return the instance of a parameter that may be there once for all channels, under 1."""
+        if self._instance > 1:
+            try:
+                self._client.read_raw(parameter, self._instance)
+            except MecomRefusal as refusal:
+                if refusal.code == NO_INSTANCE:
+                    return 1
+        return self._instance
 
     def _open_voltage(self) -> None:
         """Allow the live voltage its limit: it is 0 V after a start, and then no current flows."""
         try:
-            self._voltage = self._client.read_float(VOLTAGE_LIMIT, self._instance)
-            self._client.write_float(LIVE_VOLTAGE, self._voltage, self._instance)
+            voltage = self._client.read_float(VOLTAGE_LIMIT, self._instance)
+            if not voltage > NO_VOLTAGE:
+                raise DeviceError(
+                    f"the TEC controller's limit of voltage (parameter {VOLTAGE_LIMIT}) is {voltage:g} V, with which "
+                    "no current flows: set it with the maker's program"
+                )
+            self._client.write_float(LIVE_VOLTAGE, voltage, self._instance)
         except MecomRefusal as refusal:
             self._note(VOLTAGE_LIMIT, refusal)
 
@@ -110,14 +137,15 @@ class TecDriver:
             raise refusal
         self.missing.append(parameter)
 
-    def _arm_float(self, parameter: int, low: float, high: float, wanted: float) -> None:
-        """Bring a parameter into a range, and read it back."""
+    def _arm_float(self, parameter: int, low: float, high: float, wanted: float, instance: int = 0) -> None:
+        """Bring a parameter into a range, and read it back; ``instance`` 0: the channel's."""
+        instance = instance or self._instance
         try:
-            found = self._client.read_float(parameter, self._instance)
+            found = self._client.read_float(parameter, instance)
             if low - _rounded(low) <= found <= high + _rounded(high):
                 return
-            self._client.write_float(parameter, wanted, self._instance)
-            found = self._client.read_float(parameter, self._instance)
+            self._client.write_float(parameter, wanted, instance)
+            found = self._client.read_float(parameter, instance)
         except MecomRefusal as refusal:
             self._note(parameter, refusal)
             return
@@ -138,7 +166,9 @@ class TecDriver:
 
     @staticmethod
     def _refuse_rig(parameter: int, found: float, wanted: float) -> None:
-        what = "its own watchdog is off" if parameter == WATCHDOG else "it would not protect the plate by itself"
+        what = "it would not protect the plate by itself"
+        if parameter == WATCHDOG:
+            what = "its own watchdog " + ("would come too late" if found > wanted else "is off")
         raise DeviceError(
             f"the TEC controller keeps parameter {parameter} at {found:g} where {wanted:g} was written: {what}; set it "
             "with the maker's program"
@@ -167,13 +197,16 @@ class TecDriver:
         self._count += 1
         if slow == LIVE_VOLTAGE and VOLTAGE_LIMIT in self.missing:
             slow = SINK_TEMPERATURE
+        if slow == STATUS and self._status != self._instance:
+            self._check(self._client.read_int(STATUS, self._status))
+            slow = SINK_TEMPERATURE
         plate, actual, other = self._values((OBJECT_TEMPERATURE, ACTUAL_CURRENT, slow))
         if stamps is not None:
             stamps.measured("plate_temperature", "sink_temperature", ago=36 * self._byte())
         flowing = _float(actual)
         self._slowly(slow, other)
         self._follows(flowing)
-        return TecReading(_float(plate) + KELVIN, self._sink, flowing)
+        return TecReading(_temperature(plate, "plate"), self._sink, flowing)
 
     def _byte(self) -> float:
         """Return how long a byte takes on the line [s]."""
@@ -185,21 +218,21 @@ class TecDriver:
             try:
                 return self._client.read_several(parameters, self._instance)
             except MecomRefusal as refusal:
-                if refusal.code != 1:
+                if refusal.code == BUSY:
                     raise
-                self._bulk = False
+                self._bulk = False  # where it is a parameter that is refused, that is told by itself
         return [self._client.read_raw(parameter, self._instance) for parameter in parameters]
 
     def _slowly(self, parameter: int, data: bytes) -> None:
         """Look at what need not be looked at in every exchange."""
         if parameter == SINK_TEMPERATURE:
-            self._sink = _float(data) + KELVIN
+            self._sink = _temperature(data, "sink")
         elif parameter == STATUS:
             self._check(_int(data))
         elif parameter == LIVE_ENABLE:
             if _int(data) != 1:
                 self._restarted()
-        elif abs(_float(data) - self._voltage) > 0.01 + 0.001 * abs(self._voltage):
+        elif not _float(data) > NO_VOLTAGE:  # another than was written may be all that it can give
             self._restarted()
 
     @staticmethod
@@ -222,10 +255,29 @@ class TecDriver:
     def close(self) -> None:
         """Set the current to zero and the output off, then let go of the line."""
         try:
-            self._client.write_float(LIVE_CURRENT, 0.0, self._instance)
-            self._client.write_int(LIVE_ENABLE, 0, self._instance)
+            try:
+                self._client.write_float(LIVE_CURRENT, 0.0, self._instance)
+            finally:  # one that refuses the first may obey the second
+                self._client.write_int(LIVE_ENABLE, 0, self._instance)
         finally:
             self._client.close()
+
+
+def _temperature(data: bytes, part: str) -> float:
+    """Return a temperature [K].
+
+    Raises
+    ------
+    DeviceError
+        If it is none that a plate or a sink can have.
+    """
+    value = _float(data)
+    if not BELIEVED[0] <= value <= BELIEVED[1]:
+        raise DeviceError(
+            f"the TEC controller says that the {part} is at {value:g} degC: its sensor is open, short or not set up; "
+            "check its wires, and the sensor's type in the maker's program"
+        )
+    return value + KELVIN
 
 
 def _rounded(value: float) -> float:
