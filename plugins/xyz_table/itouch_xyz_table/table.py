@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import stat
 from dataclasses import dataclass
 from typing import Any
 
@@ -177,12 +178,20 @@ class XyzTable(Device):
 
     @classmethod
     def missing(cls, bound: XyzTableParams) -> str:
-        """Look whether there is anything at the port."""
+        """Look whether there is a port at its place, which this user may open."""
         place = (
             bound.port or bound.tmcl or bound.bus.partition(":")[2].partition("@")[0]
         )  # behind @: the speed of the port
-        absent = place.startswith("/") and not os.path.exists(place)
-        return f"there is nothing at '{place}': look at its plug" if absent else ""
+        if not place.startswith("/"):
+            return ""
+        try:
+            kind = os.stat(place).st_mode
+        except OSError:
+            return f"there is nothing at '{place}': look at its plug"
+        if not stat.S_ISCHR(kind):
+            return f"'{place}' is no serial port"
+        allowed = os.access(place, os.R_OK | os.W_OK)
+        return "" if allowed else f"you may not open '{place}': its group may, to which you can be added (see ls -l)"
 
     @classmethod
     def wires(cls, params: Any) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -421,6 +422,19 @@ def test_what_is_missing_is_told_with_what_to_do() -> None:
             XyzTableParams(**wrong)  # type: ignore[arg-type]
     assert XyzTable.takes(XyzTableParams(tmcl="/dev/null")) == pytest.approx(0.021)
     assert XyzTable.takes(XyzTableParams()) == 0.0
+
+
+def test_a_port_that_is_none_or_not_ours_is_told_before_anybody_holds_a_switch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    terminal = Terminal()
+    (tmp_path / "notes.txt").touch()
+    assert XyzTable.missing(XyzTableParams(tmcl=str(tmp_path / "notes.txt"))).endswith("notes.txt' is no serial port")
+    ours = XyzTableParams(tmcl=terminal.path)
+    assert XyzTable.missing(ours) == ""
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # who runs the tests may be root
+    assert "you may not open" in XyzTable.missing(ours)
+    terminal.close()
 
 
 def test_a_trace_is_text(bench: Bench) -> None:
