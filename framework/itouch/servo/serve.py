@@ -33,6 +33,8 @@ from itouch.session.outputs import Outputs, open_outputs
 
 #: How often the servo process looks round while the engine rests [s].
 IDLE = 1e-3
+#: And at hardware while it waits for somebody to enable it [s].
+LOOK = 0.2
 #: How long [s] the guardian may take to start: it may have to load drivers.
 GUARDIAN_START = 30.0
 #: Silence [ns] of the guardian that ends a session whose devices obey.
@@ -187,8 +189,12 @@ class Servo:
         self._watch_others()
         if self._waits():  # the operator must be able to see before anything may move
             self.outbox.tell("ready", ready)
+        looked = time.monotonic()
         while self._waits() and not self.words[at.STOP]:
             self._rest()
+            if self._hardware() and time.monotonic() > looked + LOOK:
+                self.session.find_hardware()  # nobody is asked to hold a switch for a device that is lost meanwhile
+                looked = time.monotonic()
         if self.words[at.STOP]:
             return
         # opening and homing may take long, and remote twins may be lost; twins here, also restored, need none of it

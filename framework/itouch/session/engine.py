@@ -439,10 +439,12 @@ class Session(Shown, Engine):
     def find_hardware(self) -> None:
         """Open the hardware that does not move by it, all at once: what is missing is told before anybody waits.
 
+        It may be called again while somebody waits: what is open is read once more.
+
         Raises
         ------
         DeviceError
-            With everything that is missing and is needed.
+            With everything that is missing, or has failed since, and is needed.
         """
         wanted = [one for one in self.runners if not one.model.twin and not one.model.optional]
         moving = [one.model for one in wanted if one.model.cls.moves_on_open and one.status is Status.CLOSED]
