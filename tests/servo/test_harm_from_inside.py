@@ -16,6 +16,7 @@ from typing import Any
 
 import campaign
 import pytest
+from punctuality import skip_unless_punctual
 from strangers import install
 
 PLUGIN = """
@@ -81,7 +82,20 @@ SCENE = """<itouch version="1.0" xmlns:evil="urn:itouch:plugin:evil">
 PROGRAM = "from itouch_tools.cli import main; raise SystemExit(main())"
 
 
-def run(folder: Path, act: str) -> tuple[subprocess.CompletedProcess[str], dict[str, Any] | None, list[list[str]]]:
+Ran = tuple[subprocess.CompletedProcess[str], dict[str, Any] | None, list[list[str]]]
+
+
+def run_in_time(folder: Path, act: str) -> Ran:
+    """Run as `run` does, again if the machine left the process without a processor for so long that the guardian came."""
+    for number in range(3):
+        found = run(folder / str(number), act)
+        if "hung (no beat" not in found[0].stderr:
+            return found
+    skip_unless_punctual(0.05)
+    return found
+
+
+def run(folder: Path, act: str) -> Ran:
     """Run the stick for a second beside this act; return what the program said, its report, and the device's log."""
     log, report = folder / "log", folder / "report.json"
     text = "\n".join(f"        {line}" for line in act.splitlines())
@@ -104,7 +118,7 @@ def forces(log: list[list[str]]) -> list[float]:
 
 
 def test_without_harm_it_pushes_to_the_end(tmp_path: Path) -> None:
-    done, report, log = run(tmp_path, "pass")
+    done, report, log = run_in_time(tmp_path, "pass")
     assert done.returncode == 0, done.stderr
     assert report is not None and report["faults"] == []
     assert max(forces(log)) > 0.2 and len(forces(log)) > 900
@@ -159,7 +173,7 @@ ALWAYS = (
 def test_what_a_plugin_does_to_its_process_lets_go_of_the_finger_first_and_is_told(
     tmp_path: Path, act: str, says: str
 ) -> None:
-    done, report, log = run(tmp_path, act.replace("{{", "{").replace("}}", "}"))
+    done, report, log = run_in_time(tmp_path, act.replace("{{", "{").replace("}}", "}"))
     assert forces(log)[-1] == 0.0
     assert log[-1][1] == "close"
     assert done.returncode == 1, done.stderr
@@ -173,7 +187,7 @@ def test_what_a_plugin_does_to_its_process_lets_go_of_the_finger_first_and_is_to
 
 @pytest.mark.parametrize("name", campaign.some(["print", "open", "__import__"], lambda name: name == "open"))
 def test_what_only_the_end_of_a_run_needs_is_there_again_at_its_end(tmp_path: Path, name: str) -> None:
-    done, report, log = run(tmp_path, f"builtins.{name} = None")
+    done, report, log = run_in_time(tmp_path, f"builtins.{name} = None")
     assert done.returncode == 0, done.stderr
     assert report is not None and report["devices"]["stick"]["status"] == "CLOSED"
     assert forces(log)[-1] == 0.0
