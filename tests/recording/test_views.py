@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 import itouch
 from itouch.plugin import poses
-from itouch.recording import read
+from itouch.recording import read, views
 from itouch.session.outputs import Outputs, open_outputs
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
@@ -135,6 +136,23 @@ def test_every_object_is_drawn_once_and_forces_come_and_go(session: Any) -> None
     state.raw.data[:] = states[max(states)]
     touching = {p.name for p in engine.model.probes if np.linalg.norm(state[f"{p.name}.contact_force"]) >= 0.01}
     assert shown == {f"{name}/force" for name in touching}
+
+
+@pytest.mark.parametrize(
+    ("force", "arrow"),
+    [
+        ((0.0, 0.0, 2.0), (0.0, 0.0, 0.04)),  # 2 cm a newton
+        ((-1.5, 2.0, 0.0), (-0.03, 0.04, 0.0)),
+        ((0.0, -30.0, 40.0), (0.0, -0.048, 0.064)),  # 8 cm at most
+        ((0.0, 0.0, 0.009), None),
+        ((math.nan, 0.0, 1.0), None),
+    ],
+)
+def test_the_arrow_of_a_force_is_as_long_as_it_is_strong(
+    force: tuple[float, ...], arrow: tuple[float, ...] | None
+) -> None:
+    found = views.arrow_of(force)
+    assert found == (None if arrow is None else pytest.approx(arrow))
 
 
 def test_a_viewer_that_is_set_to_another_time_still_has_the_solids(session: Any) -> None:
