@@ -8,8 +8,8 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch.loop.frames import Frame
 from itouch.loop import render
+from itouch.loop.frames import Frame
 
 
 @pytest.mark.parametrize(
