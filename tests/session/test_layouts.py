@@ -156,3 +156,19 @@ def test_the_hands_target_is_found_under_its_former_name() -> None:
     stored["finger.hand.wanted"] = (0.01, -0.02, 0.0)
     content, said = adopt(stored, state, {})
     assert np.frombuffer(content, "f8")[:3].tolist() == [0.01, -0.02, 0.0] and said == []
+
+
+@pytest.mark.parametrize(("missed", "lost"), [(0.0, 0.0), (2.0, 2.0), (3.0, 0.0)])  # 3: safety keeps it away
+def test_what_carries_a_surface_remembers_what_stood_in_the_framework(missed: float, lost: float) -> None:
+    session = itouch.build(SCENES / "four_materials.xml")
+    before, own = session.state.copy(), ("takes", "arrived", "lost", "yields")
+    before["finger.surface.renders"], before["finger.surface.settled"] = 1.0, 0.5
+    before["finger.surface.missed"], before["finger.plate_yield"] = missed, 0.25
+    names = [name for name in before.dtype.names or () if name not in {f"finger.surface.{field}" for field in own}]
+    stored = np.zeros(1, np.dtype([(name, before.dtype[name]) for name in names]))
+    for name in names:
+        stored[name] = before[name]
+    taken, _ = adopt(stored, session.state, {})
+    now = np.frombuffer(taken, session.state.dtype)
+    assert [now[f"finger.surface.{field}"].item() for field in own] == [1.0, 0.5, lost, 0.25]
+    session.close()
