@@ -13,8 +13,6 @@ _KELVIN = 273.15
 _PERIOD = 0.02
 #: Most current [A] and time [s] that may be asked for here: a look at a display, not a session.
 _AMPS, _SECONDS = 1.0, 60.0
-#: Speeds of a serial port, as in a scene.
-_BAUD = (9600, 2_000_000)
 
 
 def add_display(commands: Any) -> None:
@@ -32,15 +30,15 @@ def add_display(commands: Any) -> None:
 def _display(options: argparse.Namespace) -> None:
     """Greet a rig that speaks the line protocol, and print its readings; without a finger on it."""
     from itouch.plugin.wire_claims import WireClaims
-    from itouch_thermal.drivers.driver_params import LinePort
+    from itouch_thermal.drivers.driver_params import LINE_BAUD, LinePort
     from itouch_thermal.drivers.lineport import LineDriver
 
     if not abs(options.current) <= _AMPS:
         raise ValueError(f"--current {options.current:g}: {_AMPS:g} A at most, without a supervisor")
     if not 0.0 <= options.seconds <= _SECONDS:
         raise ValueError(f"--seconds {options.seconds:g} is out of range: 0 to {_SECONDS:g}")
-    if not _BAUD[0] <= options.baud <= _BAUD[1]:
-        raise ValueError(f"--baud {options.baud} is out of range: {_BAUD[0]} to {_BAUD[1]}")
+    if not LINE_BAUD[0] <= options.baud <= LINE_BAUD[1]:
+        raise ValueError(f"--baud {options.baud} is out of range: {LINE_BAUD[0]} to {LINE_BAUD[1]}")
     claims = WireClaims()
     claims.take([options.port])
     driver = LineDriver(LinePort(port=options.port, baud=options.baud), release=options.release)

@@ -7,6 +7,10 @@ from typing import ClassVar
 
 from itouch.plugin import schema
 
+#: Temperatures [degC] that a plate or a sink can have: what is outside is a sensor that is open or short.
+BELIEVED = (-20.0, 90.0)
+#: Speeds of the serial port of a rig that speaks the line protocol [baud].
+LINE_BAUD = (9600, 2_000_000)
 #: The slowest speed of a serial port [baud].
 SLOWEST = 9600
 #: Samples a second of an input that is averaged.
@@ -135,7 +139,7 @@ class LinePort:
     TAG: ClassVar[str] = "line"
 
     port: str = schema.text(doc="serial port, or socket://HOST:PORT")
-    baud: int = schema.integer(low=9600, high=2_000_000, default=115200, doc="speed of the serial port")
+    baud: int = schema.integer(low=LINE_BAUD[0], high=LINE_BAUD[1], default=115200, doc="speed of the serial port")
     age: float = schema.quantity(
         "s",
         low=0.0,

@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from itouch.plugin import DeviceError, Trace
-from itouch_thermal.drivers.driver_params import LinePort
+from itouch_thermal.drivers.driver_params import BELIEVED, LinePort
 from itouch_thermal.drivers.promises import CAUSES, Promises, not_kept
 from itouch_thermal.drivers.serialport import SerialLine
 
@@ -43,8 +43,6 @@ _BYTES = 80
 #: How long [s] a rig may take to start: opening its port resets many boards, whose boot loader waits first.
 START = 2.5
 KELVIN = 273.15
-#: Temperatures [degC] that a plate or a sink can have: what is outside is a sensor that is open or short.
-BELIEVED = (-20.0, 90.0)
 _NUMBER = re.compile(r"[-+]?([0-9]{1,9}(\.[0-9]+)?|nan)", re.IGNORECASE | re.ASCII)
 #: Words behind an order's number: five numbers, and of version 2 the state.
 _NUMBERS = 5

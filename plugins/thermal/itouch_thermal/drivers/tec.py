@@ -12,7 +12,7 @@ from collections import deque
 from typing import NamedTuple
 
 from itouch.plugin import DeviceError, Stamps, Trace
-from itouch_thermal.drivers.driver_params import Mecom
+from itouch_thermal.drivers.driver_params import BELIEVED, Mecom
 from itouch_thermal.drivers.mecom import BUSY, NO_INSTANCE, UNKNOWN, MecomClient, MecomRefusal
 
 STATUS, ERROR_NUMBER = 104, 105
@@ -28,8 +28,6 @@ KELVIN = 273.15
 PLATE, LONGEST_WATCHDOG = (8.0, 45.0), 0.5
 #: The greatest current [A] that is asked for if nothing else is said, and the error threshold as a multiple of it.
 CEILING, THRESHOLD = 16.0, 1.25
-#: Temperatures [degC] that a plate or a sink can have: what is outside is a sensor that is open or short.
-BELIEVED = (-20.0, 90.0)
 #: A live voltage [V] of less is none: the controller has lost what it was told.
 NO_VOLTAGE = 0.01
 #: How far the current that flows may be from what was asked for [A], and as a part of it; for how many exchanges.
