@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from random import Random
 from typing import ClassVar
@@ -13,19 +14,22 @@ import campaign
 import numpy as np
 import pytest
 from display_scenes import Display
-from shipped import SCENES
 
 import itouch
 from itouch.exchange import LateTwin
-from itouch.plugin import Record
+from itouch.plugin import Device, Record
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch_thermal.display.device import ThermalDisplay
+from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.drivers.mecom import QUICK
+from itouch_xyz_table import XyzTable
 
 #: What the plant does otherwise than the controller thinks, and the same as XML.
 MISMATCH = '<thermal:hardware><thermal:mismatch contact-resistance="0.2" seebeck="-0.1"/></thermal:hardware>'
 #: Ticks that an exchange takes, and from one to the next.
 TAKES, EVERY = 7, 20
+#: Ticks of a touch from which on it is scored, and that do not count before the finger is thought to have left.
+SCORED, LEAVES = 100, 60
 #: After how many a request is sent again whose answer was lost.
 LOST = round(QUICK / 1e-3)
 
@@ -39,16 +43,27 @@ class WiredDisplay(ThermalDisplay):
     delay: ClassVar[float] = TAKES * 1e-3
 
 
+class WiredTable(XyzTable):
+    """The table, and the sensor of the force on it, behind a line of their own."""
+
+    period: ClassVar[float] = 4e-3
+    delay: ClassVar[float] = 3e-3
+
+
+@dataclass(frozen=True)
 class _Entry:
-    def load(self) -> type[ThermalDisplay]:
-        return WiredDisplay
+    device: type[Device]
+
+    def load(self) -> type[Device]:
+        return self.device
 
 
-def catalog() -> Catalog:
+def catalog(**devices: type[Device]) -> Catalog:
     def finder(group: str) -> dict[str, Found]:
         found = find(group)
         if group == "itouch.devices":
-            found["thermal"] = replace(found["thermal"], entry=_Entry())  # type: ignore[arg-type]
+            for name, device in devices.items():
+                found[name] = replace(found[name], entry=_Entry(device))  # type: ignore[arg-type]
         return found
 
     return Catalog(finder)
@@ -86,10 +101,10 @@ class Seen:
     delay: float
 
 
-def run(scenes: Path, monkeypatch: pytest.MonkeyPatch, course: Course, **wanted: str) -> Seen:
+def run(scenes: Path, monkeypatch: pytest.MonkeyPatch, course: Course, seed: int = 4, **wanted: str) -> Seen:
     monkeypatch.setattr(LateTwin, "course", lambda twin, state: course(twin, state))
     path = Display(rates=' flux-control="50 Hz"', wait="2.5 s", hold="1.6 s", near="1.5 s", **wanted).write(scenes)
-    engine = itouch.build(path, seed=4, catalog=catalog())
+    engine = itouch.build(path, seed=seed, catalog=catalog(thermal=WiredDisplay))
     theta, taken = 0.0, set()
     while not engine.done:
         engine.tick()
@@ -127,29 +142,62 @@ def test_a_delay_that_nobody_knows_of_is_found_on_the_way_to_the_touch(
     assert found.delay == pytest.approx(20e-3 + late * 1e-3, abs=2e-3)
 
 
-@pytest.fixture(scope="module")
-def calm(tmp_path_factory: pytest.TempPathFactory) -> tuple[float, float]:
-    """The errors on a wire that neither shakes nor loses anything."""
-    folder = tmp_path_factory.mktemp("calm") / "scenes"
-    shutil.copytree(SCENES, folder)
-    with pytest.MonkeyPatch.context() as patch:
-        return run(folder, patch, in_phase(0), left="polystyrene", right="aluminium").errors
-
-
-@pytest.mark.parametrize("seeds", [(1,), pytest.param(tuple(range(1, 8)), marks=pytest.mark.long)])
+@pytest.mark.parametrize("seeds", [(1, 2), pytest.param(tuple(range(1, 9)), marks=pytest.mark.long)])
 def test_jitter_and_loss_add_at_most_one_percentage_point(
-    scenes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seeds: tuple[int, ...], calm: tuple[float, float]
+    scenes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seeds: tuple[int, ...]
 ) -> None:
-    """In one run, and as the rms over several: what noise a run meets is luck."""
-    found = []
-    for seed in seeds:
-        folder = tmp_path / str(seed)
-        shutil.copytree(scenes, folder)
-        found.append(run(folder, monkeypatch, shaky(seed), left="polystyrene", right="aluminium").errors)
-    errors = np.sqrt(np.mean(np.square(found), axis=0))
+    """As the rms over runs whose sensors have the same noise: what noise a single run meets is luck."""
+    rms = []
+    for shakes in (False, True):
+        found = []
+        for seed in seeds:
+            folder = tmp_path / f"{seed}{shakes}"
+            shutil.copytree(scenes, folder)
+            course = shaky(seed) if shakes else in_phase(0)
+            found.append(run(folder, monkeypatch, course, seed, left="polystyrene", right="aluminium").errors)
+        rms.append(np.sqrt(np.mean(np.square(found), axis=0)))
+    calm, errors = rms
     campaign.tell(f"jitter and loss, {len(seeds)} seeds: {_percent(errors)}, without: {_percent(calm)}")
     for error, steady in zip(errors, calm, strict=True):
         assert error < steady + 0.01
+
+
+@pytest.mark.parametrize(
+    ("phase", "takes", "every"),
+    [(8, 6, 11), *(pytest.param(*of, marks=pytest.mark.long) for of in product((0, 5, 11, 16), (2, 9), (9, 17)))],
+)
+def test_a_force_that_is_told_late_costs_no_flux(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch, phase: int, takes: int, every: int
+) -> None:
+    """Some milliseconds after the finger came a reading of the flux says when it did, not what its contact is like."""
+    told = in_phase(phase)
+
+    def course(twin: LateTwin, state: Record) -> tuple[int, int]:
+        return told(twin, state) if isinstance(twin.params, DisplayParams) else (takes, every)
+
+    monkeypatch.setattr(LateTwin, "course", lambda twin, state: course(twin, state))
+    path = Display(wait="2.5 s", hold="1.6 s", near="1.5 s", left="aluminium", right="wood").write(scenes)
+    engine = itouch.build(path, seed=4, catalog=catalog(**{"thermal": WiredDisplay, "xyz-table": WiredTable}))
+    model = next(one.model for one in engine.model.modalities if one.name == "flux-control")
+    touches: list[list[tuple[float, float]]] = []
+    while not engine.done:
+        engine.tick()
+        state = engine.state
+        since = state["tick"].item() - state["flux-control.begun"].item()
+        if not state["flux-control.on_plate"].item():
+            touches.append([])
+        elif since > SCORED:
+            touches[-1].append((model.law.estimate(state)[0], state[model.names.true_flux].item()))
+    # When the finger leaves the plate is told late, too.
+    errors = [_rms(np.array(touch[:-LEAVES])) for touch in touches if touch]
+    campaign.tell(f"phase {phase}, force {takes} to {takes + every} ms old: {_percent(errors)}")
+    assert len(errors) == 2
+    assert max(errors) < 0.02
+
+
+def _rms(pairs: np.ndarray) -> float:
+    """Return the rms error of estimates (n, 2), each with what is true beside it."""
+    return float(np.sqrt(np.mean((pairs[:, 0] / pairs[:, 1] - 1.0) ** 2)))
 
 
 def _percent(errors: Iterable[float]) -> str:

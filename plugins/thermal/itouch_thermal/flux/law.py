@@ -38,8 +38,8 @@ AT_ONCE = Coming()
 COARSE = 5e-3
 #: How far a display may differ from its data sheet, before a first touch tells: a standard deviation of each parameter.
 PRIOR = (0.25, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 20.0, 0.7)
-#: And of the delay behind a wire [s].
-PRIOR_DELAY = 4e-3
+#: And behind a wire of when the finger came, and of the delay [s].
+PRIOR_ONSET, PRIOR_DELAY = 4e-3, 4e-3
 #: Random walk of the unexplained flux [W/m2 per root second] and of the plate sensor's offset [K per root second].
 DRIFT_FLUX, DRIFT_OFFSET = 3.0, 1e-3
 #: Part by which the flux sensor of a rig that somebody has built may lag otherwise than its data say: what filters and
@@ -319,7 +319,8 @@ class ModelLaw:
         self.constants = _constants(display, self.fine.rest, resistance, ambient, period)
         #: Behind a wire nobody knows to some milliseconds when a command acts: then the delay is a parameter.  Not on a
         #: rig that somebody has built: its filters and slow thermistors are no simple lags, and look like a delay.
-        self.prior = np.array((*PRIOR, PRIOR_DELAY) if longest > 0 and display.line is None else PRIOR)
+        of_wire = (PRIOR_ONSET, PRIOR_DELAY) if display.line is None else (PRIOR_ONSET,)
+        self.prior = np.array((*PRIOR, *of_wire) if longest > 0 else PRIOR)
         #: Where in the future, counted in periods from the last end of a step, the plan looks.
         self.offsets = self.delay + np.arange(1, self.steps + 1) * self.coarse_ticks - 1
 
@@ -337,7 +338,7 @@ class ModelLaw:
         wide, count = n + m + at.X_TAIL, len(self.prior)
         size: dict[str, int | tuple[int, ...]] = {
             "x": (1 + count, wide), "theta": count, "cover": (count, count), "gain": count,
-            "memory": at.M_TAIL + (count > at.COUNT or self.display.slew > 0.0), "line": max(1, self.delay), "slots": 2,
+            "memory": at.M_TAIL + (count > at.DELAY or self.display.slew > 0.0), "line": max(1, self.delay), "slots": 2,
             "single": self.coarse_ticks, "queue": 1 + (self.delay + self.wait) // self.coarse_ticks,
             "wanted": self.steps, "response": (planner.HATS, self.steps), "knots": planner.HATS,
             "work": wide + planner.HATS * (planner.HATS + 1), "future": self.ahead + 1,
@@ -444,13 +445,16 @@ class ModelLaw:
         """Say what finger is about to touch, by its coordinates (modes,) [K], the modes of ``fine``."""
         state[self.prefix + "x"][0, : len(finger)] = finger
 
-    def begin(self, state: Record, flux: float, scale: float = 1.0) -> None:
-        """Set the finger on the plate; ``flux`` [W/m2] is the last one pumped, ``scale`` as in `track`."""
+    def begin(self, state: Record, flux: float, scale: float = 1.0, onset: float = PRIOR_ONSET) -> None:
+        """Set the finger on the plate; ``flux`` [W/m2] is the last one pumped, ``scale`` as in `track`.
+
+        ``onset`` is the standard deviation [s] of when it came, which counts behind a wire.
+        """
         s, p = state, self.prefix
         s[p + "memory"][at.M_CONTACT] = scale
         at.begin_touch(
             self.constants, self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "cover"],
-            s[p + "memory"], self.prior,
+            s[p + "memory"], self.prior, onset,
         )  # fmt: skip
         s[p + "knots"] = flux
         s[p + "trace"] = s[p + "x"][0, self.fine.tissue.shape[1] + self.fine.plate.shape[1] + at.X_FACE]

@@ -53,6 +53,7 @@ class Names:
     interval: str
     sent_log: str
     force_before: str
+    force_before_at: str
     scale_before: str
     x: str
     theta: str

@@ -33,10 +33,10 @@ from itouch_thermal.display.column import (
 
 #: Parameters: logarithms of contact resistance, sensor lag and press, relative changes, offset [K], flux [W/m2].
 RESISTANCE, SEEBECK, LEGS, OHMIC, PLATE, TISSUE, LAG, OFFSET, FLUX, PRESS, COUNT = range(11)
-#: Behind a wire one more: by how much later than the data sheets say a command acts [s].
-DELAY = COUNT
+#: Behind a wire two more: by how much later the finger came, and a command acts, than is thought [s].
+ONSET, DELAY = COUNT, COUNT + 1
 #: How far each parameter may be moved: what is beyond is no tolerance but a fault.
-AUTHORITY = (1.2, 0.3, 0.4, 0.4, 0.3, 0.5, 0.6, 0.3, 300.0, 1.5, 0.015)
+AUTHORITY = (1.2, 0.3, 0.4, 0.4, 0.3, 0.5, 0.6, 0.3, 300.0, 1.5, 0.012, 0.015)
 #: Part of the flux by which the press may be misjudged.
 DOUBT = 0.3
 #: Random walk of the logarithm of the resistance during a press [per root second].
@@ -156,7 +156,7 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
     x
         Row 0 the column, row 1 + k its derivative with respect to parameter k; shape (1 + p, n + m + X_TAIL).
     theta, memory
-        Parameters (p,), COUNT or with the delay one more, and scalar memory (M_TAIL,), with delay or slew one more.
+        Parameters (p,), COUNT or with onset and delay more, and scalar memory (M_TAIL,), with delay or slew one more.
     current
         Current [A] that was asked for in this period; it flows as far as the driver's slew lets it.
     scale
@@ -493,16 +493,24 @@ def follow(c: Any, plate: Any, row: Any, periods: float, miss: float, o: int) ->
 
 
 @kernel
-def begin_touch(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, memory: Any, prior: Any) -> None:
-    """Set the finger, whose modes stand in row 0, on the plate: resistance and finger are unknown again."""
+def begin_touch(
+    c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, memory: Any, prior: Any, onset: float
+) -> None:  # fmt: skip
+    """Set the finger, whose modes stand in row 0, on the plate: resistance and finger are unknown again.
+
+    ``onset`` is the standard deviation [s] of when it came, where that is a parameter.
+    """
     n, m = tissue.shape[1], plate.shape[1]
     o = n + m
     memory[M_TOUCHING] = 1.0
     memory[M_QUIET] = 0.0
-    for which in (RESISTANCE, TISSUE, PRESS):
+    for which in (RESISTANCE, TISSUE, PRESS, ONSET):
+        if which >= theta.shape[0]:
+            continue
         for b in range(theta.shape[0]):
             cover[which, b] = cover[b, which] = 0.0
-        cover[which, which] = prior[which] * prior[which]
+        deviation = onset if which == ONSET else prior[which]
+        cover[which, which] = deviation * deviation
         theta[which] = 0.0
         for i in range(o + X_TAIL):
             x[1 + which, i] = 0.0
@@ -518,6 +526,30 @@ def begin_touch(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any,
         x[1 + k, o + X_FLUX] = -x[1 + k, o + X_FACE] / contact
     x[1 + RESISTANCE, o + X_FLUX] = -flux
     x[1 + PRESS, o + X_FLUX] = -flux * max(0.0, memory[M_CONTACT] - 1.0) / memory[M_CONTACT]
+    if theta.shape[0] > ONSET:
+        _come_later(c, tissue, plate, x, theta, memory, contact)
+
+
+@kernel
+def _come_later(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, contact: float) -> None:
+    """Fill the column's derivative with respect to when the finger came, by what it does in a period of contact.
+
+    Had it come a period later, the column would be as without it, and the contact begin there.  What the module pumps
+    is the same in both.
+    """
+    n, o = tissue.shape[1], tissue.shape[1] + plate.shape[1]
+    pumping, lags = Pumping(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), _lags(c, theta)
+    met, later, row = x[0].copy(), x[0].copy(), x[1 + ONSET]
+    _step_column(c, tissue, plate, met, pumping, _closing(c, tissue, plate, theta, memory, memory[M_CONTACT]), lags)
+    memory[M_TOUCHING], later[o + X_FLUX] = 0.0, 0.0
+    _step_column(c, tissue, plate, later, pumping, _closing(c, tissue, plate, theta, memory, memory[M_CONTACT]), lags)
+    memory[M_TOUCHING] = 1.0
+    skin = c[O_REST]
+    for i in range(n):
+        skin += tissue[F_PORT, i] * later[i]
+    later[o + X_FLUX] = (skin - later[o + X_FACE]) / contact
+    for i in range(o + X_DRIFT):
+        row[i] = (later[i] - met[i]) / c[O_PERIOD]
 
 
 @kernel

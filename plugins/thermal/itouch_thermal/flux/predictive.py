@@ -9,7 +9,7 @@ from contact_heat.live import state_size
 from itouch.plugin import Field, Record
 from itouch_thermal.display.column import Array
 from itouch_thermal.flux import approach, wires
-from itouch_thermal.flux.law import ModelLaw
+from itouch_thermal.flux.law import PRIOR_ONSET, ModelLaw
 from itouch_thermal.flux.observer import advance
 from itouch_thermal.flux.preview import (
     FIRST_PERIOD,
@@ -25,7 +25,7 @@ from itouch_thermal.flux.preview import (
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.flux.usual import PRESS_FILTER, PRESSING, press_on, scale_of
 
-#: Most servo periods that a touch may have begun before the force was seen.
+#: Most servo periods that a touch may have begun before the force was measured in which it is seen.
 LATE = 6
 
 
@@ -57,6 +57,7 @@ def memory(model: FluxModel) -> tuple[Field, ...]:
         Field("reached", "i8", unit="tick", doc="up to which tick of the touch the contact that runs ahead has come"),
         Field("tracked", "i8", unit="tick", doc="up to when readings have been taken in"),
         Field("force_before", unit="N", doc="force on the plate in the update before", show="no"),
+        Field("force_before_at", "i8", unit="tick", doc="when that was measured"),
         Field("scale_before", unit="1", doc="factor on the contact resistance in the update before"),
         *wires.FIELDS,
     )
@@ -89,7 +90,7 @@ def control(
                 scale = _scale(model, state, ticks + law.delay + coming.wait)
             return law.follow(state, scale, model.hold, coming)
     if model.force_from:
-        state[names.force_before] = abs(state[model.force_from][2].item())
+        _note_force(model, state)
     start, coming = state[names.start_temperature].item(), wires.coming(model, state, tick)
     current, flux, error = law.approach(state, start, coming)
     approach.judge(model, state, error, tick)
@@ -111,26 +112,38 @@ def set_down(model: FluxModel, state: Record, tick: int) -> None:
 def _set(model: FluxModel, law: ModelLaw, state: Record, scale: float) -> None:
     """Set the finger down, as long ago as the force says: a reading is of the period before, and it had to grow."""
     names = model.names
-    law.begin(state, state[names.flux].item(), scale)
+    ago, doubt = _late(model, state) if model.force_from else (0, PRIOR_ONSET)
+    law.begin(state, state[names.flux].item(), scale, doubt)
     state[names.on_plate] = 1
-    if not model.force_from:
-        return
     flowing = wires.flowing(law, state) if model.wire else state[names.sent].item()
-    for _ in range(_late(model, state)):
+    for _ in range(ago):
         advance(
             law.constants, law.fine.tissue, law.fine.plate, state[names.x], state[names.theta], state[names.memory],
             flowing, scale,
         )  # fmt: skip
 
 
-def _late(model: FluxModel, state: Record) -> int:
-    """Return how many servo periods ago the finger came to the plate."""
-    names = model.names
+def _late(model: FluxModel, state: Record) -> tuple[int, float]:
+    """Return how many servo periods ago the finger came to the plate, and how well that is known [s]."""
+    names, tick = model.names, int(state["tick"].item())
     if model.hold > 1:  # it was not there when the touch began, else it would have been set down then
-        return max(1, min(model.hold, int(state["tick"].item() - state[names.begun].item())))
+        return max(1, min(model.hold, tick - int(state[names.begun].item()))), PRIOR_ONSET
     force = abs(state[model.force_from][2].item())
-    grown = force - state[names.force_before].item()
-    return min(LATE, max(1, int(force / grown + 0.5))) if grown > 0.0 else 1
+    grown, old, since = force - state[names.force_before].item(), 0, 1
+    if model.wire:
+        field, at = model.force_at
+        measured = int(state[field][at].item())
+        old, since = max(0, tick - measured), max(1, measured - int(state[names.force_before_at].item()))
+    ago = min(LATE, max(1, int(since * force / grown + 0.5))) if grown > 0.0 else 1
+    return min(wires.MISSED, old + ago), min(PRIOR_ONSET, 0.5 * (1 + since) * model.period)
+
+
+def _note_force(model: FluxModel, state: Record) -> None:
+    """Keep the force that is measured, and behind a wire when it was, until another is."""
+    names, (field, at) = model.names, model.force_at
+    state[names.force_before] = abs(state[model.force_from][2].item())
+    if model.wire:
+        state[names.force_before_at] = state[field][at].item()
 
 
 def leave_out(model: FluxModel, state: Record, periods: int) -> None:

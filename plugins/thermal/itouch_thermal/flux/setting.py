@@ -79,6 +79,7 @@ class FluxModel:
     skin_from: str
     skin_valid: str
     force_from: str
+    force_at: tuple[str, int]
     truth: bool
     wire: bool
     at: tuple[int, int]
@@ -198,7 +199,8 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         skin=world.skin_temperature,
         skin_from=_skin_from(device, display),
         skin_valid=device.read_field(Role.SKIN_VALID),
-        force_from=_force(params, world),
+        force_from=_force(params, world)[0],
+        force_at=_force(params, world)[1:],
         truth=device.twin,
         wire=wire,
         at=(reads.index(Role.HEAT_FLUX), reads.index(Role.SKIN_CONTACT_TEMPERATURE)) if wire else (0, 0),
@@ -276,12 +278,15 @@ def _limits(device: WorldDevice, display: DisplayParams) -> tuple[tuple[float, f
     return band if isinstance(band, tuple) else BAND, limit if isinstance(limit, float) else display.max_current
 
 
-def _force(params: FluxControlParams, world: World) -> str:
-    """Return the State field of the measured force on the plate, empty if nothing measures it."""
+def _force(params: FluxControlParams, world: World) -> tuple[str, str, int]:
+    """Return the State field of the measured force on the plate, and where it stands when that was measured.
+
+    That is a field and an index in it; all is empty if nothing measures it.
+    """
     for device in world.devices.values():
-        if params.force_from in ("", device.name) and (found := device.read_field(Role.CONTACT_FORCE)):
-            return found
-    return ""
+        if params.force_from in ("", device.name) and (channel := device.reading(Role.CONTACT_FORCE)):
+            return f"{device.name}.{channel.name}", f"{device.name}.measured", device.reads.index(channel)
+    return "", "", 0
 
 
 def _model(

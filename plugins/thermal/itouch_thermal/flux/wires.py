@@ -93,6 +93,7 @@ def leave_out(model: FluxModel, state: Record, periods: int) -> None:
     """Date what is remembered back by so many periods, in which no tick was run."""
     names = model.names
     state[names.taken_at] -= periods
+    state[names.force_before_at] -= periods
     state[names.before] = state[names.acting].item()  # it flows until another is told of
 
 
