@@ -301,3 +301,34 @@ def test_another_version_is_not_taken_for_one_that_begins_so(sealed: Callable[[s
 def test_a_speed_that_no_port_has_is_bad_input(baud: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli(["thermal", "display", "/dev/no-such-port", "--baud", baud]) == 2
     assert f"--baud {baud} is out of range: 9600 to 2000000" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize(("gives", "asked"), [(lambda amps: 2.0, 0.5), (lambda amps: -amps, 1.5)])
+def test_a_rig_that_gives_another_current_is_told(version: int, gives: Callable[[float], float], asked: float) -> None:
+    rig = giving(version, gives)
+    with on_a_line(rig) as terminal:
+        line = driver(terminal)
+        with pytest.raises(DeviceError, match=f"gives {gives(asked):.2f} A where {asked:.2f} A was asked for"):
+            for _ in range(60):
+                line.exchange(asked)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("gives", [lambda amps: 0.0, lambda amps: 0.4 * amps, lambda amps: amps + 0.2])
+def test_a_rig_may_give_less_current_or_not_measure_it(version: int, gives: Callable[[float], float]) -> None:
+    """It holds back by itself, or a bridge that has no shunt says nothing of it."""
+    with on_a_line(giving(version, gives)) as terminal:
+        line = driver(terminal)
+        for _ in range(60):
+            line.exchange(-2.0)
+
+
+def giving(version: int, gives: Callable[[float], float]) -> OwnRig:
+    """Return a rig that says that it gives another current than was asked for."""
+
+    def answer(number: str, amps: float) -> str:
+        values = f"{PLATE:.3f} 25.1 120.0 nan {gives(amps):.5f}"
+        return f"R {number} {values} ok" if version == 2 else f"R {values}"
+
+    return OwnRig(version=version, answers=answer)

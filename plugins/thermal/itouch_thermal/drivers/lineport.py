@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 from itouch.plugin import DeviceError, Trace
 from itouch_thermal.drivers.driver_params import BELIEVED, LinePort
+from itouch_thermal.drivers.flowing_current import FlowingCurrent
 from itouch_thermal.drivers.promises import CAUSES, Promises, not_kept
 from itouch_thermal.drivers.serialport import SerialLine
 
@@ -144,6 +145,7 @@ class LineDriver:
         self._byte = 0.0 if "://" in params.port else 10.0 / params.baud
         #: What a rig of version 2 has promised; None: it speaks version 1.
         self.promises: Promises | None = None
+        self._flowing = FlowingCurrent(f"the rig on {params.port}", less=True)
         try:
             self.identity = self._greet()
             if self._version == 2:
@@ -250,8 +252,10 @@ class LineDriver:
         Raises
         ------
         DeviceError
-            If it does not answer, refuses, answers nonsense, has lost a sensor or has cut itself off.
+            If it does not answer, refuses, answers nonsense, has lost a sensor, has cut itself off, or gives more
+            current than was asked for.
         """
+        self._flowing.ask(current)
         said = self._order(f"{current:.5f}")
         words, state = said[:_NUMBERS], said[_NUMBERS:]
         fits = len(words) == _NUMBERS and len(state) == self._version - 1
@@ -269,6 +273,7 @@ class LineDriver:
             skin = math.nan  # a thermometer that is open or short sees no finger
         if not (low <= plate <= high and low <= sink <= high and math.isfinite(actual)):
             raise DeviceError(f"the rig on {self._line.port} has lost its plate's or sink's sensor")
+        self._flowing.follows(actual)
         return LineReading(plate + KELVIN, sink + KELVIN, flux, skin + KELVIN, actual)
 
     def _order(self, amps: str) -> list[str]:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import struct
-from collections import deque
 from typing import NamedTuple
 
 from itouch.plugin import DeviceError, Stamps, Trace
 from itouch_thermal.drivers.driver_params import BELIEVED, Mecom
+from itouch_thermal.drivers.flowing_current import FlowingCurrent
 from itouch_thermal.drivers.mecom import BUSY, NO_INSTANCE, UNKNOWN, MecomClient, MecomRefusal
 
 STATUS, ERROR_NUMBER = 104, 105
@@ -30,8 +30,6 @@ PLATE, LONGEST_WATCHDOG = (8.0, 45.0), 0.5
 CEILING, THRESHOLD = 16.0, 1.25
 #: A live voltage [V] of less is none: the controller has lost what it was told.
 NO_VOLTAGE = 0.01
-#: How far the current that flows may be from what was asked for [A], and as a part of it; for how many exchanges.
-ASIDE, PART, STRAYED, ASKED = 0.3, 0.2, 25, 8
 
 
 class TecReading(NamedTuple):
@@ -60,8 +58,8 @@ class TecDriver:
     ) -> None:
         self._client = MecomClient(params.port, params.baud, params.address, patience=patience, trace=trace)
         self._instance, self._count, self._sink, self._bulk = params.instance, 0, 0.0, True
-        self._asked: deque[float] = deque([0.0], maxlen=ASKED)
-        self._strayed, self._watched, self._enabled = 0, params.watchdog, False
+        self._flowing = FlowingCurrent("the TEC controller")
+        self._watched, self._enabled = params.watchdog, False
         #: Under which instance the status stands: a controller of two channels may have one for both.
         self._status = params.instance
         #: What this controller does not know of the protection that it should have.
@@ -190,7 +188,7 @@ class TecDriver:
         self._client.write_float(LIVE_CURRENT, current, self._instance)
         if stamps is not None:
             stamps.left(ago=16 * self._byte())  # it had the command when it began to acknowledge
-        self._asked.append(current)
+        self._flowing.ask(current)
         slow = (SINK_TEMPERATURE, STATUS, LIVE_ENABLE, LIVE_VOLTAGE)[self._count % 4]
         self._count += 1
         if slow == LIVE_VOLTAGE and VOLTAGE_LIMIT in self.missing:
@@ -203,7 +201,7 @@ class TecDriver:
             stamps.measured("plate_temperature", "sink_temperature", ago=36 * self._byte())
         flowing = _float(actual)
         self._slowly(slow, other)
-        self._follows(flowing)
+        self._flowing.follows(flowing)
         return TecReading(_temperature(plate, "plate"), self._sink, flowing)
 
     def _byte(self) -> float:
@@ -238,17 +236,6 @@ class TecDriver:
         raise DeviceError(
             "the TEC controller has started anew: its live output is off; check its supply, then connect it again"
         )
-
-    def _follows(self, flowing: float) -> None:
-        """Compare the current that flows with those that were asked for in the last exchanges."""
-        low, high = min(self._asked), max(self._asked)
-        room = ASIDE + PART * max(abs(low), abs(high))
-        self._strayed = 0 if low - room <= flowing <= high + room else self._strayed + 1
-        if self._strayed >= STRAYED:
-            raise DeviceError(
-                f"the TEC controller gives {flowing:.2f} A where {self._asked[-1]:.2f} A was asked for: check its "
-                "limits of current and voltage, and the wires of the module"
-            )
 
     def close(self) -> None:
         """Set the current to zero and the output off, then let go of the line."""
