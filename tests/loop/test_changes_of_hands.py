@@ -43,6 +43,7 @@ def excess(course: Course) -> Floats:
         pytest.param(rim, 50177, id="a plate that leaves follows no noise of a steep surface"),
         pytest.param(rim, 50221, id="nor on another rim"),
         pytest.param(rim, 50074, id="nor on a third"),
+        pytest.param(edge, 50020, id="the limit of the plate's force does not jump"),
     ],
 )
 def test_a_contact_changes_hands_without_a_step(folder: Path, make: Callable[[int], Slope], seed: int) -> None:

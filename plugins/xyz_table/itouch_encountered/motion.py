@@ -254,7 +254,7 @@ def _bearable(c: Any, own: Any, climb: float, level: float, sink: float, off: fl
 
     A finger that comes down takes it along: the device is told ahead of time where it will be.
     """
-    goes = min(0.0, climb) if own[TAKES] > 0.0 and own[ARRIVED] > 0.0 else 0.0
+    goes = min(0.0, climb)
     soon = level + min(0.0, sink - goes) * AHEAD
     return float(soon + off + c.most / c.stiffness)
 
