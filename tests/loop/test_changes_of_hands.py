@@ -44,6 +44,8 @@ def excess(course: Course) -> Floats:
         pytest.param(rim, 50221, id="nor on another rim"),
         pytest.param(rim, 50074, id="nor on a third"),
         pytest.param(edge, 50020, id="the limit of the plate's force does not jump"),
+        pytest.param(edge, 50194, id="a plate that turns round"),
+        pytest.param(edge, 50210, id="a plate that turns round on a slope"),
     ],
 )
 def test_a_contact_changes_hands_without_a_step(folder: Path, make: Callable[[int], Slope], seed: int) -> None:
