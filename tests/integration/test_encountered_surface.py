@@ -192,14 +192,19 @@ def written(world: str, folder: Path) -> Path:
     return path
 
 
-@pytest.fixture(scope="module", autouse=True)
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Install a cart, the surface under another name, and two modalities of a stranger."""
-    site = tmp_path_factory.mktemp("site")
+def brought(site: Path) -> None:
+    """Write the distribution of the cart, of the surface under another name, and of two modalities of a stranger."""
     listed = {"named": "Encountered", "hum": "Hum", "astray": "Astray"}
     modalities = "".join(f"ours.{name} = cart_and_others:{kind}\n" for name, kind in listed.items())
     points = f"[itouch.devices]\nours = cart_and_others:Cart\n[itouch.modalities]\n{modalities}"
     install(site, "ours", points, module="cart_and_others", code=PLUGIN)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Install a cart, the surface under another name, and two modalities of a stranger."""
+    site = tmp_path_factory.mktemp("site")
+    brought(site)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(site))
         yield
@@ -363,7 +368,7 @@ def test_of_a_probe_without_a_surface_nothing_is_refused_that_meant_nothing(tmp_
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as site_, tempfile.TemporaryDirectory() as scenes_:
-        install(Path(site_))
+        brought(Path(site_))
         sys.path.insert(0, site_)
         found_ = {world_: commanded(written(world_, Path(scenes_))) for world_ in WORLDS}
     KEPT.write_text(json.dumps(found_, indent=0) + "\n", encoding="utf-8")

@@ -149,7 +149,7 @@ def _come(
 def _go(c: Any, own: Any, last: float, pressed: float, touching: bool) -> None:
     """Take it away from the finger, by the clearance, or further if it is still felt there.
 
-    ``last`` is where it was sent last, less the height of the finger [m].
+    ``last`` is where it was sent last, less the height of the finger [m]; at that time, so that it goes with a finger.
     """
     full, felt, high = -c.clearance, pressed > LEFT, own[LOST] == HIGH
     if own[ARRIVED] > 0.0:
@@ -159,6 +159,18 @@ def _go(c: Any, own: Any, last: float, pressed: float, touching: bool) -> None:
         return
     way = (SOFTLY if not high and (felt or own[PRESS] > -SOON) else QUICKLY) * c.period
     own[PRESS] = own[PRESS] - way if felt and high else min(own[PRESS], max(full, own[PRESS] - way))
+    if not felt and not high:  # one that a finger left behind does not come after it
+        own[PRESS] = min(own[PRESS], max(full, last))
+
+
+@kernel
+def _sink_below(c: Any, own: Any, surface: float, last: float, felt: bool) -> None:
+    """Go no higher than the virtual surface on the way from the finger, and stay as low as it came by that.
+
+    ``surface`` and ``last``, where it was sent last: heights [m] above the finger's lowest point.
+    """
+    lowest = last - 2.0 * SOFTLY * c.period if felt else -np.inf
+    own[PRESS] = min(own[PRESS], max(surface, lowest))
 
 
 @kernel
@@ -200,13 +212,17 @@ def _wanted(
         _come(c, own, goal, last, level, sink, here - lowest, pressed, touching, begins)
         own[COMING] = 0.0 if own[ARRIVED] > 0.0 else max(1e-6, goal - level - own[PRESS])
     else:
-        _go(c, own, last - level, pressed, touching)
+        before = last - level + (0.0 if own[LOST] == HIGH else sink * c.period)
+        _go(c, own, before, pressed, touching)
+        if height > -np.inf:
+            _sink_below(c, own, max(goal, away) - level, before, touching and pressed > LEFT)
         own[COMING] = max(0.0, own[PRESS] + c.clearance)
     if own[ARRIVED] > 0.0:
         return float(max(goal - _give_way(c, own, pressed), away))
     own[YIELDS] = 0.0  # what it yielded is in how far it is in the finger
     found = level + own[PRESS]
-    return float(max(goal, away) if height > -np.inf and found > goal else found)
+    comes = own[TAKES] > 0.0 and height > -np.inf
+    return float(max(goal, away) if comes and found > goal else found)
 
 
 @kernel
@@ -238,7 +254,7 @@ def _bearable(c: Any, own: Any, climb: float, level: float, sink: float, off: fl
 
     A finger that comes down takes it along: the device is told ahead of time where it will be.
     """
-    goes = min(0.0, climb) if own[TAKES] > 0.0 and own[ARRIVED] > 0.0 else 0.0
+    goes = min(0.0, climb)
     soon = level + min(0.0, sink - goes) * AHEAD
     return float(soon + off + c.most / c.stiffness)
 

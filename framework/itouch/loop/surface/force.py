@@ -41,6 +41,7 @@ from itouch.loop.surface.memory import (
     SHARE,
     TOUCH,
 )
+from itouch.loop.surface.taking_over import LED
 from itouch.twin.frame_rotation import turned_in, turned_out
 
 Floats = NDArray[np.float64]
@@ -49,10 +50,13 @@ Floats = NDArray[np.float64]
 HAND_STEP = 0.03
 #: Greatest change a tick [N] of the sum of arm and plate while the contact goes over from one to the other.
 STEP = 0.065
-#: The same just before the plate is felt, for its first force is not seen coming.
-FIRST_STEP = 0.035
+#: The same just before the plate is felt, and as it sets out or turns round: what its force does then is not seen
+#: coming.
+FIRST_STEP = 0.03
 #: For how long [s] it is still led after the plate has come or gone.
 AFTER = 0.05
+#: For how long the plate sets out or turns round after a change [s].
+SETS_OUT = 0.005
 #: How near the plate is to the finger when it may be felt in the next tick [m].
 SOON = 1e-4
 #: What that sum stays below the scene's limit [N], because the plate's force is known a tick late.
@@ -158,7 +162,8 @@ def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Float
         spare = max(SPARE, rise + 0.5 * SPARE)
         _within(c, memory, force, c[FORCE_LIMIT] - (pressed + spare if near else 0.0))
     if _still_changes(c, memory, touching):
-        step = FIRST_STEP if abs(depth) < SOON and pressed < NOTHING else STEP
+        unseen = (abs(depth) < SOON and pressed < NOTHING) or memory[CHANGING] > LED - SETS_OUT
+        step = FIRST_STEP if unseen else STEP
         if _lead(c, sent, force, rise, step):  # it is led on until it is there
             memory[CHANGING] = max(memory[CHANGING], c[PERIOD])
         _shorten(force, c[FORCE_LIMIT] - memory[CUT])

@@ -24,7 +24,7 @@ from itouch.loop.render import (
     TABLE,
     TRACKING,
 )
-from itouch.loop.surface.memory import CLIMB, LEFT, LEVEL, OFF, RENDERS, SETTLED, SINK, TOUCH
+from itouch.loop.surface.memory import CLIMB, LEFT, LEVEL, OFF, SETTLED, SINK, TOUCH
 from itouch.twin.frame_rotation import turned_in, turned_out
 from itouch.world.presented_surfaces import ROOM
 
@@ -89,8 +89,11 @@ def _yield(c: Floats, figures: Floats, pressed: float) -> float:
 
 @kernel
 def _goes(memory: Floats) -> float:
-    """Return how fast the plate goes down by itself [m/s], at most 0, as the surface does that it stands for."""
-    return float(min(0.0, memory[CLIMB])) if memory[RENDERS] > 0.0 and memory[SETTLED] > 0.0 else 0.0
+    """Return how fast the plate goes down by itself [m/s], at most 0, as the surface does that it stands for.
+
+    Also while it comes or goes: a limit that jumped at a change of hands would be felt.
+    """
+    return float(min(0.0, memory[CLIMB]))
 
 
 @kernel

@@ -1,0 +1,55 @@
+"""Where a contact goes over from plate to arm or back, the finger feels no step that the virtual contact has not."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from edge_scenes import edge, rim
+from shipped import SCENES
+from slope_scenes import Course, Floats, Slope, follow
+
+#: How many ticks apart the virtual force and what is felt may do the same.
+APART = 3
+#: A table goes down at 0.25 m/s: a finger that falls about as fast strikes its plate, whoever renders [m/s].
+STRIKES, AROUND = 0.2, 0.05
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("changes") / "scenes"
+    shutil.copytree(SCENES, path)
+    return path
+
+
+def excess(course: Course) -> Floats:
+    """Return by how much the finger feels a greater step at a change than 0.1 N and than the virtual force's own [N]."""
+    own = np.r_[0.0, np.linalg.norm(np.diff(course.virtual, axis=0), axis=1)]
+    near = np.lib.stride_tricks.sliding_window_view(np.pad(own, APART), 2 * APART + 1).max(axis=1)
+    period = course.time[1] - course.time[0]
+    falls = np.flatnonzero(np.diff(course.lowest) < -STRIKES * period)
+    on = course.changing() & ~course.after(falls.tolist(), AROUND)
+    return np.where(on, course.steps - np.maximum(0.1, near), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "seed"),
+    [
+        pytest.param(edge, 50021, id="a plate that leaves goes with the finger from the first tick on"),
+        pytest.param(edge, 50086, id="a plate that a finger left behind does not come after it"),
+        pytest.param(rim, 50177, id="a plate that leaves follows no noise of a steep surface"),
+        pytest.param(rim, 50221, id="nor on another rim"),
+        pytest.param(rim, 50074, id="nor on a third"),
+        pytest.param(edge, 50020, id="the limit of the plate's force does not jump"),
+        pytest.param(edge, 50194, id="a plate that turns round"),
+        pytest.param(edge, 50210, id="a plate that turns round on a slope"),
+    ],
+)
+def test_a_contact_changes_hands_without_a_step(folder: Path, make: Callable[[int], Slope], seed: int) -> None:
+    course = follow(make(seed).build(folder))
+    assert course.changes()
+    assert excess(course).max() <= 0.0
+    assert np.linalg.norm(course.total, axis=1).max() <= course.force * (1.0 + 1e-9)
