@@ -321,6 +321,10 @@ class ModelLaw:
         #: rig that somebody has built: its filters and slow thermistors are no simple lags, and look like a delay.
         of_wire = (PRIOR_ONSET, PRIOR_DELAY) if display.line is None else (PRIOR_ONSET,)
         self.prior = np.array((*PRIOR, *of_wire) if longest > 0 else PRIOR)
+        #: Behind a wire readings are so few that the resistance stays uncertain for a whole touch: what is found of it
+        #: is acted upon at once, else a weak flux stays off by as much.  Not on a rig of one's own, whose estimate
+        #: moves more with each reading.
+        self.believes = longest > 0 and display.line is None
         #: Where in the future, counted in periods from the last end of a step, the plan looks.
         self.offsets = self.delay + np.arange(1, self.steps + 1) * self.coarse_ticks - 1
 
@@ -474,14 +478,14 @@ class ModelLaw:
         It is called every so many periods.
         """
         s, p, ahead = state, self.prefix, self.delay + coming.wait
+        doubt = 0.0 if self.believes else s[p + "cover"][at.RESISTANCE, at.RESISTANCE].item()
         found: tuple[float, float] = _follow(
             self.constants, self.fine.tissue, self.fine.plate, self.coarse.tissue, self.coarse.plate, s[p + "x"],
             s[p + "theta"], s[p + "memory"], scale, s[p + "line"], s[p + "slots"],
             s[p + "single"][: ahead % self.coarse_ticks], s[p + "queue"][: ahead // self.coarse_ticks],
             s[p + "wanted"], s[p + "response"], self.hats, s[p + "knots"], s[p + "work"], s[p + "trace"],
             s[p + "span"], self.display.flux_limit, self.ceiling, self.band, self.capacity,
-            s[p + "cover"][at.RESISTANCE, at.RESISTANCE].item(), self.coarse_ticks, coming.hold,
-            every, coming.out, coming.wait,
+            doubt, self.coarse_ticks, coming.hold, every, coming.out, coming.wait,
         )  # fmt: skip
         return found
 

@@ -54,6 +54,8 @@ class Names:
     sent_log: str
     force_before: str
     force_before_at: str
+    came: str
+    came_doubt: str
     scale_before: str
     x: str
     theta: str

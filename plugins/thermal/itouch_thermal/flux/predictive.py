@@ -25,8 +25,11 @@ from itouch_thermal.flux.preview import (
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.flux.usual import PRESS_FILTER, PRESSING, press_on, scale_of
 
-#: Most servo periods that a touch may have begun before the force was measured in which it is seen.
-LATE = 6
+#: Most servo periods that a touch may have begun before the force was measured in which it is seen; and, behind a wire,
+#: before the virtual contact.
+LATE, EARLY = 6, 50
+#: A measured force [N] below which nothing may be on the plate.
+UNFELT = 0.01
 
 
 def memory(model: FluxModel) -> tuple[Field, ...]:
@@ -58,6 +61,8 @@ def memory(model: FluxModel) -> tuple[Field, ...]:
         Field("tracked", "i8", unit="tick", doc="up to when readings have been taken in"),
         Field("force_before", unit="N", doc="force on the plate in the update before", show="no"),
         Field("force_before_at", "i8", unit="tick", doc="when that was measured"),
+        Field("came", "i8", unit="tick", doc="when the finger came to the plate, as the force tells"),
+        Field("came_doubt", low=0.0, unit="s", doc="standard deviation of that, 0: it is not there", show="no"),
         Field("scale_before", unit="1", doc="factor on the contact resistance in the update before"),
         *wires.FIELDS,
     )
@@ -69,6 +74,8 @@ def control(
     """Return current [A] and pumped flux [W/m2]; slower than the servo, the periods between are caught up with."""
     names = model.names
     pressed = approach.on_plate(model, state)
+    if model.wire and model.force_from and not state[names.on_plate].item():
+        _feel(model, state, pressed)
     ticks = tick - state[names.begun].item() if touching else 0
     scale = _scale(model, state, ticks) if touching and not model.steady else 1.0
     press = _press(model, state, scale) if touching and not model.steady else 0.0
@@ -89,8 +96,8 @@ def control(
             if not model.steady:
                 scale = _scale(model, state, ticks + law.delay + coming.wait)
             return law.follow(state, scale, model.hold, coming)
-    if model.force_from:
-        _note_force(model, state)
+    if model.force_from and not model.wire:
+        state[names.force_before] = abs(state[model.force_from][2].item())
     start, coming = state[names.start_temperature].item(), wires.coming(model, state, tick)
     current, flux, error = law.approach(state, start, coming)
     approach.judge(model, state, error, tick)
@@ -128,22 +135,29 @@ def _late(model: FluxModel, state: Record) -> tuple[int, float]:
     names, tick = model.names, int(state["tick"].item())
     if model.hold > 1:  # it was not there when the touch began, else it would have been set down then
         return max(1, min(model.hold, tick - int(state[names.begun].item()))), PRIOR_ONSET
+    if model.wire:
+        return max(1, min(EARLY, tick - int(state[names.came].item()))), state[names.came_doubt].item()
     force = abs(state[model.force_from][2].item())
-    grown, old, since = force - state[names.force_before].item(), 0, 1
-    if model.wire:
-        field, at = model.force_at
-        measured = int(state[field][at].item())
-        old, since = max(0, tick - measured), max(1, measured - int(state[names.force_before_at].item()))
-    ago = min(LATE, max(1, int(since * force / grown + 0.5))) if grown > 0.0 else 1
-    return min(wires.MISSED, old + ago), min(PRIOR_ONSET, 0.5 * (1 + since) * model.period)
+    grown = force - state[names.force_before].item()
+    return min(LATE, max(1, int(force / grown + 0.5))) if grown > 0.0 else 1, PRIOR_ONSET
 
 
-def _note_force(model: FluxModel, state: Record) -> None:
-    """Keep the force that is measured, and behind a wire when it was, until another is."""
+def _feel(model: FluxModel, state: Record, pressed: bool) -> None:
+    """Behind a wire, note the force as long as there is none, and when the finger came in the first reading with one.
+
+    It came after the reading before, or, if there was some force in that, as much before as the force has grown since.
+    """
     names, (field, at) = model.names, model.force_at
-    state[names.force_before] = abs(state[model.force_from][2].item())
-    if model.wire:
-        state[names.force_before_at] = state[field][at].item()
+    force, measured = abs(state[model.force_from][2].item()), int(state[field][at].item())
+    if not pressed:
+        state[names.force_before], state[names.force_before_at] = force, measured
+        state[names.came_doubt] = 0.0
+    elif not state[names.came_doubt].item():
+        before = state[names.force_before].item()
+        since = max(1, measured - int(state[names.force_before_at].item()))
+        ago = 0.5 * (since + 1) if before < UNFELT else min(since + LATE, since * force / (force - before))
+        state[names.came] = measured - int(ago + 0.5)
+        state[names.came_doubt] = min(PRIOR_ONSET, 0.25 * (1 + since) * model.period)
 
 
 def leave_out(model: FluxModel, state: Record, periods: int) -> None:

@@ -93,7 +93,8 @@ def leave_out(model: FluxModel, state: Record, periods: int) -> None:
     """Date what is remembered back by so many periods, in which no tick was run."""
     names = model.names
     state[names.taken_at] -= periods
-    state[names.force_before_at] -= periods
+    for moment in (names.force_before_at, names.came):
+        state[moment] -= periods
     state[names.before] = state[names.acting].item()  # it flows until another is told of
 
 
