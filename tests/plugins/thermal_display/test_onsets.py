@@ -59,3 +59,22 @@ def test_a_force_that_comes_late_and_seldom_tells_when_the_finger_came(
             assert 0.0 < doubt <= predictive.PRIOR_ONSET
             return
     raise AssertionError("the finger was never felt")
+
+
+def test_a_finger_that_slides_to_another_object_came_as_the_touch_before_ended(host: itouch.Session) -> None:
+    """It has been there for seconds, but what the plate has done to it since is known."""
+    model = next(one.model for one in host.model.modalities if one.name == "flux-control")
+    names, state = model.names, host.state.copy()
+    field, at = model.force_at
+    state[model.force_from][2], state[names.tracked] = FULL, 5000
+    state[names.on_plate], state[names.came], state[names.came_doubt] = 1, 3000, 1e-3
+    state["tick"] = state[field][at] = 5000
+    predictive.take_off(model, state, 5000)
+    state["tick"] = state[field][at] = 5001
+    predictive._feel(model, state, True)
+    assert predictive._late(model, state)[0] == 1
+    state[model.force_from][2], state["tick"], state[field][at] = 0.0, 5100, 5100
+    predictive._feel(model, state, False)
+    state[model.force_from][2], state["tick"], state[field][at] = FULL, 5200, 5200
+    predictive._feel(model, state, True)
+    assert predictive._late(model, state)[0] > 1  # it had left meanwhile

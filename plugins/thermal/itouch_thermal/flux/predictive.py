@@ -176,6 +176,8 @@ def take_off(model: FluxModel, state: Record, tick: int) -> None:
         _pass(model, model.law, state, tick, 1.0)
         model.law.end(state)
         state[model.names.on_plate] = 0
+        if model.wire:  # one that slides on to another object is on the plate already as the next touch begins
+            state[model.names.came], state[model.names.came_doubt] = tick, 0.5 * model.period
 
 
 def _want(model: FluxModel, law: ModelLaw, state: Record, ticks: int, wait: int) -> None:
