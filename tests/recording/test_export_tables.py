@@ -34,7 +34,10 @@ class Kept:
 def test_a_physio_table_of_bids_has_degrees_celsius_and_says_so(tmp_path: Path) -> None:
     recording: Any = Kept()
     table = tmp_path / "arm.tsv.gz"
-    assert bids._continuous(recording, "arm", str(tmp_path / "arm"), "touch") == [str(tmp_path / "arm.json"), str(table)]
+    assert bids._continuous(recording, "arm", str(tmp_path / "arm"), "touch") == [
+        str(tmp_path / "arm.json"),
+        str(table),
+    ]
     sidecar = json.loads((tmp_path / "arm.json").read_text(encoding="utf-8"))
     assert (sidecar["SamplingFrequency"], sidecar["StartTime"]) == (500.0, 0.5)
     assert sidecar["plate"] == {"Units": "degC"}
