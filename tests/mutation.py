@@ -72,7 +72,10 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
         *(f"servo/test_{name}.py" for name in SERVO),
         "servo/test_hanging_process.py::test_a_silent_process_has_its_time_by_what_it_gets_of_a_processor",
     )),
-    "cli": ("framework/itouch_tools/cli", ("cli", "scene/test_problems.py")),
+    "cli": ("framework/itouch_tools/cli", (
+        "cli", "scene/test_problems.py", "docs/test_codes.py", "session/test_triggers.py",
+        "study/test_power_and_exports.py", "study/test_report_intervals.py",
+    )),
     "plugin": ("framework/itouch/plugin", (
         "plugins/test_result_cache.py", "plugins/test_poses_and_fits.py", "world", "loop/test_engine.py",
         "loop/test_one_writer_of_commands.py", "compiling/test_plugin_noise.py",
