@@ -51,6 +51,10 @@ SCENES = (
     "two_on_one_finger", "laws", "phases", "unknown_devices", "attack_findings", "exchanged", "late_in_a_stop",
     "several_of_a_kind", "torque",
 )  # fmt: skip
+#: Tests of what goes between processes, in one; those that start and kill some are left out, but for the launch.
+SERVO = ("memory", "watchdogs", "launch", "both_ends", "deadman_holders")
+#: The page of all attributes, which says the bounds and the default of each.
+PAGE = "docs/test_reference_pages.py"
 #: Room -> the folder of its modules and the tests that answer for it, if they are not those in the folder of its name.
 ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
     "safety": ("framework/itouch/safety", tuple(f"safety/test_{name}.py" for name in (*SAFETY, *SCENES))),
@@ -59,26 +63,35 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
         "exchange", "loop", "recording", "session", "arms", "dynamics", "world",
     )},
     **{name: (f"framework/itouch_tools/{name}", (name,)) for name in ("report", "sound", "study")},
-    "export": ("framework/itouch_tools/export", ("recording",)),
+    "export": ("framework/itouch_tools/export", ("recording", "cli/test_session_commands.py")),
     "authoring": ("framework/itouch_tools/authoring", ("scene",)),
-    "scene": ("framework/itouch/scene", ("scene", "meaning", "loop/test_waits.py", "docs/test_reference_pages.py")),
-    "schema": ("framework/itouch/schema", ("schema", "scene", "docs/test_reference_pages.py")),
+    "scene": ("framework/itouch/scene", ("scene", "meaning", "loop/test_waits.py", PAGE)),
+    "schema": ("framework/itouch/schema", ("schema", "scene", PAGE)),
     "faults": ("framework/itouch/faults", ("safety/test_faults.py",)),
-    "servo": ("framework/itouch/servo", ("servo/test_memory.py", "servo/test_watchdogs.py", "servo/test_launch.py")),
-    "cli": ("framework/itouch_tools/cli", ("cli", "scene/test_problems.py")),
-    "plugin": ("framework/itouch/plugin", ("plugins/test_result_cache.py", "world", "loop/test_engine.py")),
+    "servo": ("framework/itouch/servo", (
+        *(f"servo/test_{name}.py" for name in SERVO),
+        "servo/test_hanging_process.py::test_a_silent_process_has_its_time_by_what_it_gets_of_a_processor",
+    )),
+    "cli": ("framework/itouch_tools/cli", (
+        "cli", "scene/test_problems.py", "docs/test_codes.py", "session/test_triggers.py",
+        "study/test_power_and_exports.py", "study/test_report_intervals.py",
+    )),
+    "plugin": ("framework/itouch/plugin", (
+        "plugins/test_result_cache.py", "plugins/test_poses_and_fits.py", "world", "loop/test_engine.py",
+        "loop/test_one_writer_of_commands.py", "compiling/test_plugin_noise.py",
+    )),
     "twin": ("framework/itouch/twin", ("loop/test_engine.py", "world/test_coupling.py")),
     "viewer": ("framework/itouch_tools/viewer", ("viewer/test_picture_content.py", "viewer/test_recording_seek.py")),
     "contact": ("framework/itouch/contact", ("contact",)),
     "thermal": ("plugins/thermal/contact_heat", ("plugins/thermal",)),
-    "thermal-display": ("plugins/thermal/itouch_thermal/display", ("plugins/thermal_display",)),
-    "thermal-flux": ("plugins/thermal/itouch_thermal/flux", ("plugins/thermal_display",)),
-    "thermal-drivers": ("plugins/thermal/itouch_thermal/drivers", ("plugins/thermal_drivers",)),
-    "xyz-table": ("plugins/xyz_table/itouch_xyz_table", ("plugins/xyz_table",)),
+    "thermal-display": ("plugins/thermal/itouch_thermal/display", ("plugins/thermal_display", PAGE)),
+    "thermal-flux": ("plugins/thermal/itouch_thermal/flux", ("plugins/thermal_display", PAGE)),
+    "thermal-drivers": ("plugins/thermal/itouch_thermal/drivers", ("plugins/thermal_drivers", PAGE)),
+    "xyz-table": ("plugins/xyz_table/itouch_xyz_table", ("plugins/xyz_table", PAGE)),
     "encountered": (
         "plugins/xyz_table/itouch_encountered", ("integration/test_encountered_surface.py", "loop/test_missing_plate.py"),
     ),
-    "usb-arm": ("plugins/usb_arm/itouch_usb_arm", ("plugins/usb_arm",)),
+    "usb-arm": ("plugins/usb_arm/itouch_usb_arm", ("plugins/usb_arm", PAGE)),
 }  # fmt: skip
 #: How long [s] the tests of a mutant may take beyond thrice what they take without it; one that hangs is noticed.
 PATIENCE = 60.0

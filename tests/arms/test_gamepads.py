@@ -150,6 +150,27 @@ def test_pyglets_is_asked_because_nobody_else_does(monkeypatch: pytest.MonkeyPat
     sticks.close()
 
 
+@pytest.mark.parametrize("error", [OSError(19, "No such device"), ValueError("negative descriptor"), TypeError("None")])
+def test_one_that_fails_as_it_is_asked_was_unplugged(
+    error: Exception, caplog: pytest.LogCaptureFixture
+) -> None:  # fmt: skip
+    made = controller()
+    made.leftx = 1.0
+
+    def poll() -> bool:
+        raise error
+
+    made.device.poll = poll
+    sticks = Pad(made)
+    assert sticks.sticks() == (0.0, 0.0, 0.0)
+    assert not sticks.connected
+    assert "of pyglet was unplugged" in caplog.text
+
+
+def test_the_kernels_bits_are_numbered_from_the_lowest_of_each_byte() -> None:
+    assert evdev._bits(bytes((0b101, 0, 0x80))) == {0, 2, 23}
+
+
 def test_pyglet_without_any_or_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     def fails() -> Any:
         raise RuntimeError("no such thing here")

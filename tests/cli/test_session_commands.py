@@ -173,6 +173,7 @@ def test_bids_has_the_poses_as_motion(kept: Path, tmp_path: Path) -> None:
     world = json.loads(Path(f"{stem}_motion.json".replace("-arm_", "-finger_")).read_text(encoding="utf-8"))
     assert world["SpatialAxes"] == "RAS"
     assert "world" in world["Description"]
+    assert (sidecar["RecordingType"], sidecar["EpochLength"]) == ("continuous", 0)  # no epochs, as BIDS has it
     assert (
         sidecar["SamplingFrequency"] == 1000.0 and sidecar["MotionChannelCount"] == len(channels) - 1 == rows.shape[1]
     )

@@ -6,6 +6,7 @@ from probing import Floats, box_mesh, grid, mesh, random_pose, rotation
 
 from itouch.contact import Box, Cylinder, Friction, Geometry, Plane, Shape, Sphere
 from itouch.contact import layout as at
+from itouch.contact.motion import carry
 from itouch.contact.step import step
 
 
@@ -89,3 +90,17 @@ def test_only_the_motion_between_probe_and_object_counts(seed: int, kind: str, f
         one = still([np.array([0, 0, 0, 1, 0, 0, 0.0])], hip)
         other = matrix.T @ (moving([pose], matrix @ hip + pose[:3]) - pose[:3])
         np.testing.assert_allclose(other, one, atol=1e-6)
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.6, -0.48, 0.64)])
+def test_an_object_on_a_device_has_the_speed_and_the_rate_of_turn_of_what_carries_it(
+    axis: tuple[float, float, float],
+) -> None:
+    rate, speed, period = 2.0, np.array([0.1, -0.2, 0.3]), 1e-3
+    still = np.array([0, 0, 0, 1, 0, 0, 0.0])
+    poses, twists = np.zeros((1, 7)), np.zeros((1, 6))
+    for k in range(2):
+        reading = turned(np.array(axis), 1.0 + k * period * rate, k * period * speed)
+        carry(0, still, reading, still, period, 1.0, k == 0, poses, twists)
+    np.testing.assert_allclose(poses[0], reading, atol=1e-12)
+    np.testing.assert_allclose(twists[0], [*speed, *(rate * np.array(axis))], rtol=1e-6)

@@ -74,6 +74,20 @@ def test_damping_is_a_rate() -> None:
     assert world.twists[0, 0] / start == pytest.approx(np.exp(-1.0), rel=0.01)
 
 
+@pytest.mark.parametrize("axis", range(6))
+def test_a_push_acts_along_its_axis_and_damping_is_the_same_about_each(axis: int) -> None:
+    inertia = (1e-3, 1.5e-3, 2e-3)
+    world = World(free(Box((0.02, 0.03, 0.04)), inertia=inertia, damping=5.0), gravity=(0, 0, 0))
+    world.forces[0, axis] = 1.0 if axis < 3 else 0.01
+    world.run(1)
+    start = np.zeros(6)
+    start[axis] = T / 0.2 if axis < 3 else 0.01 * T / inertia[axis - 3]
+    np.testing.assert_allclose(world.twists[0], start, rtol=1e-6, atol=1e-12)
+    world.forces[:] = 0
+    world.run(200)
+    np.testing.assert_allclose(world.twists[0], start * np.exp(-1.0), rtol=0.01, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("shape", "height"),
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,10 +15,12 @@ from program import program as cli
 from shipped import SCENES
 
 import itouch
+from itouch_tools.report import screen, sections
 from itouch_tools.report.collect import collect
 from itouch_tools.report.curves import thinned
 from itouch_tools.report.markup import number, table
 from itouch_tools.report.page import page
+from itouch_tools.report.screen import _closing
 
 SCENE = """<itouch version="1.0">
   <materials><material name="wood"><contact stiffness="1.2 N/mm" damping="1 N*s/m" static-friction="0.4"/></material>
@@ -171,3 +174,48 @@ def test_a_run_without_contacts_says_so_in_place_of_a_table() -> None:
     ).stdout.splitlines()
     assert "no contact with a virtual object" in lines
     assert not any("begin s" in line for line in lines)
+
+
+def test_a_late_tick_is_told_by_its_time_in_the_session() -> None:
+    timing = {"rate_hz": 500, "ticks": 10, "worst": [{"tick": 3, "us": 41.6, "culprit": "arm"}]}
+    told = sections.timing(SimpleNamespace(timing=timing), 0)
+    assert told["period"] == "2000"
+    assert told["tables"][-1].rows == [["3", "0.006", "42", "arm"]]
+
+
+def test_the_last_line_of_a_run_says_what_is_known_of_it() -> None:
+    report = {
+        "simulated_s": 3.0, "wall_s": 1.5, "faults": [{}, {}],
+        "servo": {"tick_us": {"p50": None, "p99": None}, "overruns": None}, "table": {"tracking_mm": {"p99": None}},
+    }  # fmt: skip
+    assert _closing(report) == "3.000 s simulated in 1.5 s (2.0 x real time); 2 faults"
+    report["servo"] = {"tick_us": {"p50": 20.4, "p99": 31.6}, "overruns": 1}
+    report["table"] = {"tracking_mm": {"p99": 0.256}}
+    assert _closing(report) == (
+        "3.000 s simulated in 1.5 s (2.0 x real time); tick p50 20 us, p99 32 us; 1 overruns; "
+        "table within 0.26 mm of its command (p99); 2 faults"
+    )
+
+
+def test_a_number_beyond_all_bounds_is_a_dash() -> None:
+    assert [number(value, ".2f") for value in (10**400, float("inf"), float("nan"))] == ["-", "-", "-"]
+    assert number(1e300, ".2g", 1e300) == "-"
+
+
+def test_what_a_contact_was_not_stands_below_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(screen, "_noted", lambda engine: ())
+    entry = {"probe": "finger", "object": "pad", "material": "foam", "begin_s": 1.0, "end_s": 2.0, "plate_missed": True}
+    engine = SimpleNamespace(
+        statistics=SimpleNamespace(contacts=[]), model=SimpleNamespace(modalities=(), probes=("finger",))
+    )
+    out = io.StringIO()
+    screen.Screen(engine, out).finish({
+        "contacts": [entry], "waits": [{"probe": "finger", "waited_s": 3.21, "back": False, "ended": True}],
+        "simulated_s": 1.0, "wall_s": 0.0, "devices": {"arm": {}}, "faults": [],
+        "servo": {"tick_us": {"p50": None, "p99": None}, "overruns": None}, "table": {"tracking_mm": {"p99": None}},
+    })  # fmt: skip
+    assert out.getvalue().splitlines()[-3:] == [
+        "pad at 1.000 s: the plate was not felt where it should have been; the arm gave its force",
+        "finger waited for its skin: 3.2 s (not back)",
+        "1.000 s simulated in 0.0 s (0.0 x real time); 0 faults",
+    ]

@@ -13,6 +13,7 @@ from shipped import SCENES
 
 import itouch
 from itouch.faults import FaultyTwin, Injection, Kind
+from itouch.faults.kinds import UNITS
 from itouch.plugin import (
     Device,
     DeviceError,
@@ -29,6 +30,7 @@ from itouch.plugin import (
     wrench,
 )
 from itouch.scene.elements import FAULTS
+from itouch.schema.units import parse_unit
 
 Write = Callable[[str, str], Path]
 FIRST = SCENES / "first_touch.xml"
@@ -138,6 +140,11 @@ def test_shifted_and_mistaken_readings(kind: Kind, channels: Any, expected: floa
     assert bent.reading[first][0] == pytest.approx(expected)
     if first == "pose":
         assert bent.reading["pose"][3:].tolist() == [1.0, 0.0, 0.0, 0.0]  # no quaternion has a unit
+
+
+@pytest.mark.parametrize(("unit", "wrong"), [("m", "mm"), ("N", "mN"), ("W/m^2", "kW/m^2"), ("m/s", "mm/s")])
+def test_a_wrong_unit_is_one_that_somebody_may_take_for_the_right_one(unit: str, wrong: str) -> None:
+    assert UNITS[unit] == (pytest.approx(parse_unit(unit).factor / parse_unit(wrong).factor), 0.0)
 
 
 def test_drift_grows_and_spikes_are_rare() -> None:

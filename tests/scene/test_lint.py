@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from program import program as run
 from shipped import SCENES
 
 import itouch
+from itouch.scene.elements import Box, Operator
+from itouch_tools.authoring import lint
 from itouch_tools.cli.check import examined
 
 HEAD = '<itouch version="1.0">\n  <include file="itouch:materials.xml"/>\n  <include file="itouch:rigs/twin.xml"/>\n'
@@ -123,3 +127,14 @@ def test_a_scene_on_a_shipped_rig_runs_is_saved_and_restored(tmp_path: Path) -> 
     session.save(tmp_path / "s.itouch")
     again = itouch.restore(tmp_path / "s.itouch")
     assert again.state.tobytes() == session.state.tobytes()
+
+
+def test_of_an_operator_that_goes_nowhere_nothing_is_said() -> None:
+    """Recorded motions and hands that a person leads have no targets."""
+    block = Box(name="block", size=(0.02, 0.02, 0.02), pos=(0.0, 0.0, 0.01), material="wood")
+    places = SimpleNamespace(of=lambda *_: None)
+    model: Any = SimpleNamespace(objects=("block",), scene=SimpleNamespace(objects=(block,), places=places))
+    around = SimpleNamespace(radius=0.008, surface_to="")
+    for operator, recorded in ((None, None), (Operator(probe="finger"), None), (Operator(probe="finger"), object())):
+        probe: Any = SimpleNamespace(name="finger", operator=operator, recorded=recorded, scene=around)
+        assert list(lint._touches(model, probe, {})) == []

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -21,6 +23,7 @@ from itouch.session.errors import SessionError
 from itouch.session.outputs import Outputs, open_outputs
 from itouch.session.trigger_ports import ParallelWire, wire
 from itouch.session.triggers import CONTACT, LOST, PULSE, Triggers
+from itouch_tools.cli import sync
 
 FIRST = SCENES / "first_touch.xml"
 
@@ -167,6 +170,19 @@ def test_a_run_puts_codes_and_what_can_not_be_is_said(box: Terminal, tmp_path: P
 def test_what_sync_can_not_measure_is_said(words: tuple[str, ...], said: str) -> None:
     done = program("sync", *words)
     assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
+
+
+def test_sync_sets_marks_whose_codes_are_those_of_a_byte(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sync.time, "sleep", lambda seconds: None)
+    asked: list[int] = []
+    link: Any = SimpleNamespace(
+        period=1e-3, state={"marks.count": 0}, follow=lambda: None,
+        command=lambda what, value: asked.append(value["payload"]["code"]),
+    )  # fmt: skip
+    lost: Any = SimpleNamespace(wait=lambda code: None)
+    for delays in sync._marks(link, lost, 300, random.Random(0)):
+        assert (delays.seconds, delays.lost) == ((), 300)
+    assert asked == [*range(1, 256), *range(1, 46)]  # 0 is the line at rest
 
 
 @pytest.mark.long

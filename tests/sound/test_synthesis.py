@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import wave
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +17,16 @@ from itouch_tools.cli import main
 from itouch_tools.sound import Bank, SoundTrack, Synth
 from itouch_tools.sound.modal import RATE
 from itouch_tools.sound.sliding import Sliding
-from itouch_tools.sound.synth import STANDS, TONE_AGAIN, TONE_EVERY, TONE_FIRST, limited
+from itouch_tools.sound.synth import (
+    STANDS,
+    TONE_AGAIN,
+    TONE_EVERY,
+    TONE_FIRST,
+    TONE_LEVEL,
+    TONE_TIME,
+    TONES,
+    limited,
+)
 from itouch_tools.sound.texture_profile import Relief, Way, reliefs
 
 SCENE = """<itouch version="1.0">
@@ -179,6 +190,18 @@ def test_the_warning_tone_is_long_at_first_then_now_and_then(plates):
     assert all(on[:95]) and not any(on[120:380])
     assert any(on[round(100 * (TONE_EVERY - 1.0 + TONE_AGAIN / 2)) - 5 :][:10])
     assert 0.0 < TONE_AGAIN < TONE_FIRST < TONE_EVERY
+
+
+def test_the_warning_tone_has_two_pitches_in_turns() -> None:
+    synth: Any = SimpleNamespace(_tone_time=0.0, _tone_level=TONE_LEVEL, _fault=True)
+    samples = Synth._tone(synth, round(4 * TONE_TIME * RATE))
+    span = round(0.5 * TONE_TIME * RATE)
+    for turn in range(4):
+        middle = samples[round((turn + 0.25) * TONE_TIME * RATE) :][:span] * np.hanning(span)
+        waves = np.exp(-2j * np.pi * np.outer(TONES, np.arange(span) / RATE))
+        one, other = np.abs(waves @ middle)[[turn % 2, 1 - turn % 2]] * 4.0 / span
+        assert one == pytest.approx(TONE_LEVEL, rel=0.01)
+        assert other < 0.01 * TONE_LEVEL
 
 
 modes = st.lists(

@@ -140,6 +140,12 @@ def test_words_that_have_no_room_are_left_out_and_what_is_wrong_last(lines, widt
     assert sum(weight in ("bad", "warn") for _, weight in kept) == min(most, wrong)
 
 
+def test_the_chart_of_temperatures_has_the_skins_and_the_plates_and_no_difference():
+    model = itouch.build(SCENES / "four_materials.xml").model
+    (found,) = [chart for chart in charts(model, page=True) if chart.title == "temperature"]
+    assert [signal.label for signal in found.signals] == ["skin on the object", "skin", "skin, held", "plate"]
+
+
 def test_a_chart_never_loses_its_unit(plates):
     for chart in charts(plates.model):
         for room in (12, 20, 60):

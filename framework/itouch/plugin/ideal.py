@@ -64,8 +64,8 @@ def pairs(reads: Sequence[Channel], commands: Sequence[Channel]) -> Iterator[tup
     First by role; a number without a role of its own mirrors the first command of its unit and size that no other
     reading mirrors, one of its own name before all.
     """
-    left = list(commands)
-    for reading in sorted(reads, key=lambda channel: channel.role in _BY_UNIT):
+    left, named = list(commands), {command.name for command in commands}
+    for reading in sorted(reads, key=lambda one: (one.role in _BY_UNIT, one.name not in named)):
         found = [command for command in left if _belongs(reading, command)]
         found.sort(key=lambda command: command.name != reading.name)
         if found:

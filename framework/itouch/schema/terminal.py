@@ -31,8 +31,8 @@ _RULES: tuple[tuple[re.Pattern[str], str], ...] = (
     (re.compile(r"^(warning(?:\[[^\]\n]*\])?:)", re.MULTILINE), _YELLOW),
     (re.compile(r"^((?:note|waiting|preparing)(?:\[[^\]\n]*\])?:)", re.MULTILINE), _CYAN),
     (re.compile(r"^(  = (?:help|note):)", re.MULTILINE), _CYAN),
+    (re.compile(r"^ {5}\| +(\^+.*)$", re.MULTILINE), _RED),  # before the bar gets its colour
     (re.compile(r"^(  --> |[ \d]{4} \| )", re.MULTILINE), _BLUE),
-    (re.compile(r"^ {5}\| +(\^+.*)$", re.MULTILINE), _RED),
     (re.compile(r"^.*: (ok)(?= \(|$)", re.MULTILINE), _GREEN),
 )
 

@@ -241,7 +241,10 @@ class Heat(Modality):
             Field("objects", "f8", (count, model.widest), unit="K", doc="modes of each object"),
             Field("touched", "i8", count, unit="1", doc="1 for each object that was touched: its own heat goes on"),
             Field(
-                "skin_change", unit="K", doc="by how much infrared sees the skin warmer than the model finger's, a mean"
+                "skin_change",
+                unit="K",
+                doc="by how much infrared sees the skin warmer than the model finger's, a mean",
+                show="no",  # a difference, among temperatures in degrees Celsius
             ),
             Field("skin_count", "i8", low=0, unit="1", doc="of how many ticks that is since the last touch"),
         )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from contact_heat.differences import solve_differences
+from contact_heat.measure import changing
 from contact_heat.stated import FINGERTIP, WOOD, block, stated_cases
 from itouch_thermal import Contact, solve
 
@@ -66,3 +67,18 @@ def test_unstable_steps_are_refused():
         solve_differences(CONTACT, [1.0], step=1.0)
     with pytest.raises(ValueError, match="method"):
         solve(CONTACT, [1.0], method="guess")
+
+
+@pytest.mark.parametrize("spacing", [0.0, 9e-9, 1.1, float("nan")])
+def test_a_distance_of_nodes_that_can_not_be_is_refused(spacing):
+    with pytest.raises(ValueError, match="spacing = .* out of range: 1e-08 to 1 m"):
+        solve_differences(CONTACT, [1.0], spacing=spacing)
+
+
+def test_the_resistance_that_changes_swings_by_30_percent_twenty_times_a_second():
+    history = changing(2e-3, 1000)
+    assert history.shape == (1000,)
+    assert history.min() == pytest.approx(1.4e-3, rel=1e-3)
+    assert history.max() == pytest.approx(2.6e-3, rel=1e-3)
+    assert history[:50].argmax() in (11, 12)  # a quarter of 50 ms
+    np.testing.assert_allclose(history[50:], history[:-50], rtol=1e-9)

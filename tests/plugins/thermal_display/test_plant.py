@@ -9,7 +9,7 @@ from contact_heat.stepper import Stepper
 from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.display import DisplayParams, Mismatch
 from itouch_thermal.display import plant as at
-from itouch_thermal.display.column import plate_capacity, tissue_side
+from itouch_thermal.display.column import plate_capacity, ramp_weights, tissue_side
 from itouch_thermal.display.display_twin import DisplayTwin
 from itouch_thermal.display.peltier import Module, current_for, pumped_heat
 from itouch_thermal.flux.condensation import dew_point
@@ -121,6 +121,25 @@ def test_command_is_delayed_saturated_and_counted():
         twin.step(state, command, TwinInputs(), PERIOD)
         assert (state["memory"][at.CURRENT] != 0.0) == (i >= 20)
     assert state["memory"][at.CURRENT] == pytest.approx(2.0, abs=4.0 / 256)
+
+
+def test_the_driver_gives_whole_steps_of_its_range():
+    twin, state, command = twin_of(max_current=2.0, current_bits=8)
+    for wanted, given in ((0.0125, 1), (0.02, 1), (-0.3, -19)):
+        command["current"] = wanted
+        for _ in range(25):
+            twin.step(state, command, TwinInputs(), PERIOD)
+        assert state["memory"][at.CURRENT] == pytest.approx(given * 4.0 / 256, abs=1e-12)
+
+
+@pytest.mark.parametrize("decay", [0.0, 1e-6, 5e-4, 9.9e-4, 1.1e-3, 0.1, 3.0])
+def test_a_flux_that_changes_evenly_leaves_what_its_integral_says(decay):
+    period, (points, weights) = 0.02, np.polynomial.legendre.leggauss(20)
+    when = 0.5 * (points + 1.0)
+    left = 0.5 * period * weights * np.exp(-decay * (1.0 - when))  # of a flux at a part of the step, at its end
+    begin, end = ramp_weights(np.array([decay / period]), period)
+    assert begin[0] == pytest.approx(float(left @ (1.0 - when)), rel=1e-9)
+    assert end[0] == pytest.approx(float(left @ when), rel=1e-9)
 
 
 def test_infrared_holds_its_last_value_under_the_finger():

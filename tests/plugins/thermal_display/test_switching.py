@@ -5,6 +5,8 @@ from dataclasses import replace
 import pytest
 
 from itouch_thermal.display import DisplayParams, Mismatch
+from itouch_thermal.display.column import plate_capacity
+from itouch_thermal.display.switching import least_time
 from itouch_thermal.rendering.plants import corners
 from itouch_thermal.rendering.switch_times import CLOSE, least_time_of_plant, switching_time
 
@@ -25,6 +27,18 @@ def test_least_time_grows_with_the_plate_and_with_a_weak_module():
     assert heavy == pytest.approx(1.1 * plain, rel=0.02)
     weak = least_time_of_plant(DisplayParams(max_current=3.0), WARM, COLD)
     assert weak > 1.3 * plain
+
+
+@pytest.mark.parametrize(("begin", "end"), [(COLD, WARM), (WARM, COLD)])
+@pytest.mark.parametrize("part", [1.0, 0.5])
+def test_the_time_that_a_session_tells_is_what_the_heat_takes_and_a_little_more(begin, end, part):
+    display = DisplayParams()
+    limit = part * display.flux_limit
+    heat_alone = plate_capacity(display.plate) * (WARM - COLD - CLOSE) / limit
+    told = least_time(display, begin, end, limit=None if part == 1.0 else limit)
+    assert heat_alone < told < heat_alone + 0.05
+    assert least_time(display, begin, begin + 0.9 * CLOSE) == 0.0
+    assert least_time(display, begin, end, limit=1.0) == pytest.approx(heat_alone * limit)  # slow: heat and no more
 
 
 @pytest.mark.parametrize(("begin", "end"), [(COLD, WARM), (WARM, COLD)])

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import random
+import struct
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from itouch_usb_arm import boot
+from itouch_usb_arm.virtual import VirtualBackend, VirtualFalcon, VirtualTime, descriptors
 from itouch_usb_arm.wire import Buttons, Leds, Scanner, command, decode, encode, reply_of
 
 INT16 = st.integers(-32768, 32767)
@@ -126,3 +128,17 @@ def test_any_file_is_an_image_or_an_error(data: bytes) -> None:
     except ValueError:
         return
     assert boot.build(image.blocks, entry=image.entry) == image.data
+
+
+def test_the_simulated_bus_says_what_the_descriptors_say() -> None:
+    backend = VirtualBackend(VirtualFalcon(time=VirtualTime(), running=True, seed=0))
+    device, told = backend.get_device_descriptor(None), backend.get_configuration_descriptor(None, 0)
+    assert struct.unpack("<BBHBBBBHHHBBBB", descriptors.DEVICE) == (
+        device.bLength, device.bDescriptorType, device.bcdUSB, device.bDeviceClass, device.bDeviceSubClass,
+        device.bDeviceProtocol, device.bMaxPacketSize0, device.idVendor, device.idProduct, device.bcdDevice,
+        device.iManufacturer, device.iProduct, device.iSerialNumber, device.bNumConfigurations,
+    )  # fmt: skip
+    assert struct.unpack_from("<BBHBBBBB", descriptors.CONFIGURATION) == (
+        told.bLength, told.bDescriptorType, told.wTotalLength, told.bNumInterfaces, told.bConfigurationValue,
+        told.iConfiguration, told.bmAttributes, told.bMaxPower,
+    )  # fmt: skip

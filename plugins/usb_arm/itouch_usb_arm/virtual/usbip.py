@@ -23,7 +23,7 @@ _LIST, _IMPORT = 0x8005, 0x8003
 _SUBMIT, _UNLINK, _SUBMITTED, _UNLINKED = 1, 2, 3, 4
 _OP, _HEADER = struct.Struct(">HHI"), struct.Struct(">5I5i8s")
 _STALL, _RESET, _GONE = -32, -104, -19
-_DEVICE_ID, _FULL_SPEED = 1 << 16 | 2, 2
+_FULL_SPEED = 2
 #: How long the server waits when nothing is due, and at least [s]; greatest transfer it takes.
 _IDLE, _SHORT, _MOST = 0.05, 1e-4, 1 << 16
 

@@ -1,0 +1,68 @@
+"""Tables of exports: columns with their units, the messages of ROS for them, panels of a layout."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from itouch.recording.tracks import Column, Track
+from itouch_tools.export import bids, foxglove
+from itouch_tools.export.ros_messages import type_of
+
+TRACK = Track("arm", 2, True, (
+    Column("arm.force", "force", "f8", 3, "N", "what it pushes with"), Column("arm.plate", "plate", "f8", 0, "K"),
+))  # fmt: skip
+
+
+class Kept:
+    """A recording of one track."""
+
+    def __init__(self) -> None:
+        self.tracks, self.period = {"arm": TRACK}, 1e-3
+        self.rows = np.zeros(2, TRACK.dtype)
+        self.rows["time"], self.rows["tick"], self.rows["plate"] = [0.5, 0.502], [500, 502], 300.15
+
+    def __getitem__(self, name: str) -> Any:
+        return self.rows
+
+
+def test_a_physio_table_of_bids_has_degrees_celsius_and_says_so(tmp_path: Path) -> None:
+    recording: Any = Kept()
+    table = tmp_path / "arm.tsv.gz"
+    assert bids._continuous(recording, "arm", str(tmp_path / "arm"), "touch") == [
+        str(tmp_path / "arm.json"),
+        str(table),
+    ]
+    sidecar = json.loads((tmp_path / "arm.json").read_text(encoding="utf-8"))
+    assert (sidecar["SamplingFrequency"], sidecar["StartTime"]) == (500.0, 0.5)
+    assert sidecar["plate"] == {"Units": "degC"}
+    assert sidecar["force.x"] == {"Units": "N", "Description": "what it pushes with"}
+    rows = [line.split("\t") for line in gzip.decompress(table.read_bytes()).decode().splitlines()]
+    assert [float(row[sidecar["Columns"].index("plate")]) for row in rows] == pytest.approx([27.0, 27.0])
+
+
+@pytest.mark.parametrize(
+    ("unit", "size", "kind"),
+    [
+        ("m", 7, "geometry_msgs/msg/PoseStamped"), ("m", 3, "geometry_msgs/msg/PointStamped"), ("m", 0, ""),
+        ("N", 6, "geometry_msgs/msg/WrenchStamped"), ("N", 3, "geometry_msgs/msg/WrenchStamped"),
+        ("K", 0, "sensor_msgs/msg/Temperature"), ("K", 1, "sensor_msgs/msg/Temperature"),
+        ("W/m^2", 0, "std_msgs/msg/Float64"), ("A", 1, ""),
+    ],
+)  # fmt: skip
+def test_numbers_have_the_message_of_ros_that_is_meant_for_them(unit: str, size: int, kind: str) -> None:
+    assert type_of(Column("a.b", "b", "f8", size, unit)) == kind
+    assert type_of(Column("a.b", "b", "i8", size, unit)) == ""
+
+
+def test_panels_share_the_height() -> None:
+    assert foxglove._stacked(["a"]) == "a"
+    assert foxglove._stacked(["a", "b", "c"]) == {
+        "first": "a", "direction": "column", "splitPercentage": pytest.approx(100 / 3),
+        "second": {"first": "b", "second": "c", "direction": "column", "splitPercentage": 50.0},
+    }  # fmt: skip

@@ -1,0 +1,35 @@
+"""What is printed: codes of what would act are read by Python, colours go round the kind of a line and nothing else."""
+
+from __future__ import annotations
+
+import ast
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from itouch.schema.terminal import _UNSAFE, coloured, plain
+
+
+@given(st.characters().filter(_UNSAFE.match))
+def test_the_code_of_a_character_that_acts_is_one_that_python_reads(character: str) -> None:
+    shown = plain(f"a{character}b")
+    assert shown.isascii() and shown.isprintable()
+    assert ast.literal_eval(f'"{shown}"') == f"a{character}b"
+
+
+@pytest.mark.parametrize(
+    ("line", "shown"),
+    [
+        ("warning[plate]: dew", "<1;33 warning[plate]:> dew"),
+        ("a.xml:3:1: error: no such unit", "<1;31 a.xml:3:1: error:> no such unit"),
+        ("  --> a.xml:3", "<34   --> >a.xml:3"),
+        ("     |    ^^^ here", "<34      | >   <1;31 ^^^ here>"),
+        ("a.xml: ok (2 objects)", "a.xml: <32 ok> (2 objects)"),
+        ("ok", "ok"),
+    ],
+)
+def test_colours_go_round_the_kind_of_a_line(line: str, shown: str) -> None:
+    found = re.sub(r"\x1b\[([1-9][0-9;]*)m", r"<\1 ", coloured(f"before\n{line}\nafter")).replace("\x1b[0m", ">")
+    assert found == f"before\n{shown}\nafter"

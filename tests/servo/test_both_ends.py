@@ -1,0 +1,140 @@
+"""Both ends of what goes between a session's processes, in this one: commands, States, flags of a remote twin."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from itouch.plugin import DeviceError, Field, Record, Role, Twin
+from itouch.plugin.discovery import Catalog
+from itouch.scene import loads
+from itouch.servo import wire
+from itouch.servo.commands import Asked, Commands
+from itouch.servo.link import Link
+from itouch.servo.remote import RemoteTwin
+from itouch.servo.twin_server import TwinServer
+from itouch.world.rig import build_devices
+
+TABLE = """<itouch version="1.0">
+  <devices><device name="table" plugin="xyz-table" twin="remote"/></devices>
+</itouch>
+"""
+
+
+def commands(*, twin: bool) -> tuple[Commands, Asked, list[Any]]:
+    told, asked = list[Any](), Asked()
+    session: Any = SimpleNamespace(ticks=5, model=SimpleNamespace(devices={"arm": SimpleNamespace(twin=twin)}))
+    outbox: Any = SimpleNamespace(tell=lambda what, content: told.append((what, content)))
+    return Commands(session, outbox, asked, dict), asked, told
+
+
+def test_a_session_of_twins_pauses_and_goes_on() -> None:
+    obeyed, asked, told = commands(twin=True)
+    obeyed.obey({"what": "pause"})
+    assert asked.paused
+    obeyed.obey({"what": "resume"})
+    assert not asked.paused
+    assert not told
+    assert [entry["what"] for entry in obeyed.log] == ["pause", "resume"]
+
+
+def test_a_session_with_hardware_does_not_pause() -> None:
+    obeyed, asked, told = commands(twin=False)
+    obeyed.obey({"what": "pause"})
+    assert not asked.paused
+    assert told == [("refused", {"what": "pause", "cause": "a session with hardware can't pause; stop it"})]
+    assert not obeyed.log
+
+
+class Places:
+    """A ring of eight places that holds the newest States, each by its number."""
+
+    head, slots = 21, 8
+
+    def copy(self, sequence: int, into: Any) -> tuple[int, int, int, int] | None:
+        into[:] = sequence
+        return None if sequence <= self.head - self.slots else (sequence, 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("after", "every", "found"),
+    [(15, 1, [16, 17, 18, 19, 20, 21]), (18, 1, [19, 20, 21]), (15, 4, [16, 20]), (0, 3, [18, 21])],
+)
+def test_every_so_manieth_state_is_taken_of_those_that_are_still_there(
+    after: int, every: int, found: list[int]
+) -> None:
+    link: Any = SimpleNamespace(_ring=Places())
+    state = Record.of([Field("a", "u1", 4)])
+    assert [(number, state["a"][0]) for number in Link.skim(link, after, every, state)] == [(n, n) for n in found]
+
+
+class Still(Twin):
+    """A twin with one number."""
+
+    def fields(self) -> tuple[Field, ...]:
+        return (Field("height"),)
+
+    def step(self, *_: Any) -> None:
+        raise AssertionError("it is stepped elsewhere")
+
+    read = step  # type: ignore[assignment]
+
+
+def test_the_newest_of_a_remote_twin_counts_until_it_makes_itself_safe() -> None:
+    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    near.setblocking(False)
+    twin = RemoteTwin(Still(None))
+    twin._line = near
+    state, reading = Record.of([Field("height")]), Record.of([Field("pose")])
+
+    def says(height: float, flags: int) -> None:
+        far.send(wire.head(wire.TELL, 1, flags) + np.array([height, -height]).tobytes())
+
+    assert twin.read(state, reading) is False
+    says(1.0, wire.BEGUN)
+    says(2.0, wire.BEGUN | wire.OUTPUTS_SAFE | wire.CLEAR)
+    assert twin.read(state, reading) is True
+    assert (state["height"].item(), reading["pose"].item()) == (2.0, -2.0)
+    says(3.0, wire.BEGUN | wire.LATCHED)
+    with pytest.raises(DeviceError, match="made itself safe"):
+        twin.read(state, reading)
+    far.close()
+    with pytest.raises(DeviceError, match="hung up"):
+        twin.read(state, reading)
+    near.close()
+
+
+@pytest.fixture
+def table() -> Iterator[TwinServer]:
+    catalog = Catalog()
+    model = build_devices(loads(TABLE.encode(), catalog), catalog, [])["table"]
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    listener.bind(wire.address(f"test-{os.getpid()}", "table"))
+    found = TwinServer(model, listener, watchdog=0.1, period=1e-3)
+    yield found
+    found.close()
+
+
+def test_a_plate_is_safe_as_it_sinks_and_at_the_bottom_and_not_where_it_stands(table: TwinServer) -> None:
+    target = table.model.command(Role.SURFACE_POSE)
+    assert target is not None
+    bottom, goal = target.low[2], table.acting[target.name]
+
+    def safe(height: float) -> bool:
+        goal[2] = height
+        table._steps += 1
+        return bool(table._judge() & wire.OUTPUTS_SAFE)
+
+    assert not safe(bottom + 0.02)
+    assert safe(bottom + 0.019)  # it sinks
+    table._steps += 200
+    assert not safe(bottom + 0.019)  # for longer than its watchdog it has not
+    assert not safe(bottom + 0.02)
+    goal[2] = table._last_target = bottom
+    assert safe(bottom)
