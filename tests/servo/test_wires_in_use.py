@@ -97,8 +97,7 @@ def test_a_copy_of_a_process_keeps_no_wire_when_that_is_killed() -> None:
     code = (
         "import os, sys, time; from itouch.plugin.wire_claims import WireClaims\n"
         "claims = WireClaims(); claims.take(['the only line'])\n"
-        "child = os.fork()\n"
-        "if child: print(child, flush=True)\n"
+        "if not os.fork(): print(os.getpid(), flush=True)\n"
         "time.sleep(60)"
     )
     with subprocess.Popen([sys.executable, "-W", "ignore", "-c", code], stdout=subprocess.PIPE, text=True) as process:

@@ -24,7 +24,7 @@ from itouch.loop.render import (
     TABLE,
     TRACKING,
 )
-from itouch.loop.surface.memory import CLIMB, LEFT, LEVEL, OFF, SETTLED, SINK, TOUCH
+from itouch.loop.surface.memory import CLIMB, LEFT, LEVEL, OFF, RENDERS, SETTLED, SINK, TOUCH
 from itouch.twin.frame_rotation import turned_in, turned_out
 from itouch.world.presented_surfaces import ROOM
 
@@ -91,9 +91,10 @@ def _yield(c: Floats, figures: Floats, pressed: float) -> float:
 def _goes(memory: Floats) -> float:
     """Return how fast the plate goes down by itself [m/s], at most 0, as the surface does that it stands for.
 
-    Also while it comes or goes: a limit that jumped at a change of hands would be felt.
+    Also while it comes: a limit that jumped at a change of hands would be felt.  Not while it goes: off a rim there is
+    no such surface.
     """
-    return float(min(0.0, memory[CLIMB]))
+    return float(min(0.0, memory[CLIMB])) if memory[RENDERS] > 0.0 else 0.0
 
 
 @kernel
