@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-/* Inputs, in the order of the words of `struct readings`. */
+/* Analog inputs. */
 enum { CURRENT, PLATE, SINK, FLUX, GUARD, INPUTS };
 /* A full duty: the whole supply. The bridge obeys in steps of one of it. */
 #define FULL 12800

@@ -155,9 +155,9 @@ void board_begin(void) {
   ADMUX = _BV(REFS0) | pin[order[0]];
   ADCSRB = 0;
   ADCSRA = _BV(ADEN) | _BV(ADSC) | _BV(ADIE) | _BV(ADPS2) | _BV(ADPS1) | _BV(ADPS0); /* 9600 a second */
-  UBRR0 = (F_CPU / 4 / BAUD - 1) / 2;
-  UCSR0A = _BV(U2X0);
+  UCSR0A = _BV(U2X0); /* before the divider: the simulator reckons its time a byte as that is written */
   UCSR0C = _BV(UCSZ01) | _BV(UCSZ00);
+  UBRR0 = (F_CPU / 4 / BAUD - 1) / 2;
   UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
   set_sleep_mode(SLEEP_MODE_IDLE);
   sei();

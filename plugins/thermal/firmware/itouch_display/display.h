@@ -8,9 +8,9 @@
 enum { FINE, PLATE_HOT, PLATE_COLD, SINK_HOT, PLATE_SENSOR, SINK_SENSOR, SENSORS_DIFFER, WRONG_CURRENT, NO_SAMPLES, CUTS };
 extern const char *const cut_names[CUTS + 1];
 
-/* Newest readings: degrees Celsius, W/m2, amperes; NaN where a sensor is open or short. */
+/* Newest readings: degrees Celsius, amperes; NaN where a sensor is open or short. */
 struct readings {
-  float plate, sink, guard, flux, current;
+  float plate, sink, guard, current;
   float hottest, coldest; /* of both thermistors of the plate, ahead by their lag */
 };
 extern struct readings now;
@@ -19,6 +19,7 @@ extern struct readings now;
 uint8_t sensors_turn(void);
 float sensors_current(void);
 uint8_t sensors_zeroed(void);
+float sensors_flux(void);
 
 /* control.c */
 extern uint8_t cut;

@@ -103,7 +103,7 @@ static void report(uint8_t nr) {
   whole(nr, 1);
   word(now.plate, 3);
   word(now.sink, 3);
-  word(now.flux, 1);
+  word(sensors_flux(), 1);
   word(NAN, 1); /* nothing looks at the skin */
   word(now.current, 5);
   put(' ');

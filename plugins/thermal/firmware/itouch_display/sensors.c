@@ -13,10 +13,14 @@
 #define EVERY_MS 10
 #define RATE_WEIGHT 0.2f
 #define ZERO_MS 50
+/* A flux is the mean of so many milliseconds before the host asks: whenever it does, it is half as old. */
+#define FLUX_MS 20
+/* Samples of a millisecond that a sum of 16 bits holds; there are more only behind a program that was late. */
+#define MOST_SAMPLES 60
 #define COLDEST_C -20.0f
 #define HOTTEST_C 90.0f
 
-struct readings now = {NAN, NAN, NAN, NAN, 0.0f, NAN, NAN};
+struct readings now = {NAN, NAN, NAN, 0.0f, NAN, NAN};
 
 static float mean(struct sum sum) { return sum.count ? ((float)sum.total + 0.5f * sum.count) / sum.count : NAN; }
 
@@ -66,11 +70,32 @@ float sensors_current(void) {
   return (counts - zero) * AMPS_PER_COUNT;
 }
 
+/* The samples of the flux, a sum for each of the last milliseconds, in a ring; and the sum of all that is in it. */
+static uint16_t sums[FLUX_MS];
+static uint8_t counts[FLUX_MS], at_end[FLUX_MS], newest;
+static struct sum fluxes;
+static uint8_t ends;
+
+static void gather_flux(void) {
+  struct sum taken = board_take(FLUX);
+  if (taken.count > MOST_SAMPLES) taken.total /= taken.count, taken.count = 1;
+  newest = newest + 1 < FLUX_MS ? newest + 1 : 0;
+  fluxes.total -= sums[newest], fluxes.count -= counts[newest], ends -= at_end[newest];
+  sums[newest] = (uint16_t)taken.total;
+  counts[newest] = (uint8_t)taken.count;
+  at_end[newest] = taken.count && (taken.total <= 2 * taken.count || taken.total >= (uint32_t)(COUNTS - 2) * taken.count);
+  fluxes.total += sums[newest], fluxes.count += counts[newest], ends += at_end[newest];
+}
+
+/* Return the flux for the host [W/m2]; an amplifier that was at its end meanwhile says nothing. */
+float sensors_flux(void) { return ends ? NAN : (mean(fluxes) - COUNTS / 2) * FLUX_PER_COUNT; }
+
 /* Once a millisecond; tell whether there are new temperatures. */
 uint8_t sensors_turn(void) {
   static struct ahead plates = {NAN, 0.0f}, guards = {NAN, 0.0f};
-  static float plate_before = NAN, sink_before = NAN, flux_before = NAN;
+  static float plate_before = NAN, sink_before = NAN;
   static uint8_t since;
+  gather_flux();
   if (++since < EVERY_MS) return 0;
   since = 0;
   float plate = celsius(mean(board_take(PLATE))), guard = celsius(mean(board_take(GUARD)));
@@ -80,8 +105,5 @@ uint8_t sensors_turn(void) {
   now.plate = smoothed(&plate_before, plate);
   now.guard = guard;
   now.sink = smoothed(&sink_before, celsius(mean(board_take(SINK))));
-  float counts = mean(board_take(FLUX));
-  uint8_t inside = counts > 2.0f && counts < COUNTS - 2.0f; /* an amplifier at its end says nothing */
-  now.flux = smoothed(&flux_before, inside ? (counts - COUNTS / 2) * FLUX_PER_COUNT : NAN);
   return 1;
 }
