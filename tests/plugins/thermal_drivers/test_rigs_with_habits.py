@@ -168,6 +168,21 @@ def test_one_bad_answer_in_ten_ends_nothing(version: int, kind: str) -> None:
     drive(OwnRig(version, habit=sometimes), 300)
 
 
+@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("takes", [0.0, 20e-3])
+def test_after_a_stall_each_reading_is_again_of_its_own_order(version: int, takes: float) -> None:
+    """The order was sent again meanwhile; its second and third answer are not those to the orders behind it."""
+    rig = OwnRig(version, takes=takes)
+
+    def stall(order: bytes, answer: bytes) -> bytes:
+        if rig.orders == 10:
+            rig.free = time.monotonic() + 0.25
+        return answer
+
+    rig.habit = stall
+    drive(rig, 30)
+
+
 def test_four_answers_lost_in_a_row_make_no_reading_too_old() -> None:
     """Version 2 numbers its answers: an order is sent again before the reading is as old as W1 lets it be."""
     waits: list[float] = []

@@ -138,6 +138,8 @@ class LineDriver:
         self._patience, self._way = patience, 0.0 if "://" in params.port else _BYTES * 10.0 / params.baud
         self._line = SerialLine(params.port, params.baud, end=b"\n", trace=trace, patience=max(1.0, patience))
         self._number, self._version = 0, 1
+        #: How many answers to lines that were sent may still come.
+        self._owed = 0
         #: How long answers take [s], as the last ones did.
         self._usual = 0.0
         #: How long the last answer was on the wire [s]; behind a socket nobody knows.
@@ -208,12 +210,15 @@ class LineDriver:
         """
         line = seal_2(text) if self._version == 2 else seal(text)
         longest = self._patience * (self._way + PATIENCE)
+        quick = min(self._patience * max(self._way + QUICK, USUAL * self._usual), longest)
+        if self._version == 1:
+            self._hear_out(quick, longest)
         begin = time.monotonic()
         for _ in range(TRIES):
-            quick = self._patience * max(self._way + QUICK, USUAL * self._usual)
-            wait = min(quick, longest) if self._version == 2 else longest
+            wait = quick if self._version == 2 else longest
             self._line.clear()
             self._line.send(line)
+            self._owed += 1
             body = self._answer(wanted, wait)
             took = time.monotonic() - begin
             if body is None and took < SILENT * longest:
@@ -225,6 +230,29 @@ class LineDriver:
                 raise DeviceError(f"the rig on {self._line.port} refuses '{text}': {body[1:].strip()}")
             return body[len(wanted) :].strip()
         raise _SilentError(f"the rig on {self._line.port} did not answer '{text}', sent again and again")
+
+    def _hear_out(self, quiet: float, longest: float) -> None:
+        """Let pass the answers to a line that was sent again, which without numbers would be taken for the next one's.
+
+        They have come when all are counted, or nothing was said for ``quiet`` seconds; a line that never ends to talk
+        holds up an order for ``longest`` seconds.
+        """
+        limit = time.monotonic() + longest
+        while self._owed:
+            wait = min(quiet, limit - time.monotonic())
+            if wait <= 0.0:
+                return
+            answer = self._line.receive(wait)
+            if answer is None:
+                self._owed = 0
+            else:
+                self._arrived(answer)
+
+    def _arrived(self, answer: bytes) -> None:
+        """Count an answer, or what may have been one before it was damaged."""
+        body = self._body(answer)
+        said = answer.lstrip(b"\r\n\0")[:1] in b"NRE" or b"*" in answer if body is None else body[:1] in "NRE"
+        self._owed = max(0, self._owed - said)
 
     def _answer(self, wanted: str, wait: float) -> str | None:
         """Return the answer, or a refusal, that comes within ``wait`` seconds, or None.
@@ -238,6 +266,7 @@ class LineDriver:
             answer = self._line.receive(max(0.0, limit - time.monotonic()))
             if answer is None:
                 return None
+            self._arrived(answer)
             body = self._body(answer)
             if body is None:
                 if b"*" in answer or answer.lstrip(b"\r\n\0").startswith(wanted[:1].encode()):
@@ -285,6 +314,7 @@ class LineDriver:
 
     def close(self) -> None:
         """Set the current to zero, then let go of the line."""
+        self._owed = 0  # whichever order is answered: zero waits for nothing
         try:
             self._order("0")
         finally:
