@@ -98,3 +98,38 @@ def test_a_derivative_is_what_the_column_does_when_its_parameter_is_another(name
     assert np.abs(found - expected).max() <= 2e-5 * np.abs(expected).max() + 1e-9
     felt = name not in ("RESISTANCE", "TISSUE", "PRESS") if not touching else True
     assert bool(np.abs(found).max() > 0.0) == (felt and name != "OFFSET")
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_parameter_that_would_pass_its_authority_goes_to_its_end_and_the_others_to_where_they_then_are(
+    seed: int,
+) -> None:
+    """As the least squares under that constraint have it; the one at its end is no more certain than before."""
+    rng = np.random.default_rng(seed)
+    count, reach = at.COUNT, np.array(at.AUTHORITY[: at.COUNT])
+    root = rng.normal(size=(count, count)) * 0.05 * reach[:, None]
+    cover, theta = root @ root.T + np.diag((0.02 * reach) ** 2), np.zeros(count)
+    slopes, noise = rng.normal(size=count) / reach, 0.1
+    slopes *= math.copysign(1.0, cover[at.TISSUE] @ slopes)
+    gain = cover @ slopes
+    innovation = 2.0 * math.sqrt(slopes @ gain + noise**2)
+    theta[at.TISSUE] = reach[at.TISSUE] - 0.5 * gain[at.TISSUE] * innovation / (slopes @ gain + noise**2)
+    within = reach[at.TISSUE] - theta[at.TISSUE]  # half of the way that the reading alone would lead it
+
+    # the same by solving for what minimises prior and misfit with TISSUE at its end
+    others = [k for k in range(count) if k != at.TISSUE]
+    known = np.linalg.inv(cover)
+    curved = known + np.outer(slopes, slopes) / noise**2
+    right = slopes * innovation / noise**2 - curved[:, at.TISSUE] * within
+    expected = np.zeros(count)
+    expected[others] = np.linalg.solve(curved[np.ix_(others, others)], right[others])
+    expected[at.TISSUE] = within
+
+    x, before, found = rng.normal(size=(1 + count, 3)), cover.copy(), theta.copy()
+    column = x[0] + expected @ x[1:]
+    at.correct(x, found, cover, np.zeros(count), slopes, -1, innovation, noise)
+    np.testing.assert_allclose((found - theta) / reach, expected / reach, atol=1e-9)
+    np.testing.assert_allclose(x[0], column, rtol=1e-9)
+    assert cover[at.TISSUE, at.TISSUE] == before[at.TISSUE, at.TISSUE]
+    assert np.linalg.eigvalsh(cover / np.outer(reach, reach)).min() > 0.0
+    assert all(cover[k, k] < before[k, k] for k in others)

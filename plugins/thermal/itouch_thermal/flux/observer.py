@@ -383,26 +383,63 @@ def correct(
     """Take in one reading: move parameters and column; ``cover`` is the parameters' covariance (p, p).
 
     ``slopes`` (p,) are the reading's derivatives with respect to the parameters, as of when it was measured.
+
+    A parameter that would pass its authority goes to its end, the others to where they most likely are with it there
+    (projection of the estimate, Simon 2006, section 7.5), and it gets no more certain.  Were it only held back, what
+    the others do to make up for its way would stay: a resistance that grew with an effusivity at its end took the
+    estimate away from the readings for seconds.
     """
-    total = noise * noise
-    count = theta.shape[0]
+    held, count = -1, theta.shape[0]
+    total = _gains(cover, gain, slopes, explicit, held, innovation, noise)
+    for a in range(count):
+        if held < 0 and abs(theta[a] + gain[a] * innovation / total) > AUTHORITY[a] and cover[a, a] > 0.0:
+            held = a
+    if held >= 0:
+        end = math.copysign(AUTHORITY[held], gain[held] * innovation) - theta[held]
+        expected = 0.0
+        for a in range(count):
+            step = cover[a, held] / cover[held, held] * end
+            expected += (slopes[a] + (1.0 if a == explicit else 0.0)) * step
+            _move(x, theta, a, step)
+        innovation -= expected
+        total = _gains(cover, gain, slopes, explicit, held, innovation, noise)
+    for a in range(count):
+        _move(x, theta, a, gain[a] * innovation / total)
+        for b in range(count):
+            cover[a, b] -= gain[a] * gain[b] / total
+
+
+@inlined
+def _move(x: Any, theta: Any, a: int, step: float) -> None:
+    """Move a parameter, not beyond its authority, and the column with it."""
+    step = min(AUTHORITY[a] - theta[a], max(-AUTHORITY[a] - theta[a], step))
+    theta[a] += step
+    for i in range(x.shape[1]):
+        x[0, i] += x[1 + a, i] * step
+
+
+@kernel
+def _gains(cover: Any, gain: Any, slopes: Any, explicit: int, held: int, innovation: float, noise: float) -> float:
+    """Fill in what a reading tells of each parameter (p,), and return the variance of its innovation.
+
+    ``held`` is a parameter that is taken as known; negative: none.
+    """
+    total, count, known = noise * noise, cover.shape[0], 0.0
+    if held >= 0:
+        for b in range(count):
+            known += cover[held, b] * (slopes[b] + (1.0 if b == explicit else 0.0))
+        known /= cover[held, held]
     for a in range(count):
         gain[a] = 0.0
         for b in range(count):
             slope = slopes[b] + (1.0 if b == explicit else 0.0)
             gain[a] += cover[a, b] * slope
+        if held >= 0:
+            gain[a] = 0.0 if a == held else gain[a] - cover[a, held] * known
     for a in range(count):
         total += (slopes[a] + (1.0 if a == explicit else 0.0)) * gain[a]
     # What is beyond three deviations is the model's fault: it moves less and makes nothing more certain.
-    total = max(total, innovation * innovation / 9.0)
-    for a in range(count):
-        step = gain[a] * innovation / total
-        step = min(AUTHORITY[a] - theta[a], max(-AUTHORITY[a] - theta[a], step))
-        theta[a] += step
-        for i in range(x.shape[1]):
-            x[0, i] += x[1 + a, i] * step
-        for b in range(count):
-            cover[a, b] -= gain[a] * gain[b] / total
+    return float(max(total, innovation * innovation / 9.0))
 
 
 @kernel
