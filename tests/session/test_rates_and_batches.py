@@ -14,6 +14,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.session import load_scene
 from itouch.world import Model
 from itouch_evidence import batch as bench
+from itouch_evidence.start import Start, table
 from itouch_tools.cli import main
 from itouch_tools.cli.doctor import rates, timer
 from itouch_tools.cli.doctor.rates import Held
@@ -144,3 +145,24 @@ def test_a_batch_is_measured_beside_plain_loops() -> None:
     assert found["cores"] >= 1
     assert found["gain"] == pytest.approx(found["sessions_per_s"]["all"] / found["sessions_per_s"]["one"])
     assert found["share_of_that"] == pytest.approx(found["gain"] / found["gain_of_plain_loops"])
+
+
+def test_the_gain_of_a_batch_stands_beside_what_it_must_be() -> None:
+    assert bench.judged(0.96) == "0.96 of that, at least 0.9"
+    assert bench.judged(0.89) == "0.89 of that, at least 0.9 MISSED"
+
+
+@pytest.mark.parametrize(
+    ("first", "compiled", "says"),
+    [
+        (1.4, 0, "1.40 in CPU, 1.40 in time, at most 1.5"),
+        (1.6, 0, "1.60 in CPU, 1.60 in time, at most 1.5 MISSED"),
+        (9.0, 3, "9.00 in CPU, 9.00 in time (from a wheel nothing is compiled)"),
+    ],
+)
+def test_a_first_start_stands_beside_what_it_may_take(first: float, compiled: int, says: str) -> None:
+    def start(seconds: float, functions: int) -> Start:
+        stage = {"stage": "model", "cpu": seconds, "wall": seconds, "compiled": functions}
+        return Start("first", seconds, seconds, (stage,))
+
+    assert table(start(first, compiled), start(1.0, 0))[-1] == f"first / later: {says}"
