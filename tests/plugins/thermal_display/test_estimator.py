@@ -133,3 +133,31 @@ def test_a_parameter_that_would_pass_its_authority_goes_to_its_end_and_the_other
     assert cover[at.TISSUE, at.TISSUE] == before[at.TISSUE, at.TISSUE]
     assert np.linalg.eigvalsh(cover / np.outer(reach, reach)).min() > 0.0
     assert all(cover[k, k] < before[k, k] for k in others)
+
+
+def test_a_contact_rendered_in_one_call_is_the_one_rendered_call_by_call() -> None:
+    law, steps = ModelLaw(
+        DisplayParams(slew=100.0), FINGER, 310.15, 306.15, 2e-3, 296.15, PERIOD, band=(288.15, 313.15), ceiling=6.4
+    ).coarser(), 40  # fmt: skip
+    flux = 3000.0 / np.sqrt(1.0 + 0.1 * np.arange(steps + law.ahead + 1))
+    press = 1.0 + 0.5 * np.exp(-0.2 * np.arange(steps + law.ahead + 1))
+    states = [Record.of(law.fields()) for _ in range(4)]
+    for state in states:
+        law.reset(state)
+        law.begin(state, 0.0, float(press[0]))
+    for plant in states[1::2]:
+        plant["theta"][at.SEEBECK] = -0.1
+    own, plant = states[:2]
+    column = law.fine.tissue.shape[1] + law.fine.plate.shape[1]
+    found, fingers = law.rendered(own, plant, flux, press, steps)
+    again, other = states[2:]
+    for i in range(steps):
+        again["wanted"][:] = flux[i + law.offsets]
+        current = law.follow(again, float(press[i]))[0]
+        law.track(other, current, math.nan, math.nan, math.nan, float(press[i]))
+        read, film = other["x"][0, column + at.X_SEEN], other["x"][0, column + at.X_FILM]
+        law.track(again, current, read, film, math.nan, float(press[i]))
+        assert found[i] == other["x"][0, column + at.X_FLUX]
+        assert np.array_equal(fingers[i], other["x"][0, : fingers.shape[1]])
+    assert own.tobytes() == again.tobytes()
+    assert found[-1] != found[0]

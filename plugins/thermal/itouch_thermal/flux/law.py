@@ -81,6 +81,9 @@ _MEANINGS = {
     "past": ("mixed", "what was expected to be read in the last periods, with its derivatives"),
     "kept": ("1", "the next row of `past`, how many rows count, and whether the plate is disturbed"),
 }
+#: Pieces of its State by which a law tracks a plate, and which its plan needs beside them, as kernels take them.
+_TRACKED = ("x", "theta", "cover", "gain", "memory", "line", "slots", "trace", "past", "kept")
+_RENDERING = ("wanted", "response", "knots", "work", "span")
 
 
 @kernel
@@ -269,6 +272,36 @@ def _follow(
     ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])
     current = current_for(seebeck, ohmic, legs, (flux - theta[at.FLUX]) * c[at.O_AREA], back, hot)
     return min(ceiling, max(-ceiling, current)), flux
+
+
+@kernel
+def _rendered(
+    c: Any, fine: Any, below_fine: Any, tissue: Any, plate: Any, own: Any, rendering: Any, plant: Any, flux: Any,
+    offsets: Any, press: Any, hats: Any, limit: float, ceiling: float, band: Any, heat: float, size: int, hold: int,
+    out: Any, found: Any, fingers: Any,
+) -> None:  # fmt: skip
+    """Let a law render a contact on a plant, a call a period, see `ModelLaw.rendered`."""
+    x, theta, cover, _, memory, line, slots, trace, _, _ = own
+    single, queue, wanted, response, knots, work, span = rendering
+    n, o = fine.shape[1], fine.shape[1] + below_fine.shape[1]
+    for i in range(found.shape[0]):
+        for k in range(offsets.shape[0]):
+            wanted[k] = flux[i + offsets[k]]
+        doubt = cover[at.RESISTANCE, at.RESISTANCE]
+        current, _ = _follow(
+            c, fine, below_fine, tissue, plate, x, theta, memory, press[i], line, slots, single, queue, wanted,
+            response, hats, knots, work, trace, span, limit, ceiling, band, heat, doubt, size, hold, 1, out, 0,
+        )  # fmt: skip
+        read, film = math.nan, math.nan
+        for who in range(2):  # the plant first, whose readings the law takes in; one call in the code is compiled once
+            some = plant if who == 0 else own
+            _track(
+                c, fine, below_fine, some[0], some[1], some[2], some[3], some[4], some[5], some[6], some[7], some[8],
+                some[9], size, current, press[i], max(0.0, press[i] - 1.0), read, film, math.nan,
+            )  # fmt: skip
+            read, film = plant[0][0, o + at.X_SEEN], plant[0][0, o + at.X_FILM]
+        found[i] = plant[0][0, o + at.X_FLUX]
+        fingers[i] = plant[0][0, :n]
 
 
 class ModelLaw:
@@ -488,6 +521,40 @@ class ModelLaw:
             doubt, self.coarse_ticks, coming.hold, every, coming.out, coming.wait,
         )  # fmt: skip
         return found
+
+    def rendered(self, own: Record, plant: Record, flux: Array, press: Array, steps: int) -> tuple[Array, Array]:
+        """Render a contact on a plant that is this law's own model, with readings that come at once.
+
+        The law must not believe at once in what it finds of the resistance (``believes``).
+
+        Parameters
+        ----------
+        own, plant
+            State of the law and of the plant, as their touch begins.
+        flux, press
+            Desired flux [W/m2] and the resistance as a multiple of the expected one, at the ends of the periods; longer
+            than ``steps`` by what is planned ahead.
+
+        Returns
+        -------
+        flux, fingers
+            Contact flux [W/m2], shape (steps,), and the finger's coordinates [K], shape (steps, modes), at the ends of
+            the periods.
+        """
+        found, fingers = np.empty(steps), np.empty((steps, self.fine.tissue.shape[1]))
+        queued = own[self.prefix + "queue"][: self.delay // self.coarse_ticks]
+        single = own[self.prefix + "single"][: self.delay % self.coarse_ticks]
+        rendering = (single, queued, *self._pieces(own, _RENDERING))
+        _rendered(
+            self.constants, self.fine.tissue, self.fine.plate, self.coarse.tissue, self.coarse.plate,
+            self._pieces(own, _TRACKED), rendering, self._pieces(plant, _TRACKED), flux, self.offsets, press, self.hats,
+            self.display.flux_limit, self.ceiling, self.band, self.capacity, self.coarse_ticks, AT_ONCE.hold,
+            AT_ONCE.out, found, fingers,
+        )  # fmt: skip
+        return found, fingers
+
+    def _pieces(self, state: Record, names: tuple[str, ...]) -> tuple[Array, ...]:
+        return tuple(state[self.prefix + name] for name in names)
 
 
 def _of_mean(p: DisplayParams, period: float) -> float:

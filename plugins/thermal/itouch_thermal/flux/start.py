@@ -94,10 +94,12 @@ class Trial:
         self.needed = self.steps + self.law.ahead + 1
 
     def run(self, start: float, finger: Array, touched: Touched, differs: dict[int, float]) -> tuple[Array, Array]:
-        """Return flux [W/m2] and skin [K] at the ends of the steps of a contact on a plate of ``start`` [K].
+        """Return flux [W/m2] and the finger's coordinates [K] at the ends of the steps of a contact.
 
         Parameters
         ----------
+        start
+            Temperature [K] of the plate.
         finger
             Coordinates of the finger at the start, shape (n,).
         differs
@@ -120,16 +122,7 @@ class Trial:
         for which in set(range(at.COUNT)) - UNKNOWN:
             own["cover"][which, which] *= FOUND * FOUND
         x[0, n + m + at.X_FLUX] /= math.exp(theta[at.RESISTANCE])
-        found = np.empty((2, self.steps))
-        for i in range(self.steps):
-            own["wanted"][:] = touched.flux[i + law.offsets]
-            press = float(touched.press[i])
-            current = law.follow(own, press)[0]
-            law.track(plant, current, math.nan, math.nan, math.nan, press)
-            flux, film = x[0, n + m + at.X_SEEN].item(), x[0, n + m + at.X_FILM].item()
-            law.track(own, current, flux, film, math.nan, press)
-            found[:, i] = x[0, n + m + at.X_FLUX], law.fine.rest + law.fine.tissue[F_PORT] @ x[0, :n]
-        return found[0], found[1]
+        return law.rendered(own, plant, touched.flux, touched.press, self.steps)
 
     def cost(self, start: float, finger: Array, touched: Touched, best: float = math.inf) -> float:
         """Return how near the worst of what may be off comes to what is allowed: below 1 all is well.
@@ -144,8 +137,10 @@ class Trial:
         noise = NOISE / max(float(scale[-1]) / FALLS, FLOOR)
         hard = HARD if touched.effusivity >= THIN else HARD_THIN
         for k, differs in enumerate(PLANTS):
-            flux, skin = self.run(start, finger, touched, differs)
+            flux, fingers = self.run(start, finger, touched, differs)
             if k == 0:
+                fine = self.law.fine
+                skin = np.array([fine.rest + fine.tissue[F_PORT] @ row for row in fingers])
                 apart = np.abs(skin - touched.skin[:steps])
                 warmth = max(float(apart.max()) / SKIN_EVER, float(apart[times >= LATER].max()) / SKIN_LATER)
             error = ((flux - touched.flux[:steps]) / scale)[times >= COUNTED_FROM]
