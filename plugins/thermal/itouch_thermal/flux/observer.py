@@ -564,6 +564,9 @@ def begin_touch(
     x[1 + RESISTANCE, o + X_FLUX] = -flux
     x[1 + PRESS, o + X_FLUX] = -flux * max(0.0, memory[M_CONTACT] - 1.0) / memory[M_CONTACT]
     if theta.shape[0] > ONSET:
+        # What the bare plate could not explain is partly what a wire hides, a delay that differs for one: under the
+        # finger it may be gone.
+        cover[FLUX, FLUX] += prior[FLUX] * prior[FLUX]
         _come_later(c, tissue, plate, x, theta, memory, contact)
 
 
