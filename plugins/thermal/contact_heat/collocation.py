@@ -7,7 +7,7 @@ six stages do what polynomials would need many short steps for.
 
 from __future__ import annotations
 
-from functools import cache, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -66,7 +66,7 @@ def _integrals(decay: Array, end: float) -> Array:
     return np.asarray((fading @ basis).T)
 
 
-@cache
+@lru_cache(maxsize=64)
 def _panels(end: float) -> tuple[Array, Array]:
     """Return how long before the end each node of the panels is, (nodes,), and its weight by power, (nodes, STAGES)."""
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
