@@ -35,10 +35,11 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 
 #: The files that take longest, longest first: a worker that began one of them last would be waited for.
 LONGEST = (
-    "test_deaths", "test_matrix", "test_wire_rig", "test_window", "test_only_path", "test_laws_of_a_stop", "test_live_window",
-    "test_launch", "test_random_meshes", "test_exchanged", "test_player", "test_restore", "test_listeners_in_a_stop",
-    "test_page", "test_study_on_hardware", "test_device_suite", "test_emulator_suites", "test_no_false_alarms", "test_odrive",
-    "test_shipped", "test_stored_in_a_stop", "test_command_options", "test_haply",
+    "test_matrix", "test_only_path", "test_tmcl", "test_emulator_suites", "test_exchanged", "test_four_materials",
+    "test_wires_in_use", "test_restore", "test_listings", "test_laws", "test_operator_commands", "test_blind_retreat",
+    "test_launch", "test_deaths", "test_outside_monitor", "test_outside_plugin", "test_harmful_ends", "test_every_entrance",
+    "test_protections", "test_bad_answers_of_a_t7", "test_commands_line", "test_several_of_a_kind", "test_streams",
+    "test_rigs_with_habits", "test_strange_instruments", "test_faults_in_flight",
 )  # fmt: skip
 
 

@@ -28,6 +28,18 @@ RUN = f"{COMMAND} run {SCENES / 'first_touch.xml'} --headless --for 0.1s"
         (f"{RUN} --pace real >&-", 0, ""),
         (f"{RUN} --pace real >&- 2>&- <&-", 0, ""),
     ],
+    ids=[
+        "check",
+        "run",
+        "check, no errors",
+        "check, full",
+        "run, full",
+        "check, broken pipe",
+        "run, pipe",
+        "run, report",
+        "real time",
+        "real time, nothing",
+    ],  # the commands have the path of this checkout
 )
 def test_it_ends_without_a_traceback(tmp_path: Path, command: str, code: int, said: str) -> None:
     done = subprocess.run(

@@ -41,10 +41,20 @@ def _aliases(every: dict[str, Module]) -> dict[str, set[str]]:
         own[name] = found
     seen = {name: set(found) for name, found in own.items()}
     for name, module in every.items():
-        for node in ast.walk(module.tree):
-            if isinstance(node, ast.ImportFrom) and node.module in own:
+        for node in _imports(module.tree):
+            if node.module in own:
                 seen[name] |= {alias.asname or alias.name for alias in node.names if alias.name in own[node.module]}
     return seen
+
+
+def _imports(node: ast.AST) -> Iterator[ast.ImportFrom]:
+    """Yield what is imported by name, at any depth; no expression has an import, and most of a tree is expressions."""
+    for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+        for inner in getattr(node, part, ()):
+            if isinstance(inner, ast.ImportFrom):
+                yield inner
+            else:
+                yield from _imports(inner)
 
 
 def _takes_arrays(node: ast.FunctionDef, names: set[str]) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata as metadata
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from strangers import install
 
 import itouch
 from itouch.plugin import Device, Modality, Record, pose
@@ -105,8 +105,9 @@ def test_a_plugin_that_has_left_something_out_is_named(
     catalog = Catalog(offering(group, name, cls))
     with pytest.raises(itouch.SceneError, match=f"class '{cls.__name__}' {says}"):
         itouch.build(path, catalog=catalog)
-    real, entry = metadata.entry_points, metadata.EntryPoint(name, f"{__name__}:{cls.__name__}", group)
-    monkeypatch.setattr(metadata, "entry_points", lambda group: [*real(group=group), *[entry] * (entry.group == group)])
+    monkeypatch.syspath_prepend(
+        install(tmp_path / "site", "a-stranger", f"[{group}]\n{name} = {__name__}:{cls.__name__}\n")
+    )
     for words in (["check", str(path)], [str(path), "--headless", "--for", "1s"]):
         assert main(words) == 2
         said = capsys.readouterr().err

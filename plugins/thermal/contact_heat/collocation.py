@@ -61,12 +61,18 @@ def _integrals(decay: Array, end: float) -> Array:
 
     With ``t = u**2`` half powers become polynomials; panels shrink towards the end, where fast modes live.
     """
+    past, basis = _panels(float(end))
+    fading = np.exp(-decay[:, None] * past)
+    return np.asarray((fading @ basis).T)
+
+
+@lru_cache(maxsize=64)
+def _panels(end: float) -> tuple[Array, Array]:
+    """Return how long before the end each node of the panels is, (nodes,), and its weight by power, (nodes, STAGES)."""
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
     gaps = np.sqrt(end) * np.concatenate((0.5 ** np.arange(_HALVINGS), [0.0]))
     width = -np.diff(gaps)[:, None]
     left = (gaps[1:, None] + 0.5 * width * (nodes + 1.0)).ravel()
     u = np.sqrt(end) - left
     measure = (width * weights).ravel() * u
-    fading = np.exp(-decay[:, None] * (left * (np.sqrt(end) + u)))
-    basis = measure[:, None] * u[:, None] ** (2.0 * np.array(POWERS))
-    return np.asarray((fading @ basis).T)
+    return left * (np.sqrt(end) + u), measure[:, None] * u[:, None] ** (2.0 * np.array(POWERS))

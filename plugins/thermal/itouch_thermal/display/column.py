@@ -30,6 +30,9 @@ F_DECAY, F_PORT, F_BEGIN, F_END = range(4)
 #: temperature, the plate's mean, air beside the contact, and what is under the finger more than in the plate's mean.
 P_DECAY, P_PORT, P_BACK, P_BEGIN, P_END, P_PUMP, P_HALF, P_SENSE, P_MEAN, P_SPILL, P_EXCESS, P_ROWS = range(12)
 
+#: Where the heat in half of the plate's first layer is looked at, from -1 to 1, and with what weights.
+_NODES = np.polynomial.legendre.leggauss(6)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Column:
@@ -114,8 +117,7 @@ def _tissue_rows(modes: Modes, period: float) -> Array:
 def _plate_rows(modes: Modes, layers: Sequence[Layer], period: float) -> Array:
     begin, end = ramp_weights(modes.rates, period)
     half = 0.5 * (layers[0].thickness or 0.0)
-    nodes, weights = np.polynomial.legendre.leggauss(6)
-    heat: Any = sum(w * modes.row(float(half * 0.5 * (x + 1.0))) for x, w in zip(nodes, weights, strict=True))
+    heat: Any = sum(w * modes.row(float(half * 0.5 * (x + 1.0))) for x, w in zip(*_NODES, strict=True))
     heat = heat * 0.5 * half * layers[0].heat_capacity
     capacity = float(modes.weights.sum())
     return np.stack(

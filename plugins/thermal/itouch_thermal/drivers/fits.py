@@ -105,12 +105,12 @@ def _simulate(params: Any, times: Array, currents: Array, begin: float) -> Array
     state = Record.of(twin.fields())
     reading, command = (Record.of(Field.of(c) for c in side) for side in (reads, commands))
     twin.reset(state, np.random.default_rng(0))
-    touch = TwinInputs(ambient=begin)
+    step = twin.bound_step(state, command, TwinInputs(ambient=begin), _STEP)  # bound once: there are many
     shown = np.zeros((2, len(times)))
     ticks = 0
     for index, (time, current) in enumerate(zip(times - times[0], currents, strict=True)):
         while (ticks + 1) * _STEP <= time + 1e-9:
-            twin.step(state, command, touch, _STEP)
+            step()
             ticks += 1
         command["current"] = current
         twin.read(state, reading)

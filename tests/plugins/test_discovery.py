@@ -1,0 +1,38 @@
+"""What is installed while a process runs is found by the next look, though what was there before is not read again."""
+
+from __future__ import annotations
+
+import importlib.metadata as metadata
+from pathlib import Path
+
+import pytest
+from strangers import install
+
+from itouch.plugin import discovery
+from itouch.plugin.discovery import DEVICES, MODALITIES, find
+
+LIST = "[itouch.devices]\nstranger = nowhere:Nobody\n"
+
+
+def test_what_is_installed_meanwhile_is_found_and_what_is_taken_away_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site = tmp_path / "site"
+    site.mkdir()
+    assert "stranger" not in find(DEVICES)
+    monkeypatch.syspath_prepend(site)
+    assert "stranger" not in find(DEVICES)
+    install(site, "a-stranger", LIST)
+    assert find(DEVICES)["stranger"].distribution == "a-stranger"
+    monkeypatch.undo()
+    assert "stranger" not in find(DEVICES)
+
+
+def test_what_is_as_it_was_is_read_once_for_all_groups(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.syspath_prepend(install(tmp_path / "site", "a-stranger", LIST))
+    looks, look = list[int](), metadata.entry_points
+    monkeypatch.setattr(discovery.metadata, "entry_points", lambda **groups: (looks.append(1), look(**groups))[1])
+    first = find(DEVICES)
+    first.clear()  # whoever asks may change what it was given
+    assert "stranger" in find(DEVICES) and "thermal.flux-control" in find(MODALITIES)
+    assert len(looks) == 1
