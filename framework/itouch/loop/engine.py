@@ -46,11 +46,6 @@ from itouch.world.plugin_errors import failing
 #: On a virtual clock every so many ticks are timed part by part; in real time all are.
 _SAMPLED = 16
 
-_UNGUARDED = (
-    "device '{}' has no watchdog of its own, and no guardian watches over this process: if it dies, the device keeps "
-    "its last command; `itouch.launch` runs a session with a guardian"
-)
-
 
 class EngineError(ItouchError):
     """A call that the engine's status does not allow."""
@@ -106,7 +101,7 @@ class Engine:
         #: Whether a State was adopted in the middle of a safe sequence, which must be carried out anew.
         self._unfinished = False
         self._pacing = Pacing(self)
-        #: Whether a guardian process makes hardware safe if this one dies, as `itouch.launch` has it.
+        #: Whether this is a process of which a guardian is known to make hardware safe if it dies (`itouch.launch`).
         self.guarded = False
         #: Host seconds at the start of the last tick, after its steps if they were timed, and at its end.
         self.stamps = np.zeros(1 + max(1, len(self.plan.steps)))
@@ -167,10 +162,8 @@ class Engine:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What is rendered otherwise than the scene says, and why; and hardware that nobody watches over."""
-        hardware = [device for device in self.model.devices.values() if not device.twin and device.commands]
-        alone = [device.name for device in hardware if device.cls.lets_go(device.params) is None]
-        return self.model.notices if self.guarded else (*self.model.notices, *(_UNGUARDED.format(n) for n in alone))
+        """What is rendered otherwise than the scene says, and why."""
+        return self.model.notices
 
     @property
     def done(self) -> bool:

@@ -426,9 +426,11 @@ class Supervisor(Lifecycle):
         """Hand what was let through to the device: the only call of its ``write``."""
         if self.device is None:
             return
+        self.unsent = True
         try:
             self._handed.raw[:] = self.sent.raw
             self.device.write(self._handed)
+            self.unsent = False
         except DeviceError as error:
             raise TripError(Trip.DEVICE_ERROR, f"failed: {spoken(error)}") from error
         except KeyboardInterrupt:
