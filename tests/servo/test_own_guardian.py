@@ -151,6 +151,15 @@ def test_a_script_that_is_suspended_and_woken_finds_the_device_safe(tmp_path: Pa
     assert entries(log)[-1][2] == "close"
 
 
+def test_a_script_whose_guardian_is_killed_stops(tmp_path: Path) -> None:
+    killed = "session.run(0.3)\nos.kill(session._guardian._guarded.pid, signal.SIGKILL)\nsession.run(1.0)\n"
+    script, log = begun(tmp_path / "one", "pass", killed)
+    _, complained = script.communicate(timeout=60)
+    assert script.returncode == 1
+    assert "'stick' was made safe: the guardian process has died or hangs" in complained
+    assert entries(log)[-1][2] == "0.0"
+
+
 class Own:
     """Stands for an entry point of this process only."""
 

@@ -135,6 +135,14 @@ class Lifecycle(ABC):
         """Take what the device may do from a State that was put in place."""
         self.status_number = self._status.item()
 
+    def forged(self) -> str:
+        """Put the status in State right, if it is not; return what was wrong with it, or nothing."""
+        said = self._status.item()
+        if said == self.status_number:
+            return ""
+        self._status[...] = self.status_number
+        return f"something has written {said} over its status"
+
     @property
     def enabled(self) -> bool:
         """Whether commands are let through."""
