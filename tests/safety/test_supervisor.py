@@ -475,6 +475,19 @@ def test_what_a_device_could_not_be_given_is_known() -> None:
     assert not rig.it.unsent
 
 
+def test_what_is_written_over_a_status_lets_nothing_through_and_is_put_right() -> None:
+    rig = Rig().enabled()
+    assert rig.it.forged() == ""
+    rig.it.write(1)
+    rig.it.fault(Trip.SPEED, 2)
+    rig.state["it.status"], rig.it.sent["wrench"][0] = Status.ENABLED, 1.0  # as compiled code would leave it then
+    rig.it.send(3)
+    assert rig.last() == [0.0] * 6
+    assert rig.state["it.status"] == Status.FAULT
+    rig.state["it.status"] = 99
+    assert rig.it.forged() == "something has written 99 over its status"
+
+
 def test_the_loss_of_an_optional_device_is_told_not_raised() -> None:
     rig = Rig().enabled()
     told: list[DeviceFaultError] = []
