@@ -43,6 +43,16 @@ LONGEST = (
 )  # fmt: skip
 
 
+@pytest.fixture(scope="session", autouse=True)
+def unwatched() -> Generator[None]:
+    """Drive fake hardware here without a guardian, which could not open it: tests/servo/test_own_guardian.py has one."""
+    from itouch.session import Session
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(Session, "GUARDIAN", "unwatched:watch")
+        yield
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_make_collect_report(
     collector: pytest.Collector,

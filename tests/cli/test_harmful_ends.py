@@ -157,6 +157,22 @@ def test_what_was_replaced_by_something_else_is_put_back(tmp_path: Path, act: st
 
 
 @pytest.mark.parametrize(
+    "act",
+    campaign.some([
+        "class Left:\n  def __del__(self):\n    time.sleep(90)\none = Left()\none.me = one",
+        "import gc\ngc.callbacks.append(lambda *a: time.sleep(90))",
+    ], lambda one: "Left" in one),
+)  # fmt: skip
+def test_what_is_left_in_garbage_is_not_taken_apart_at_the_end(tmp_path: Path, act: str) -> None:
+    """The interpreter did, when no thread ran any more that could end it: the guardian came after 90 s."""
+    code, said, complained, report, took = run(tmp_path, act, "real")
+    assert code == 0, complained
+    assert "0.100 s simulated" in said
+    assert report is not None and report["faults"] == []
+    assert took < 60.0
+
+
+@pytest.mark.parametrize(
     ("act", "what", "pace"),
     campaign.some([
         ("def wait():\n  time.sleep(90)\natexit.register(wait)", r"\(evil\.py, line 23\)", "fast"),

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import threading
 
 import numpy as np
 import pytest
 from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, FakeTwin, Slow, lost, model, state
 
 from itouch.plugin import HOLD, Channel, DeviceError, Record
-from itouch.safety import DeviceFaultError, Status, Supervisor, Trip
+from itouch.safety import DeviceFaultError, Status, Supervisor, Trip, lifecycle
 
 
 class Rig:
@@ -447,6 +448,44 @@ def test_closing_sends_what_is_safe_and_releases_even_if_that_fails() -> None:
     failing.it.leave()
     assert failing.it.status is Status.CLOSED
     assert failing.device.calls == ["open", "close"]
+
+
+def test_a_device_that_does_not_return_from_closing_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lifecycle, "CLOSE_TIME", 0.02)
+    rig, held = Rig().enabled(), threading.Event()
+    rig.device.close = held.wait  # type: ignore[assignment,method-assign]
+    with pytest.raises(DeviceError, match="did not return from closing within 0.02 s"):
+        rig.it.close()
+    held.set()
+    assert rig.it.status is Status.CLOSED
+    assert rig.last() == [0.0] * 6
+
+
+def test_what_a_device_could_not_be_given_is_known() -> None:
+    rig = Rig().enabled()
+    rig.it.write(1)
+    assert not rig.it.unsent
+    rig.device.write_fails = OSError("gone")
+    with pytest.raises(DeviceFaultError):
+        rig.it.write(2)
+    rig.it.fault(Trip.DEVICE_ERROR, 2)
+    assert rig.it.unsent
+    rig.device.write_fails = None
+    rig.it.write(3)
+    assert not rig.it.unsent
+
+
+def test_what_is_written_over_a_status_lets_nothing_through_and_is_put_right() -> None:
+    rig = Rig().enabled()
+    assert rig.it.forged() == ""
+    rig.it.write(1)
+    rig.it.fault(Trip.SPEED, 2)
+    rig.state["it.status"], rig.it.sent["wrench"][0] = Status.ENABLED, 1.0  # as compiled code would leave it then
+    rig.it.send(3)
+    assert rig.last() == [0.0] * 6
+    assert rig.state["it.status"] == Status.FAULT
+    rig.state["it.status"] = 99
+    assert rig.it.forged() == "something has written 99 over its status"
 
 
 def test_the_loss_of_an_optional_device_is_told_not_raised() -> None:

@@ -107,3 +107,19 @@ def test_no_swap_loosens_what_anyone_asks(
     asked = [own[0], rigs[0], *(force for force in (whole, brings) if force is not None)]
     assert model.devices["arm"].limits.force == min(asked)
     assert model.devices["pad"].limits.current == min(own[1], rigs[1])
+
+
+@pytest.mark.parametrize(("own", "rigs"), [("P01", ""), ("", "P01"), ("P01", "P01")])
+def test_the_participant_of_a_rig_counts(write: Write, own: str, rigs: str) -> None:
+    """A rig's was dropped without a word: nothing was noted of what the person had used."""
+    person = '<safety participant="{}"/>'.format
+    rig = write("rig.xml", xml(more=person(rigs) if rigs else ""))
+    scene = itouch.load(write("s.xml", xml(more=person(own) if own else "")), rig=rig)
+    assert scene.safety.participant == "P01"
+
+
+def test_a_rig_and_a_scene_do_not_name_two_participants(write: Write) -> None:
+    scene = write("s.xml", xml(more='<safety participant="P01"/>'))
+    rig = write("rig.xml", xml(more='<safety participant="P02"/>'))
+    with pytest.raises(itouch.SceneError, match="<safety participant> of the rig is 'P02', that of the scene 'P01'"):
+        itouch.load(scene, rig=rig)

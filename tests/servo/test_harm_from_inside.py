@@ -11,6 +11,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -214,3 +215,52 @@ def test_where_nothing_inside_the_process_can_help_the_guardian_does(tmp_path: P
     (last, force), pushed = log[-1], next(who for who, what in log if what != "open")
     assert force == "0.0"
     assert last != pushed  # it was another process
+
+
+def test_what_the_loop_can_not_give_its_safe_command_the_guardian_does(tmp_path: Path) -> None:
+    """A driver that failed in `write` failed in the safe sequence, too: the last force stood when all had ended."""
+    done, report, log = run_in_time(tmp_path, "Stick.write = lambda *a: 1 / 0")
+    assert done.returncode == 1, done.stderr
+    assert report is not None
+    assert report["faults"][0]["cause"] == "failed in write: ZeroDivisionError: division by zero"
+    pushed = next(who for who, what in log if what != "open")
+    last = next(entry for entry in reversed(log) if entry[1] != "close")
+    assert last[1] == "0.0" and last[0] != pushed
+    assert len([who for who, what in log if who != pushed and what == "0.0"]) == 1
+
+
+def test_a_driver_that_does_not_return_from_closing_is_not_waited_for(tmp_path: Path) -> None:
+    """The guardian ended the program after 90 s, and its report was lost."""
+    done, report, log = run_in_time(tmp_path, "Stick.close = lambda self: time.sleep(1000)")
+    assert done.returncode == 2
+    assert "device 'stick' could not be released: did not return from closing within 2 s" in done.stderr
+    assert report is not None and report["faults"] == [] and "ended_by" not in report
+    assert forces(log)[-1] == 0.0
+
+
+#: A copy of the servo process that lives for 30 s, and holds whatever that had open but the test's own pipes.
+COPY = """
+if os.fork() == 0:
+    for name in os.listdir('/proc/self/fd'):
+        try:
+            if 'pipe:' in os.readlink('/proc/self/fd/' + name):
+                os.close(int(name))
+        except OSError:
+            pass
+    time.sleep(30)
+    os.kill(os.getpid(), 9)
+"""
+
+
+@pytest.mark.parametrize("ends", campaign.some(["os.kill(os.getpid(), 9)", "pass"], lambda end: end != "pass"))
+def test_the_end_of_a_servo_process_is_told_though_a_copy_of_it_lives(tmp_path: Path, ends: str) -> None:
+    """Whoever had launched it heard of its end when the copy had ended."""
+    begin = time.monotonic()
+    done, report, log = run_in_time(tmp_path, COPY + ends)
+    assert time.monotonic() - begin < 25.0
+    assert forces(log)[-1] == 0.0
+    assert (done.returncode, report is None) == ((0, False) if ends == "pass" else (1, True))
+    assert (
+        ends == "pass"
+        or "the servo process was killed by SIGKILL; the servo process died; stick made safe" in done.stderr
+    )

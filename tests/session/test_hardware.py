@@ -169,14 +169,21 @@ def test_a_release_that_fails_does_not_hide_the_error_under_way(scene: Path) -> 
     assert cls.opened == ["open", "open", "close", "close"]
 
 
-def test_hardware_without_a_watchdog_is_told_of_where_no_guardian_is(scene: Path) -> None:
+def test_hardware_without_a_watchdog_is_not_enabled_where_no_guardian_can_be(
+    scene: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was, with a notice; the guardian of this process does not know the stick."""
+    monkeypatch.setattr(itouch.Session, "GUARDIAN", "itouch.servo.own_guardian:watch")
     session = itouch.build(scene, catalog=catalog(stick()))
-    (told,) = [notice for notice in session.notices if "watchdog" in notice]
-    assert told.startswith("device 'stick' has no watchdog of its own, and no guardian")
-    session.guarded = True  # as a servo process is
-    assert not [notice for notice in session.notices if "watchdog" in notice]
+    with pytest.raises(DeviceError, match="device 'stick' keeps its last command if this program dies, and a guardian"):
+        session.enable()
+    session.guarded = True  # as in a servo process
+    session.enable()
+    session.close()
     guarding = type("Guarding", (stick(),), {"watchdog": 0.05})
-    assert not [n for n in itouch.build(scene, catalog=catalog(guarding)).notices if "watchdog" in n]
+    with itouch.build(scene, catalog=catalog(guarding)) as session:
+        session.enable()
+        session.tick()
 
 
 def test_what_moves_when_opened_or_is_missing_stays_closed_and_that_is_said(scene: Path) -> None:

@@ -147,3 +147,15 @@ def test_a_session_goes_on_under_a_tighter_force_while_its_plate_presses_harder(
     restored.take_up(stored)
     restored.run(0.5)
     assert 0.0 < restored.state["finger.felt_force"].item() < 0.5
+
+
+@pytest.mark.parametrize("other", ["", ' participant="P08"'])
+def test_a_session_of_a_participant_does_not_go_on_as_anybody_else_s(
+    scene: Path, other: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was used up would not count, or for another person."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(scene.parent / "state"))
+    scene.write_text(SCENE.replace("<safety ", '<safety participant="P07" '), encoding="utf-8")
+    path = stored(scene)
+    with pytest.raises(itouch.SessionError, match=r"participant: 'P07' when it was stored, ('P08'|nobody) here"):
+        itouch.restore(edited(path, (' participant="P07"', other)))

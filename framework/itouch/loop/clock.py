@@ -5,6 +5,9 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
+#: See ``asleep``: how often it looks at most, and within what time [s] two clocks count as read at once.
+_TRIES, _AT_ONCE = 5, 1e-3
+
 
 class Clock(Protocol):
     """What paces the loop."""
@@ -61,6 +64,23 @@ class WallClock:
 def now() -> float:
     """Return host seconds for durations."""
     return time.perf_counter()
+
+
+def asleep() -> float:
+    """Return for how long [s] this machine has slept since it was started: the other clocks stand still meanwhile.
+
+    0 where the system does not tell.
+    """
+    boot = getattr(time, "CLOCK_BOOTTIME", None)
+    if boot is None:
+        return 0.0
+    found = 0.0
+    for _ in range(_TRIES):  # between the two this thread may have waited for a processor
+        before = time.monotonic()
+        found = time.clock_gettime(boot) - before
+        if time.monotonic() - before < _AT_ONCE:
+            break
+    return found
 
 
 def processor_time() -> float:

@@ -36,20 +36,16 @@ from itouch.loop.timing import Timing
 from itouch.loop.warm_up import reset_modalities, warm_up
 from itouch.loop.write_access import view_for
 from itouch.plugin import Bound, DeviceError, Record
-from itouch.safety import Outcome
+from itouch.safety import Outcome, Trip
 from itouch.schema import ItouchError
 from itouch.schema.seeds import checked_seed
 from itouch.world import Model, make_state
 from itouch.world.bindings import blind
+from itouch.world.limits import HOLD
 from itouch.world.plugin_errors import failing
 
 #: On a virtual clock every so many ticks are timed part by part; in real time all are.
 _SAMPLED = 16
-
-_UNGUARDED = (
-    "device '{}' has no watchdog of its own, and no guardian watches over this process: if it dies, the device keeps "
-    "its last command; `itouch.launch` runs a session with a guardian"
-)
 
 
 class EngineError(ItouchError):
@@ -74,6 +70,7 @@ class Engine:
         for name, why in blind(model.scene, model.devices).items():
             self._runners[name].blind = why
         self._all = list(self._runners.values())
+        self._twins = [runner for runner in self._all if runner.device is None]
         self._objects = Objects(model, self.state, self._runners, [rig.toucher for rig in self._rigs])
         self._hands = [rig.coupling.hand for rig in self._rigs if rig.coupling.hand is not None]
         #: Whether an operator twin follows a motion.
@@ -106,7 +103,9 @@ class Engine:
         #: Whether a State was adopted in the middle of a safe sequence, which must be carried out anew.
         self._unfinished = False
         self._pacing = Pacing(self)
-        #: Whether a guardian process makes hardware safe if this one dies, as `itouch.launch` has it.
+        #: When somebody last said whether the dead-man's switch is held [host s].
+        self._told = 0.0
+        #: Whether this is a process of which a guardian is known to make hardware safe if it dies (`itouch.launch`).
         self.guarded = False
         #: Host seconds at the start of the last tick, after its steps if they were timed, and at its end.
         self.stamps = np.zeros(1 + max(1, len(self.plan.steps)))
@@ -167,10 +166,8 @@ class Engine:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What is rendered otherwise than the scene says, and why; and hardware that nobody watches over."""
-        hardware = [device for device in self.model.devices.values() if not device.twin and device.commands]
-        alone = [device.name for device in hardware if device.cls.lets_go(device.params) is None]
-        return self.model.notices if self.guarded else (*self.model.notices, *(_UNGUARDED.format(n) for n in alone))
+        """What is rendered otherwise than the scene says, and why."""
+        return self.model.notices
 
     @property
     def done(self) -> bool:
@@ -273,7 +270,10 @@ class Engine:
         paced = self.clock.pace == "real"  # then every part of every tick is timed
         found = PYTHON if paced or self._advance is None else self._advance()
         if found < 0:
-            self._tell(int(self._tick) - 1)
+            tick = int(self._tick) - 1
+            if not tick % _SAMPLED:
+                self._look_at_twins(tick)
+            self._tell(tick)
             return
         tick, ready, stamps = self._tick.item(), bool(self._ready), self.stamps
         stopped = found == STOPPED
@@ -302,7 +302,23 @@ class Engine:
                 if replaced and isinstance(raised, Exception):  # no mistake of the loop's own
                     raise fault from raised
             raise
+        if not tick % _SAMPLED:
+            self._look_at_twins(tick)
         self._tell(tick)
+
+    def _look_at_twins(self, tick: int) -> None:
+        """Stop if something has written over what a twin may do: what hardware may do is looked at before each command.
+
+        Raises
+        ------
+        DeviceFaultError
+            If so.
+        """
+        for runner in self._twins:
+            if forged := runner.forged():
+                cause = f"was stopped: {forged}"
+                self.make_safe(fault := DeviceFaultError(runner.model.name, tick, Trip.MODALITY_ERROR, cause))
+                raise fault
 
     def _end_tick(self, tick: int, ready: bool, timed: bool) -> None:
         """Count a tick whose steps are done, and the time that it took."""
@@ -396,6 +412,7 @@ class Engine:
 
         Letting go stops what acts, also if somebody else holds on, which ``shared`` says.
         """
+        self._told = now()
         self._operator.hold.press(self.ticks, held, shared=shared)
 
     def inject(
@@ -458,6 +475,8 @@ class Engine:
         """
         self._pacing.check(seconds, until)
         self._require_enabled()
+        if self._paced and now() - self._told > HOLD and self._operator.hold.word(self.ticks):
+            self._operator.hold.press(self.ticks, False)  # it was held before a pause in which no tick has counted
         try:
             self._pacing.run(seconds, until, each, every)
         except interpreter.ANY_ERROR as raised:  # nobody paces hardware any more

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from itouch.loop.clock import now, processor_time
+from itouch.loop.clock import asleep, now, processor_time
 from itouch.loop.engine_view import Running
 from itouch.loop.runner import DeviceFaultError
 from itouch.platforms import waits
@@ -13,6 +13,8 @@ from itouch.safety import Trip
 
 #: How many periods late is too late: with servo-overrun="stop" the run ends, else it goes on from now.
 HOPELESS = 20
+#: For how long [s] the machine must have slept for that to be told: the clocks that say so are not read at once.
+SLEPT = 0.2
 
 
 class Pacing:
@@ -21,6 +23,8 @@ class Pacing:
     def __init__(self, engine: Running) -> None:
         self._engine = engine
         self._stopping = False
+        #: For how long [s] the machine had slept when that was looked at last.
+        self._slept = asleep()
         #: Host seconds spent running.
         self.wall = 0.0
 
@@ -76,6 +80,7 @@ class Pacing:
             if late > HOPELESS * engine.model.period:  # what is read now is of now, not of a period after the last
                 engine.leave_out(late, running=True)
             if real:
+                self._mind_sleep()
                 begin, waited = processor_time(), waits()
             engine.tick()
             tick += 1
@@ -89,6 +94,29 @@ class Pacing:
                 self._watch_pace(late, begin, waited)
             if over:
                 return
+
+    def _mind_sleep(self) -> None:
+        """Stop hardware if the machine has slept: neither lateness nor the age of a reading shows that.
+
+        Raises
+        ------
+        DeviceFaultError
+            If it has, and hardware is enabled.
+        """
+        engine, before = self._engine, self._slept
+        self._slept = asleep()
+        slept = self._slept - before
+        hardware = [runner for runner in engine.runners if not runner.model.twin]
+        if slept <= SLEPT or not hardware:
+            return
+        for runner in hardware:
+            runner.leave_out(round(slept / engine.model.period))
+        acting = [runner.model.name for runner in hardware if runner.enabled]
+        if acting:
+            cause = f"was stopped: this machine has slept for {slept:.0f} s while devices were enabled"
+            fault = DeviceFaultError(acting[0], engine.ticks, Trip.OVERRUN, cause)
+            engine.make_safe(fault)
+            raise fault
 
     def _watch_pace(self, late: float, begin: float, waited: int) -> None:
         """Note a tick, which began so late [s], and what it made the processor and the loop wait for.

@@ -44,9 +44,11 @@ class HoldToRun:
 
         A device that was lost while somebody pressed its switch says nothing any more.
         """
-        if 0 < self._until.item() - tick <= self._ticks:
-            return True
-        return bool(self._pressed_at(tick))
+        return self.word(tick) or bool(self._pressed_at(tick))
+
+    def word(self, tick: int) -> bool:
+        """Tell whether somebody's word holds the switch, whatever devices say."""
+        return 0 < int(self._until.item()) - tick <= self._ticks
 
     def _pressed_at(self, tick: int) -> frozenset[int]:
         """Return which of the devices' switches are held."""

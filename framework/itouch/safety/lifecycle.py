@@ -10,8 +10,9 @@ from __future__ import annotations
 import contextlib
 import enum
 import math
+import threading
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -40,6 +41,8 @@ _TRIPS = frozenset(int(trip) for trip in Trip)
 
 #: W4: the time [s] in which a device may be re-armed so many times.
 MINUTE = 60.0
+#: How long [s] a device may take to close.
+CLOSE_TIME = 2.0
 #: See ``Lifecycle.stopped``.
 HELD, BACKWARDS = 1, 2
 
@@ -97,6 +100,8 @@ class Lifecycle(ABC):
         self.heats = [post for post in self.device_monitors.installed if isinstance(post.monitor, Heat)]
         #: Whether it presses by a fluid, and feels with what force.
         self.presses = any(isinstance(post.monitor, Push) for post in self.device_monitors.installed)
+        #: Whether the device could not be given its last command: what it was given before may act on.
+        self.unsent = False
         #: The fingers on which other plates act, too: what may be used up is theirs together.
         self.shared: list[SharedFinger] = []
         #: That nobody else speaks on its wires while it is open.
@@ -129,6 +134,14 @@ class Lifecycle(ABC):
     def recall(self) -> None:
         """Take what the device may do from a State that was put in place."""
         self.status_number = self._status.item()
+
+    def forged(self) -> str:
+        """Put the status in State right, if it is not; return what was wrong with it, or nothing."""
+        said = self._status.item()
+        if said == self.status_number:
+            return ""
+        self._status[...] = self.status_number
+        return f"something has written {said} over its status"
 
     @property
     def enabled(self) -> bool:
@@ -347,9 +360,34 @@ class Lifecycle(ABC):
             self._send_safe()
         finally:
             self.become(CLOSED)
-            if self.device is not None:
-                self.device.close()
+            self._let_go()
             self._claims.release()  # not of a device that can't be closed: its driver may still speak
+
+    def _let_go(self) -> None:
+        """Close the device; what it has been given is safe by then, and nobody waits for ever.
+
+        Raises
+        ------
+        DeviceError
+            If it does not return from that.
+        """
+        if self.device is None:
+            return
+        failed: list[BaseException] = []
+
+        def work(close: Callable[[], None] = self.device.close) -> None:
+            try:
+                close()
+            except BaseException as error:
+                failed.append(error)
+
+        thread = threading.Thread(target=work, name=f"close {self.model.name}", daemon=True)
+        thread.start()
+        thread.join(CLOSE_TIME)
+        if thread.is_alive():
+            raise DeviceError(f"did not return from closing within {CLOSE_TIME:g} s")
+        if failed:
+            raise failed[0]
 
 
 def _part(state: Record, prefix: str, channels: Sequence[Channel]) -> Record:

@@ -379,9 +379,11 @@ class Supervisor(Lifecycle):
         if self.device is None or self.status_number == CLOSED:
             return
         try:
-            if self._status.item() != self.status_number and self.status_number != FAULT:
-                said, self._status[...] = self._status.item(), self.status_number
-                raise TripError(Trip.MODALITY_ERROR, f"was stopped: something has written {said} over its status")
+            if self._status.item() != self.status_number:
+                forged = self.forged()
+                if self.status_number != FAULT:
+                    raise TripError(Trip.MODALITY_ERROR, f"was stopped: {forged}")
+                self._rest()  # compiled code has gone by what was written there
             self._put()
         except TripError as error:
             self._fail(DeviceFaultError(self.model.name, tick, error.trip, str(error)), error)
@@ -426,9 +428,11 @@ class Supervisor(Lifecycle):
         """Hand what was let through to the device: the only call of its ``write``."""
         if self.device is None:
             return
+        self.unsent = True
         try:
             self._handed.raw[:] = self.sent.raw
             self.device.write(self._handed)
+            self.unsent = False
         except DeviceError as error:
             raise TripError(Trip.DEVICE_ERROR, f"failed: {spoken(error)}") from error
         except KeyboardInterrupt:

@@ -66,18 +66,25 @@ def tightened(own: Safety, other: Safety, places: Places) -> Safety:
     ramps = [ramp for ramp in (own.ramp, other.ramp) if ramp is not None]
     stops = "stop" if "stop" in (own.servo_overrun, other.servo_overrun) else own.servo_overrun
     whole = replace(found, ramp=max(ramps, default=None), hold_to_run=own.hold_to_run or other.hold_to_run,
-                    servo_overrun=stops)  # fmt: skip
+                    servo_overrun=stops, participant=own.participant or other.participant)  # fmt: skip
     places.succeed(whole, found)
     return whole
 
 
 def looser(own: Safety, other: Safety, places: Places) -> Iterator[Problem]:
-    """Find what a rig's ``<safety>`` asks for that is looser than what the scene has: a contact may last 10 s."""
+    """Find what a rig's ``<safety>`` asks for that is looser than what the scene has: a contact may last 10 s.
+
+    Nor does it name another participant: of one of the two nothing would be noted.
+    """
     most = _CONTACT_TIME if own.contact_time is None else own.contact_time
     if other.contact_time is not None and other.contact_time > most:
         sentence = f"<safety contact-time> of the rig asks for {other.contact_time:g} s, the scene for {most:g} s"
         place = places.of(other, "contact_time")
         yield Problem("loosened-limit", sentence, place, "a rig may tighten limits, never loosen; say it in the scene")
+    if own.participant and other.participant not in ("", own.participant):
+        sentence = f"<safety participant> of the rig is '{other.participant}', that of the scene '{own.participant}'"
+        place = places.of(other, "participant")
+        yield Problem("loosened-limit", sentence, place, "say in one of the two who takes part")
 
 
 def _merged(own: Element, other: Element, places: Places) -> Element:

@@ -51,6 +51,8 @@ TIMING_BEGIN: Final = 28
 TIMING_END: Final = 29
 #: What is not kept any more of the session: a sum of 1 for the recording and 2 for saving.
 LOST: Final = 30
+#: Devices that the loop could not give their last command, a bit each by their place in the scene.
+UNSENT: Final = 31
 #: Who may hold the dead-man's switch: for each a mark of its owner, and until when it is held.
 HOLDERS: Final = 32
 MOST_HOLDERS: Final = 16

@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 
 from itouch.servo import control_block as at
 from itouch.servo import realtime, wire
+from itouch.servo.guardian_link import OWN
 from itouch.servo.shared_memory import SharedMemory, monotonic
 from itouch.servo.silence_limit import LastWords, Process
 
@@ -52,6 +53,8 @@ class Guardian:
         #: For how long [s] there was no beat when that was noticed.
         self._silent = 0.0
         self._last_words: LastWords | None = None
+        #: Devices that the loop could not reach, and that were made safe from here, as in ``UNSENT``.
+        self._helped = 0
 
     def watch(self) -> str:
         """Watch until the servo process has ended; return what had to be done, in words."""
@@ -83,6 +86,18 @@ class Guardian:
             self._stays_safe = not self._segment.meta()["hardware"]
         if self._acts is not None:
             self._words[at.GUARDIAN_BEAT] = monotonic()
+            self._help()
+
+    def _help(self) -> None:
+        """Make safe, once, what the loop could not give its last command; it may go on with the others."""
+        unsent = int(self._words[at.UNSENT])
+        new, self._helped = unsent & ~self._helped, unsent
+        if not new:
+            return
+        acts = self._acts or {}
+        for index, name in enumerate(self._segment.meta()["devices"]):
+            if new >> index & 1 and name in acts:
+                threading.Thread(target=_try, args=(acts[name],), daemon=True).start()
 
     def _hangs(self) -> bool:
         beat = int(self._words[at.BEAT])
@@ -169,6 +184,33 @@ class Guardian:
         return f"{why}; {', '.join(acts)} made safe by the guardian within {(time.monotonic() - begin) * 1e3:.0f} ms"
 
 
+class OwnProcessGuardian(Guardian):
+    """Watches a session in its caller's process, which it never ends: that has work of its own.
+
+    While nothing is heard of the session it makes the devices safe again and again, for whoever hangs may send one
+    more command when it goes on; the session's next tick finds that it has been stopped.
+    """
+
+    def watch(self) -> str:
+        """Watch until the session, or its process, has ended; return what had to be done at last, in words."""
+        poller = select.poll()
+        poller.register(self._servo, select.POLLIN)
+        acted = 0.0
+        while True:
+            if poller.poll(LOOK * 1e3):
+                return self._died()
+            if self._segment.phase >= at.ENDED:
+                return self._died()
+            self._prepare()
+            self._was_armed = bool(self._words[at.ARMED])
+            if not self._was_armed or not self._hangs():
+                acted = 0.0
+            elif time.monotonic() - acted > SILENCE:
+                acted = time.monotonic()
+                self._words[at.STOP] = 1
+                self._make_safe("")
+
+
 def servo_pid(handle: int) -> int:
     """Return the id of the process that a file descriptor stands for; -1 if it has gone."""
     with open(f"/proc/self/fdinfo/{handle}", encoding="ascii") as stream:
@@ -213,7 +255,8 @@ def main(argv: Sequence[str]) -> int:
         stream.write("-1000")
     segment = SharedMemory(memory, argv[4])
     segment.words[at.GUARDIAN] = os.getpid()
-    said = Guardian(segment, servo, owner).watch()
+    kind = OwnProcessGuardian if argv[5:] == [OWN] else Guardian
+    said = kind(segment, servo, owner).watch()
     with contextlib.suppress(OSError):
         os.write(answer, said.encode())
     return 0

@@ -10,6 +10,8 @@ from itouch.servo import control_block as at
 from itouch.servo.shared_memory import SharedMemory
 
 _ANSWER = 4096
+#: Says that the process that is watched is its caller's own, which the guardian does not end.
+OWN = "own"
 #: How long [s] the guardian may take to end after the servo process.
 _END = 5.0
 
@@ -17,11 +19,11 @@ _END = 5.0
 class Guarded:
     """The guardian of one servo process, as the launcher sees it."""
 
-    def __init__(self, process: subprocess.Popen[bytes], segment: SharedMemory, environment: dict[str, str]) -> None:
+    def __init__(self, process: int, segment: SharedMemory, environment: dict[str, str], *manner: str) -> None:
         near, far = os.pipe()
-        servo, owner = os.pidfd_open(process.pid), os.pidfd_open(os.getpid())
+        servo, owner = os.pidfd_open(process), os.pidfd_open(os.getpid())
         passed = (segment.handle, servo, owner, far)
-        words = [sys.executable, "-P", "-m", "itouch.servo.guardian", *map(str, passed), segment.name]
+        words = [sys.executable, "-P", "-m", "itouch.servo.guardian", *map(str, passed), segment.name, *manner]
         self._process = subprocess.Popen(
             words, pass_fds=passed, stdin=subprocess.DEVNULL, start_new_session=True, env=environment
         )
@@ -36,6 +38,11 @@ class Guarded:
     def pid(self) -> int:
         """The guardian's process id."""
         return self._process.pid
+
+    @property
+    def ended(self) -> bool:
+        """Whether it has ended."""
+        return self._process.poll() is not None
 
     def wait(self) -> None:
         """Wait for its end, and take what it says."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import socket
 import subprocess
@@ -69,7 +70,8 @@ class Handle:
     def _listen(self) -> None:
         """Take what the servo process tells; runs in a thread until it has ended."""
         ended = False
-        for message in messages(self._line):
+        end = os.pidfd_open(self._process.pid) if isinstance(self._process, subprocess.Popen) else None
+        for message in messages(self._line, end):
             kind = message["kind"]
             if kind == "ready":
                 self.efforts = [(what, done, said) for what, done, said in message["efforts"]]
@@ -91,6 +93,8 @@ class Handle:
             else:
                 self.others.put(message)
         self._line.close()
+        if end is not None:
+            os.close(end)
         code = self._process.wait()
         self._guarded.wait()
         if not ended:

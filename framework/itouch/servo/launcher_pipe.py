@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import select
 import socket
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -51,10 +52,20 @@ class Outbox:
             self._line.close()
 
 
-def messages(line: socket.socket) -> Iterator[dict[str, Any]]:
-    """Yield the messages that come, until the other end closes; used by the launcher."""
-    rest = b""
+def messages(line: socket.socket, process: int | None = None) -> Iterator[dict[str, Any]]:
+    """Yield the messages that come, until the other end closes; used by the launcher.
+
+    ``process``, a file descriptor that the kernel gives for one: its end, too, ends them, for a copy of it that a
+    plugin has left (fork) holds the line open.
+    """
+    rest, poller = b"", None
+    if process is not None:
+        poller = select.poll()
+        poller.register(line, select.POLLIN)
+        poller.register(process, select.POLLIN)
     while True:
+        if poller is not None and line.fileno() not in {handle for handle, _ in poller.poll()}:
+            return
         try:
             piece = line.recv(1 << 16)
         except OSError:

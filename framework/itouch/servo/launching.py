@@ -161,7 +161,7 @@ def _start(name: str, config: dict[str, Any]) -> Handle:
         far.close()
     near.sendall(json.dumps(config).encode() + b"\n")
     try:
-        return Handle(process, segment, near, Guarded(process, segment, child_environment()))
+        return Handle(process, segment, near, Guarded(process.pid, segment, child_environment()))
     except BaseException:  # nobody would watch over it
         process.kill()
         process.wait()

@@ -13,10 +13,10 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from itouch.ending import end_soon
+from itouch.ending import end_in_order, end_soon
 from itouch.platforms import lives, signals
 from itouch.servo import control_block as at
 from itouch.servo.launcher_pipe import Outbox, messages
@@ -39,11 +39,16 @@ def main(argv: Sequence[str]) -> int:
         return 1
     outbox = Outbox(line)
     _end_without_guardian(segment, outbox)
-    return serve(segment, outbox, {**config, "launcher": parent})
+    return serve(segment, outbox, {**config, "launcher": parent}, told=end_soon)
 
 
-def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> int:
-    """Build and run what the launcher asks for, and tell it how that ended; return the exit code."""
+def serve(
+    segment: SharedMemory, outbox: Outbox, config: dict[str, Any], *, told: Callable[[int], None] | None = None
+) -> int:
+    """Build and run what the launcher asks for, and tell it how that ended; return the exit code.
+
+    ``told`` is called with that code when all has been told, before anything is let go of that a plugin has left.
+    """
     error: BaseException | None = None
     report: dict[str, Any] | None = None
     try:
@@ -52,7 +57,10 @@ def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> int:
         error = raised
     segment.words[at.PHASE] = at.ENDED  # where devices could not be made safe it is armed still: the guardian acts
     outbox.finish({"report": report, "error": _told(error)})
-    return 1 if error is not None else 0
+    code = 1 if error is not None else 0
+    if told is not None:
+        told(code)
+    return code
 
 
 def _end_without_guardian(segment: SharedMemory, outbox: Outbox) -> None:
@@ -103,5 +111,4 @@ def _end_on_signals(segment: SharedMemory) -> None:
 
 if __name__ == "__main__":
     code = main(sys.argv[1:])
-    end_soon(code)
-    sys.exit(code)
+    end_in_order(code)

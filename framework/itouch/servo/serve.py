@@ -39,6 +39,9 @@ LOOK = 0.2
 GUARDIAN_START = 30.0
 #: Silence [ns] of the guardian that ends a session whose devices obey.
 GUARDIAN_SILENCE = 500_000_000
+#: For how many devices there are bits in a word.
+MOST_DEVICES = 62
+CLOSED = int(Status.CLOSED)
 _LEFT_ALONE = "the guardian process has died or hangs: the devices have been made safe"
 _NEVER_ALONE = "the guardian process died while the session began: nothing is enabled without it"
 
@@ -63,6 +66,39 @@ def build(config: dict[str, Any]) -> Session:
 def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> tuple[dict[str, Any], BaseException | None]:
     """Build and run the session that the launcher asks for; return its report, and what ended it if it failed."""
     return Servo(build(config), segment, outbox, config).run()
+
+
+def meta_of(session: Session, remotes: dict[str, str], sys_path: list[str]) -> dict[str, Any]:
+    """Return what a session's memory says of it: where its ``remotes`` are, and where another process finds plugins."""
+    model = session.model
+    hardware = [device.name for device in model.devices.values() if not device.twin]
+    return {
+        "source": model.scene.source,
+        "scene_xml": write(model.scene),
+        "folder": model.scene.folder,
+        "period": model.period,
+        "dtype": repr(session.state.dtype.descr),
+        "parts": list(session.times.parts),
+        "objects": list(model.objects),
+        "probes": [probe.name for probe in model.probes],
+        "devices": list(model.devices),
+        "notices": list(session.notices),
+        "remotes": remotes,
+        "hardware": hardware,
+        "second_openers": [
+            name for name in hardware if model.devices[name].cls.opens_twice(model.devices[name].params)
+        ],
+        "sys_path": [entry for entry in sys_path if entry],
+    }
+
+
+def unsent(session: Session) -> int:
+    """Return which devices could not be given their last command, a bit each: another process may reach them."""
+    found = 0
+    for index, runner in enumerate(session.runners[:MOST_DEVICES]):
+        if runner.unsent and runner.status_number != CLOSED:
+            found |= 1 << index
+    return found
 
 
 class Servo:
@@ -99,25 +135,7 @@ class Servo:
         return [device.name for device in self.session.model.devices.values() if not device.twin]
 
     def _meta(self) -> dict[str, Any]:
-        model = self.session.model
-        return {
-            "source": model.scene.source,
-            "scene_xml": write(model.scene),
-            "folder": model.scene.folder,
-            "period": model.period,
-            "dtype": repr(self.session.state.dtype.descr),
-            "parts": list(self.session.times.parts),
-            "objects": list(model.objects),
-            "probes": [probe.name for probe in model.probes],
-            "devices": list(model.devices),
-            "notices": list(self.session.notices),
-            "remotes": self.remotes.addresses,
-            "hardware": self._hardware(),
-            "second_openers": [
-                name for name in self._hardware() if model.devices[name].cls.opens_twice(model.devices[name].params)
-            ],
-            "sys_path": [entry for entry in self._config["sys_path"] if entry],
-        }
+        return meta_of(self.session, self.remotes.addresses, self._config["sys_path"])
 
     def run(self) -> tuple[dict[str, Any], BaseException | None]:
         """Run to the end; return the report, and the error that ended the run if one did."""
@@ -297,6 +315,7 @@ class Servo:
             self._armed = True
             self.words[at.BEAT] = monotonic()
             self.words[at.ARMED] = int(self._obeyed)
+        self.words[at.UNSENT] = unsent(self.session)
         times, stamps = self.session.times, self.session.stamps
         self._publish(times.late, float(stamps[-1] - stamps[0]))
         contacts = self.session.statistics.contacts

@@ -6,7 +6,8 @@ import os
 import pathlib
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from importlib import import_module
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -34,11 +35,23 @@ from itouch.world import Model
 Path = str | os.PathLike[str]
 
 
+class Watching(Protocol):
+    """What watches over a session from outside its process."""
+
+    def rest(self) -> None:
+        """Hear that all has been made safe."""
+
+    def end(self) -> None:
+        """Hear that the session has let go of its devices."""
+
+
 class Session(Shown, Engine):
     """An engine that can be saved, and restored to go on as if it had not stopped."""
 
     #: Looked up by its name when a notebook asks: the core imports nothing of the tools.
     PAGE = "itouch_tools.report.notebook:session"
+    #: What watches over hardware that is driven by its caller's process, by its name: it stands in a higher layer.
+    GUARDIAN = "itouch.servo.own_guardian:watch"
 
     def __init__(
         self,
@@ -59,6 +72,8 @@ class Session(Shown, Engine):
         self.records = True
         #: Whether the session was ended because it could not be recorded.
         self.failed = False
+        #: What watches over this session, if its process is its caller's and its hardware needs that.
+        self._guardian: Watching | None = None
         self._posted: deque[tuple[str, Any]] = deque()
         #: Called at once with each loss of what is kept, a recording or a snapshot, as it stands in the report.
         self.loss_hooks: list[Callable[[dict[str, Any]], None]] = []
@@ -288,7 +303,10 @@ class Session(Shown, Engine):
                 hook(fault)
             except BaseException as error:
                 failed = error if failed is None or isinstance(failed, Exception) else failed
-        super().make_safe(fault)
+        try:
+            super().make_safe(fault)
+        finally:
+            self._rest()
         if isinstance(failed, Exception):
             fault.add_note(f"when it was told: {type(failed).__name__}: {failed}")
         elif failed is not None:
@@ -302,6 +320,7 @@ class Session(Shown, Engine):
         if self._enabled and all(device.twin and not device.remote for device in self.model.devices.values()):
             return
         self._carry_in()
+        self._get_guarded()
         super().enable(opens=opens)
         self.settle()
         self.note_outside("enable")
@@ -322,6 +341,7 @@ class Session(Shown, Engine):
     def rearm(self) -> None:
         """Re-arm as ``Engine.rearm`` says; a recording notes the State after it."""
         self._carry_in()
+        self._get_guarded()
         super().rearm()
         self.note_outside("rearm")
 
@@ -333,7 +353,32 @@ class Session(Shown, Engine):
     def park(self) -> Outcome:
         """Park as ``Engine.park`` says; a recording notes the State before it, because what follows is no tick."""
         self.note_outside("park")
-        return super().park()
+        try:
+            return super().park()
+        finally:
+            self._rest()
+
+    def _get_guarded(self) -> None:
+        """Let a guardian watch over hardware that would keep its last command if this process died.
+
+        Raises
+        ------
+        DeviceError
+            If there can be none.
+        """
+        if self.guarded or self._guardian is not None or all(device.twin for device in self.model.devices.values()):
+            return
+        module, _, name = self.GUARDIAN.partition(":")
+        self._guardian = getattr(import_module(module), name)(self)
+
+    def _rest(self) -> None:
+        if self._guardian is not None:
+            self._guardian.rest()
+
+    def _end_guardian(self) -> None:
+        guardian, self._guardian = self._guardian, None
+        if guardian is not None:
+            guardian.end()
 
     def note_outside(self, reason: str) -> None:
         """Tell a recording that the State was changed from outside the loop: a replay starts again from it."""
@@ -394,7 +439,7 @@ class Session(Shown, Engine):
         RecordingError
             If the recording could not be finished.
         """
-        in_turn(super().close, self._end_participant, self.end_recording)
+        in_turn(super().close, self._end_guardian, self._end_participant, self.end_recording)
 
     def _end_participant(self) -> None:
         if self._participant is not None:

@@ -38,7 +38,11 @@ def stated(model: Model, before: Mapping[str, Any] | None = None) -> dict[str, A
     for name, limit, value, by in _listed(before or {}):
         if devices.get(name, {}).get(limit, [None])[0] == value:
             devices[name][limit][1] = by
-    return {"devices": devices, "hold-to-run": model.scene.safety.hold_to_run}
+    safety = model.scene.safety
+    return {
+        "devices": devices, "hold-to-run": safety.hold_to_run, "servo-overrun": safety.servo_overrun,
+        "participant": safety.participant,
+    }  # fmt: skip
 
 
 def _by(sources: Mapping[str, str], limit: str) -> str:
@@ -81,8 +85,14 @@ def compared(stored: Mapping[str, Any], model: Model) -> tuple[list[str], list[s
             f"'{name}' {limit.replace('_', '-')}: {_said(limit, was)} when it was stored, {_said(limit, here)} here"
         )
         (looser if _is_looser(limit, was, here) else tighter).append(sentence)
-    if held and not model.scene.safety.hold_to_run:
+    safety = model.scene.safety
+    if held and not safety.hold_to_run:
         looser.append("hold-to-run: needed when it was stored, not here")
+    if stored.get("servo-overrun") == "stop" != safety.servo_overrun:
+        looser.append("servo-overrun: it stopped all when the session was stored, here it only warns")
+    if (person := stored.get("participant")) and person != safety.participant:
+        other = f"'{safety.participant}'" if safety.participant else "nobody"
+        looser.append(f"participant: '{person}' when it was stored, {other} here")
     return looser, tighter
 
 

@@ -144,6 +144,7 @@ class Pair:
             self.world.adopt(stored[0])
             self.measure()
             self.host = restore(stored[1], catalog=lines, clock=clock)
+        self.host.guarded = True  # its devices are simulated in this process, and end with it
         if not threads:
             self._take_into_step()
         self._heats = [post for runner in self.host.runners for post in runner.heats]

@@ -62,6 +62,7 @@ class Lockstep:
 
         self.world = prepare(scene, seed=seed, twin="all", rig=rig)
         self.host = prepare(scene, seed=seed, twin="none", rig=rig)
+        self.host.guarded = True  # its devices are simulated in this process, and end with it
         self._folder = tempfile.mkdtemp(prefix="itouch-")
         self._tidy = weakref.finalize(self, shutil.rmtree, self._folder, True)
         places = {runner.model.name: self._place(runner) for runner in self.world.runners}

@@ -57,7 +57,7 @@ def end_threads(code: int) -> None:
         thread.join(max(0.0, due - time.monotonic()))
     names = [f"'{thread.name}'" for thread in left if thread.is_alive()]
     if not names:
-        return
+        ending.end_in_order(code)
     verb = "threads still run" if len(names) > 1 else "thread still runs"
     with contextlib.suppress(OSError, ValueError):
         print(f"note: a plugin's {verb}: {', '.join(names)}; all is done, the program ends without", file=sys.stderr)

@@ -115,6 +115,7 @@ class Sitting(Servo):
         return {**super()._meta(), "blind": True}
 
     def _attach(self, session: Session) -> None:
+        session.guarded = True
         state, told = session.state, self._told_of
         named = [name for name in told if name == "tick" or ".sent." in name]
         self._copied = [(told[name], state[name]) for name in named if name in state]
