@@ -182,3 +182,17 @@ def test_a_wrong_number_is_a_sentence(wrong: list[str], capsys: pytest.CaptureFi
         main(wrong)
     assert ended.value.code == 2
     assert "error:" in capsys.readouterr().err
+
+
+#: Scenes that broke a law once, and which.
+FOUND = [
+    pytest.param(102, 13, "arm", id="the arm follows a contact that changes quickly long after it was the plate's"),
+    pytest.param(101, 550, "arm", id="and one that the plate does not reach"),
+]
+
+
+@pytest.mark.parametrize(("seed", "number", "law"), FOUND)
+def test_what_the_bench_has_found_is_repaired(folder: Path, seed: int, number: int, law: str) -> None:
+    _, scene = draw(number, seed, folder)
+    figures = judge(follow(scene.build(folder)))
+    assert law in figures and law not in broken(figures)

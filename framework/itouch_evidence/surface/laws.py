@@ -16,8 +16,8 @@ LEAST_ARM, LEAST_PLATE = 0.25, 0.5
 ENOUGH, MOST = 100, 95
 #: How far below the limits of plate and scene their forces are what a surface would give [N].
 ROOM = 0.15
-#: How many ticks apart the virtual force and what is felt may do the same.
-APART = 3
+#: How many ticks apart the virtual force and what is felt may do the same, and what they may then differ by [N].
+APART, SAME = 3, 5e-3
 #: For how long a first impact lasts, in which safety lets no force grow at once [s].
 FIRST = 0.05
 #: For how long after a change the force is still led over from one to the other [s].
@@ -52,7 +52,7 @@ VIRTUAL = Law("virtual", "left out of `step`: the virtual force itself steps by 
 def judge(course: Course) -> dict[str, float]:
     """Return the figure of each law for a run, in its unit; a law that the run says nothing of is left out."""
     steps, own = course.steps, np.r_[0.0, np.linalg.norm(np.diff(course.virtual, axis=0), axis=1)]
-    changing, itself = course.changing(), steps <= around(own, APART)
+    changing, itself = course.changing(), steps <= around(own, APART) + SAME
     size = np.linalg.norm(course.total, axis=1)
     absent = course.touching & ~course.plate
     found = {

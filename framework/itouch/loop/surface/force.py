@@ -40,6 +40,7 @@ from itouch.loop.surface.memory import (
     SETTLED,
     SHARE,
     TOUCH,
+    WANTED,
 )
 from itouch.loop.surface.taking_over import LED
 from itouch.twin.frame_rotation import turned_in, turned_out
@@ -130,6 +131,16 @@ def _lead(c: Floats, sent: Floats, force: Floats, rise: float, step: float) -> b
 
 
 @kernel
+def _wanted_anew(memory: Floats, force: Floats) -> float:
+    """Remember the force (3,) that the arm is to give, and return by how much it has changed in a tick [N]."""
+    square = 0.0
+    for i in range(3):
+        square += (force[i] - memory[WANTED + i]) ** 2
+        memory[WANTED + i] = force[i]
+    return math.sqrt(square)
+
+
+@kernel
 def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Floats, load: float, touching: bool) -> None:
     """Command the arm: where the plate renders the contact, the normal part only as far as the plate does not give it.
 
@@ -161,9 +172,12 @@ def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Float
         near = pressed > TOUCH or depth > -ABOUT
         spare = max(SPARE, rise + 0.5 * SPARE)
         _within(c, memory, force, c[FORCE_LIMIT] - (pressed + spare if near else 0.0))
+    own = _wanted_anew(memory, force)
     if _still_changes(c, memory, touching):
         unseen = (abs(depth) < SOON and pressed < NOTHING) or memory[CHANGING] > LED - SETS_OUT
         step = FIRST_STEP if unseen else STEP
+        if memory[CHANGING] <= AFTER and memory[SHARE] >= 1.0 and memory[CUT] <= 0.0 and depth < -ABOUT:
+            step = max(step, own)  # the plate is away since long: what changes is the virtual force alone
         if _lead(c, sent, force, rise, step):  # it is led on until it is there
             memory[CHANGING] = max(memory[CHANGING], c[PERIOD])
         _shorten(force, c[FORCE_LIMIT] - memory[CUT])
