@@ -188,6 +188,7 @@ def test_a_wrong_number_is_a_sentence(wrong: list[str], capsys: pytest.CaptureFi
 FOUND = [
     pytest.param(102, 13, "arm", id="the arm follows a contact that changes quickly long after it was the plate's"),
     pytest.param(101, 550, "arm", id="and one that the plate does not reach"),
+    pytest.param(101, 613, "arm", id="a plate that comes takes nothing from an arm at its limit before it is there"),
 ]
 
 

@@ -38,6 +38,9 @@ from itouch_encountered.own import (
 SOFTLY, QUICKLY = 0.015, 0.1
 #: How near below the finger it may be felt soon [m].
 SOON = 1.5e-3
+#: An arm at its limit makes room for one that is nearer than this [m] after so long at the speed with which it comes
+#: [s]: one that comes no faster takes nothing from the arm before it is there.
+MADE, MAKES = 1e-3, 0.022
 #: One that is further behind its command than this is waited for, so that it does not come in a hurry [m].
 BEHIND = 2e-4
 #: What a command may be ahead of the one sent last and not be held up [m].
@@ -140,7 +143,8 @@ def _come(
         return
     own[PRESS] = min(own[PRESS], last - level + sink * c.period + SLACK)
     if own[PRESS] < depth + BEHIND:
-        own[PRESS] += (SOFTLY if felt or own[PRESS] > -SOON else QUICKLY) * c.period
+        pace = SOFTLY if felt else min(QUICKLY, max(SOFTLY, (-own[PRESS] - MADE) / MAKES))
+        own[PRESS] += pace * c.period
     if level + own[PRESS] >= goal:
         own[ARRIVED] = 1.0
 
