@@ -189,6 +189,8 @@ FOUND = [
     pytest.param(102, 13, "arm", id="the arm follows a contact that changes quickly long after it was the plate's"),
     pytest.param(101, 550, "arm", id="and one that the plate does not reach"),
     pytest.param(101, 613, "arm", id="a plate that comes takes nothing from an arm at its limit before it is there"),
+    pytest.param(101, 179, "plate", id="a plate is where its surface is while that changes its speed up or down"),
+    pytest.param(101, 192, "plate", id="and over the faces of a mesh"),
 ]
 
 
