@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from campaign import tell
 from shipped import SCENES
 
 from itouch.loop import DeviceFaultError
@@ -184,12 +185,23 @@ def test_a_wrong_number_is_a_sentence(wrong: list[str], capsys: pytest.CaptureFi
     assert "error:" in capsys.readouterr().err
 
 
+@pytest.mark.long
+@pytest.mark.campaign
+def test_few_scenes_that_nobody_has_seen_break_a_law(capsys: pytest.CaptureFixture[str]) -> None:
+    """What is left: hands that fall faster than the table, faces of meshes that a finger goes over quickly."""
+    wrong = campaign(range(210), 400)
+    tell(capsys.readouterr().out)
+    assert wrong <= 10
+
+
 #: Scenes that broke a law once, and which.
 FOUND = [
     pytest.param(102, 13, "arm", id="the arm follows a contact that changes quickly long after it was the plate's"),
     pytest.param(101, 550, "arm", id="and one that the plate does not reach"),
     pytest.param(101, 613, "arm", id="a plate that comes takes nothing from an arm at its limit before it is there"),
     pytest.param(101, 179, "plate", id="a plate is where its surface is while that changes its speed up or down"),
+    pytest.param(101, 32, "step", id="the normal jumps just before the contact is the arm's"),
+    pytest.param(101, 494, "step", id="the normal jumps just after it was the plate's"),
     pytest.param(101, 192, "plate", id="and over the faces of a mesh"),
 ]
 

@@ -64,7 +64,7 @@ class Course:
 
     def begins(self) -> list[int]:
         """Return the ticks in which the finger meets the virtual surface."""
-        return (np.flatnonzero(self.touching[1:] & ~self.touching[:-1]) + 1).tolist()
+        return np.flatnonzero(self.touching & ~np.r_[False, self.touching[:-1]]).tolist()
 
     def changing(self) -> NDArray[np.bool_]:
         """Return the ticks of a contact in and after a change, without first impacts.

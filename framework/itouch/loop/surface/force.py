@@ -36,10 +36,12 @@ from itouch.loop.surface.memory import (
     HAND_OVER,
     LOAD,
     NOTHING,
+    PRESSED,
     RENDERS,
     SETTLED,
     SHARE,
     TOUCH,
+    VIRTUAL,
     WANTED,
 )
 from itouch.loop.surface.taking_over import LED
@@ -131,12 +133,12 @@ def _lead(c: Floats, sent: Floats, force: Floats, rise: float, step: float) -> b
 
 
 @kernel
-def _wanted_anew(memory: Floats, force: Floats) -> float:
-    """Remember the force (3,) that the arm is to give, and return by how much it has changed in a tick [N]."""
+def _anew(memory: Floats, begin: int, force: Floats) -> float:
+    """Remember a force (3,) from a place of the memory on, and return by how much it has changed in a tick [N]."""
     square = 0.0
     for i in range(3):
-        square += (force[i] - memory[WANTED + i]) ** 2
-        memory[WANTED + i] = force[i]
+        square += (force[i] - memory[begin + i]) ** 2
+        memory[begin + i] = force[i]
     return math.sqrt(square)
 
 
@@ -172,7 +174,9 @@ def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Float
         near = pressed > TOUCH or depth > -ABOUT
         spare = max(SPARE, rise + 0.5 * SPARE)
         _within(c, memory, force, c[FORCE_LIMIT] - (pressed + spare if near else 0.0))
-    own = _wanted_anew(memory, force)
+    own, virtual = _anew(memory, WANTED, force), _anew(memory, VIRTUAL, figures[CONTACT_FORCE : CONTACT_FORCE + 3])
+    if memory[RENDERS] > 0.0 and memory[PRESSED] > AFTER and own > virtual + HAND_STEP:
+        memory[CHANGING] = max(memory[CHANGING], AFTER)  # the plate gives another part, as where the normal jumps
     if _still_changes(c, memory, touching):
         unseen = (abs(depth) < SOON and pressed < NOTHING) or memory[CHANGING] > LED - SETS_OUT
         step = FIRST_STEP if unseen else STEP
