@@ -43,12 +43,14 @@ class Course:
     @property
     def total(self) -> Floats:
         """Return the force of arm and plate, shape (n, 3)."""
-        return self.arm + self.pad[:, None] * np.array([0.0, 0.0, 1.0])
+        total: Floats = self.arm + self.pad[:, None] * np.array([0.0, 0.0, 1.0])
+        return total
 
     @property
     def steps(self) -> Floats:
         """Return how much the force on the finger changed since the tick before [N]."""
-        return np.r_[0.0, np.linalg.norm(np.diff(self.total, axis=0), axis=1)]
+        steps: Floats = np.r_[0.0, np.linalg.norm(np.diff(self.total, axis=0), axis=1)]
+        return steps
 
     def changes(self) -> list[int]:
         """Return the ticks in which a contact that goes on goes over from plate to arm or back."""
@@ -73,7 +75,9 @@ class Course:
         """
         own = ~self.renders & (np.linalg.norm(self.arm - self.virtual, axis=1) < 1e-9) & (self.pad == 0.0)
         own[1:] &= own[:-1]
-        return self.touching & self.after(self.changes(), 0.3) & ~self.after(self.begins(), 0.05) & ~own
+        on: NDArray[np.bool_] = self.touching & self.after(self.changes(), 0.3) & ~self.after(self.begins(), 0.05)
+        on &= ~own
+        return on
 
     def late(self) -> int:
         """Return the longest time [ticks] that a plate which could be at the surface is on its way there."""
@@ -127,4 +131,5 @@ def follow(session: Session, seconds: float | None = None) -> Course:
 def around(values: Floats, ticks: int) -> Floats:
     """Return the greatest of values (n,) within so many ticks of each."""
     padded = np.pad(values, ticks)
-    return np.lib.stride_tricks.sliding_window_view(padded, 2 * ticks + 1).max(axis=1)
+    greatest: Floats = np.lib.stride_tricks.sliding_window_view(padded, 2 * ticks + 1).max(axis=1)
+    return greatest

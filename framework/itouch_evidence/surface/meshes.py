@@ -89,8 +89,11 @@ def _saddle(rng: np.random.Generator) -> trimesh.Trimesh:
 
 
 def _torus(rng: np.random.Generator) -> trimesh.Trimesh:
-    mesh = trimesh.creation.torus(rng.uniform(18.0, 26.0), rng.uniform(7.0, 12.0), 48, 24)
-    mesh.apply_transform(trimesh.transformations.rotation_matrix(rng.uniform(-0.4, 0.4), (1, 0, 0)))
+    mesh: trimesh.Trimesh = trimesh.creation.torus(rng.uniform(18.0, 26.0), rng.uniform(7.0, 12.0), 48, 24)
+    turn = rng.uniform(-0.4, 0.4)
+    tilted = np.eye(4)
+    tilted[1:3, 1:3] = ((math.cos(turn), -math.sin(turn)), (math.sin(turn), math.cos(turn)))
+    mesh.apply_transform(tilted)
     return mesh
 
 

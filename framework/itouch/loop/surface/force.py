@@ -181,7 +181,9 @@ def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Float
         unseen = (abs(depth) < SOON and pressed < NOTHING) or memory[CHANGING] > LED - SETS_OUT
         step = FIRST_STEP if unseen else STEP
         if memory[CHANGING] <= AFTER and memory[SHARE] >= 1.0 and memory[CUT] <= 0.0 and depth < -ABOUT:
-            step = max(step, own)  # the plate is away since long: what changes is the virtual force alone
+            step = max(
+                step, 1.1 * own
+            )  # the plate is away since long: it may do what the virtual force does, and catch up
         if _lead(c, sent, force, rise, step):  # it is led on until it is there
             memory[CHANGING] = max(memory[CHANGING], c[PERIOD])
         _shorten(force, c[FORCE_LIMIT] - memory[CUT])
