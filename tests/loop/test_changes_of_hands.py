@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from edge_scenes import edge, rim
 from shipped import SCENES
-from slope_scenes import Course, Floats, Slope, follow
+
+from itouch_evidence.surface.course import Course, Floats, follow
+from itouch_evidence.surface.edges import edge, rim
+from itouch_evidence.surface.scenes import Slope
 
 #: How many ticks apart the virtual force and what is felt may do the same.
 APART = 3

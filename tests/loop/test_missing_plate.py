@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from program import program
 from shipped import SCENES
-from slope_scenes import RADIUS, Course, Slope, follow, ramp
 
 from itouch.loop.surface import memory as surface
 from itouch_encountered import own
 from itouch_encountered.choosing import FAR_UNCALIBRATED, doubt, touches_unasked
 from itouch_encountered.motion import Numbers
+from itouch_evidence.surface.course import Course, follow
+from itouch_evidence.surface.scenes import RADIUS, Slope, ramp
 
 
 @pytest.fixture(scope="module")

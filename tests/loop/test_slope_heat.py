@@ -14,8 +14,9 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from program import program
 from shipped import SCENES
-from slope_scenes import RADIUS, Floats, Slope, ramp
 
+from itouch_evidence.surface.course import Floats
+from itouch_evidence.surface.scenes import RADIUS, Slope, ramp
 from itouch_thermal.boundary import beyond
 
 BALL = 30.0

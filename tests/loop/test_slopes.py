@@ -10,9 +10,11 @@ import pytest
 import trimesh
 from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
-from mesh_scenes import KINDS, make
 from shipped import SCENES
-from slope_scenes import PLATE_FORCE, RADIUS, Course, Floats, Slope, ball, follow, ramp
+
+from itouch_evidence.surface.course import PLATE_FORCE, Course, Floats, follow
+from itouch_evidence.surface.meshes import KINDS, make
+from itouch_evidence.surface.scenes import RADIUS, Slope, ball, ramp
 
 LIMIT = 25.0
 #: Above this a plate trips that slides past a finger (K5: 0.15 m/s) [mm/s].

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from program import program
 from shipped import SCENES
-from slope_scenes import RADIUS, Course, Slope, ball, follow, ramp
 
 import itouch
+from itouch_evidence.surface.course import Course, follow
+from itouch_evidence.surface.scenes import RADIUS, Slope, ball, ramp
 
 SCENE = """<itouch version="1.0" xmlns:thermal="urn:itouch:plugin:thermal">
   <include file="materials.xml"/>

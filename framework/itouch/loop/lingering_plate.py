@@ -14,7 +14,8 @@ def lingering_plates(model: Model, state: Record) -> tuple[str, ...]:
         name = f"{probe.name}.surface"
         if not probe.scene.surface_to:
             continue
-        after = state[f"{name}.lingered"].item() - SEPARATION_TIME
+        # the END comes in the tick after that time, and the plate's force is known a tick late
+        after = state[f"{name}.lingered"].item() - SEPARATION_TIME - 2.0 * model.period
         if after > 0.5 * model.period:
             found.append(
                 f"'{probe.name}' still felt the plate of '{probe.scene.surface_to}' for {1e3 * after:.0f} ms after a "

@@ -53,7 +53,7 @@ class Toucher:
         self.model, self.probe = model, probe
         name = probe.name
         self.figures = state.flat(f"{name}.hip", f"{name}.tracking")
-        self.surface = state.flat(f"{name}.surface.renders", f"{name}.surface.lingered_at")
+        self.surface = state.flat(f"{name}.surface.renders", f"{name}.surface.virtual")
         self.memory, self.result = state[f"{name}.memory"], state[f"{name}.result"]
         self.object, self.near_object = state[f"{name}.object"], state[f"{name}.near_object"]
         self._beside = (state[f"{name}.beside"], state[f"{name}.beside_distance"])

@@ -85,6 +85,8 @@ _SURFACE = (
     Field("surface.lingers", unit="s", doc="how long the plate is felt since the virtual contact ended, -1: no more"),
     Field("surface.lingered", unit="s", doc="the longest time that it was felt so"),
     Field("surface.lingered_at", unit="s", doc="when that ended"),
+    Field("surface.wanted", "f8", 3, unit="N", doc="what the arm was to give, were the force not led over"),
+    Field("surface.virtual", "f8", 3, unit="N", doc="the virtual force a tick ago"),
 )
 
 

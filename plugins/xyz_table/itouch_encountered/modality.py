@@ -22,7 +22,7 @@ from itouch.plugin import (
     schema,
 )
 from itouch_encountered.choosing import FAR, FAR_UNCALIBRATED
-from itouch_encountered.motion import Numbers, Seen, carry
+from itouch_encountered.motion import INERTIA_FIRST, Numbers, Seen, carry
 from itouch_encountered.own import FIELDS
 
 #: A contact that it has left because of its tilt is its own again when that is less by this [rad].
@@ -99,6 +99,7 @@ class Encountered(Modality):
         for field in FIELDS:
             state[f"{model.name}.{field.name}"] = 0.0
         state[f"{model.name}.takes"] = state[f"{model.name}.arrived"] = 1.0
+        state[f"{model.name}.inertia"] = INERTIA_FIRST
 
     def update(self, model: EncounteredModel, state: Record, period: float) -> None:
         """Do what joins, alone."""

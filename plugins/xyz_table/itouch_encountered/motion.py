@@ -20,11 +20,14 @@ from itouch_encountered.own import (
     ABOUT,
     ARRIVED,
     AT_FINGER,
+    BENDS,
+    CLIMBED,
     COMING,
     DISTANCE,
     GAP,
     GIVE,
     HIGH,
+    INERTIA,
     LAG,
     LEFT,
     LOST,
@@ -38,6 +41,9 @@ from itouch_encountered.own import (
 SOFTLY, QUICKLY = 0.015, 0.1
 #: How near below the finger it may be felt soon [m].
 SOON = 1.5e-3
+#: An arm at its limit makes room for one that is nearer than this [m] after so long at the speed with which it comes
+#: [s]: one that comes no faster takes nothing from the arm before it is there.
+MADE, MAKES = 1e-3, 0.022
 #: One that is further behind its command than this is waited for, so that it does not come in a hurry [m].
 BEHIND = 2e-4
 #: What a command may be ahead of the one sent last and not be held up [m].
@@ -58,6 +64,11 @@ AHEAD = 0.008
 #: How fast it is learned how far the device gives way and how late it is [1/s], the most that is made good [m/N], [s],
 #: and what is another error than that [m].
 LEARNS, MOST_GIVE, MOST_LAG, ASTRAY = 80.0, 1e-4, 0.005, 1e-4
+#: How far behind an axis is for each m/s2 if the bandwidth of its control is 50 Hz [s2], from where on it is learned;
+#: and the most that is made good, that of 22 Hz.
+INERTIA_FIRST, MOST_INERTIA = 1.0e-5, 5e-5
+#: How fast that speed may change [m/s2] well below which what a device misses is not by its inertia.
+EVEN = 4.0
 #: Speed up or down [m/s] well below which what a device misses is by the force on it, and well above by its lag.
 STILL = 0.01
 
@@ -140,7 +151,8 @@ def _come(
         return
     own[PRESS] = min(own[PRESS], last - level + sink * c.period + SLACK)
     if own[PRESS] < depth + BEHIND:
-        own[PRESS] += (SOFTLY if felt or own[PRESS] > -SOON else QUICKLY) * c.period
+        pace = SOFTLY if felt else min(QUICKLY, max(SOFTLY, (-own[PRESS] - MADE) / MAKES))
+        own[PRESS] += pace * c.period
     if level + own[PRESS] >= goal:
         own[ARRIVED] = 1.0
 
@@ -174,16 +186,29 @@ def _sink_below(c: Any, own: Any, surface: float, last: float, felt: bool) -> No
 
 
 @kernel
+def _bend(c: Any, own: Any, climb: float, goes_on: bool) -> None:
+    """Follow how fast the speed of the virtual surface's height changes, in a contact that goes on."""
+    bends = (climb - own[CLIMBED]) / c.period if goes_on else 0.0
+    own[BENDS] = own[BENDS] + 0.5 * (bends - own[BENDS]) if goes_on else 0.0  # what changes to and fro is noise
+    own[CLIMBED] = climb
+
+
+@kernel
 def _learn(c: Any, own: Any, speed: float, last: float, here: float, pressed: float) -> None:
     """Learn by how much the device misses its command, where nothing but the virtual surface moves it.
 
-    It misses it by so much for each newton on it, and by so much for each m/s up or down.
+    It misses it by so much for each newton on it, for each m/s up or down, and for each m/s2 by which that changes.
     """
-    off = last - here - own[GIVE] * pressed - own[LAG] * speed
+    bends = own[BENDS]
+    off = last - here - own[GIVE] * pressed - own[LAG] * speed - own[INERTIA] * bends
     if abs(off) > ASTRAY:
         return
     moves = speed * speed / (speed * speed + STILL * STILL)  # 1: what is seen is the lag, 0: it is the force
+    turns = bends * bends / (bends * bends + EVEN * EVEN)  # 1: what is seen is the inertia
     step = LEARNS * c.period * off
+    inertia = own[INERTIA] + turns * step * bends / (bends * bends + EVEN * EVEN)
+    own[INERTIA] = min(MOST_INERTIA, max(0.0, inertia))
+    step *= 1.0 - turns
     give = own[GIVE] + (1.0 - moves) * step * pressed / (pressed * pressed + 0.01)
     own[GIVE] = min(MOST_GIVE, max(0.0, give))
     lag = own[LAG] + moves * step * speed / (speed * speed + STILL * STILL)
@@ -207,7 +232,9 @@ def _wanted(
 ) -> float:  # fmt: skip
     """Return the height [m] at which it is wanted, and say how far it is still to come or to go."""
     away = lowest - c.clearance
-    goal = height + climb * (c.period + own[LAG]) + (own[GIVE] * pressed if touching else 0.0)
+    goal = (
+        height + climb * (c.period + own[LAG]) + own[BENDS] * own[INERTIA] + (own[GIVE] * pressed if touching else 0.0)
+    )
     if own[TAKES] > 0.0:
         _come(c, own, goal, last, level, sink, here - lowest, pressed, touching, begins)
         own[COMING] = 0.0 if own[ARRIVED] > 0.0 else max(1e-6, goal - level - own[PRESS])
@@ -288,7 +315,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     """Say who renders the virtual surface below the finger, and command the device; return 0.
 
     ``c``: `Numbers`; ``seen``: `Seen`, taken apart here, for a tuple of many arrays is dear to hand on; ``goal`` (7,):
-    the command; ``own`` (14,): its own fields.
+    the command; ``own`` (17,): its own fields.
     """
     frame, sent, hip = seen.frame, seen.sent, seen.hip
     height, climb, level, sink = seen.height[0], seen.climb[0], seen.level[0], seen.sink[0]
@@ -304,6 +331,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
         if own[LOST] == 0.0:
             touches_unasked(c, own, here - lowest, pressed, touching)
     begins = touching and seen.pressed[0] == 0.0
+    _bend(c, own, climb, touching and not begins)
     wanted = _wanted(c, own, height, climb, level, sink, lowest, here, last, pressed, touching, begins)
     wanted = _fall(c, own, _brake(c, wanted, climb, last, here, level), last, sink, pressed)
     most = _bearable(c, own, climb, level, sink, seen.off[0])

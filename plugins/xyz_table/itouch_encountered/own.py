@@ -22,11 +22,14 @@ FIELDS = tuple(
         ("give", "m/N", "how far the device gives way under a force, as learned"),
         ("lag", "s", "how late the device is where it goes up or down, as learned"),
         ("unasked", "s", "how long it has been felt though there is no virtual contact; less again while it is not"),
+        ("climbed", "m/s", "how fast the height of the virtual surface changed a tick ago"),
+        ("bends", "m/s^2", "how fast that speed changes"),
+        ("inertia", "s^2", "how far behind the device is for each m/s2 of that, as learned"),
     )
 )
 
 TAKES, AT_FINGER, DISTANCE, GAP, COMING, LOST, YIELDS = range(7)
-ARRIVED, PRESS, FREE, UNFELT, GIVE, LAG, UNASKED = range(7, 14)
+ARRIVED, PRESS, FREE, UNFELT, GIVE, LAG, UNASKED, CLIMBED, BENDS, INERTIA = range(7, 17)
 
 #: What `LOST` says: the surface is lower than its height says, or higher.
 LOW, HIGH = 1.0, 2.0

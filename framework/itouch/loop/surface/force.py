@@ -36,10 +36,13 @@ from itouch.loop.surface.memory import (
     HAND_OVER,
     LOAD,
     NOTHING,
+    PRESSED,
     RENDERS,
     SETTLED,
     SHARE,
     TOUCH,
+    VIRTUAL,
+    WANTED,
 )
 from itouch.loop.surface.taking_over import LED
 from itouch.twin.frame_rotation import turned_in, turned_out
@@ -130,6 +133,16 @@ def _lead(c: Floats, sent: Floats, force: Floats, rise: float, step: float) -> b
 
 
 @kernel
+def _anew(memory: Floats, begin: int, force: Floats) -> float:
+    """Remember a force (3,) from a place of the memory on, and return by how much it has changed in a tick [N]."""
+    square = 0.0
+    for i in range(3):
+        square += (force[i] - memory[begin + i]) ** 2
+        memory[begin + i] = force[i]
+    return math.sqrt(square)
+
+
+@kernel
 def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Floats, load: float, touching: bool) -> None:
     """Command the arm: where the plate renders the contact, the normal part only as far as the plate does not give it.
 
@@ -161,9 +174,16 @@ def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Float
         near = pressed > TOUCH or depth > -ABOUT
         spare = max(SPARE, rise + 0.5 * SPARE)
         _within(c, memory, force, c[FORCE_LIMIT] - (pressed + spare if near else 0.0))
+    own, virtual = _anew(memory, WANTED, force), _anew(memory, VIRTUAL, figures[CONTACT_FORCE : CONTACT_FORCE + 3])
+    if memory[RENDERS] > 0.0 and memory[PRESSED] > AFTER and own > virtual + HAND_STEP:
+        memory[CHANGING] = max(memory[CHANGING], AFTER)  # the plate gives another part, as where the normal jumps
     if _still_changes(c, memory, touching):
         unseen = (abs(depth) < SOON and pressed < NOTHING) or memory[CHANGING] > LED - SETS_OUT
         step = FIRST_STEP if unseen else STEP
+        if memory[CHANGING] <= AFTER and memory[SHARE] >= 1.0 and memory[CUT] <= 0.0 and depth < -ABOUT:
+            step = max(
+                step, 1.1 * own
+            )  # the plate is away since long: it may do what the virtual force does, and catch up
         if _lead(c, sent, force, rise, step):  # it is led on until it is there
             memory[CHANGING] = max(memory[CHANGING], c[PERIOD])
         _shorten(force, c[FORCE_LIMIT] - memory[CUT])

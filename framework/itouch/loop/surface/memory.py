@@ -18,7 +18,9 @@ LOAD = 18  # the plate's force a tick ago [N]
 LEVEL, SINK = 19, 20  # height of the lowest point of the finger, and its speed, smoothed [m], [m/s]
 OFF = 21  # how much deeper the finger seems to be in the plate than the force explains, smoothed [m]
 LINGERS, LINGERED, LINGERED_AT = 22, 23, 24  # felt since the virtual contact ended [s], -1: no more; the longest; when
-MEMORY = 25
+WANTED = 25  # what the arm was to give, were it not led over, (3,) [N]
+VIRTUAL = 28  # the virtual force a tick ago, (3,) [N]
+MEMORY = 31
 
 #: What `MISSED` says: the plate is lower than its height says, or higher; or it was told to stay away (T4).
 LOW, HIGH, WITHDRAWN = 1.0, 2.0, 3.0

@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from slope_scenes import RADIUS, Slope
+
+from itouch_evidence.surface.scenes import RADIUS, Slope
 
 Floats = NDArray[np.float64]
 
 KINDS = ("terrain", "torus", "lump", "saddle")
+SHIPPED = ("pebble.stl", "relief.obj")
 #: Half width of what a stroke goes over [mm], and how fine the meshes of height fields are [mm].
 REACH, CELL = 22.0, 2.0
 
@@ -33,8 +35,21 @@ def make(folder: Path, kind: str, seed: int, *, deep: float = 4.0, speed: float 
     """
     rng = np.random.default_rng(seed)
     mesh = {"terrain": _terrain, "torus": _torus, "lump": _lump, "saddle": _saddle}[kind](rng)
+    mesh.vertices = mesh.vertices.round(3)  # to the same file on every machine
     name = f"{kind}{seed}.stl"
     mesh.export(folder / "meshes" / name)
+    return _scene(mesh, name, rng, deep, speed, scene)
+
+
+def shipped(folder: Path, name: str, seed: int, *, deep: float = 4.0, speed: float = 40.0, **scene: object) -> Slope:
+    """Return a scene with strokes over a shipped mesh, one of ``SHIPPED``; all else as in ``make``."""
+    mesh = trimesh.load_mesh(folder / "meshes" / name)
+    return _scene(mesh, name, np.random.default_rng(seed), deep, speed, scene)
+
+
+def _scene(
+    mesh: trimesh.Trimesh, name: str, rng: np.random.Generator, deep: float, speed: float, scene: dict[str, object]
+) -> Slope:
     sides = "" if mesh.is_watertight else ' sides="one"'
     world = f'<mesh name="thing" file="meshes/{name}" pos="0 0 0 mm"{sides} material="stuff"/>'
     return Slope(world, _strokes(mesh, rng, deep, speed), **scene)  # type: ignore[arg-type]
@@ -74,8 +89,11 @@ def _saddle(rng: np.random.Generator) -> trimesh.Trimesh:
 
 
 def _torus(rng: np.random.Generator) -> trimesh.Trimesh:
-    mesh = trimesh.creation.torus(rng.uniform(18.0, 26.0), rng.uniform(7.0, 12.0), 48, 24)
-    mesh.apply_transform(trimesh.transformations.rotation_matrix(rng.uniform(-0.4, 0.4), (1, 0, 0)))
+    mesh: trimesh.Trimesh = trimesh.creation.torus(rng.uniform(18.0, 26.0), rng.uniform(7.0, 12.0), 48, 24)
+    turn = rng.uniform(-0.4, 0.4)
+    tilted = np.eye(4)
+    tilted[1:3, 1:3] = ((math.cos(turn), -math.sin(turn)), (math.sin(turn), math.cos(turn)))
+    mesh.apply_transform(tilted)
     return mesh
 
 

@@ -6,7 +6,7 @@ import math
 import random
 from collections.abc import Callable
 
-from slope_scenes import RADIUS, Slope
+from itouch_evidence.surface.scenes import RADIUS, Slope
 
 #: Height of a finger's centre at a place [mm].
 Height = Callable[[float], float]

@@ -1,0 +1,111 @@
+"""``itouch-py bench surface``: random scenes under arm and plate, each law of the carried surface beside its bound."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import shutil
+import tempfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from itouch.loop import DeviceFaultError
+from itouch_evidence.faults import shipped_scene
+from itouch_evidence.resumable import Kept
+from itouch_evidence.surface.course import follow
+from itouch_evidence.surface.draw import draw
+from itouch_evidence.surface.laws import LAWS, VIRTUAL, Law, broken, judge
+
+#: How many scenes of a law are named in its line; each is named where it is broken.
+NAMED = 8
+
+
+def main(argv: Sequence[str]) -> int:
+    """Draw scenes over which a finger goes, and judge every tick of them; exit code 1 if one breaks a law."""
+    parser = argparse.ArgumentParser(prog="itouch-py bench surface", description=main.__doc__)
+    parser.add_argument("--random", type=int, default=56, metavar="N", help="so many random scenes (default 56)")
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="that they are made from (default 0)")
+    parser.add_argument("--only", type=int, metavar="K", help="the scene of this number alone, with all its figures")
+    parser.add_argument("--keep", metavar="FILE", help="add each result to this file, run only what it has not, and "
+                        "sum up all that it has")  # fmt: skip
+    options = parser.parse_args(argv)
+    if options.random < 1:
+        parser.error(f"--random {options.random} is out of range: from 1 on")
+    if options.only is not None and options.only < 0:
+        parser.error(f"--only {options.only} is out of range: from 0 on")
+    numbers = range(options.random) if options.only is None else (options.only,)
+    return 1 if campaign(numbers, options.seed, options.keep, full=options.only is not None) else 0
+
+
+def campaign(numbers: Iterable[int], seed: int, keep: str | None = None, *, full: bool = False) -> int:
+    """Run the scenes of some numbers, or those that are not kept yet, and print what all that are kept show.
+
+    Returns
+    -------
+    int
+        How many broke a law.
+    """
+    kept = Kept(keep)
+    with tempfile.TemporaryDirectory(prefix="itouch-surface-") as made:
+        folder = Path(made) / "scenes"
+        shutil.copytree(shipped_scene().parent, folder)
+        for number in numbers:
+            if (seed, number) not in kept:
+                kept.add(seed, number, run(number, seed, folder))
+                _tell(kept.rows[seed, number], full=full)
+    return _sum_up(list(kept.rows.values()), kept.seeds)
+
+
+def run(number: int, seed: int, folder: Path) -> dict[str, Any]:
+    """Run a scene; return its family, its figures by law, and how often the contact changed hands.
+
+    ``folder`` holds the shipped scenes, and takes this one.
+    """
+    family, scene = draw(number, seed, folder)
+    session = scene.build(folder)
+    try:
+        course = follow(session)
+    except DeviceFaultError as fault:
+        return {"family": family, "figures": {"trip": 1.0}, "changes": 0, "cause": str(fault)}
+    finally:
+        session.close()
+    return {"family": family, "figures": judge(course), "changes": len(course.changes())}
+
+
+def _tell(row: dict[str, Any], *, full: bool) -> None:
+    wrong, figures = broken(row["figures"]), row["figures"]
+    if not wrong and not full:
+        return
+    shown = [law for law in (*LAWS, VIRTUAL) if law.name in (figures if full else wrong)]
+    said = ", ".join(f"{law.name} {_figure(law, figures[law.name])}" for law in shown)
+    cause = f" ({row['cause']})" if "cause" in row else ""
+    print(
+        f"--seed {row['seed']} --only {row['number']} ({row['family']}): {'WRONG: ' * bool(wrong)}{said}{cause}",
+        flush=True,
+    )
+
+
+def _figure(law: Law, value: float) -> str:
+    digits = max(0, 2 - math.floor(math.log10(law.bound))) if law.bound else 3
+    return f"{value:.{min(3, digits)}f} {law.unit}".removesuffix(" 1")
+
+
+def _sum_up(rows: list[dict[str, Any]], seeds: list[int]) -> int:
+    wrong = [row for row in rows if broken(row["figures"])]
+    changes = sum(row["changes"] for row in rows)
+    print(f"{len(rows)} random scenes of seed {', '.join(map(str, seeds))}, {changes} changes between arm and plate, "
+          f"{len(wrong)} scenes break a law")  # fmt: skip
+    print(f"{'law':<8} {'bound':>8} {'worst':>10} {'broken':>14}")
+    for law in LAWS:
+        print(_line(law, rows))
+    itself = sum(row["figures"].get(VIRTUAL.name, 0.0) > VIRTUAL.bound for row in rows)
+    print(f"{VIRTUAL.says}: {itself} scenes")
+    return len(wrong)
+
+
+def _line(law: Law, rows: list[dict[str, Any]]) -> str:
+    figures = [row["figures"][law.name] for row in rows if law.name in row["figures"]]
+    worst = _figure(law, max(figures)) if figures else "-"
+    count = sum(figure > law.bound for figure in figures)
+    return f"{law.name:<8} {_figure(law, law.bound):>8} {worst:>10} {f'{count} of {len(figures)}':>14}  {law.says}"

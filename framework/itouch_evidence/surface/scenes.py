@@ -1,0 +1,114 @@
+"""Scenes of worlds that are not flat, under an arm and a table."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from itouch.session import Session, build
+
+RADIUS = 8.0  # of the finger [mm]
+HIGHEST = 45.0  # up to which the table brings its plate, and a little more [mm]
+
+_SCENE = """<?xml version="1.0" encoding="utf-8"?>
+<itouch version="1.0" xmlns:thermal="urn:itouch:plugin:thermal" xmlns:xyz-table="urn:itouch:plugin:xyz-table"
+        xmlns:usb-arm="urn:itouch:plugin:usb-arm">
+  <include file="materials.xml"/>
+  <materials>
+    <material name="stuff" base="aluminium">
+      <contact stiffness="{stiffness} N/mm" damping="2 N*s/m" static-friction="{friction}"
+               dynamic-friction="{friction}"/>
+    </material>
+  </materials>
+  <defaults><mesh scale="1 mm"/></defaults>
+  <world temperature="23 degC">{world}</world>
+  <devices>
+    <device name="arm" plugin="usb-arm">
+      <mount pos="0 250 0 mm" rpy="0 0 180 deg"/><limits force="3 N"/><usb-arm:hardware/>
+    </device>
+    <device name="table" plugin="xyz-table">
+      <mount pos="0 0 {mount} mm" mount-error="0 0 {error} mm"/><limits speed="0.25 m/s"/>
+      {calibration}<xyz-table:hardware travel="200 140 80 mm"/>
+    </device>
+    {display}
+  </devices>
+  <interaction>
+    <probe name="finger" radius="8 mm" pose-from="arm" force-to="arm" surface-to="table"/>
+    <operator probe="finger" mass="80 g" stiffness="300 N/m" damping="6 N*s/m" skin-temperature="33 degC">
+      <motion>{motion}</motion>
+    </operator>
+    {heat}
+  </interaction>
+  <safety force="{force} N" contact-time="{contact_time} s"/>
+</itouch>
+"""
+_DISPLAY = """<device name="peltier" plugin="thermal"><mount on="table" pos="0 0 4 mm"/>
+      <limits current="6 A" temperature="15 40 degC"/><thermal:hardware>{hardware}</thermal:hardware></device>"""
+_HEAT = """<thermal:heat probe="finger">{heat}</thermal:heat>
+    <thermal:flux-control display="peltier" desired-from="heat"/>"""
+
+
+@dataclass(slots=True)
+class Slope:
+    """A scene to be: world and motion in mm; ``warm`` puts a thermal display on the table."""
+
+    world: str
+    motion: str
+    stiffness: float = 1.2
+    friction: float = 0.0
+    force: float = 3.0
+    error: float = 0.0
+    warm: bool = False
+    touch_off: bool = False
+    heat: str = ""
+    seed: int = 0
+    contact_time: float = 10.0
+
+    def text(self, hardware: str = "") -> str:
+        """Return the scene file; ``hardware``: of the display."""
+        return _SCENE.format(
+            world=self.world, motion=self.motion, stiffness=self.stiffness, friction=self.friction, force=self.force,
+            error=self.error, display=_DISPLAY.format(hardware=hardware) if self.warm else "",
+            heat=_HEAT.format(heat=self.heat) if self.warm else "", mount=-34 if self.warm else -30,
+            contact_time=self.contact_time, calibration='<calibration method="touch-off"/>' if self.touch_off else "",
+        )  # fmt: skip
+
+    def build(self, folder: Path, hardware: str = "") -> Session:
+        """Write the scene into a folder that holds the shipped scenes, and build it; ``hardware``: of the display."""
+        path = folder / "slope.xml"
+        path.write_text(self.text(hardware), encoding="utf-8")
+        return build(path, seed=self.seed)
+
+
+def ramp(degrees: float, deep: float = 5.0) -> tuple[str, str]:
+    """Return a ramp and a touch of it along its normal, whose target is so deep in it [mm]."""
+    tilt = math.radians(degrees)
+
+    def off(distance: float) -> str:
+        return f"{distance * math.sin(tilt):.3f} 0 {distance * math.cos(tilt):.3f} mm"
+
+    world = f'<box name="ramp" pos="0 0 0 mm" rpy="0 {degrees} 0 deg" size="60 60 10 mm" material="stuff"/>'
+    away, on = off(5.0 + RADIUS + 12.0), off(5.0 + RADIUS - deep)
+    return world, (
+        f'<to pos="{away}" in="0.1 s" hold="0.1 s"/><to pos="{on}" in="0.5 s" hold="0.4 s"/>'
+        f'<to pos="{away}" in="0.4 s" hold="0.05 s"/>'
+    )
+
+
+def ball(degrees: list[float], each: float, radius: float = 30.0, deep: float = 4.0) -> tuple[str, str]:
+    """Return a ball and a stroke over it from angle to angle, each in so many seconds; the table reaches its top."""
+    middle = min(0.0, HIGHEST - radius)
+    world = f'<sphere name="ball" pos="0 0 {middle:g} mm" radius="{radius} mm" material="stuff"/>'
+    reach = radius + RADIUS - deep
+
+    def on(angle: float) -> str:
+        there = math.radians(angle)
+        return f"{reach * math.sin(there):.3f} 0 {middle + reach * math.cos(there):.3f} mm"
+
+    strokes = "".join(f'<to pos="{on(angle)}" in="{each} s"/>' for angle in degrees)
+    above = f"0 0 {middle + radius + RADIUS + 12.0} mm"
+    return world, (
+        f'<to pos="{above}" in="0.1 s" hold="0.1 s"/><to pos="{on(0.0)}" in="0.5 s" hold="0.3 s"/>{strokes}'
+        f'<to pos="{above}" in="0.4 s"/>'
+    )
