@@ -54,6 +54,7 @@ MEANT = {
     "itouch_tools/sweeps/collecting.py": "a kind of figure", "itouch_tools/sweeps/elements.py": "a kind of figure",
     "itouch/recording/views.py": "keys of a viewer's schema", "itouch/recording/wellknown.py": "keys of a viewer's schema",
     "itouch_tools/export/rerun_viewer.py": "keys of a viewer's schema",
+    "itouch_evidence/surface/course.py": "devices of the bench's own scenes", "itouch_evidence/surface/laws.py": "a key of the report",
 }  # fmt: skip
 
 

@@ -165,7 +165,8 @@ def force(rig: ProbeRig) -> Step:
     reads += _of(name, "hip", "plate_top")
     reads += _roles(rig.table, Role.CONTACT_FORCE)
     reads += _roles(rig.arm, Role.FORCE_ON_OPERATOR, kind="sent")
-    written = (*_of(name, "surface.share", "surface.cut", "surface.changing", "surface.load"),)
+    kept = ("share", "cut", "changing", "load", "wanted", "virtual")
+    written = tuple(f"{name}.surface.{field}" for field in kept)
     written += _roles(rig.arm, Role.FORCE_ON_OPERATOR, kind="command")
     return joinable(f"force {name}", rig.toucher.pushes, reads, written)
 
