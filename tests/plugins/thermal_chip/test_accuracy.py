@@ -6,8 +6,11 @@ import pytest
 
 from itouch_thermal.chip.display import REFERENCE
 from itouch_thermal.chip.merits import accuracy, flux_per_ampere, ripple, rise_time, staircase, steps
-from itouch_thermal.chip.pins import KELVIN
+from itouch_thermal.chip.pins import KELVIN, at_pins
+from itouch_thermal.chip.program import Built, config
+from itouch_thermal.chip.simulated import Chip
 from itouch_thermal.display.params import Mismatch
+from itouch_thermal.drivers.lineport import seal, seal_2, unseal_2
 
 from conftest import Start  # isort: skip
 
@@ -58,3 +61,26 @@ def test_ripple_and_its_heat() -> None:
     assert heat == pytest.approx(0.5 * peak**2 / 12.0 * REFERENCE.resistance / REFERENCE.area, rel=0.2)
     assert heat < 0.5
     assert flux_per_ampere() == pytest.approx(9.6e3, rel=0.02)
+
+
+@pytest.mark.parametrize("after", range(2, 20, 3))
+def test_the_flux_is_the_mean_of_the_20_ms_before_the_order_whenever_that_comes(program: Built, after: int) -> None:
+    """A mean that is made at times of the chip's own is told twice to a host that asks more often."""
+    chip = Chip(program)
+
+    def run(milliseconds: int, flux: float, heard: bytes = b"") -> bytes:
+        pins = at_pins(
+            config(), plate=298.15, sink=298.15, guard=298.15, flux=flux, seebeck=REFERENCE.seebeck,
+            resistance=REFERENCE.resistance,
+        )  # fmt: skip
+        return b"".join(chip.run(pins, heard if k == 0 else b"").said for k in range(milliseconds))
+
+    run(100 + after, 0.0)  # another phase of whatever the program counts
+    run(40, 0.0, seal("?"))
+    run(after, 1000.0)
+    answer = unseal_2(run(8, 1000.0, seal_2("I 1 0.0")))
+    chip.close()
+    assert answer is not None
+    assert answer.startswith("R 1 ")
+    heard = after + 1.0  # the order takes about a millisecond
+    assert float(answer.split()[4]) == pytest.approx(1000.0 * heard / 20.0, abs=75.0)
