@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import gc
-import os
 import shutil
 import signal
 import subprocess
 import sys
-import tempfile
-import time
 from collections.abc import Callable, Generator
 from pathlib import Path
 
@@ -57,10 +53,6 @@ def unwatched() -> Generator[None]:
         yield
 
 
-#: How long [s] compiling may take before the tests.
-PATIENCE = 600.0
-
-
 @pytest.hookimpl(wrapper=True)
 def pytest_make_collect_report(
     collector: pytest.Collector,
@@ -81,37 +73,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     _choose(config, items)
 
 
-#: What most tests need compiled, and how the work is shared: a scene, and how far from the end of its steps to begin.
-SHARED = (("four_materials.xml", 0.0), ("mesh.xml", 0.0), ("four_materials.xml", 0.5))
-
-
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile what most tests need once, as a first start does, before the workers of a whole run would do so each.
-
-    Several processes do, each what no other is at: one scene after the other would leave a core idle for the last
-    kernels of each.  What they had not found, as they run nothing, is compiled by a start of each scene after them.
-    """
+    """Compile what most tests need once, as a first start does, before the workers of a whole run would do so each."""
     config = session.config
     if config.args_source is not config.ArgsSource.TESTPATHS or not config.getoption("numprocesses", None):
         return
     code = "import sys; from itouch.servo.prepare import prepare; prepare(sys.argv[1], seed=0, twin=None, rig=None)"
-    with tempfile.TemporaryDirectory(prefix="itouch-compiling-") as place:
-        ahead = [sys.executable, "-m", "itouch.servo.compile_ahead", "--parent", str(os.getpid()), "--together", place]
-        processes = [
-            subprocess.Popen([*ahead, "--part", str(part), SCENES / name], stderr=subprocess.DEVNULL)
-            for name, part in SHARED
-        ]
-        limit = time.monotonic() + PATIENCE
-        for process in processes:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(max(0.0, limit - time.monotonic()))
-            process.kill()
-            process.wait()
-    for name in dict.fromkeys(name for name, _ in SHARED):
+    for name in ("four_materials.xml", "mesh.xml"):
         try:
-            subprocess.run([sys.executable, "-c", code, SCENES / name], timeout=PATIENCE, check=False)
+            subprocess.run([sys.executable, "-c", code, SCENES / name], timeout=600.0, check=False)
         except subprocess.TimeoutExpired:  # the tests compile it themselves then, each worker on its own
-            print(f"compiling {name} before the tests did not end in {PATIENCE:g} s", file=sys.stderr)
+            print(f"compiling {name} before the tests did not end in 600 s", file=sys.stderr)
 
 
 def pytest_collection_finish() -> None:

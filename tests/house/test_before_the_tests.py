@@ -19,32 +19,13 @@ def test_a_compilation_that_hangs_is_ended_and_told(
         asked.append(timeout)
         raise subprocess.TimeoutExpired([str(word) for word in words], timeout or 0.0)
 
-    class Hanging:
-        """A process that ends when it is killed."""
-
-        def __init__(self, words: list[object], **_: object) -> None:
-            self.dead = False
-
-        def wait(self, timeout: float | None = None) -> int:
-            if not self.dead:
-                assert timeout is not None and 0.0 <= timeout <= 600.0
-                raise subprocess.TimeoutExpired(["it"], timeout)
-            ended.append(self)
-            return -9
-
-        def kill(self) -> None:
-            self.dead = True
-
-    ended: list[Hanging] = []
     spec = importlib.util.spec_from_file_location("the_conftest", ROOT / "tests" / "conftest.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     monkeypatch.setattr(subprocess, "run", hang)
-    monkeypatch.setattr(subprocess, "Popen", Hanging)
     source = pytest.Config.ArgsSource
     config = SimpleNamespace(args_source=source.TESTPATHS, ArgsSource=source, getoption=lambda *_: 2)
     module.pytest_sessionstart(SimpleNamespace(config=config))
-    assert len(ended) == len(module.SHARED)
     assert asked == [600.0, 600.0]
     assert capsys.readouterr().err.count("did not end in 600 s") == 2
