@@ -161,3 +161,17 @@ def test_a_contact_rendered_in_one_call_is_the_one_rendered_call_by_call() -> No
         assert np.array_equal(fingers[i], other["x"][0, : fingers.shape[1]])
     assert own.tobytes() == again.tobytes()
     assert found[-1] != found[0]
+
+
+@pytest.mark.parametrize("longest", [0, 60])
+def test_behind_a_wire_the_unexplained_flux_is_as_uncertain_again_when_a_finger_comes(longest: int) -> None:
+    """What a delay that differs had looked like on the bare plate led polystyrene 10 % off."""
+    law = ModelLaw(
+        DisplayParams(), FINGER, 310.15, 306.15, 2e-3, 296.15, PERIOD, band=(288.15, 313.15), ceiling=6.4,
+        longest=longest,
+    )  # fmt: skip
+    state = Record.of(law.fields())
+    law.reset(state)
+    state["cover"][at.FLUX, at.FLUX] = 4.0
+    law.begin(state, 0.0)
+    assert state["cover"][at.FLUX, at.FLUX] == 4.0 + (law.prior[at.FLUX] ** 2 if longest else 0.0)
