@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -148,6 +149,45 @@ def test_state_is_one_packed_record_without_gaps() -> None:
     assert sum(kind.itemsize for kind, _ in (entry[:2] for entry in fields.values())) == engine.state.nbytes
     assert "objects.pose" in engine.state
     assert "objects.twist" in engine.state
+
+
+def test_a_session_is_run_by_one_thread_at_a_time() -> None:
+    """Two that tick at once would write one State, and send devices what neither of them has checked."""
+    alone, session, refused = itouch.build(FIRST), itouch.build(FIRST), list[str]()
+    alone.run(0.05)
+
+    def beside() -> None:
+        for call in (session.tick, lambda: session.run(0.01)):
+            try:
+                call()
+            except itouch.EngineError as error:
+                refused.append(str(error))
+
+    def each() -> None:
+        if session.ticks == 20:
+            other = threading.Thread(target=beside)
+            other.start()
+            other.join()
+
+    session.run(0.05, each=each)
+    assert session.state.tobytes() == alone.state.tobytes()
+    assert len(refused) == 2, "a second thread ran a session that was being run"
+    assert all("runs already" in sentence and "stop()" in sentence for sentence in refused)
+    session.run(0.01)  # when it is over, whoever wants to may go on
+
+
+def test_nothing_that_a_tick_calls_can_run_another() -> None:
+    session, refused = itouch.build(FIRST), list[str]()
+
+    def tap(tick: int) -> None:
+        if tick == 5:
+            with pytest.raises(itouch.EngineError, match="runs already") as caught:
+                session.tick()
+            refused.append(str(caught.value))
+
+    session.taps.append(tap)
+    session.run(0.01)
+    assert refused and session.ticks == 10
 
 
 def test_running_without_a_motion_needs_a_time(write: Write) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
+from threading import get_ident
 from types import TracebackType
 from typing import Any
 
@@ -46,6 +47,10 @@ from itouch.world.plugin_errors import failing
 
 #: On a virtual clock every so many ticks are timed part by part; in real time all are.
 _SAMPLED = 16
+_UNDER_WAY = (
+    "this session runs already, in another thread or in whatever calls this from within a tick: "
+    "let one thread run it, and stop() end its run"
+)
 
 
 class EngineError(ItouchError):
@@ -109,6 +114,8 @@ class Engine:
         self.guarded = False
         #: Host seconds at the start of the last tick, after its steps if they were timed, and at its end.
         self.stamps = np.zeros(1 + max(1, len(self.plan.steps)))
+        #: The thread in which a run is under way, 0: none; and whether a tick is.
+        self._runs_in, self._ticking = 0, False
         #: Called with the number of a tick when it is over, also in the safe sequence; they must not change the State.
         self.taps: list[Callable[[int], None]] = []
         #: Where the plan has stopped in a tick that was begun by compiled code, shape (1,).
@@ -261,8 +268,17 @@ class Engine:
         DeviceFaultError
             If a device failed; all devices have been made safe.
         EngineError
-            If hardware is in the rig and ``enable`` was not called.
+            If hardware is in the rig and ``enable`` was not called, or a tick is under way: one thread runs a session.
         """
+        if self._ticking or self._runs_in not in (0, get_ident()):
+            raise EngineError(_UNDER_WAY)
+        self._ticking = True
+        try:
+            self._run_tick()
+        finally:
+            self._ticking = False
+
+    def _run_tick(self) -> None:
         if not self._enabled:
             self._require_enabled()
         if self._unfinished:
@@ -472,8 +488,21 @@ class Engine:
             If there is neither a time nor a scripted motion.
         DeviceFaultError
             If a device failed; all devices have been made safe.
+        EngineError
+            If hardware is in the rig and ``enable`` was not called, or a run is under way in another thread.
         """
         self._pacing.check(seconds, until)
+        if self._runs_in or self._ticking:
+            raise EngineError(_UNDER_WAY)
+        self._runs_in = get_ident()
+        try:
+            self._run(seconds, until, each, every)
+        finally:
+            self._runs_in = 0
+
+    def _run(
+        self, seconds: float | None, until: Callable[[], bool] | None, each: Callable[[], None] | None, every: int
+    ) -> None:
         self._require_enabled()
         if self._paced and now() - self._told > HOLD and self._operator.hold.word(self.ticks):
             self._operator.hold.press(self.ticks, False)  # it was held before a pause in which no tick has counted
