@@ -26,6 +26,8 @@ from itouch.schema.units import parse_unit
         (".5 m", "m", 1, (0.5,)),
         ("50 %", "", 1, (0.5,)),
         ("1,2,3 mm", "m", 3, (0.001, 0.002, 0.003)),
+        ("1, 2, 3 mm", "m", 3, (0.001, 0.002, 0.003)),
+        ("-1,-2 ,3 mm", "m", 3, (-0.001, -0.002, 0.003)),
     ],
 )
 def test_reads(text: str, unit: str, size: int, expected: tuple[float, ...]) -> None:
@@ -55,6 +57,30 @@ def test_reads(text: str, unit: str, size: int, expected: tuple[float, ...]) -> 
 def test_refuses(text: str, unit: str, says: str) -> None:
     with pytest.raises(QuantityError, match=says.replace("(", r"\(").replace(")", r"\)").replace("*", r"\*")):
         parse_quantity(text, unit)
+
+
+@pytest.mark.parametrize(
+    ("text", "size", "meant"),
+    [
+        ("0,2 s", 1, "0.2 s"),
+        ("0,2s", 1, "0.2s"),
+        ("1,5e-1,2 s", 2, ""),
+        ("1,2,3 s", 1, ""),
+        ("1, 2 s", 1, ""),
+        ("1 2 s", 1, ""),
+    ],
+)
+def test_who_writes_decimal_commas_is_shown_the_point(text: str, size: int, meant: str) -> None:
+    with pytest.raises(QuantityError, match="found") as caught:
+        parse_quantity(text, "s", size=size)
+    assert caught.value.advice.endswith(f"did you mean '{meant}'?") == bool(meant)
+
+
+@pytest.mark.parametrize("text", ["1,5 2 mm", "2 1,5 mm", "-2 -1,5 mm", "0,5 60 mm", "1 2,5mm"])
+def test_a_decimal_comma_is_not_read_as_one_number_more(text: str) -> None:
+    """Three numbers are expected, and there would be three."""
+    with pytest.raises(QuantityError, match="a comma and blanks between its numbers"):
+        parse_quantity(text, "m", size=3)
 
 
 def test_celsius_is_a_point_on_a_scale() -> None:

@@ -13,6 +13,8 @@ from itouch.schema import units
 
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?")
 _SEPARATOR = re.compile(r"\s*[\s,]\s*")
+_DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
+_MIXED = re.compile(r"\d,\d\S*\s+[-+.\d]|\d\s+[-+.]*\d\S*,\d")
 
 
 class QuantityError(ValueError):
@@ -99,14 +101,27 @@ def parse_quantity(
     if not words and written and not _is_unit(written):
         raise QuantityError(f"'{written}' is not a number", describe(unit, size, absolute))
     numbers = [parse_number(word) for word in words]
+    if _MIXED.search(text):  # "1,5 2 mm": the three numbers that it could be are not what was meant
+        raise QuantityError(
+            f"'{text.strip()}' has a comma and blanks between its numbers",
+            "a decimal point in a number, and the same between all numbers",
+        )
     if len(numbers) not in counts:
         wanted = " or ".join(str(count) for count in counts)
         raise QuantityError(
             f"expected {wanted} number{'s' if counts != (1,) else ''}, found {len(numbers)}",
-            describe(unit, size, absolute),
+            _with_points(text, counts) or describe(unit, size, absolute),
         )
     factor, offset = _conversion(written, unit, absolute, size)
     return tuple(number * factor + offset if offset else number * factor for number in numbers)
+
+
+def _with_points(text: str, counts: tuple[int, ...]) -> str:
+    """Return advice for who wrote decimal commas; nothing if points in their place would not do either."""
+    pointed = _DECIMAL_COMMA.sub(".", text.strip())
+    words, _ = split_unit(pointed)
+    right = pointed != text.strip() and len(words) in counts and all(map(_NUMBER.fullmatch, words))
+    return f"a comma stands between numbers; did you mean '{pointed}'?" if right else ""
 
 
 def _conversion(written: str, unit: str, absolute: bool, size: int | tuple[int, ...]) -> tuple[float, float]:
