@@ -239,11 +239,11 @@ def test_what_is_looked_at_together_is_simple_with_one_surface() -> None:
 
 def test_a_twin_that_is_replaced_in_a_run_is_read_by_python() -> None:
     bench = Bench(ARM)
-    bench.say([0.1] * 7)
+    bench.say([0.1] * 3 + [0.5] * 4)
     bench.tick(0)
-    bench.both(lambda one: setattr(one, "twin", Reading(np.full(40, 0.2))))
+    bench.both(lambda one: setattr(one, "twin", Reading(np.array([0.0] + [0.2] * 3 + [-0.5] * 4 + [0.0] * 32))))
     bench.tick(1)
-    assert bench.one[2].reading["pose"].tolist() == [0.2] * 7
+    assert bench.one[2].reading["pose"].tolist() == [0.2] * 3 + [-0.5] * 4
 
 
 @pytest.mark.parametrize("channels", [ARM, TABLE, PLATE], ids=["arm", "table", "plate"])

@@ -173,9 +173,48 @@ def test_temperatures_do_not_jump_but_skin_may() -> None:
 def test_orientation_and_force_may_jump() -> None:
     watch = watched(TABLE[0], TABLE[1])
     assert trip_of(watch) is None
-    watch.reading["pose"][3:] = (-1.0, 1.0, 0.5, -0.5)
+    watch.reading["pose"][3:] = (-0.5, 0.5, 0.5, -0.5)
     watch.reading["wrench"][:] = 40.0
     assert trip_of(watch) is None
+
+
+@pytest.mark.parametrize(
+    ("turn", "believed"),
+    [
+        ((1.0, 0.0, 0.0, 0.0), True),
+        ((-0.5, 0.5, -0.5, 0.5), True),
+        ((0.0, 0.0, 0.0, 0.0), True),  # none is told
+        ((0.707, 0.707, 0.0, 0.0), True),
+        ((0.0, 0.0, 0.0, 1.0009), True),
+        ((0.5, 0.0, 0.0, 0.0), False),
+        ((0.0, 0.98, 0.0, 0.0), False),
+        ((0.9, 0.9, 0.9, 0.9), False),
+        ((0.0, 0.0, 1e-9, 0.0), False),
+    ],
+)
+def test_a_quaternion_is_a_rotation(turn: tuple[float, ...], believed: bool) -> None:
+    """Another length would stretch the place of what is mounted on the device."""
+    watch = watched((measured_wrench(), pose()))
+    watch.reading["pose"][3:] = turn
+    found, length = trip_of(watch), math.dist(turn, (0.0,) * 4)
+    assert readings_of(watch).sane(watch.reading) == believed
+    if believed:
+        assert found is None
+    else:
+        assert found is not None
+        assert found[0] is Trip.SENSOR_RANGE
+        assert f"reads a quaternion of length {length:.3g} (pose), which is no rotation" in found[1]
+
+
+def test_a_place_without_a_rotation_is_put_back_and_a_force_is_not() -> None:
+    watch = watched((pose(), measured_wrench()))
+    watch.reading["pose"][:] = (0.1, 0.2, 0.3, 1.0, 0.0, 0.0, 0.0)
+    assert trip_of(watch) is None
+    watch.reading["pose"][:] = (0.1, 0.2, 0.3, 0.25, 0.0, 0.0, 0.0)
+    watch.reading["wrench"][2] = 1.5
+    readings_of(watch).mend(watch.state, watch.reading)
+    assert watch.reading["pose"].tolist() == [0.1, 0.2, 0.3, 1.0, 0.0, 0.0, 0.0]
+    assert watch.reading["wrench"][2] == 1.5
 
 
 def test_two_sensors_of_the_plate_agree() -> None:

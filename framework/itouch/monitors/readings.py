@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -27,9 +27,13 @@ FINGER_SPEED, STEPS, WORKSPACE = 5.0, 0.002, 2.0
 SURFACE_MARGIN = 3.0
 #: Two sensors of the plate differ at most so much [K].
 DISAGREEMENT = 3.0
+#: How far a quaternion's length may be from 1: three decimals do. Another would stretch what is mounted on the device.
+STRETCH = 0.01
 #: A flux sensor at the end of its scale is believed; its last count may lie beyond.
 SATURATED = 1.01
 _MOST = 1e300
+#: By how much the squares of a quaternion's parts then miss 1.
+_STRETCHED = (1.0 + STRETCH) ** 2 - 1.0
 
 Floats = list[float]
 
@@ -60,6 +64,7 @@ class Readings(Monitor):
         self._low, self._high, self._speeds = low, high, speeds
         self._sane = [bounds for channel in device.reads for bounds in _sane(channel)]
         self._pairs = pairs(device)
+        self._turns = turns(device)
 
     @classmethod
     def of(cls, device: Watched) -> Iterable[Monitor]:
@@ -74,7 +79,13 @@ class Readings(Monitor):
                 "believed", "f8", count, unit="mixed", doc="the last reading that was believed, in the channels' units"
             ),
             Field("known", "i8", low=0, high=1, unit="1", doc="1 while the next reading is compared with that one"),
-            Field("figure", "f8", 2, unit="mixed", doc="which number tripped, and how far two sensors were apart"),
+            Field(
+                "figure",
+                "f8",
+                2,
+                unit="mixed",
+                doc="which number tripped; how far two sensors were apart, or how long a quaternion was",
+            ),
         )
 
     def forget(self, state: Record) -> None:
@@ -99,16 +110,18 @@ class Readings(Monitor):
         for channel in self.device.reads:
             end = at + channel.size
             bounds = self._sane[at:end]
-            if not all(
+            within = all(
                 low <= value <= high for value, (low, high) in zip(values[at:end].tolist(), bounds, strict=True)
-            ):
+            )
+            if not within or not all(_rotation(values, turn) for turn in self._turns if at <= turn < end):
                 values[at:end] = state["believed"][at:end]
             at = end
 
     def sane(self, reading: Record) -> bool:
         """Tell whether a reading can be worked with at all, though a limit may be passed."""
         values: Floats = reading.numbers.tolist()
-        return all(low <= value <= high for value, (low, high) in zip(values, self._sane, strict=True))
+        within = all(low <= value <= high for value, (low, high) in zip(values, self._sane, strict=True))
+        return within and all(_rotation(values, turn) for turn in self._turns)
 
     def memory(self, state: Record) -> readings_kernels.Memory:
         """Return what it remembers as compiled code takes it."""
@@ -132,8 +145,8 @@ class Readings(Monitor):
             np.array(self._low), np.array(self._high), np.array(trips, np.int64), np.array(checked, np.int64),
             speeds[:, 0].copy(), speeds[:, 1].copy(), np.array([one for one, _ in self._pairs], np.int64),
             np.array([other for _, other in self._pairs], np.int64), np.array([DISAGREEMENT]),
-            np.array([int(Trip.SENSOR_DISAGREE)]), np.array([int(Trip.SENSOR_JUMP)]),
-            np.array([int(Trip.NOT_A_NUMBER)]),
+            np.array(self._turns, np.int64), np.array([_STRETCHED]), np.array([int(Trip.SENSOR_DISAGREE)]),
+            np.array([int(Trip.SENSOR_JUMP)]), np.array([int(Trip.NOT_A_NUMBER)]), np.array([int(Trip.SENSOR_RANGE)]),
         )  # fmt: skip
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
@@ -151,6 +164,8 @@ class Readings(Monitor):
         value, last = (float(x) for x in (reading.numbers[index], state["believed"][index]))
         if code == Trip.NOT_A_NUMBER:
             return f"reads {not_finite([value])} ({channel.name})"
+        if code == Trip.SENSOR_RANGE and apart > 0.0:
+            return f"reads a quaternion of length {apart:.3g} ({channel.name}), which is no rotation"
         if code == Trip.SENSOR_DISAGREE:
             return f"has two sensors that differ by {apart:.1f} K"
         if code == Trip.SENSOR_JUMP:
@@ -223,6 +238,22 @@ def pairs(device: Watched) -> list[tuple[int, int]]:
     """Return which two numbers of the reading measure the same plate."""
     found = [number for number, _, _ in plates(device)]
     return [] if separate(device) else [(found[0], other) for other in found[1:]]
+
+
+def turns(device: Watched) -> list[int]:
+    """Return the numbers of the reading at which the quaternion of a pose begins."""
+    at, found = 0, []
+    for channel in device.reads:
+        if channel.role is Role.TRACKED_POSE and channel.size == 7:
+            found.append(at + 3)
+        at += channel.size
+    return found
+
+
+def _rotation(values: Any, at: int) -> bool:
+    """Tell whether four numbers of a reading (n,) are a rotation, or all zero, which tells none."""
+    squared = math.fsum(float(value) ** 2 for value in values[at : at + 4])
+    return squared == 0.0 or abs(squared - 1.0) <= _STRETCHED
 
 
 def _range(channel: Channel, limits: Mapping[str, object]) -> tuple[Floats, Floats]:

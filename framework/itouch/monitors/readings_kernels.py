@@ -32,9 +32,12 @@ class Believable(NamedTuple):
     first: Numbers
     second: Numbers
     apart: Floats
+    turns: Numbers
+    stretch: Floats
     disagree: Numbers
     jump: Numbers
     odd: Numbers
+    outside: Numbers
 
 
 class Memory(NamedTuple):
@@ -58,6 +61,13 @@ def _found(able: Any, memory: Any, values: Floats) -> float:
 
 
 @kernel
+def squared_length(values: Floats, at: int) -> float:
+    """Return the sum of the squares of a quaternion's four parts, no unit; it begins at a number of a reading (n,)."""
+    w, x, y, z = float(values[at]), float(values[at + 1]), float(values[at + 2]), float(values[at + 3])
+    return w * w + x * x + y * y + z * z
+
+
+@kernel
 def doubt(able: Any, memory: Any, values: Floats, seconds: float) -> float:
     """Return 1, or minus the trip of a reading (n,) that cannot be believed, so many seconds after the one before.
 
@@ -78,6 +88,11 @@ def doubt(able: Any, memory: Any, values: Floats, seconds: float) -> float:
         if abs(value - last) > able.speed[i] * seconds + able.room[i]:
             memory.figure[0], memory.figure[1] = i, 0.0
             return -float(able.jump[0])
+    for k in range(len(able.turns)):
+        squared = squared_length(values, able.turns[k])
+        if abs(squared - 1.0) > able.stretch[0] and squared != 0.0:  # all zeros: no rotation is told
+            memory.figure[0], memory.figure[1] = able.turns[k], math.sqrt(squared)
+            return -float(able.outside[0])
     for k in range(len(able.first)):
         apart = abs(values[able.first[k]] - values[able.second[k]])
         if apart > able.apart[0]:
