@@ -203,6 +203,17 @@ FOUND = [
     pytest.param(101, 32, "step", id="the normal jumps just before the contact is the arm's"),
     pytest.param(101, 494, "step", id="the normal jumps just after it was the plate's"),
     pytest.param(101, 192, "plate", id="and over the faces of a mesh"),
+    pytest.param(90212, 185, "plate", id="where two faces meet it has changed its speed when the finger is there"),
+    pytest.param(90212, 592, "plate", id="and where two slopes meet"),
+    pytest.param(90212, 226, "plate", id="and where a finger goes faster or slower"),
+    pytest.param(90212, 235, "plate", id="a plate that has yielded comes back, and learns nothing wrong by it"),
+    pytest.param(90212, 101, "step", id="a plate that arrives slows down to its surface's speed"),
+    pytest.param(90212, 198, "step", id="the limit of a plate that goes reckons with its own speed"),
+    pytest.param(90212, 227, "step", id="a plate that is just felt gives the pad's damping once"),
+    pytest.param(90212, 942, "step", id="a steep face below is no plate's, whatever the finger touches"),
+    pytest.param(77031, 235, "step", id="a plate does not rise to a steep face that comes"),
+    pytest.param(90212, 59, "aside", id="friction that turns round is followed"),
+    pytest.param(51777, 18, "arm", id="an arm at its limit takes over in good time"),
 ]
 
 

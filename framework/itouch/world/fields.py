@@ -87,6 +87,13 @@ _SURFACE = (
     Field("surface.lingered_at", unit="s", doc="when that ended"),
     Field("surface.wanted", "f8", 3, unit="N", doc="what the arm was to give, were the force not led over"),
     Field("surface.virtual", "f8", 3, unit="N", doc="the virtual force a tick ago"),
+    Field("surface.stirs", "f8", 2, unit="N", doc="by how much it changed in the last two ticks, the newest first"),
+    Field("surface.goes", "f8", 2, unit="m/s", doc="how fast the finger goes in x and y, smoothed"),
+    Field("surface.lifts", unit="m/s", doc="how fast the object lifts the surface under the finger, smoothed"),
+    Field("surface.slope", "f8", 2, unit="1", doc="how steep it is in x and y where the finger will be in 3 ms"),
+    Field("surface.turns", unit="m/s^2", doc="how fast `climb` will change in 3 ms because the slope does"),
+    Field("surface.hastens", unit="m/s^2", doc="how fast `climb` changes because finger or object change their speed"),
+    Field("surface.rises", unit="m/s", doc="how fast the plate rises as its surface does, or by itself, smoothed"),
 )
 
 
