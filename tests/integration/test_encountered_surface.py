@@ -278,7 +278,7 @@ def test_what_other_limits_are_made_of_is_what_it_reckons_with() -> None:
     assert (own.LOW, own.HIGH, own.TOUCH, own.LEFT) == (memory.LOW, memory.HIGH, memory.TOUCH, memory.LEFT)
     assert (own.ABOUT, motion.HAND_OVER) == (memory.ABOUT, memory.HAND_OVER)
     assert motion.SEEN_AHEAD == ground.AHEAD
-    assert 2 * round(ground.AHEAD * 4000.0) <= own.MOST_TURNS  # at the fastest servo rate
+    assert 2 * round(ground.AHEAD * 4000.0) <= own.MOST_KINKS  # at the fastest servo rate
 
 
 #: Over the top of the ball and back, so quickly that a drive is late.
@@ -305,7 +305,7 @@ def test_it_rounds_a_kink_off_and_is_on_both_faces_before_and_after(period: floa
     """Its speed grows by the same from tick to tick, from when the kink is seen to as long after it."""
     ahead = max(1, round(motion.SEEN_AHEAD / period))
     numbers = motion.Numbers(8e-3, 5e-3, 0.9, 0.92, period, 2.0, 2.0, 1e3, True, 2e-4, 4e-3, ahead, 0.0, 0.0, 0.0)
-    state, steepens = np.zeros(own.TURNED + own.MOST_TURNS), 0.05  # [m/s]
+    state, steepens = np.zeros(own.KINKS + own.MOST_KINKS), 0.05  # [m/s]
     state[own.INERTIA] = 1.6e-5
     off = [motion._bend(numbers, state, steepens / period if k == 0 else 0.0, 0.0, True) for k in range(4 * ahead)]
     surface = steepens * period * np.maximum(0.0, np.arange(4 * ahead) - (ahead - 0.5))
@@ -317,10 +317,10 @@ def test_it_rounds_a_kink_off_and_is_on_both_faces_before_and_after(period: floa
 
 def test_a_contact_that_begins_forgets_how_the_slope_turned() -> None:
     numbers = motion.Numbers(8e-3, 5e-3, 0.9, 0.92, 1e-3, 2.0, 2.0, 1e3, True, 2e-4, 4e-3, 3, 0.0, 0.0, 0.0)
-    state = np.ones(own.TURNED + own.MOST_TURNS)
+    state = np.ones(own.KINKS + own.MOST_KINKS)
     assert motion._bend(numbers, state, 50.0, 2.0, False) == 0.0
     assert state[own.BENDS] == state[own.HASTE] == 0.0
-    assert not state[own.TURNED : own.TURNED + 6].any()
+    assert not state[own.KINKS : own.KINKS + 6].any()
 
 
 def test_a_slope_is_seen_to_turn_three_milliseconds_before_the_finger_is_there(tmp_path: Path) -> None:

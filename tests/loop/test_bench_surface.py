@@ -188,10 +188,10 @@ def test_a_wrong_number_is_a_sentence(wrong: list[str], capsys: pytest.CaptureFi
 @pytest.mark.long
 @pytest.mark.campaign
 def test_few_scenes_that_nobody_has_seen_break_a_law(capsys: pytest.CaptureFixture[str]) -> None:
-    """What is left: hands that fall faster than the table, faces of meshes that a finger goes over quickly."""
+    """What is left: hands that fall faster than the table."""
     wrong = campaign(range(210), 400)
     tell(capsys.readouterr().out)
-    assert wrong <= 10
+    assert wrong <= 3
 
 
 #: Scenes that broke a law once, and which.

@@ -29,6 +29,7 @@ from itouch_encountered.own import (
     HERE,
     HIGH,
     INERTIA,
+    KINKS,
     LAG,
     LEFT,
     LOST,
@@ -38,7 +39,6 @@ from itouch_encountered.own import (
     SPEED,
     TAKES,
     TOUCH,
-    TURNED,
     YIELDS,
 )
 
@@ -231,13 +231,13 @@ def _bend(c: Any, own: Any, turns: float, hastens: float, goes_on: bool) -> floa
     ticks = 2 * c.ahead
     if not goes_on:
         for i in range(ticks):
-            own[TURNED + i] = 0.0
+            own[KINKS + i] = 0.0
         own[BENDS] = own[HASTE] = 0.0
         return 0.0
     mean = rounds = 0.0
     for i in range(ticks - 1, -1, -1):
-        turned = own[TURNED + i - 1] if i > 0 else turns
-        own[TURNED + i] = turned
+        turned = own[KINKS + i - 1] if i > 0 else turns
+        own[KINKS + i] = turned
         mean += turned / ticks
         # So far it has gone with a speed that grows from tick to tick, and the surface since it turned, at once.
         rounds += turned * (0.5 * i * (i + 1) / ticks - max(0.0, i - c.ahead + 0.5))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itouch.plugin import Field
 
 #: Of how many ticks it remembers at most how the slope turned: of 6 ms at 4 kHz.
-MOST_TURNS = 24
+MOST_KINKS = 24
 #: First what it says of the surface (`itouch.plugin.Carries`), then what it remembers.
 FIELDS = tuple(
     Field(name, unit=unit, doc=doc, show="no")
@@ -34,12 +34,12 @@ FIELDS = tuple(
     )
 )
 FIELDS += (
-    Field("turned", "f8", MOST_TURNS, unit="m/s^2", doc="how fast a slope bends it, the newest tick first", show="no"),
+    Field("kinks", "f8", MOST_KINKS, unit="m/s^2", doc="how fast a slope bends it, the newest tick first", show="no"),
 )
 
 TAKES, AT_FINGER, DISTANCE, GAP, COMING, LOST, YIELDS = range(7)
 ARRIVED, PRESS, FREE, UNFELT, GIVE, LAG, UNASKED, BENDS, HASTE, INERTIA = range(7, 17)
-HERE, SPEED, RUSHES, SHIFT, TURNED = range(17, 22)
+HERE, SPEED, RUSHES, SHIFT, KINKS = range(17, 22)
 
 #: What `LOST` says: the surface is lower than its height says, or higher.
 LOW, HIGH = 1.0, 2.0
