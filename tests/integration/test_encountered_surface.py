@@ -23,7 +23,7 @@ from shipped import SCENES
 from strangers import install
 
 import itouch
-from itouch.loop.surface import memory
+from itouch.loop.surface import ground, memory
 from itouch.monitors.thresholds import DOUBT_GAP, DOUBT_GAP_UNCALIBRATED
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch.session import layout
@@ -277,6 +277,78 @@ def test_what_other_limits_are_made_of_is_what_it_reckons_with() -> None:
     assert modality.ROOM == ROOM
     assert (own.LOW, own.HIGH, own.TOUCH, own.LEFT) == (memory.LOW, memory.HIGH, memory.TOUCH, memory.LEFT)
     assert (own.ABOUT, motion.HAND_OVER) == (memory.ABOUT, memory.HAND_OVER)
+    assert motion.SEEN_AHEAD == ground.AHEAD
+    assert 2 * round(ground.AHEAD * 4000.0) <= own.MOST_KINKS  # at the fastest servo rate
+
+
+#: Over the top of the ball and back, so quickly that a drive is late.
+TO_AND_FRO = '<to pos="0 0 40 mm" in="0.2 s" hold="0.2 s"/><to pos="0 0 25 mm" in="0.4 s" hold="0.2 s"/>' + (
+    '<to pos="14 3 23 mm" in="0.2 s"/><to pos="-14 3 23 mm" in="0.2 s"/>' * 4
+)
+
+
+@pytest.mark.parametrize("bandwidth", [25.0, 40.0, 60.0])
+def test_it_learns_how_late_a_drive_is_where_a_surface_bends(bandwidth: float, tmp_path: Path) -> None:
+    """A position control of a bandwidth w is x'' / w2 behind: so much more it must be sent."""
+    table = TABLE.format(mount='pos="0 0 -8 mm"', more="").replace("travel", f'bandwidth="{bandwidth} Hz" travel')
+    path = tmp_path / "scene.xml"
+    path.write_text(SCENE.format(world=BALL, devices=table, motion=TO_AND_FRO, probe="", safety=""), encoding="utf-8")
+    session = itouch.build(path, seed=1)
+    session.records = False
+    session.run(until=lambda: session.done)
+    behind = 1.0 / (2.0 * np.pi * bandwidth) ** 2
+    assert session.state["finger.surface.inertia"].item() == pytest.approx(behind, rel=0.2)
+
+
+@pytest.mark.parametrize("period", [2.5e-4, 1e-3, 3e-3])
+def test_it_rounds_a_kink_off_and_is_on_both_faces_before_and_after(period: float) -> None:
+    """Its speed grows by the same from tick to tick, from when the kink is seen to as long after it."""
+    ahead = max(1, round(motion.SEEN_AHEAD / period))
+    numbers = motion.Numbers(8e-3, 5e-3, 0.9, 0.92, period, 2.0, 2.0, 1e3, True, 2e-4, 4e-3, ahead, 0.0, 0.0, 0.0)
+    state, steepens = np.zeros(own.KINKS + own.MOST_KINKS), 0.05  # [m/s]
+    state[own.INERTIA] = 1.6e-5
+    off = [motion._bend(numbers, state, steepens / period if k == 0 else 0.0, 0.0, True) for k in range(4 * ahead)]
+    surface = steepens * period * np.maximum(0.0, np.arange(4 * ahead) - (ahead - 0.5))
+    bends = np.diff(surface + off, n=2, prepend=[0.0, 0.0]) / period**2
+    assert bends[1 : 2 * ahead + 1] == pytest.approx(np.full(2 * ahead, steepens / (2 * ahead) / period), rel=1e-9)
+    assert np.abs(off[2 * ahead :]).max() < 1e-15
+    assert np.abs(bends[2 * ahead + 1 :]).max() < 1e-6
+
+
+def test_a_contact_that_begins_forgets_how_the_slope_turned() -> None:
+    numbers = motion.Numbers(8e-3, 5e-3, 0.9, 0.92, 1e-3, 2.0, 2.0, 1e3, True, 2e-4, 4e-3, 3, 0.0, 0.0, 0.0)
+    state = np.ones(own.KINKS + own.MOST_KINKS)
+    assert motion._bend(numbers, state, 50.0, 2.0, False) == 0.0
+    assert state[own.BENDS] == state[own.HASTE] == 0.0
+    assert not state[own.KINKS : own.KINKS + 6].any()
+
+
+def test_a_slope_is_seen_to_turn_three_milliseconds_before_the_finger_is_there(tmp_path: Path) -> None:
+    """A trough: two planes of 10 degrees, over which a finger goes at up to 0.1 m/s."""
+    halves = "".join(
+        f'<box name="half{side}" size="60 60 10 mm" pos="{30 * side} 0 5 mm" rpy="0 {-10 * side} 0 deg" material="m"/>'
+        for side in (-1, 1)
+    )
+    motion_ = (
+        '<to pos="-15 0 40 mm" in="0.2 s" hold="0.2 s"/><to pos="-15 0 11 mm" in="0.4 s" hold="0.2 s"/>'
+        '<to pos="15 0 11 mm" in="0.6 s"/>'
+    )
+    path, table = tmp_path / "scene.xml", TABLE.format(mount='pos="0 0 -8 mm"', more="")
+    path.write_text(SCENE.format(world=halves, devices=table, motion=motion_, probe="", safety=""), encoding="utf-8")
+    session = itouch.build(path, seed=1)
+    session.records = False
+    rows: list[tuple[float, ...]] = []
+    state, names = session.state, ("finger.surface.turns", "finger.surface.climb")
+    session.taps.append(
+        lambda tick: rows.append((*(state[name].item() for name in names), state["finger.hip"][0].item()))
+    )
+    session.run(until=lambda: session.done)
+    turns, climb, x = np.array(rows)[np.abs(np.array(rows)[:, 2]) < 5e-3].T
+    kink, seen = int(np.diff(climb).argmax()) + 1, int(turns.argmax())
+    assert abs(x[kink]) < 2e-3
+    assert climb[kink] - climb[kink - 1] > 0.02
+    assert kink - seen in (2, 3, 4)
+    assert turns[seen] * session.model.period == pytest.approx(climb[kink] - climb[kink - 1], rel=0.1)
 
 
 def test_the_conformance_suite_finds_nothing_wrong(tmp_path: Path) -> None:

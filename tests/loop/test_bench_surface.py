@@ -188,10 +188,10 @@ def test_a_wrong_number_is_a_sentence(wrong: list[str], capsys: pytest.CaptureFi
 @pytest.mark.long
 @pytest.mark.campaign
 def test_few_scenes_that_nobody_has_seen_break_a_law(capsys: pytest.CaptureFixture[str]) -> None:
-    """What is left: hands that fall faster than the table, faces of meshes that a finger goes over quickly."""
+    """What is left: hands that fall faster than the table."""
     wrong = campaign(range(210), 400)
     tell(capsys.readouterr().out)
-    assert wrong <= 10
+    assert wrong <= 3
 
 
 #: Scenes that broke a law once, and which.
@@ -203,6 +203,17 @@ FOUND = [
     pytest.param(101, 32, "step", id="the normal jumps just before the contact is the arm's"),
     pytest.param(101, 494, "step", id="the normal jumps just after it was the plate's"),
     pytest.param(101, 192, "plate", id="and over the faces of a mesh"),
+    pytest.param(90212, 185, "plate", id="where two faces meet it has changed its speed when the finger is there"),
+    pytest.param(90212, 592, "plate", id="and where two slopes meet"),
+    pytest.param(90212, 226, "plate", id="and where a finger goes faster or slower"),
+    pytest.param(90212, 235, "plate", id="a plate that has yielded comes back, and learns nothing wrong by it"),
+    pytest.param(90212, 101, "step", id="a plate that arrives slows down to its surface's speed"),
+    pytest.param(90212, 198, "step", id="the limit of a plate that goes reckons with its own speed"),
+    pytest.param(90212, 227, "step", id="a plate that is just felt gives the pad's damping once"),
+    pytest.param(90212, 942, "step", id="a steep face below is no plate's, whatever the finger touches"),
+    pytest.param(77031, 235, "step", id="a plate does not rise to a steep face that comes"),
+    pytest.param(90212, 59, "aside", id="friction that turns round is followed"),
+    pytest.param(90212, 367, "step", id="what a sensor reads of nothing does not rise"),
 ]
 
 

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from shipped import SCENES
 
+from itouch.loop import render
+from itouch.loop.surface import force, memory
 from itouch_evidence.surface.course import Course, Floats, follow
 from itouch_evidence.surface.edges import edge, rim
 from itouch_evidence.surface.scenes import Slope
@@ -55,3 +57,26 @@ def test_a_contact_changes_hands_without_a_step(folder: Path, make: Callable[[in
     assert course.changes()
     assert excess(course).max() <= 0.0
     assert np.linalg.norm(course.total, axis=1).max() <= course.force * (1.0 + 1e-9)
+
+
+def part(share: float, normal: float, pressed: float = 0.0, *, renders: bool = False) -> float:
+    """Return the arm's share a tick after it was another, of a normal force [N] of which 2 N are allowed."""
+    c, kept = np.zeros(render.CONSTANTS), np.zeros(memory.MEMORY)
+    c[render.FORCE_LIMIT], c[render.HAS_TABLE], c[render.TABLE + 11] = 2.0, 1.0, 1.0
+    figures = np.zeros(render.FIGURES)
+    figures[render.NORMAL + 2] = 1.0
+    kept[memory.SHARE], kept[memory.RENDERS] = share, float(renders)
+    force._part(c, figures, kept, normal, pressed, True)
+    return float(kept[memory.SHARE])
+
+
+def test_the_share_of_an_arm_at_its_limit_changes_in_steps_of_what_it_may_give() -> None:
+    """Not in steps of 20 N that it may not give: it would take over for a second."""
+    assert part(0.5, 20.0) == pytest.approx(0.5 + force.HAND_STEP / 2.0)
+    assert part(0.5, 1.5) == pytest.approx(0.5 + force.HAND_STEP / 1.5)
+
+
+def test_the_share_of_an_arm_goes_on_from_what_the_plate_leaves_it() -> None:
+    assert part(0.9, 1.0, 0.62, renders=True) == pytest.approx(0.4)
+    assert part(0.9, 1.0, 0.0, renders=True) == pytest.approx(0.9 - force.HAND_STEP)
+    assert part(0.9, 1.0, 0.62) == pytest.approx(0.9 + force.HAND_STEP)  # it is to take over all of it

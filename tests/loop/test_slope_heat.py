@@ -166,7 +166,7 @@ def test_a_finger_that_slips_off_a_rim_is_let_go_at_once_and_heat_after_the_end_
     lasts = np.flatnonzero(flux)[-1] * 1e-3 - contact["end_s"]
     assert lasts < 0.03
     told = [notice for notice in report["notices"] if "after a contact had ended" in notice]
-    assert len(told) == (lasts > 1e-3)
+    assert len(told) == (lasts > 0.5e-3)  # of a single tick too
     if told:
         (after,) = re.findall(r"for (\d+) ms after", told[0])
         assert int(after) == pytest.approx(1e3 * lasts, abs=2.5)  # below 0.05 N nothing is felt

@@ -95,16 +95,16 @@ def led(withdrawn: Any, kept: Floats) -> int:
 @kernel
 def look_below(
     c: Floats, world: Floats, mesh: Any, poses: Floats, twists: Floats, table: Floats, figures: Floats, kept: Floats,
-    load: Floats, below: Any, down: Floats, normal: Floats,
+    load: Floats, below: Any, down: Floats, normal: Floats, start: Floats,
 ) -> int:  # fmt: skip
     """Find the virtual surface below the finger, for who carries one to it; ``below`` (1,) is written: whose it is.
 
     ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) of `render`, ``kept`` (MEMORY,) of the surface; ``world``
     (objects, WORLD_WIDTH), ``poses`` (objects, 7) [m; quaternion], ``twists`` (objects, 6) [m/s, rad/s]; ``table`` (7,)
-    and ``load`` (6,): what the device reads of its pose [m; quaternion] and of the force on it [N, N m]; ``down``
-    and ``normal`` (3,) as in `ground.find`.
+    and ``load`` (6,): what the device reads of its pose [m; quaternion] and of the force on it [N, N m]; ``down``,
+    ``normal`` and ``start`` (3,) as in `ground.find`.
     """
-    below[0] = ground.find(c, world, mesh, poses, twists, figures, kept, down, normal)
+    below[0] = ground.find(c, world, mesh, poses, twists, figures, kept, down, normal, start)
     plate.foresee(c, table, figures, kept, load[2])
     return 0
 
@@ -146,6 +146,7 @@ def carried(
     figures[render.PLATE_GAP] = gap[0]
     taking_over.miss(c, figures, kept, missed[0], pressed, touching, tick[0] * period)
     taking_over.take_over(c, kept, renders[0] != 0, present[0] != 0, away, coming[0], touching)
+    plate.move(c, kept, before, figures[render.PLATE_TOP])
     plate.stray(figures, sent, table)
     plate.spare(c, figures, kept, goal, pressed, yields[0])
     feel(c, figures, kept, load[2], touching)

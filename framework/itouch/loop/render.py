@@ -33,7 +33,8 @@ OFFSET = 36  # of the plate's top on what the table carries
 RADIUS, NEAR, CLEARANCE, PERIOD, SMOOTH, PLATE_LIMIT, PAD = 39, 40, 41, 42, 43, 44, 45
 FORCE_LIMIT, PAD_STIFFNESS = 46, 47  # on the finger [N]; of its pad [N/m]
 HAS_LOAD, HAS_TABLE = 48, 49  # whether a table reads the force on it; whether there is one
-CONSTANTS = 50
+PLATE_COSINE = 50  # of the steepest slope that a plate renders [1]
+CONSTANTS = 51
 
 
 @kernel

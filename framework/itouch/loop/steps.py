@@ -36,7 +36,7 @@ _TRIPPED = ("status", "trip", "tripped", "ramp")
 #: What is remembered of a surface of what its modality says; see ``itouch.loop.surface.memory``.
 _TAKEN_OVER = (
     "renders", "present", "settled", "clear", "pressed", "felt", "felt_weight", "missed", "misses", "missed_at",
-    "missed_depth", "missed_load", "changing", "lingers", "lingered", "lingered_at",
+    "missed_depth", "missed_load", "changing", "lingers", "lingered", "lingered_at", "rises",
 )  # fmt: skip
 
 
@@ -118,7 +118,21 @@ def contact(rig: ProbeRig, model: Model) -> Step:
 def look_below(rig: ProbeRig) -> Step:
     """Find the virtual surface below the finger, for the modality that carries one to it."""
     name = rig.probe.name
-    surface = _of(name, "surface.upright", "surface.climb", "surface.level", "surface.sink", "surface.off")
+    kept = (
+        "upright",
+        "climb",
+        "level",
+        "sink",
+        "off",
+        "goes_x",
+        "goes_y",
+        "lifts",
+        "slope_x",
+        "slope_y",
+        "turns",
+        "hastens",
+    )
+    surface = tuple(f"{name}.surface.{field}" for field in kept)
     written = (*_of(name, "surface_height", "below"), *surface)
     figures = _of(name, "hip", "velocity", "proxy", "normal", "penetration")
     reads = (*figures, "objects.pose", *_roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE))
@@ -165,7 +179,7 @@ def force(rig: ProbeRig) -> Step:
     reads += _of(name, "hip", "plate_top")
     reads += _roles(rig.table, Role.CONTACT_FORCE)
     reads += _roles(rig.arm, Role.FORCE_ON_OPERATOR, kind="sent")
-    kept = ("share", "cut", "changing", "load", "wanted", "virtual")
+    kept = ("share", "cut", "changing", "load", "wanted", "virtual", "stirs", "stirred")
     written = tuple(f"{name}.surface.{field}" for field in kept)
     written += _roles(rig.arm, Role.FORCE_ON_OPERATOR, kind="command")
     return joinable(f"force {name}", rig.toucher.pushes, reads, written)

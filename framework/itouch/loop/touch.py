@@ -53,7 +53,7 @@ class Toucher:
         self.model, self.probe = model, probe
         name = probe.name
         self.figures = state.flat(f"{name}.hip", f"{name}.tracking")
-        self.surface = state.flat(f"{name}.surface.renders", f"{name}.surface.virtual")
+        self.surface = state.flat(f"{name}.surface.renders", f"{name}.surface.rises")
         self.memory, self.result = state[f"{name}.memory"], state[f"{name}.result"]
         self.object, self.near_object = state[f"{name}.object"], state[f"{name}.near_object"]
         self._beside = (state[f"{name}.beside"], state[f"{name}.beside_distance"])
@@ -166,6 +166,7 @@ class Toucher:
         look = Bound(
             carrying.look_below, self._constants, model.geometry.world, model.geometry.mesh, self._poses, self._twists,
             here, self.figures, self.surface, self._load, self.below, np.array([0.0, 0.0, -1.0]), np.zeros(3),
+            np.zeros(3),
         )  # fmt: skip
         without = {"coming": np.full(1, -1.0), "missed": np.zeros(1), "yields": np.full(1, -1.0)}
         said = [
@@ -341,6 +342,7 @@ def _constants(model: Model, probe: ProbeModel, arm: Runner | None, table: Runne
     if surface is not None:
         constants[render.OFFSET : render.OFFSET + 3] = surface.face
         constants[render.PLATE_LIMIT], constants[render.PAD_STIFFNESS] = surface.greatest_force, surface.pad_stiffness
+        constants[render.PLATE_COSINE] = math.cos(surface.plate_angle)
     force = (arm.model.limits.force if arm is not None else None) or math.inf
     values = {
         render.RADIUS: probe.scene.radius,

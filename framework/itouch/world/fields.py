@@ -87,6 +87,16 @@ _SURFACE = (
     Field("surface.lingered_at", unit="s", doc="when that ended"),
     Field("surface.wanted", "f8", 3, unit="N", doc="what the arm was to give, were the force not led over"),
     Field("surface.virtual", "f8", 3, unit="N", doc="the virtual force a tick ago"),
+    Field("surface.stirs", unit="N", doc="by how much it changed a tick ago"),
+    Field("surface.stirred", unit="N", doc="by how much it changed two ticks ago"),
+    Field("surface.goes_x", unit="m/s", doc="how fast the finger goes in x, smoothed"),
+    Field("surface.goes_y", unit="m/s", doc="how fast the finger goes in y, smoothed"),
+    Field("surface.lifts", unit="m/s", doc="how fast the object lifts the surface under the finger, smoothed"),
+    Field("surface.slope_x", unit="1", doc="how steep the surface is in x where the finger will be in 3 ms"),
+    Field("surface.slope_y", unit="1", doc="how steep it is there in y"),
+    Field("surface.turns", unit="m/s^2", doc="how fast `climb` will change in 3 ms because the slope does"),
+    Field("surface.hastens", unit="m/s^2", doc="how fast `climb` changes because finger or object change their speed"),
+    Field("surface.rises", unit="m/s", doc="how fast the plate rises as its surface does, or by itself, smoothed"),
 )
 
 

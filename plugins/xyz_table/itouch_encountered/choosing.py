@@ -42,7 +42,7 @@ def along(frame: Any, normal: Any) -> float:
 def choose(c: Any, own: Any, upright: float, touching: bool, withdrawn: bool) -> None:
     """Say whose the contact is; one that has begun changes over only when it is well on the other side.
 
-    ``c``: `Numbers`; ``own`` (17,): its fields; ``upright``: the cosine of the angle between the virtual surface and
+    ``c``: `Numbers`; ``own`` (45,): its fields; ``upright``: the cosine of the angle between the virtual surface and
     this one [1]; ``withdrawn``: safety keeps it away (T4).
     """
     if touching:
@@ -64,7 +64,7 @@ def choose(c: Any, own: Any, upright: float, touching: bool, withdrawn: bool) ->
 def doubt(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> None:
     """Find that it is not where its height says: it is not felt where it should be, or the other way round.
 
-    ``c``: `Numbers`; ``own`` (17,); ``depth``: how far the finger seems to be in it [m]; ``pressed``: its force [N].
+    ``c``: `Numbers`; ``own`` (45,); ``depth``: how far the finger seems to be in it [m]; ``pressed``: its force [N].
     """
     hovers = depth < -HOVER_GAP
     what, patience = 0.0, MISS_TIME
@@ -93,7 +93,7 @@ def doubt(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> Non
 def touches_unasked(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> None:
     """Find that a finger which touches nothing virtual feels it: it is too high by what gap and force say together.
 
-    ``c``: `Numbers`; ``own`` (17,); ``depth``: how far the finger seems to be in it [m]; ``pressed``: its force [N].
+    ``c``: `Numbers`; ``own`` (45,); ``depth``: how far the finger seems to be in it [m]; ``pressed``: its force [N].
     """
     too_high = pressed / c.stiffness - depth
     if not touching and pressed > TOUCH and too_high > ABOUT and -HOVER_GAP < depth < 0.0:

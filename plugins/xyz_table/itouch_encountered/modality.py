@@ -22,7 +22,7 @@ from itouch.plugin import (
     schema,
 )
 from itouch_encountered.choosing import FAR, FAR_UNCALIBRATED
-from itouch_encountered.motion import INERTIA_FIRST, Numbers, Seen, carry
+from itouch_encountered.motion import INERTIA_FIRST, SEEN_AHEAD, Numbers, Seen, carry
 from itouch_encountered.own import FIELDS
 
 #: A contact that it has left because of its tilt is its own again when that is less by this [rad].
@@ -100,6 +100,7 @@ class Encountered(Modality):
             state[f"{model.name}.{field.name}"] = 0.0
         state[f"{model.name}.takes"] = state[f"{model.name}.arrived"] = 1.0
         state[f"{model.name}.inertia"] = INERTIA_FIRST
+        state[f"{model.name}.lag"] = -model.numbers.period  # a drive is told how fast its goal goes, and goes on so
 
     def update(self, model: EncounteredModel, state: Record, period: float) -> None:
         """Do what joins, alone."""
@@ -119,7 +120,10 @@ def _seen(model: EncounteredModel) -> tuple[str, ...]:
     return (
         f"{device}.frame", model.pose, f"{device}.sent.{model.channel}", model.load,
         *(f"{probe}.{name}" for name in ("hip", "normal", "surface_height")),
-        *(f"{probe}.surface.{name}" for name in ("upright", "climb", "level", "sink", "off", "pressed", "present")),
+        *(
+            f"{probe}.surface.{name}"
+            for name in ("upright", "climb", "turns", "hastens", "rises", "level", "sink", "off", "pressed", "present")
+        ),
         f"{probe}.object", f"{device}.surface.withdrawn", "ready",
     )  # fmt: skip
 
@@ -137,5 +141,6 @@ def _numbers(
     return Numbers(
         radius, surface.clearance, math.cos(surface.plate_angle), math.cos(max(0.0, surface.plate_angle - TILT_BACK)),
         period, surface.greatest_force, max(0.0, min(surface.greatest_force, force - ROOM)), surface.pad_stiffness,
-        has_load, speed * period, FAR if surface.touch_off else FAR_UNCALIBRATED, *surface.face,
+        has_load, speed * period, FAR if surface.touch_off else FAR_UNCALIBRATED,
+        max(1, round(SEEN_AHEAD / period)), *surface.face,
     )  # fmt: skip

@@ -21,17 +21,22 @@ from itouch_encountered.own import (
     ARRIVED,
     AT_FINGER,
     BENDS,
-    CLIMBED,
     COMING,
     DISTANCE,
     GAP,
     GIVE,
+    HASTE,
+    HERE,
     HIGH,
     INERTIA,
+    KINKS,
     LAG,
     LEFT,
     LOST,
     PRESS,
+    RUSHES,
+    SHIFT,
+    SPEED,
     TAKES,
     TOUCH,
     YIELDS,
@@ -39,6 +44,8 @@ from itouch_encountered.own import (
 
 #: How fast it leaves a finger or comes to it in a contact, while it may be felt and while it is clear [m/s].
 SOFTLY, QUICKLY = 0.015, 0.1
+#: How much faster it leaves one that comes down, for each m/s of that: soon it may come down faster than a device can.
+FLEES = 0.25
 #: How near below the finger it may be felt soon [m].
 SOON = 1.5e-3
 #: An arm at its limit makes room for one that is nearer than this [m] after so long at the speed with which it comes
@@ -52,11 +59,14 @@ SLACK = 3e-5
 HAND_OVER = 1e-3
 #: How fast it yields above its greatest force [m/s per N], and how fast it comes back [m/s].
 YIELD_RATE, YIELD_RETURN = 0.02, 0.005
-#: How fast its force goes from a finger whose virtual surface falls away [N/s]: 0.1 N a tick is felt.
-FALLS = 45.0
+#: How fast its force goes from a finger whose virtual surface falls away, at once and at last [N/s]: 0.1 N a tick is
+#: felt; and by how much faster it falls then from tick to tick [m/s].
+FALLS, MOST_FALLS, FASTER = 45.0, 60.0, 0.005
 #: How it brakes as it comes up to a finger that it may meet [m/s2], or else would push; below what speed it need not
 #: [m/s].
-BRAKES, CALM = 1.0, 0.03
+BRAKES, CALM = 3.0, 0.03
+#: How it slows down as it comes to where the virtual surface is, while it is felt [m/s2]: what stops at once is felt.
+EASES = 4.0
 #: How far a device may be behind as it goes up to a finger that is so near [m]: it would make up for it in a hurry.
 LEADS, NEAR = 1e-3, 0.02
 #: How far ahead its force is seen, for a device needs time [s].
@@ -64,13 +74,19 @@ AHEAD = 0.008
 #: How fast it is learned how far the device gives way and how late it is [1/s], the most that is made good [m/N], [s],
 #: and what is another error than that [m].
 LEARNS, MOST_GIVE, MOST_LAG, ASTRAY = 80.0, 1e-4, 0.005, 1e-4
-#: How far behind an axis is for each m/s2 if the bandwidth of its control is 50 Hz [s2], from where on it is learned;
+#: How far behind an axis is for each m/s2 if the bandwidth of its control is 40 Hz [s2], from where on it is learned;
 #: and the most that is made good, that of 22 Hz.
-INERTIA_FIRST, MOST_INERTIA = 1.0e-5, 5e-5
+INERTIA_FIRST, MOST_INERTIA = 1.6e-5, 5e-5
+#: Damping ratio of such a control [1]; by how much it is sent higher or lower for that at most [m].
+DAMPING_RATIO, MOST_SHIFT = 0.9, 3e-4
+#: How far ahead of the finger the framework looks at the slope [s].
+SEEN_AHEAD = 0.003
+#: What is so far from where it was a tick ago [m] has not gone there: it is seen for the first time.
+ELSEWHERE = 5e-3
 #: How fast that speed may change [m/s2] well below which what a device misses is not by its inertia.
-EVEN = 4.0
+EVEN = 2.0
 #: Speed up or down [m/s] well below which what a device misses is by the force on it, and well above by its lag.
-STILL = 0.01
+STILL = 0.06
 
 
 class Numbers(NamedTuple):
@@ -78,7 +94,8 @@ class Numbers(NamedTuple):
 
     ``cosine`` and ``back``: of the steepest slope that it renders, and of that below which it takes a contact back;
     ``most``: its greatest force beside the scene's limit; ``reach``: how far the device goes in a tick; ``early``: how
-    far below the finger it may be and still be too high; ``x``, ``y``, ``z``: of its face on what the device carries.
+    far below the finger it may be and still be too high; ``ahead``: how many ticks ahead of time it is seen how the
+    slope turns; ``x``, ``y``, ``z``: of its face on what the device carries.
     """
 
     radius: float
@@ -92,6 +109,7 @@ class Numbers(NamedTuple):
     has_load: bool
     reach: float
     early: float
+    ahead: int
     x: float
     y: float
     z: float
@@ -102,7 +120,8 @@ class Seen(NamedTuple):
 
     ``frame`` (12,): of the device; ``pose`` and ``sent`` (7,): where it is and was sent; ``load`` (6,): the force on
     it; ``hip`` and ``normal`` (3,): of finger and touched surface; ``height``, ``upright``, ``climb``: of the virtual
-    surface below; ``level``, ``sink``, ``off``: of the finger's lowest point; then what the framework makes of the
+    surface below, and how fast ``climb`` changes, as that ``turns`` and as finger or object ``hastens``; how fast this
+    surface ``rises``; ``level``, ``sink``, ``off``: of the finger's lowest point; then what the framework makes of the
     contact.
     """
 
@@ -115,6 +134,9 @@ class Seen(NamedTuple):
     height: Any
     upright: Any
     climb: Any
+    turns: Any
+    hastens: Any
+    rises: Any
     level: Any
     sink: Any
     off: Any
@@ -134,7 +156,7 @@ def _top(c: Any, frame: Any, pose: Any) -> float:
 
 @kernel
 def _come(
-    c: Any, own: Any, goal: float, last: float, level: float, sink: float, depth: float, pressed: float,
+    c: Any, own: Any, goal: float, climb: float, last: float, level: float, sink: float, depth: float, pressed: float,
     touching: bool, begins: bool,
 ) -> None:  # fmt: skip
     """Bring it to the finger, until it is at its goal [m]; ``depth``: how far it is in the finger [m].
@@ -152,13 +174,16 @@ def _come(
     own[PRESS] = min(own[PRESS], last - level + sink * c.period + SLACK)
     if own[PRESS] < depth + BEHIND:
         pace = SOFTLY if felt else min(QUICKLY, max(SOFTLY, (-own[PRESS] - MADE) / MAKES))
+        if felt:  # it goes on with the virtual surface, not with the finger
+            left = max(0.0, goal - level - own[PRESS])
+            pace = min(pace, climb - sink + math.sqrt(2.0 * EASES * left))
         own[PRESS] += pace * c.period
     if level + own[PRESS] >= goal:
         own[ARRIVED] = 1.0
 
 
 @kernel
-def _go(c: Any, own: Any, last: float, pressed: float, touching: bool) -> None:
+def _go(c: Any, own: Any, last: float, sink: float, pressed: float, touching: bool) -> None:
     """Take it away from the finger, by the clearance, or further if it is still felt there.
 
     ``last`` is where it was sent last, less the height of the finger [m]; at that time, so that it goes with a finger.
@@ -169,7 +194,8 @@ def _go(c: Any, own: Any, last: float, pressed: float, touching: bool) -> None:
     if not touching and not felt:
         own[PRESS] = min(own[PRESS], full) if high else full
         return
-    way = (SOFTLY if not high and (felt or own[PRESS] > -SOON) else QUICKLY) * c.period
+    softly = SOFTLY + FLEES * max(0.0, -sink)
+    way = (softly if not high and (felt or own[PRESS] > -SOON) else max(softly, QUICKLY)) * c.period
     own[PRESS] = own[PRESS] - way if felt and high else min(own[PRESS], max(full, own[PRESS] - way))
     if not felt and not high:  # one that a finger left behind does not come after it
         own[PRESS] = min(own[PRESS], max(full, last))
@@ -186,32 +212,71 @@ def _sink_below(c: Any, own: Any, surface: float, last: float, felt: bool) -> No
 
 
 @kernel
-def _bend(c: Any, own: Any, climb: float, goes_on: bool) -> None:
-    """Follow how fast the speed of the virtual surface's height changes, in a contact that goes on."""
-    bends = (climb - own[CLIMBED]) / c.period if goes_on else 0.0
-    own[BENDS] = own[BENDS] + 0.5 * (bends - own[BENDS]) if goes_on else 0.0  # what changes to and fro is noise
-    own[CLIMBED] = climb
+def _smoothed(c: Any, own: Any, before: float, bends: float) -> float:
+    """Return an acceleration [m/s2] smoothed as a position control that follows it must be given more.
+
+    What keeps to a height x by a control of a bandwidth w [rad/s] and a damping ratio d must be sent u more, where
+    2 d / w u' + u = x'' / w2.
+    """
+    return float(before + (bends - before) * c.period / (2.0 * DAMPING_RATIO * math.sqrt(own[INERTIA]) + c.period))
 
 
 @kernel
-def _learn(c: Any, own: Any, speed: float, last: float, here: float, pressed: float) -> None:
-    """Learn by how much the device misses its command, where nothing but the virtual surface moves it.
+def _bend(c: Any, own: Any, turns: float, hastens: float, goes_on: bool) -> float:
+    """Follow how fast the speed of the virtual surface's height changes, in a contact that goes on.
+
+    No device changes its speed at once: a kink is rounded off, from as long before the finger is there as it is seen
+    ahead of time to as long after that.  Return how much higher than the virtual surface that is now [m].
+    """
+    ticks = 2 * c.ahead
+    if not goes_on:
+        for i in range(ticks):
+            own[KINKS + i] = 0.0
+        own[BENDS] = own[HASTE] = 0.0
+        return 0.0
+    mean = rounds = 0.0
+    for i in range(ticks - 1, -1, -1):
+        turned = own[KINKS + i - 1] if i > 0 else turns
+        own[KINKS + i] = turned
+        mean += turned / ticks
+        # So far it has gone with a speed that grows from tick to tick, and the surface since it turned, at once.
+        rounds += turned * (0.5 * i * (i + 1) / ticks - max(0.0, i - c.ahead + 0.5))
+    slope = _smoothed(c, own, own[BENDS] - own[HASTE], mean)
+    own[HASTE] += 0.5 * (hastens - own[HASTE])  # what changes to and fro is noise; a finger's speed is smoothed already
+    own[BENDS] = slope + own[HASTE]
+    return float(rounds * c.period * c.period)
+
+
+@kernel
+def _watch(c: Any, own: Any, here: float) -> None:
+    """Follow how fast it rises by its own reading ``here`` [m], and how that changes."""
+    if abs(here - own[HERE]) > ELSEWHERE:
+        own[HERE], own[SPEED], own[RUSHES] = here, 0.0, 0.0
+    speed = (here - own[HERE]) / c.period
+    own[RUSHES] = _smoothed(c, own, own[RUSHES], (speed - own[SPEED]) / c.period)
+    own[HERE], own[SPEED] = here, speed
+
+
+@kernel
+def _learn(c: Any, own: Any, last: float, here: float, pressed: float) -> None:
+    """Learn by how much the device misses its command.
 
     It misses it by so much for each newton on it, for each m/s up or down, and for each m/s2 by which that changes.
     """
-    bends = own[BENDS]
-    off = last - here - own[GIVE] * pressed - own[LAG] * speed - own[INERTIA] * bends
+    speed, rushes = own[SPEED], own[RUSHES]
+    off = last - here - own[GIVE] * pressed - own[LAG] * speed - own[INERTIA] * rushes
     if abs(off) > ASTRAY:
         return
     moves = speed * speed / (speed * speed + STILL * STILL)  # 1: what is seen is the lag, 0: it is the force
-    turns = bends * bends / (bends * bends + EVEN * EVEN)  # 1: what is seen is the inertia
+    turns = rushes * rushes / (rushes * rushes + EVEN * EVEN)  # 1: what is seen is the inertia
     step = LEARNS * c.period * off
-    inertia = own[INERTIA] + turns * step * bends / (bends * bends + EVEN * EVEN)
-    own[INERTIA] = min(MOST_INERTIA, max(0.0, inertia))
-    step *= 1.0 - turns
-    give = own[GIVE] + (1.0 - moves) * step * pressed / (pressed * pressed + 0.01)
-    own[GIVE] = min(MOST_GIVE, max(0.0, give))
-    lag = own[LAG] + moves * step * speed / (speed * speed + STILL * STILL)
+    lets = (1.0 - turns) * step
+    if pressed >= TOUCH:  # in the air it goes as fast as it can, and its control is at its limits
+        inertia = own[INERTIA] + turns * step * rushes / (rushes * rushes + EVEN * EVEN)
+        own[INERTIA] = min(MOST_INERTIA, max(0.0, inertia))
+        give = own[GIVE] + (1.0 - moves) * lets * pressed / (pressed * pressed + 0.01)
+        own[GIVE] = min(MOST_GIVE, max(0.0, give))
+    lag = own[LAG] + moves * lets * speed / (speed * speed + STILL * STILL)
     own[LAG] = min(MOST_LAG, max(-MOST_LAG, lag))
 
 
@@ -228,19 +293,17 @@ def _give_way(c: Any, own: Any, pressed: float) -> float:
 @kernel
 def _wanted(
     c: Any, own: Any, height: float, climb: float, level: float, sink: float, lowest: float, here: float, last: float,
-    pressed: float, touching: bool, begins: bool,
+    pressed: float, touching: bool, begins: bool, shift: float,
 ) -> float:  # fmt: skip
     """Return the height [m] at which it is wanted, and say how far it is still to come or to go."""
     away = lowest - c.clearance
-    goal = (
-        height + climb * (c.period + own[LAG]) + own[BENDS] * own[INERTIA] + (own[GIVE] * pressed if touching else 0.0)
-    )
+    goal = height + climb * (c.period + own[LAG]) + shift + (own[GIVE] * pressed if touching else 0.0)
     if own[TAKES] > 0.0:
-        _come(c, own, goal, last, level, sink, here - lowest, pressed, touching, begins)
+        _come(c, own, goal, climb, last, level, sink, here - lowest, pressed, touching, begins)
         own[COMING] = 0.0 if own[ARRIVED] > 0.0 else max(1e-6, goal - level - own[PRESS])
     else:
         before = last - level + (0.0 if own[LOST] == HIGH else sink * c.period)
-        _go(c, own, before, pressed, touching)
+        _go(c, own, before, sink, pressed, touching)
         if height > -np.inf:
             _sink_below(c, own, max(goal, away) - level, before, touching and pressed > LEFT)
         own[COMING] = max(0.0, own[PRESS] + c.clearance)
@@ -253,36 +316,44 @@ def _wanted(
 
 
 @kernel
-def _fall(c: Any, own: Any, wanted: float, last: float, sink: float, pressed: float) -> float:
+def _fall(c: Any, own: Any, wanted: float, last: float, sink: float, pressed: float, touching: bool) -> float:
     """Return how low it may be wanted [m]: what falls away under a finger leaves it no faster than the pad eases.
 
-    A finger that goes up by itself eases the pad already; ``last``: the height it was sent to last [m].
+    A finger that goes up by itself eases the pad already.  In a contact that goes on it follows what falls away under
+    it all the same, and what falls as fast already may fall a little faster, for the pad's damping feels how its speed
+    changes.  ``last``: the height it was sent to last [m].
     """
     if pressed <= LEFT or own[LOST] == HIGH:
         return wanted
-    return float(max(wanted, last + min(0.0, sink - FALLS / c.stiffness) * c.period))
+    speed = sink - FALLS / c.stiffness
+    if touching:
+        speed = min(-SOFTLY, max(sink - MOST_FALLS / c.stiffness, min(speed, own[SPEED] - FASTER)))
+    return float(max(wanted, last + min(0.0, speed) * c.period))
 
 
 @kernel
-def _brake(c: Any, wanted: float, climb: float, last: float, here: float, level: float) -> float:
-    """Return how high it may be wanted [m] as it comes up to a surface that a finger is near, or on; ``level`` [m]."""
+def _brake(c: Any, wanted: float, climb: float, last: float, here: float, level: float, more: float) -> float:
+    """Return how high it may be wanted [m] as it comes up to a surface that a finger is near, or on; ``level`` [m].
+
+    What it is sent ``more`` than a tick ago, because the virtual surface bends, is not braked: it keeps to it by that.
+    """
     way = wanted - last
     if way > 0.0 and last - here > LEADS and level - here < NEAR:
         return last
     if way <= 0.0 or level - wanted > SOON:
         return wanted
     speed = max(0.0, climb) + max(CALM, math.sqrt(2.0 * BRAKES * way))
-    return float(min(wanted, last + speed * c.period))
+    return float(min(wanted, last + speed * c.period + max(0.0, more)))
 
 
 @kernel
-def _bearable(c: Any, own: Any, climb: float, level: float, sink: float, off: float) -> float:
+def _bearable(c: Any, rises: float, level: float, sink: float, off: float) -> float:
     """Return the greatest height [m] at which it presses no harder than it may.
 
-    A finger that comes down takes it along: the device is told ahead of time where it will be.
+    A finger that comes down takes it along: the device is told ahead of time where it will be.  ``rises``: how fast it
+    goes up or down by itself [m/s].
     """
-    goes = min(0.0, climb)
-    soon = level + min(0.0, sink - goes) * AHEAD
+    soon = level + min(0.0, sink - min(0.0, rises)) * AHEAD
     return float(soon + off + c.most / c.stiffness)
 
 
@@ -315,7 +386,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     """Say who renders the virtual surface below the finger, and command the device; return 0.
 
     ``c``: `Numbers`; ``seen``: `Seen`, taken apart here, for a tuple of many arrays is dear to hand on; ``goal`` (7,):
-    the command; ``own`` (17,): its own fields.
+    the command; ``own`` (45,): its own fields.
     """
     frame, sent, hip = seen.frame, seen.sent, seen.hip
     height, climb, level, sink = seen.height[0], seen.climb[0], seen.level[0], seen.sink[0]
@@ -325,19 +396,24 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     own[DISTANCE] = lowest - here
     if withdrawn:
         own[LOST] = 0.0
-    choose(c, own, along(frame, seen.normal) if touching else seen.upright[0], touching, withdrawn)
+    upright = seen.upright[0]  # of what it would go to; what the finger touches may be another face
+    choose(c, own, min(upright, along(frame, seen.normal)) if touching else upright, touching, withdrawn)
     if seen.ready[0] != 0 and c.has_load and own[LOST] == 0.0 and not withdrawn:
         doubt(c, own, here - lowest, pressed, touching)
         if own[LOST] == 0.0:
             touches_unasked(c, own, here - lowest, pressed, touching)
     begins = touching and seen.pressed[0] == 0.0
-    _bend(c, own, climb, touching and not begins)
-    wanted = _wanted(c, own, height, climb, level, sink, lowest, here, last, pressed, touching, begins)
-    wanted = _fall(c, own, _brake(c, wanted, climb, last, here, level), last, sink, pressed)
-    most = _bearable(c, own, climb, level, sink, seen.off[0])
+    _watch(c, own, here)
+    rounds = _bend(c, own, seen.turns[0], seen.hastens[0], touching and not begins)
+    shift = min(MOST_SHIFT, max(-MOST_SHIFT, rounds + own[BENDS] * own[INERTIA])) if own[TAKES] > 0.0 else 0.0
+    more, own[SHIFT] = shift - own[SHIFT], shift
+    wanted = _wanted(c, own, height, climb, level, sink, lowest, here, last, pressed, touching, begins, shift)
+    wanted = _fall(c, own, _brake(c, wanted, climb, last, here, level, more), last, sink, pressed, touching)
+    most = _bearable(c, seen.rises[0], level, sink, seen.off[0])
     still = own[TAKES] > 0.0 and own[ARRIVED] > 0.0 and wanted <= most
-    if still and touching and pressed >= TOUCH and own[YIELDS] <= 0.0:
-        _learn(c, own, climb, last, here, pressed)
+    rests = still and touching and pressed >= TOUCH and own[YIELDS] <= 0.0
+    if rests or (not touching and pressed < LEFT and own[LOST] == 0.0):
+        _learn(c, own, last, here, pressed)
     _command(c, frame, sent, hip, goal, min(wanted, most), touching or pressed > LEFT)
     own[AT_FINGER] = 1.0 if touching and _there(own, seen.present[0] > 0.0, here - lowest, pressed) else 0.0
     return 0

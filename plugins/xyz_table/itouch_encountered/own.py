@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from itouch.plugin import Field
 
+#: Of how many ticks it remembers at most how the slope turned: of 6 ms at 4 kHz.
+MOST_KINKS = 24
 #: First what it says of the surface (`itouch.plugin.Carries`), then what it remembers.
 FIELDS = tuple(
     Field(name, unit=unit, doc=doc, show="no")
@@ -22,14 +24,22 @@ FIELDS = tuple(
         ("give", "m/N", "how far the device gives way under a force, as learned"),
         ("lag", "s", "how late the device is where it goes up or down, as learned"),
         ("unasked", "s", "how long it has been felt though there is no virtual contact; less again while it is not"),
-        ("climbed", "m/s", "how fast the height of the virtual surface changed a tick ago"),
-        ("bends", "m/s^2", "how fast that speed changes"),
+        ("bends", "m/s^2", "how fast the speed of the virtual surface's height changes, smoothed"),
+        ("haste", "m/s^2", "how much of that is because finger or object change their speed"),
         ("inertia", "s^2", "how far behind the device is for each m/s2 of that, as learned"),
+        ("here", "m", "its height a tick ago"),
+        ("speed", "m/s", "how fast it rose then"),
+        ("rushes", "m/s^2", "how fast that changed, smoothed as its control does"),
+        ("shift", "m", "by how much it was sent higher than the virtual surface is, because that bends"),
     )
+)
+FIELDS += (
+    Field("kinks", "f8", MOST_KINKS, unit="m/s^2", doc="how fast a slope bends it, the newest tick first", show="no"),
 )
 
 TAKES, AT_FINGER, DISTANCE, GAP, COMING, LOST, YIELDS = range(7)
-ARRIVED, PRESS, FREE, UNFELT, GIVE, LAG, UNASKED, CLIMBED, BENDS, INERTIA = range(7, 17)
+ARRIVED, PRESS, FREE, UNFELT, GIVE, LAG, UNASKED, BENDS, HASTE, INERTIA = range(7, 17)
+HERE, SPEED, RUSHES, SHIFT, KINKS = range(17, 22)
 
 #: What `LOST` says: the surface is lower than its height says, or higher.
 LOW, HIGH = 1.0, 2.0

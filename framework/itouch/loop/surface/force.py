@@ -40,6 +40,7 @@ from itouch.loop.surface.memory import (
     RENDERS,
     SETTLED,
     SHARE,
+    STIRS,
     TOUCH,
     VIRTUAL,
     WANTED,
@@ -55,13 +56,15 @@ HAND_STEP = 0.03
 STEP = 0.065
 #: The same just before the plate is felt, and as it sets out or turns round: what its force does then is not seen
 #: coming.
-FIRST_STEP = 0.03
+FIRST_STEP = 0.02
 #: For how long [s] it is still led after the plate has come or gone.
 AFTER = 0.05
 #: For how long the plate sets out or turns round after a change [s].
 SETS_OUT = 0.005
 #: How near the plate is to the finger when it may be felt in the next tick [m].
 SOON = 1e-4
+#: How much less than the virtual force it may change by where that itself changes quickly [N]: the plate adds to it.
+BELOW = 0.02
 #: What that sum stays below the scene's limit [N], because the plate's force is known a tick late.
 SPARE = 0.06
 
@@ -76,12 +79,13 @@ def _part(c: Floats, figures: Floats, memory: Floats, normal: float, pressed: fl
     if not touching or share < 0.0:
         share = wanted
     else:
-        step = HAND_STEP / max(abs(normal), HAND_STEP)
+        step = HAND_STEP / max(min(abs(normal), c[FORCE_LIMIT]), HAND_STEP)
         share += min(step, max(-step, wanted - share))
     memory[SHARE] = share if touching else -1.0
     if touching and normal > 0.0 and share > 0.0:
         felt = max(0.0, pressed - NOTHING) * along_plate(c, figures[NORMAL : NORMAL + 3])
         share = min(share, max(0.0, 1.0 - felt / normal))
+        memory[SHARE] = max(share, min(memory[SHARE], wanted))  # it goes on from what it is
     return float(share)
 
 
@@ -164,6 +168,9 @@ def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Float
         along += figures[CONTACT_FORCE + i] * figures[NORMAL + i]
     pressed = max(0.0, -load)
     rise = pressed - memory[LOAD] if c[HAS_LOAD] > 0.0 else 0.0
+    if memory[LOAD] <= NOTHING:
+        # What a sensor reads of nothing does not rise; the pad's damping gives a force at once, and only once.
+        rise = min(rise, HAND_STEP) if pressed > NOTHING else 0.0
     memory[LOAD] = pressed
     along *= 1.0 - _part(c, figures, memory, along, pressed, touching)
     force = np.empty(3)
@@ -180,6 +187,9 @@ def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Float
     if _still_changes(c, memory, touching):
         unseen = (abs(depth) < SOON and pressed < NOTHING) or memory[CHANGING] > LED - SETS_OUT
         step = FIRST_STEP if unseen else STEP
+        if memory[CHANGING] <= AFTER and memory[SETTLED] > 0.0:
+            # What goes on between two surfaces is over: friction that turns round is not to be followed late.
+            step = max(step, max(virtual, memory[STIRS], memory[STIRS + 1]) - BELOW)
         if memory[CHANGING] <= AFTER and memory[SHARE] >= 1.0 and memory[CUT] <= 0.0 and depth < -ABOUT:
             step = max(
                 step, 1.1 * own
@@ -187,4 +197,5 @@ def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Float
         if _lead(c, sent, force, rise, step):  # it is led on until it is there
             memory[CHANGING] = max(memory[CHANGING], c[PERIOD])
         _shorten(force, c[FORCE_LIMIT] - memory[CUT])
+    memory[STIRS + 1], memory[STIRS] = memory[STIRS], virtual
     wrench[0], wrench[1], wrench[2] = turned_in(c, ARM, force[0], force[1], force[2])

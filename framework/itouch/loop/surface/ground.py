@@ -14,20 +14,27 @@ from itouch.loop.render import (
     NORMAL,
     PENETRATION,
     PERIOD,
+    PLATE_COSINE,
     PROXY,
     RADIUS,
     SURFACE_HEIGHT,
     TABLE,
     VELOCITY,
 )
-from itouch.loop.surface.memory import CLIMB, UPRIGHT
+from itouch.loop.surface.memory import CLIMB, GOES, HASTENS, LIFTS, SLOPE, TURNS, UPRIGHT
 
 Floats = NDArray[np.float64]
 
 #: How far below the finger a surface is looked for [m].
 REACH = 0.2
-#: Time constant with which the speed of its height is smoothed, as the finger's height is: an arm reads in steps [s].
+#: Time constant with which the finger's speed is smoothed, as its height is: an arm reads in steps [s].  The slope is
+#: not: where that jumps from one face to the next, the speed of the height jumps.
 SMOOTHLY = 0.005
+#: How far ahead of the finger the slope is looked at [s], or the ticks that are nearest to that, one at least: what
+#: carries a plate needs that to change its speed.
+AHEAD = 0.003
+#: How near above a surface that is looked at [m], and how far it must be ahead to be another one [m].
+NEAR, ELSEWHERE = 2e-3, 1e-5
 #: Cosine of the steepest slope whose change of height is reckoned with: no plate renders a steeper one.
 STEEPEST = 0.3
 #: What is found so far below the touched surface [m] is another one: the finger has been pressed past that.
@@ -37,7 +44,7 @@ PAST = 1e-3
 @kernel
 def find(
     c: Floats, world: Floats, mesh: Any, poses: Floats, twists: Floats, figures: Floats, memory: Floats, down: Floats,
-    normal: Floats,
+    normal: Floats, start: Floats,
 ) -> int:  # fmt: skip
     """Find the highest virtual surface below the finger, also where it is pressed through the one that it touches.
 
@@ -49,39 +56,80 @@ def find(
         The objects; see ``itouch.contact``.  One that moves takes its surface along.
     figures, memory
         The probe's part of State, and that of the carried surface.
-    down, normal
-        The direction downwards, and room for a normal, shape (3,): memory that is asked for in each tick costs more
-        than what is done with it.
+    down, normal, start
+        The direction downwards, and room for a normal and a place, shape (3,): memory that is asked for in each tick
+        costs more than what is done with it.
 
     Returns
     -------
     int
         Whose surface it is, -1 for nobody's.
     """
-    before = memory[CLIMB]
     figures[SURFACE_HEIGHT], memory[UPRIGHT], memory[CLIMB] = -np.inf, 1.0, 0.0
+    memory[TURNS] = memory[HASTENS] = 0.0
+    part = c[PERIOD] / (SMOOTHLY + c[PERIOD])
+    u, v = part * (figures[VELOCITY] - memory[GOES]), part * (figures[VELOCITY + 1] - memory[GOES + 1])
+    memory[GOES], memory[GOES + 1] = memory[GOES] + u, memory[GOES + 1] + v
     if world.shape[0] == 0:
         return -1
-    distance, hit = sphere_cast(world, mesh, poses, figures[HIP : HIP + 3], down, c[RADIUS], REACH, normal)
+    start[0], start[1], start[2] = figures[HIP], figures[HIP + 1], figures[HIP + 2]
+    distance, hit = sphere_cast(world, mesh, poses, start, down, c[RADIUS], REACH, normal)
     above = _past(figures, distance)
     if above > PAST:
         # Nothing stops a hand but a few newtons: it may be beyond a thin object, or far inside one, which it touches
         # from above all the same.  From in there a cast would find nothing, or what is further below.
         above += PAST  # well clear of it: what just touches is taken for either
-        start = np.empty(3)
-        start[0], start[1], start[2] = figures[HIP], figures[HIP + 1], figures[HIP + 2] + above
+        start[2] += above
         held, touched = sphere_cast(world, mesh, poses, start, down, c[RADIUS], REACH, normal)
         if touched >= 0:
             distance, hit = held - above, touched
     if hit < 0:
-        return -1
+        return _nothing(memory, -1)
     figures[SURFACE_HEIGHT] = figures[HIP + 2] - c[RADIUS] - distance
     memory[UPRIGHT] = along_plate(c, normal)
-    if normal[2] > STEEPEST:
-        climb = -(normal[0] * figures[VELOCITY] + normal[1] * figures[VELOCITY + 1]) / normal[2]
-        climb += _rises(c, poses, twists, hit, figures, distance, normal) / normal[2]
-        memory[CLIMB] = before + c[PERIOD] / (SMOOTHLY + c[PERIOD]) * (climb - before)
+    if normal[2] <= STEEPEST:
+        return _nothing(memory, hit)
+    lifts = part * (_rises(c, poses, twists, hit, figures, distance, normal) / normal[2] - memory[LIFTS])
+    memory[LIFTS] += lifts
+    x, y = -normal[0] / normal[2], -normal[1] / normal[2]
+    memory[CLIMB] = x * memory[GOES] + y * memory[GOES + 1] + memory[LIFTS]
+    memory[HASTENS] = (x * u + y * v + lifts) / c[PERIOD]
+    if distance < NEAR:
+        x, y = _slope_ahead(c, world, mesh, poses, memory, start, down, normal, x, y)
+    u, v = x - memory[SLOPE], y - memory[SLOPE + 1]
+    memory[TURNS] = (u * memory[GOES] + v * memory[GOES + 1]) / c[PERIOD]
+    memory[SLOPE], memory[SLOPE + 1] = x, y
     return int(hit)
+
+
+@kernel
+def _nothing(memory: Floats, hit: int) -> int:
+    """Forget slope and speed of a surface: there is none, or one on which no plate is; return what is hit."""
+    memory[LIFTS] = memory[SLOPE] = memory[SLOPE + 1] = 0.0
+    return int(hit)
+
+
+@kernel
+def _slope_ahead(
+    c: Floats, world: Floats, mesh: Any, poses: Floats, memory: Floats, start: Floats, down: Floats, normal: Floats,
+    x: float, y: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Return how steep the surface is in x and y where the finger will be soon: faces of a mesh meet in a kink.
+
+    What no plate renders there does not count: it is as if it went on as it was.
+
+    All as in `find`; ``start`` (3,): from where the surface was found; it and ``normal`` are written; ``x``, ``y``: how
+    steep it is here [1].
+    """
+    ahead = max(1.0, np.rint(AHEAD / c[PERIOD])) * c[PERIOD]
+    u, v = ahead * memory[GOES], ahead * memory[GOES + 1]
+    if u * u + v * v < ELSEWHERE * ELSEWHERE:
+        return x, y
+    start[0], start[1] = start[0] + u, start[1] + v
+    _, hit = sphere_cast(world, mesh, poses, start, down, c[RADIUS], REACH, normal)
+    if hit < 0 or normal[2] <= STEEPEST or along_plate(c, normal) < c[PLATE_COSINE]:
+        return float(memory[SLOPE]), float(memory[SLOPE + 1])
+    return float(-normal[0] / normal[2]), float(-normal[1] / normal[2])
 
 
 @kernel

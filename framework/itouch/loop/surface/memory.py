@@ -20,7 +20,14 @@ OFF = 21  # how much deeper the finger seems to be in the plate than the force e
 LINGERS, LINGERED, LINGERED_AT = 22, 23, 24  # felt since the virtual contact ended [s], -1: no more; the longest; when
 WANTED = 25  # what the arm was to give, were it not led over, (3,) [N]
 VIRTUAL = 28  # the virtual force a tick ago, (3,) [N]
-MEMORY = 31
+STIRS = 31  # by how much the virtual force changed in the last two ticks, the newest first, (2,) [N]
+GOES = 33  # how fast the finger goes in x and y, smoothed, (2,) [m/s]
+LIFTS = 35  # how fast the surface's object lifts it under the finger, smoothed [m/s]
+SLOPE = 36  # how steep it is in x and y where the finger will be `itouch.loop.surface.ground.AHEAD` from now, (2,) [1]
+TURNS = 38  # how fast its height's speed changes there as the slope does [m/s2]
+HASTENS = 39  # how fast its height's speed changes as the finger goes faster or slower, or the object does [m/s2]
+RISES = 40  # how fast the plate rises as its surface does or, where it does not render, by itself, smoothed [m/s]
+MEMORY = 41
 
 #: What `MISSED` says: the plate is lower than its height says, or higher; or it was told to stay away (T4).
 LOW, HIGH, WITHDRAWN = 1.0, 2.0, 3.0

@@ -24,7 +24,7 @@ from itouch.loop.render import (
     TABLE,
     TRACKING,
 )
-from itouch.loop.surface.memory import CLIMB, LEFT, LEVEL, OFF, RENDERS, SETTLED, SINK, TOUCH
+from itouch.loop.surface.memory import CLIMB, LEFT, LEVEL, OFF, RENDERS, RISES, SETTLED, SINK, TOUCH
 from itouch.twin.frame_rotation import turned_in, turned_out
 from itouch.world.presented_surfaces import ROOM
 
@@ -38,6 +38,8 @@ ROUNDING = 1e-12
 AHEAD = 0.008
 #: Time constant [s] with which it is seen that a plate is felt sooner or later than its height says.
 SETTLE = 0.02
+#: Time constant with which the plate's own speed is smoothed [s].
+SMOOTHLY = 0.003
 #: Gains of the filter on the finger's height, a g-h filter that forgets in about 5 ms (Benedict and Bordner 1962);
 #: and the difference from which on it begins anew [m].
 G, H, LOST = 0.3, 0.3**2 / (2.0 - 0.3), 2e-3
@@ -88,13 +90,16 @@ def _yield(c: Floats, figures: Floats, pressed: float) -> float:
 
 
 @kernel
-def _goes(memory: Floats) -> float:
-    """Return how fast the plate goes down by itself [m/s], at most 0, as the surface does that it stands for.
+def move(c: Floats, memory: Floats, before: float, now: float) -> None:
+    """Follow how fast the plate goes up or down by itself: as the surface does that it stands for.
 
-    Also while it comes: a limit that jumped at a change of hands would be felt.  Not while it goes: off a rim there is
-    no such surface.
+    Where it does not render there may be no such surface, as off a rim: then it is as fast as it is.  A limit that
+    jumped at a change of hands would be felt.
+
+    ``c`` (CONSTANTS,), ``memory`` (MEMORY,) of the surface; ``before`` and ``now``: its height a tick ago, and now [m].
     """
-    return float(min(0.0, memory[CLIMB])) if memory[RENDERS] > 0.0 else 0.0
+    speed = memory[CLIMB] if memory[RENDERS] > 0.0 else (now - before) / c[PERIOD]
+    memory[RISES] += c[PERIOD] / (SMOOTHLY + c[PERIOD]) * (speed - memory[RISES])
 
 
 @kernel
@@ -103,7 +108,7 @@ def _bearable(c: Floats, memory: Floats) -> float:
 
     A finger that comes down takes the plate with it: the table is told ahead of time where it will be.
     """
-    soon = memory[LEVEL] + min(0.0, memory[SINK] - _goes(memory)) * AHEAD
+    soon = memory[LEVEL] + min(0.0, memory[SINK] - min(0.0, memory[RISES])) * AHEAD
     most = min(c[PLATE_LIMIT], c[FORCE_LIMIT] - ROOM)
     return float(soon + memory[OFF] + max(0.0, most) / c[PAD_STIFFNESS])
 
