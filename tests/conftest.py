@@ -43,6 +43,19 @@ LONGEST = (
 )  # fmt: skip
 
 
+#: Compiles what most tests need, in one process: what is not kept by itself, as it is part of what is, is compiled once.
+MOST = """
+from itouch.contact import Proxy, Surface
+from itouch.servo.prepare import prepare
+
+for name in ("four_materials.xml", "mesh.xml"):
+    prepare(name, seed=0, twin=None, rig=None)
+proxy = Proxy(Surface([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+proxy.step([0.0, 0.0, 1.0])
+proxy.follow([[0.0, 0.0, 1.0]])
+"""
+
+
 @pytest.fixture(scope="session", autouse=True)
 def unwatched() -> Generator[None]:
     """Drive fake hardware here without a guardian, which could not open it: tests/servo/test_own_guardian.py has one."""
@@ -78,18 +91,22 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     config = session.config
     if config.args_source is not config.ArgsSource.TESTPATHS or not config.getoption("numprocesses", None):
         return
-    code = "import sys; from itouch.servo.prepare import prepare; prepare(sys.argv[1], seed=0, twin=None, rig=None)"
-    for name in ("four_materials.xml", "mesh.xml"):
-        try:
-            subprocess.run([sys.executable, "-c", code, SCENES / name], timeout=600.0, check=False)
-        except subprocess.TimeoutExpired:  # the tests compile it themselves then, each worker on its own
-            print(f"compiling {name} before the tests did not end in 600 s", file=sys.stderr)
+    try:
+        subprocess.run([sys.executable, "-c", MOST], timeout=600.0, check=False, cwd=SCENES)
+    except subprocess.TimeoutExpired:  # the tests compile it themselves then, each worker on its own
+        print("compiling before the tests did not end in 600 s", file=sys.stderr)
+
+
+def pytest_collection() -> None:
+    """Collect thousands of tests without looking for garbage among them; not one of them is."""
+    gc.disable()
 
 
 def pytest_collection_finish() -> None:
     """Let the garbage collector pass over thousands of tests: the conformance suite collects after every step."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture
