@@ -35,11 +35,14 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 
 #: The files that take longest, longest first: a worker that began one of them last would be waited for.
 LONGEST = (
-    "test_matrix", "test_only_path", "test_tmcl", "test_emulator_suites", "test_exchanged", "test_four_materials",
-    "test_wires_in_use", "test_restore", "test_listings", "test_laws", "test_operator_commands", "test_blind_retreat",
-    "test_launch", "test_deaths", "test_outside_monitor", "test_outside_plugin", "test_harmful_ends", "test_every_entrance",
-    "test_protections", "test_bad_answers_of_a_t7", "test_commands_line", "test_several_of_a_kind", "test_streams",
-    "test_rigs_with_habits", "test_strange_instruments", "test_faults_in_flight",
+    "test_exchanged", "test_only_path", "test_matrix", "test_emulator_suites", "test_blind_retreat",
+    "test_own_guardian", "test_listings", "test_four_materials", "test_tmcl", "test_diy_rig", "test_house",
+    "test_outside_monitor", "test_every_entrance", "test_launch", "test_wires_in_use", "test_sweeping",
+    "test_protections", "test_outside_plugin", "test_estimator", "test_hanging_process", "test_shelves",
+    "test_arrays", "test_no_name_decides", "test_reproduce", "test_device_suite", "test_faults_in_flight",
+    "test_interactive_arms", "test_operator_commands", "test_commands_line", "test_study", "test_compiling",
+    "test_deaths", "test_surfaces_of_strangers", "test_sequence", "test_from_recordings", "test_bench_surface",
+    "test_deadman_holders", "test_harm_from_inside", "test_live_window",
 )  # fmt: skip
 
 
