@@ -40,7 +40,7 @@ LONGEST = (
     "test_outside_monitor", "test_every_entrance", "test_launch", "test_wires_in_use", "test_sweeping",
     "test_protections", "test_outside_plugin", "test_estimator", "test_hanging_process", "test_shelves",
     "test_arrays", "test_no_name_decides", "test_reproduce", "test_device_suite", "test_faults_in_flight",
-    "test_interactive_arms", "test_operator_commands", "test_commands_line", "test_study", "test_compiling",
+    "test_operator_commands", "test_commands_line", "test_study", "test_compiling",
     "test_deaths", "test_surfaces_of_strangers", "test_sequence", "test_from_recordings", "test_bench_surface",
     "test_deadman_holders", "test_harm_from_inside", "test_live_window",
 )  # fmt: skip
@@ -106,10 +106,19 @@ def pytest_collection() -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Let the garbage collector pass over thousands of tests: the conformance suite collects after every step."""
+    """Let the garbage collector pass over thousands of tests, and look seldom for what a test leaves in circles."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(20_000, 10, 10)
     gc.enable()
+
+
+@pytest.fixture(scope="class", autouse=True)
+def passed_over(request: pytest.FixtureRequest) -> None:
+    """Let the collector pass over what is there, too, where the conformance suite collects after every step."""
+    if hasattr(request.cls, "test_allocates_nothing"):
+        gc.collect()
+        gc.freeze()
 
 
 @pytest.fixture
