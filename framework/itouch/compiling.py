@@ -57,10 +57,10 @@ _LONGEST = 120.0
 _together: Path | None = None
 
 
-class _Seldom(event.Listener):  # type: ignore[misc]  - Numba has no types
+class _Seldom(event.Listener):
     """Lets garbage be collected seldom while something is compiled: what a compiler makes is nearly all still in use.
 
-    Looking through it again and again takes a fifth of the time of a first start.  One thread compiles at a time.
+    Looking through it again and again is a good part of a first start.  One thread compiles at a time.
     """
 
     #: After how many new objects, and how many times of that, garbage is looked for.

@@ -251,7 +251,7 @@ def test_what_is_kept_and_cannot_be_read_is_compiled_again(tmp_path: Path, wrong
 def test_garbage_is_looked_for_seldom_while_something_is_compiled() -> None:
     import itouch.compiling  # noqa: F401  - it is what does so
 
-    class Look(event.Listener):  # type: ignore[misc]  - Numba has no types
+    class Look(event.Listener):
         def on_start(self, event: object) -> None:
             seen.append(gc.get_threshold())
 
