@@ -35,12 +35,28 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 
 #: The files that take longest, longest first: a worker that began one of them last would be waited for.
 LONGEST = (
-    "test_matrix", "test_only_path", "test_tmcl", "test_emulator_suites", "test_exchanged", "test_four_materials",
-    "test_wires_in_use", "test_restore", "test_listings", "test_laws", "test_operator_commands", "test_blind_retreat",
-    "test_launch", "test_deaths", "test_outside_monitor", "test_outside_plugin", "test_harmful_ends", "test_every_entrance",
-    "test_protections", "test_bad_answers_of_a_t7", "test_commands_line", "test_several_of_a_kind", "test_streams",
-    "test_rigs_with_habits", "test_strange_instruments", "test_faults_in_flight",
+    "test_exchanged", "test_only_path", "test_matrix", "test_emulator_suites", "test_blind_retreat",
+    "test_own_guardian", "test_listings", "test_four_materials", "test_tmcl", "test_diy_rig", "test_house",
+    "test_outside_monitor", "test_every_entrance", "test_launch", "test_wires_in_use", "test_sweeping",
+    "test_protections", "test_outside_plugin", "test_estimator", "test_hanging_process", "test_shelves",
+    "test_arrays", "test_no_name_decides", "test_reproduce", "test_device_suite", "test_faults_in_flight",
+    "test_operator_commands", "test_commands_line", "test_study", "test_compiling",
+    "test_deaths", "test_surfaces_of_strangers", "test_sequence", "test_from_recordings", "test_bench_surface",
+    "test_deadman_holders", "test_harm_from_inside", "test_live_window",
 )  # fmt: skip
+
+
+#: Compiles what most tests need, in one process: what is not kept by itself, as it is part of what is, is compiled once.
+MOST = """
+from itouch.contact import Proxy, Surface
+from itouch.servo.prepare import prepare
+
+for name in ("four_materials.xml", "mesh.xml"):
+    prepare(name, seed=0, twin=None, rig=None)
+proxy = Proxy(Surface([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+proxy.step([0.0, 0.0, 1.0])
+proxy.follow([[0.0, 0.0, 1.0]])
+"""
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -78,18 +94,31 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     config = session.config
     if config.args_source is not config.ArgsSource.TESTPATHS or not config.getoption("numprocesses", None):
         return
-    code = "import sys; from itouch.servo.prepare import prepare; prepare(sys.argv[1], seed=0, twin=None, rig=None)"
-    for name in ("four_materials.xml", "mesh.xml"):
-        try:
-            subprocess.run([sys.executable, "-c", code, SCENES / name], timeout=600.0, check=False)
-        except subprocess.TimeoutExpired:  # the tests compile it themselves then, each worker on its own
-            print(f"compiling {name} before the tests did not end in 600 s", file=sys.stderr)
+    try:
+        subprocess.run([sys.executable, "-c", MOST], timeout=600.0, check=False, cwd=SCENES)
+    except subprocess.TimeoutExpired:  # the tests compile it themselves then, each worker on its own
+        print("compiling before the tests did not end in 600 s", file=sys.stderr)
+
+
+def pytest_collection() -> None:
+    """Collect thousands of tests without looking for garbage among them; not one of them is."""
+    gc.disable()
 
 
 def pytest_collection_finish() -> None:
-    """Let the garbage collector pass over thousands of tests: the conformance suite collects after every step."""
+    """Let the garbage collector pass over thousands of tests, and look seldom for what a test leaves in circles."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(20_000, 10, 10)
+    gc.enable()
+
+
+@pytest.fixture(scope="class", autouse=True)
+def passed_over(request: pytest.FixtureRequest) -> None:
+    """Let the collector pass over what is there, too, where the conformance suite collects after every step."""
+    if hasattr(request.cls, "test_allocates_nothing"):
+        gc.collect()
+        gc.freeze()
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ kept is looked for among those that came with the program (see ``shipped``).
 from __future__ import annotations
 
 import contextlib
+import gc
 import glob
 import hashlib
 import os
@@ -32,6 +33,7 @@ shipped.choose_processor()
 shipped.confirm_processor()
 
 from numba import njit  # noqa: E402  - it reads the kind of processor when it is imported
+from numba.core import event  # noqa: E402
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator  # noqa: E402
 from numba.extending import register_jitable  # noqa: E402
 
@@ -53,6 +55,37 @@ _LOOK = 0.02
 _LONGEST = 120.0
 #: Where the processes that compile for one start say what each is at (``compile_together``); None: this one is alone.
 _together: Path | None = None
+
+
+class _Seldom(event.Listener):
+    """Lets garbage be collected seldom while something is compiled: what a compiler makes is nearly all still in use.
+
+    Looking through it again and again is a good part of a first start.  One thread compiles at a time.
+    """
+
+    #: After how many new objects, and how many times of that, garbage is looked for.
+    SELDOM = (50_000, 20, 100)
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._before = gc.get_threshold()
+
+    def on_start(self, event: Any) -> None:
+        """Begin to compile a function, perhaps inside another."""
+        if self._depth == 0:
+            self._before = gc.get_threshold()
+            if self._before[0]:  # 0: not at all
+                gc.set_threshold(*map(max, self._before, self.SELDOM))
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        """Put back what was before, though compiling may have failed."""
+        self._depth -= 1
+        if self._depth == 0:
+            gc.set_threshold(*self._before)
+
+
+event.register("numba:compile", _Seldom())
 
 
 def compile_together(place: Path | None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import pickle
 import subprocess
@@ -11,6 +12,8 @@ from types import ModuleType
 
 import campaign
 import pytest
+from numba import njit
+from numba.core import errors, event
 
 KERNELS = """
 from itouch.compiling import kernel
@@ -243,3 +246,29 @@ def test_what_is_kept_and_cannot_be_read_is_compiled_again(tmp_path: Path, wrong
             index.write_bytes(pickle.dumps(version) + b"cgone.module\nThing\n.")
     assert run(tmp_path) == (first, 0)
     assert run(tmp_path) == (first, 1)
+
+
+def test_garbage_is_looked_for_seldom_while_something_is_compiled() -> None:
+    import itouch.compiling  # noqa: F401  - it is what does so
+
+    class Look(event.Listener):
+        def on_start(self, event: object) -> None:
+            seen.append(gc.get_threshold())
+
+        def on_end(self, event: object) -> None:
+            pass
+
+    seen, before = list[tuple[int, ...]](), gc.get_threshold()
+    with event.install_listener("numba:compile", Look()):
+        assert njit(lambda x: x + 1)(1) == 2
+        assert min(each[0] for each in seen) >= 10_000
+        with pytest.raises(errors.TypingError):
+            njit(lambda x: x.absent)(1)
+        assert gc.get_threshold() == before
+        gc.set_threshold(0)
+        try:
+            seen.clear()
+            njit(lambda x: x + 2)(1)
+            assert seen[0][0] == gc.get_threshold()[0] == 0
+        finally:
+            gc.set_threshold(*before)

@@ -15,6 +15,7 @@ import itouch
 from itouch.faults import FaultyTwin, Injection, Kind
 from itouch.faults.kinds import UNITS
 from itouch.plugin import (
+    Bound,
     Device,
     DeviceError,
     Field,
@@ -350,3 +351,60 @@ def test_faults_from_python(write: Write) -> None:
         engine.inject("leg", "nan")
     with pytest.raises(ValueError, match="no slot"):
         itouch.build(FIRST).inject("arm", "nan")
+
+
+class Compiled(Steady):
+    """A twin of calls that are bound once; every third leaves its tick to Python."""
+
+    def __init__(self, reads: Any, commands: Any) -> None:
+        super().__init__(reads, commands)
+        self.bound: list[str] = []
+        self.calls = self.python = 0
+
+    def _call(self, what: str, records: tuple[Record, ...]) -> Bound:
+        def call() -> int:
+            self.calls += 1
+            if self.calls % 3 == 0:
+                return 1
+            if what == "read":
+                state, reading = records
+                reading["pose"] = state["pose"]
+            else:
+                state, command = records
+                state["pose"][:3] = command["pose_target"][:3]
+            return 0
+
+        self.bound.append(what)
+        return Bound(call)
+
+    def bound_step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> Bound:
+        return self._call("step", (state, command))
+
+    def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
+        self.python += 1
+        state["pose"][:3] = command["pose_target"][:3]
+
+    def bound_read(self, state: Record, reading: Record) -> Bound:
+        return self._call("read", (state, reading))
+
+    def read(self, state: Record, reading: Record) -> bool:
+        self.python += 1
+        reading["pose"] = state["pose"]
+        return True
+
+
+def test_a_twin_of_compiled_calls_is_bound_once_for_what_it_works_on() -> None:
+    reads, commands = TABLE
+    inner, touch = Compiled(reads, commands), TwinInputs()
+    twin = FaultyTwin(inner, reads, commands, [Injection(Kind.FREEZE, 1000)], period=1e-3, watchdog=0.005)
+    command = Record.of([Field.of(channel) for channel in commands])
+    for _ in range(2):  # each time with another State, and another reading
+        state, reading = Record.of(twin.fields()), Record.of([Field.of(channel) for channel in reads])
+        twin.reset(state, np.random.default_rng(1))
+        for tick in range(12):
+            command["pose_target"][:3] = (0.01 * tick, 0.0, 0.0)
+            twin.step(state, command, touch, 1e-3)
+            assert twin.read(state, reading)
+            assert reading["pose"][:3].tolist() == command["pose_target"][:3].tolist()
+    assert sorted(inner.bound) == ["read", "read", "step", "step"]
+    assert (inner.calls, inner.python) == (48, 16)

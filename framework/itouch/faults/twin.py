@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.faults.kinds import AMOUNTS, DROPPED, LATE, SPIKES, UNITS, Injection, Kind
-from itouch.plugin import RETRACT, Channel, DeviceError, Field, Record, Role, Twin, TwinInputs
+from itouch.plugin import RETRACT, Bound, Channel, DeviceError, Field, Record, Role, Twin, TwinInputs
 from itouch.plugin.noise import random_word, uniform
 from itouch.plugin.stamps import Stamped
 
@@ -40,6 +40,13 @@ class FaultyTwin(Twin, Stamped):
         self._width = len(self._units)
         self._received = Record.of([Field.of(channel) for channel in commands])
         self._size = self._received.nbytes // 8
+        #: The twin's compiled calls, and what they were bound to: binding them in every tick takes longer than they do.
+        self._stepping: tuple[Record, TwinInputs, float, Bound] | None = None
+        self._reading: tuple[Record, Record, Bound] | None = None
+        from itouch.joining import is_newest  # the compiler is loaded where a twin runs
+
+        self._binds_step = is_newest(type(twin), "bound_step", "step")
+        self._binds_read = is_newest(type(twin), "bound_read", "read")
 
     def fields(self) -> tuple[Field, ...]:
         """Return the State of the twin, the plan, and what the faults remember."""
@@ -122,8 +129,10 @@ class FaultyTwin(Twin, Stamped):
         return self.twin.position(state)
 
     def _active(self, state: Record) -> list[tuple[int, Kind]]:
-        tick = state["fault.tick"].item()
-        kinds, begins, ends = (state[f"fault.{field}"].tolist() for field in ("kind", "begin", "end"))
+        tick, begins = state["fault.tick"].item(), state["fault.begin"].tolist()
+        if min(begins, default=tick) > tick:
+            return []
+        kinds, ends = state["fault.kind"].tolist(), state["fault.end"].tolist()
         rows = enumerate(zip(kinds, begins, ends, strict=True))
         return [(slot, Kind(kind)) for slot, (kind, begin, end) in rows if kind and begin <= tick < end]
 
@@ -141,7 +150,7 @@ class FaultyTwin(Twin, Stamped):
         if any(kind is Kind.DISCONNECT for _, kind in active):
             raise DeviceError("disconnected (an injected fault)")
         before = reading.raw.view(np.float64).copy()
-        new = self.twin.read(state, reading)
+        new = self._read(state, reading)
         values = reading.raw.view(np.float64)
         state["fault.taken"] = state["fault.taken"].item() + 1
         for slot, kind in active:
@@ -153,6 +162,16 @@ class FaultyTwin(Twin, Stamped):
                 return False
             self._bend(state, slot, kind, values, chosen)
         return new
+
+    def _read(self, state: Record, reading: Record) -> bool | None:
+        """Let the twin read, as one compiled call where it can be bound to what is read."""
+        known = self._reading
+        if known is None or known[0] is not state or known[1] is not reading:
+            bound = self.twin.bound_read(state, reading) if self._binds_read else None
+            if bound is None:
+                return self.twin.read(state, reading)
+            known = self._reading = (state, reading, bound)
+        return True if known[2]() == 0 else self.twin.read(state, reading)
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
         """Say what the twin says.
@@ -256,8 +275,20 @@ class FaultyTwin(Twin, Stamped):
         else:
             state["fault.cut_off"] = 0
         last[:] = received
-        self.twin.step(state, self._received, touch, period)
+        self._step(state, touch, period)
         state["fault.tick"] = state["fault.tick"].item() + 1
+
+    def _step(self, state: Record, touch: TwinInputs, period: float) -> None:
+        """Advance the twin under what it has received, as one compiled call where it can be bound to what it takes."""
+        known = self._stepping
+        if known is None or known[0] is not state or known[1] is not touch or known[2] != period:
+            bound = self.twin.bound_step(state, self._received, touch, period) if self._binds_step else None
+            if bound is None:
+                self.twin.step(state, self._received, touch, period)
+                return
+            known = self._stepping = (state, touch, period, bound)
+        if known[3]() != 0:
+            self.twin.step(state, self._received, touch, period)
 
     def _alone(self, state: Record, received: Floats, last: Floats, period: float) -> None:
         """Do what a device does that hears nothing: keep the last command, then become safe by its own watchdog."""

@@ -48,7 +48,7 @@ class Bound:
 
     def __init__(self, function: Callable[..., int], *arguments: Any) -> None:
         self.function = function
-        self.arguments = tuple(_rows(value) for value in arguments)
+        self.arguments = tuple([_rows(value) for value in arguments])
         self._joined: Callable[[], int] | None = None
 
     def __call__(self) -> int:
