@@ -89,15 +89,38 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     _choose(config, items)
 
 
+#: What compiles before the tests, while it does.
+_compiling: list[subprocess.Popen[bytes]] = []
+
+
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile what most tests need once, as a first start does, before the workers of a whole run would do so each."""
     config = session.config
-    if config.args_source is not config.ArgsSource.TESTPATHS or not config.getoption("numprocesses", None):
-        return
-    try:
-        subprocess.run([sys.executable, "-c", MOST], timeout=600.0, check=False, cwd=SCENES)
-    except subprocess.TimeoutExpired:  # the tests compile it themselves then, each worker on its own
-        print("compiling before the tests did not end in 600 s", file=sys.stderr)
+    if config.args_source is config.ArgsSource.TESTPATHS and config.getoption("numprocesses", None):
+        _compiling.append(subprocess.Popen([sys.executable, "-c", MOST], cwd=SCENES))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_node_collection_finished() -> None:
+    """Give out no test before that is over; the workers have collected meanwhile, where a core was idle."""
+    while _compiling:
+        try:
+            _compiling[-1].wait(600.0)
+        except subprocess.TimeoutExpired:  # the tests compile it themselves then, each worker on its own
+            print("compiling before the tests did not end in 600 s", file=sys.stderr)
+        _end_compiling()
+
+
+def _end_compiling() -> None:
+    while _compiling:
+        process = _compiling.pop()
+        process.kill()
+        process.wait()
+
+
+def pytest_unconfigure() -> None:
+    """Leave nothing that compiles behind, though no test was collected."""
+    _end_compiling()
 
 
 def pytest_collection() -> None:
