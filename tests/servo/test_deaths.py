@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import signal
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -71,6 +72,20 @@ def test_every_process_of_a_session_has_its_turn_from_the_first_millisecond_on()
     assert {victim for victim, _, _ in drawn} == set(kills_at_start.VICTIMS)
     assert all(0.001 <= after <= 4.0 for _, after, _ in drawn)
     assert {running for _, _, running in drawn} == {False, True}
+
+
+def test_what_is_just_being_started_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between fork and exec a process has no environment to be known by; seen at a kill of a launcher after 0.42 s."""
+    begin = time.monotonic()
+
+    def left(mark: str) -> Iterator[str]:
+        since = time.monotonic() - begin
+        if 0.1 < since < 0.4:
+            yield "servo 1"
+
+    monkeypatch.setattr(kills_at_start, "_left", left)
+    assert 0.2 < kills_at_start._await_nothing("mark", ()) <= 0.4
+    assert not any(left("mark"))
 
 
 def test_kills_in_parts_add_up(

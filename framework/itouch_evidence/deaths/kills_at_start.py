@@ -41,6 +41,8 @@ _ROLES = {
 }  # fmt: skip
 #: How long [s] a victim may take to come to be; how long after a kill is looked.
 _COMES, _LOOKS = 60.0, 90.0
+#: For how long [s] nothing must be seen any more.
+_CALM = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,9 +109,7 @@ def kill(victim: str, after: float, *, running: bool = False) -> Kill:
                 event = monotonic() if victim == "recorder" else event
                 with contextlib.suppress(ProcessLookupError):
                     started[0].terminate()
-            began = time.monotonic()
-            _await_nothing(mark, started)
-            gone = time.monotonic() - began
+            gone = _await_nothing(mark, started)
             left = (*_left(mark), *_files(Path(folder), {path.name, recording.name}))
             return Kill(victim, after, gone, watched.safe_after(event, victim), left)
         finally:
@@ -191,13 +191,23 @@ def _come(victim: str, mark: str) -> int:
     raise TimeoutError(f"no {victim} came to be within {_COMES:g} s")
 
 
-def _await_nothing(mark: str, started: Sequence[subprocess.Popen[bytes]]) -> None:
-    """Wait until no process lives, and no socket of one that the kernel is still taking apart is listed."""
-    end = time.monotonic() + _LOOKS
-    while any(_left(mark)) and time.monotonic() < end:
+def _await_nothing(mark: str, started: Sequence[subprocess.Popen[bytes]]) -> float:
+    """Wait until no process lives, and no socket of one that the kernel is still taking apart is listed.
+
+    Returns
+    -------
+    float
+        After how long [s] something was seen last.  A process that is just being started by one that is killed has no
+        environment for a moment, and is not seen in it: nothing must be seen for a while.
+    """
+    begin = seen = time.monotonic()
+    while time.monotonic() < min(seen + _CALM, begin + _LOOKS):
+        if any(_left(mark)):
+            seen = time.monotonic()
         for process in started:
             process.poll()  # what has ended is buried
         time.sleep(0.02)
+    return seen - begin
 
 
 def _left(mark: str) -> Iterator[str]:
