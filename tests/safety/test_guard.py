@@ -46,6 +46,15 @@ def test_a_force_grows_by_a_newton_a_millisecond_and_falls_at_once() -> None:
     assert sent.tolist() == [0.0] * 6
 
 
+def test_a_drive_that_may_cool_less_than_heat_is_held_to_its_part_of_each() -> None:
+    """With half a share, half of what each way may have: not half of the other way's."""
+    channel = Channel("current", 1, "A", (-0.8,), (1.6,), role=Role.DRIVE, doc="of a pad", safe=0.0)
+    for wanted, got in ((-5.0, -0.4), (5.0, 0.8), (-0.3, -0.3), (0.7, 0.7)):
+        sent = np.zeros(1)
+        Guard(channel, LIMITS).limit(np.array([wanted]), sent, 0.5, 1.0, 1.0)
+        assert sent.tolist() == pytest.approx([got])
+
+
 def test_each_axis_counts_in_the_size_of_a_force() -> None:
     for axis in range(3):
         guard, sent = Guard(wrench(force=8.0), LIMITS), np.zeros(6)

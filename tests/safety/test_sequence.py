@@ -190,6 +190,14 @@ def test_a_surface_that_does_not_go_is_told() -> None:
     assert outcome.devices["table"] == "retracted only 0.0 mm"
 
 
+def test_how_far_a_surface_came_that_is_stuck_is_said() -> None:
+    rig = Rig()
+    rig.obey = lambda goal: rig.follow(max(goal, 0.028))
+    outcome = rig.stop("arm")
+    assert not outcome.safe
+    assert outcome.devices["table"] == "retracted only 1.7 mm, still touched"  # seen a period after it was told to go
+
+
 def test_a_surface_at_the_end_of_its_travel_is_safe() -> None:
     rig = Rig()
     rig.height = rig.table.sent["pose_target"][2] = 0.0009
