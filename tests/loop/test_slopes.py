@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 from shipped import SCENES
 
+from itouch.session import build
 from itouch_evidence.surface.course import PLATE_FORCE, Course, Floats, follow
 from itouch_evidence.surface.meshes import KINDS, make
 from itouch_evidence.surface.scenes import RADIUS, Slope, ball, ramp
@@ -243,3 +244,25 @@ def test_arm_and_plate_together_keep_to_the_scenes_limit(folder: Path, force: fl
     course = follow(Slope(*ball([40, -40, 0], 1.0, deep=14.0), friction=0.3, force=force).build(folder))
     assert np.linalg.norm(course.virtual, axis=1).max() > 3.0 * force
     assert np.linalg.norm(course.total, axis=1).max() <= force * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(("mounted", "steep"), [(10.0, 10.0), (20.0, 20.0), (-15.0, -15.0)])
+def test_a_plate_that_is_mounted_at_an_angle_is_where_the_surface_is(
+    folder: Path, mounted: float, steep: float
+) -> None:
+    """All turned by one angle, finger and hand feel the same: a ball rests on such a plate beside the point below it."""
+    felt, level = [], '<mount pos="0 0 -30 mm"'
+    for table, slope in ((0.0, 0.0), (mounted, steep)):
+        text = Slope(*ramp(slope)).text()
+        assert level in text
+        (folder / "turned.xml").write_text(text.replace(level, f'{level} rpy="0 {table} 0 deg"'), encoding="utf-8")
+        session = build(folder / "turned.xml")
+        session.run(0.85)
+        felt.append(-session.state["table.wrench"][2].item())
+        session.run()
+        (contact,) = session.report()["contacts"]
+        assert contact["plate"]
+        assert not contact["plate_missed"]
+        assert session.report()["table"]["height_error_mm_max"] < 0.1
+    assert felt[0] > 1.0
+    assert felt[1] == pytest.approx(felt[0], rel=5e-3)

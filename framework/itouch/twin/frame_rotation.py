@@ -9,6 +9,9 @@ from itouch.compiling import kernel
 
 Floats = NDArray[np.float64]
 
+#: Cosine of the angle of a plate from which on it is none for a finger.
+STEEPEST = 0.1
+
 
 @kernel
 def turned_out(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float, float]:
@@ -30,3 +33,13 @@ def turned_in(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[fl
         frames[r + 1] * x + frames[r + 4] * y + frames[r + 7] * z,
         frames[r + 2] * x + frames[r + 5] * y + frames[r + 8] * z,
     )
+
+
+@kernel
+def beside(radius: float, cosine: float) -> float:
+    """Return how much higher [m] the lowest point of a finger is than the plate below it, where they touch.
+
+    A ball of this ``radius`` [m] rests on a plate that is mounted at an angle, of this ``cosine`` [1], beside that
+    point.
+    """
+    return float(radius * (1.0 / max(STEEPEST, cosine) - 1.0))

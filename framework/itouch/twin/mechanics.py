@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.compiling import kernel
-from itouch.twin.frame_rotation import turned_in, turned_out
+from itouch.twin.frame_rotation import beside, turned_in, turned_out
 
 Floats = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ def plate_force(constants: Floats, finger: Floats, table: Floats, figures: Float
     """Write force, top and distance of the plate under a finger (3,); return the gap between them [m]."""
     px, py, pz = table[0] + constants[OFFSET], table[1] + constants[OFFSET + 1], table[2] + constants[OFFSET + 2]
     _, _, up = turned_out(constants, TABLE, px, py, pz)
-    figures[TOP] = constants[TABLE + 2] + up
+    figures[TOP] = constants[TABLE + 2] + up + beside(constants[RADIUS], constants[TABLE + 11])
     x, y, z = turned_in(
         constants, TABLE, finger[0] - constants[TABLE], finger[1] - constants[TABLE + 1],
         finger[2] - constants[TABLE + 2],

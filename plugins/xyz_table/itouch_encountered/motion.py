@@ -85,6 +85,8 @@ SEEN_AHEAD = 0.003
 ELSEWHERE = 5e-3
 #: How fast that speed may change [m/s2] well below which what a device misses is not by its inertia.
 EVEN = 2.0
+#: Cosine of the angle of a face from which on it is no face for a finger.
+STEEPEST = 0.1
 #: Speed up or down [m/s] well below which what a device misses is by the force on it, and well above by its lag.
 STILL = 0.06
 
@@ -148,10 +150,19 @@ class Seen(NamedTuple):
 
 
 @kernel
+def _beside(c: Any, frame: Any) -> float:
+    """Return how much higher than the point of the face below a finger its lowest point is as they touch [m].
+
+    0 on a level face; a ball rests on a face that is mounted at an angle beside that point.
+    """
+    return float(c.radius * (1.0 / max(STEEPEST, frame[11]) - 1.0))
+
+
+@kernel
 def _top(c: Any, frame: Any, pose: Any) -> float:
-    """Return the height of the face [m] in the world, for a pose (7,) of the device."""
+    """Return how high [m] in the world the lowest point of a finger on the face is, for a pose (7,) of the device."""
     x, y, z = pose[0] + c.x, pose[1] + c.y, pose[2] + c.z
-    return float(frame[9] * x + frame[10] * y + frame[11] * z + frame[2])
+    return float(frame[9] * x + frame[10] * y + frame[11] * z + frame[2] + _beside(c, frame))
 
 
 @kernel
@@ -359,8 +370,11 @@ def _bearable(c: Any, rises: float, level: float, sink: float, off: float) -> fl
 
 @kernel
 def _command(c: Any, frame: Any, sent: Any, hip: Any, goal: Any, height: float, felt: bool) -> None:
-    """Write the command (7,): the face under the finger at a height [m]; where it is felt it gives way first."""
-    x, y, z = hip[0] - frame[0], hip[1] - frame[1], height - frame[2]
+    """Write the command (7,): the face so that a finger on it has its lowest point at a height [m].
+
+    Where it is felt it gives way first.
+    """
+    x, y, z = hip[0] - frame[0], hip[1] - frame[1], height - _beside(c, frame) - frame[2]
     goal[0] = frame[3] * x + frame[6] * y + frame[9] * z - c.x
     goal[1] = frame[4] * x + frame[7] * y + frame[10] * z - c.y
     goal[2] = frame[5] * x + frame[8] * y + frame[11] * z - c.z

@@ -25,7 +25,7 @@ from itouch.loop.render import (
     TRACKING,
 )
 from itouch.loop.surface.memory import CLIMB, LEFT, LEVEL, OFF, RENDERS, RISES, SETTLED, SINK, TOUCH
-from itouch.twin.frame_rotation import turned_in, turned_out
+from itouch.twin.frame_rotation import beside, turned_in, turned_out
 from itouch.world.presented_surfaces import ROOM
 
 Floats = NDArray[np.float64]
@@ -115,9 +115,13 @@ def _bearable(c: Floats, memory: Floats) -> float:
 
 @kernel
 def top(c: Floats, pose: Floats) -> float:
-    """Return the height of the plate's top [m] in the world if its carrier has a pose (7,)."""
+    """Return the height of the plate's top [m] in the world if its carrier has a pose (7,).
+
+    That is where the lowest point of a finger is that touches it: on one that is mounted at an angle, a little above
+    the point of the plate below the finger.
+    """
     _, _, z = turned_out(c, TABLE, pose[0] + c[OFFSET], pose[1] + c[OFFSET + 1], pose[2] + c[OFFSET + 2])
-    return float(z + c[TABLE + 2])
+    return float(z + c[TABLE + 2] + beside(c[RADIUS], c[TABLE + 11]))
 
 
 @kernel
