@@ -28,6 +28,7 @@ from itouch.schema.units import parse_unit
         ("1,2,3 mm", "m", 3, (0.001, 0.002, 0.003)),
         ("1, 2, 3 mm", "m", 3, (0.001, 0.002, 0.003)),
         ("-1,-2 ,3 mm", "m", 3, (-0.001, -0.002, 0.003)),
+        ("5,6 1/s", "1/s", 2, (5.0, 6.0)),
     ],
 )
 def test_reads(text: str, unit: str, size: int, expected: tuple[float, ...]) -> None:

@@ -14,7 +14,7 @@ from itouch.schema import units
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?")
 _SEPARATOR = re.compile(r"\s*[\s,]\s*")
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
-_MIXED = re.compile(r"\d,\d\S*\s+[-+.\d]|\d\s+[-+.]*\d\S*,\d")
+_MIXED = re.compile(r"\d,\d\S*\s+(?!1/)[-+.\d]|\d\s+[-+.]*\d\S*,\d")  # 1/s is a unit
 
 
 class QuantityError(ValueError):
