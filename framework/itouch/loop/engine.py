@@ -272,8 +272,8 @@ class Engine:
         """
         if self._ticking or self._runs_in not in (0, get_ident()):
             raise EngineError(_UNDER_WAY)
-        self._ticking = True
         try:
+            self._ticking = True  # in here: Ctrl-C may come between any two lines
             self._run_tick()
         finally:
             self._ticking = False
@@ -494,8 +494,8 @@ class Engine:
         self._pacing.check(seconds, until)
         if self._runs_in or self._ticking:
             raise EngineError(_UNDER_WAY)
-        self._runs_in = get_ident()
         try:
+            self._runs_in = get_ident()
             self._run(seconds, until, each, every)
         finally:
             self._runs_in = 0
