@@ -12,6 +12,7 @@ import pytest
 import itouch
 from itouch.plugin import Device, DeviceError, Record, deadman, pose, wrench
 from itouch.plugin.discovery import Catalog, Found, find
+from itouch.safety import Trip
 
 SCENE = """<itouch version="1.0">
   <materials><material name="wood"><contact stiffness="0.5 N/mm"/></material></materials>
@@ -266,4 +267,32 @@ def test_an_error_that_fails_to_say_why_is_an_error_like_any_other(
     assert session.status("stick").name == "FAULT"
     assert sent[-1] == 0.0
     assert session.report()["faults"][-1]["trip"] == "device-error"
+    session.close()
+
+
+def test_a_device_whose_quaternion_shrinks_is_stopped_and_pushes_with_nothing(scene: Path) -> None:
+    """The place of whatever is mounted on it would shrink as well."""
+
+    class Shrinks(stick()):  # type: ignore[misc]
+        sent: ClassVar[list[float]] = []
+
+        def read(self, reading: Record) -> bool | None:
+            new: bool | None = super().read(reading)
+            if new and self.count > 100:
+                reading["pose"][3] = 0.5
+            return new
+
+        def write(self, command: Record) -> None:
+            self.sent.append(float(abs(command["wrench"]).max()))
+
+    session = itouch.build(scene, catalog=catalog(Shrinks))
+    session.enable()
+    with pytest.raises(
+        itouch.DeviceFaultError, match="a quaternion of length 0.5 .pose., which is no rotation"
+    ) as caught:
+        session.run(1.0)
+    assert caught.value.trip is Trip.SENSOR_RANGE
+    assert max(Shrinks.sent) > 0.1, "it pushed before"
+    assert Shrinks.sent[-1] == 0.0
+    assert session.state["stick.pose"][3] == 1.0, "what is not believed is worked with by nobody"
     session.close()

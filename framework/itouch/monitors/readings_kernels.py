@@ -19,8 +19,10 @@ class Believable(NamedTuple):
 
     ``low``, ``high`` (n,): their range; ``trips`` (n,): the trip of a number that is out of it; ``checked``: those that
     are looked at in every reading, with ``speed`` and ``room`` (n,): how far one can be from that before, by seconds
-    and at once; ``first``, ``second``: numbers that measure the same, and differ by ``apart`` (1,) at most;
-    ``disagree``, ``jump``, ``odd`` (1,): the trips of two that differ, of a number too far off, and of none at all.
+    and at once; ``first``, ``second``: numbers that measure the same, and differ by ``apart`` (1,) at most; ``turns``:
+    where quaternions begin, and ``stretch`` (1,): how far the squares of their parts may be from adding up to 1;
+    ``disagree``, ``jump``, ``odd``, ``outside`` (1,): the trips of two that differ, of a number too far off, of none at
+    all, and of a quaternion that is no rotation.
     """
 
     low: Floats
