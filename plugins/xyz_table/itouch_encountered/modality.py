@@ -75,7 +75,7 @@ class Encountered(Modality):
         load = device.read_field(Role.CONTACT_FORCE)
         force = _limit(world.devices[surface.arm], "force") if surface.arm else math.inf
         speed = _limit(device, "speed")
-        numbers = _numbers(surface, radius, world.servo_period, force, speed, bool(load))
+        numbers = _numbers(surface, radius, world.servo_period, force, speed, bool(load))._replace(wire=device.wire)
         return EncounteredModel(name, params.probe, device.name, goal.name, pose, load, numbers)
 
     def fields(self, model: EncounteredModel) -> tuple[Field, ...]:

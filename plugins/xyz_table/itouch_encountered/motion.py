@@ -89,6 +89,8 @@ EVEN = 2.0
 STEEPEST = 0.1
 #: Speed up or down [m/s] well below which what a device misses is by the force on it, and well above by its lag.
 STILL = 0.06
+#: The same behind a wire, where it learns in contact only: no finger leads a surface that fast.
+STILL_ON_IT = 0.01
 
 
 class Numbers(NamedTuple):
@@ -97,7 +99,8 @@ class Numbers(NamedTuple):
     ``cosine`` and ``back``: of the steepest slope that it renders, and of that below which it takes a contact back;
     ``most``: its greatest force beside the scene's limit; ``reach``: how far the device goes in a tick; ``early``: how
     far below the finger it may be and still be too high; ``ahead``: how many ticks ahead of time it is seen how the
-    slope turns; ``x``, ``y``, ``z``: of its face on what the device carries.
+    slope turns; ``x``, ``y``, ``z``: of its face on what the device carries; ``wire``: whether its readings come late,
+    and not in every tick.
     """
 
     radius: float
@@ -115,6 +118,7 @@ class Numbers(NamedTuple):
     x: float
     y: float
     z: float
+    wire: bool = False
 
 
 class Seen(NamedTuple):
@@ -259,8 +263,14 @@ def _bend(c: Any, own: Any, turns: float, hastens: float, goes_on: bool) -> floa
 
 
 @kernel
-def _watch(c: Any, own: Any, here: float) -> None:
-    """Follow how fast it rises by its own reading ``here`` [m], and how that changes."""
+def _watch(c: Any, own: Any, here: float, climb: float) -> None:
+    """Follow how fast it rises by its own reading ``here`` [m], and how that changes.
+
+    Behind a wire readings come now and then, as jumps: there it is taken to go as its virtual surface does, ``climb``.
+    """
+    if c.wire:
+        own[HERE], own[SPEED], own[RUSHES] = here, climb, own[BENDS]
+        return
     if abs(here - own[HERE]) > ELSEWHERE:
         own[HERE], own[SPEED], own[RUSHES] = here, 0.0, 0.0
     speed = (here - own[HERE]) / c.period
@@ -278,7 +288,8 @@ def _learn(c: Any, own: Any, last: float, here: float, pressed: float) -> None:
     off = last - here - own[GIVE] * pressed - own[LAG] * speed - own[INERTIA] * rushes
     if abs(off) > ASTRAY:
         return
-    moves = speed * speed / (speed * speed + STILL * STILL)  # 1: what is seen is the lag, 0: it is the force
+    still = STILL_ON_IT if c.wire else STILL
+    moves = speed * speed / (speed * speed + still * still)  # 1: what is seen is the lag, 0: it is the force
     turns = rushes * rushes / (rushes * rushes + EVEN * EVEN)  # 1: what is seen is the inertia
     step = LEARNS * c.period * off
     lets = (1.0 - turns) * step
@@ -287,7 +298,7 @@ def _learn(c: Any, own: Any, last: float, here: float, pressed: float) -> None:
         own[INERTIA] = min(MOST_INERTIA, max(0.0, inertia))
         give = own[GIVE] + (1.0 - moves) * lets * pressed / (pressed * pressed + 0.01)
         own[GIVE] = min(MOST_GIVE, max(0.0, give))
-    lag = own[LAG] + moves * lets * speed / (speed * speed + STILL * STILL)
+    lag = own[LAG] + moves * lets * speed / (speed * speed + still * still)
     own[LAG] = min(MOST_LAG, max(-MOST_LAG, lag))
 
 
@@ -417,7 +428,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
         if own[LOST] == 0.0:
             touches_unasked(c, own, here - lowest, pressed, touching)
     begins = touching and seen.pressed[0] == 0.0
-    _watch(c, own, here)
+    _watch(c, own, here, climb)
     rounds = _bend(c, own, seen.turns[0], seen.hastens[0], touching and not begins)
     shift = min(MOST_SHIFT, max(-MOST_SHIFT, rounds + own[BENDS] * own[INERTIA])) if own[TAKES] > 0.0 else 0.0
     more, own[SHIFT] = shift - own[SHIFT], shift
@@ -426,7 +437,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     most = _bearable(c, seen.rises[0], level, sink, seen.off[0])
     still = own[TAKES] > 0.0 and own[ARRIVED] > 0.0 and wanted <= most
     rests = still and touching and pressed >= TOUCH and own[YIELDS] <= 0.0
-    if rests or (not touching and pressed < LEFT and own[LOST] == 0.0):
+    if rests or (not c.wire and not touching and pressed < LEFT and own[LOST] == 0.0):
         _learn(c, own, last, here, pressed)
     _command(c, frame, sent, hip, goal, min(wanted, most), touching or pressed > LEFT)
     own[AT_FINGER] = 1.0 if touching and _there(own, seen.present[0] > 0.0, here - lowest, pressed) else 0.0
