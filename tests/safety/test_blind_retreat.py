@@ -165,7 +165,11 @@ WIRES = (1, 7, 20, 23)
 
 @pytest.mark.parametrize("wire", WIRES)
 def test_a_surface_that_obeys_goes_down_however_a_finger_moves(wire: int) -> None:
-    """It never comes nearer than it was when all stopped; what no shaking hand does by chance calls it back at all."""
+    """It never comes nearer than it was when all stopped, and is called back there by a hand that shakes, or by chance.
+
+    Of hands that do not shake, one in 300 may move twice in a row, leg by leg, as one that is pushed.
+    """
+    back = called = calm = 0
     for number in range(500 if campaign.FULL else 25):
         rng = random.Random(f"{wire} {number}")
         shakes = rng.random() < 0.3
@@ -175,9 +179,14 @@ def test_a_surface_that_obeys_goes_down_however_a_finger_moves(wire: int) -> Non
         )  # fmt: skip
         world.stop()
         assert max(world.tops) <= STOOD, number
-        assert shakes or all(after <= before for before, after in zip(world.tops, world.tops[1:], strict=False)), number
+        up = any(after > before for before, after in zip(world.tops, world.tops[1:], strict=False))
+        back, called, calm = back + up, called + (up and not shakes), calm + (not shakes)
         assert world.top <= STOOD - RETREAT, number
         assert world.stopped == HELD
+    campaign.tell(
+        f"{back} of {number + 1} hands called a surface back that obeys, {called} of {calm} that do not shake"
+    )
+    assert called <= calm / 300
 
 
 @pytest.mark.parametrize("wire", WIRES)
