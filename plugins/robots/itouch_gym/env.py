@@ -18,7 +18,6 @@ TRIPPED, SKIN = -10.0, (31.0, 34.0)
 class FluxControlEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A finger presses a display that is to produce the heat flux of a material.
 
-
     ``reset`` takes ``options={"material": NAME, "skin": degC}``; what is not given is drawn at random.
     """
 
