@@ -43,8 +43,8 @@ class Exchange:
 
     def run(self, frame: bytes, again: bytes, patience: float = PATIENCE, *, insist: bool = False) -> Reply:
         """Send a frame and return its answer; if the answer is damaged, send ``again`` instead, a frame without force.
-With ``insist``, do so too if no answer comes.  An answer that was merely late may then arrive beside that to the
-repeated frame: the last one counts.
+
+        With ``insist``, do so too if no answer comes.  An answer that was merely late may then arrive beside that to
         the repeated frame: the last one counts.
 
         Raises

@@ -213,7 +213,7 @@ class Falcon:
         Raises
         ------
         Timeout, ProtocolError, Disconnected
-            If the arm does not answer, sends invalid frames, or is gone.  The force is then zero until the next `write`.
+            If the arm does not answer, sends invalid frames, or is gone.  Force is then zero until the next `write`.
         """
         began = self._clock()
         reply = self._believed()
