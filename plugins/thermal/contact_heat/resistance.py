@@ -142,7 +142,7 @@ ResistanceLaw = ConstantResistance | PressureResistance | TableResistance
 
 
 def contact_area(force: float, at_1n: float = AREA_AT_1N, exponent: float = AREA_EXPONENT) -> float:
-    """Return the contact area [m2] of a fingertip on a flat surface under a normal force [N]; default: Hertz's exponent.
+    """Return the contact area [m2] of a fingertip on a flat surface under a normal force [N], by default after Hertz.
 
     (This function is also compiled.)
     """
