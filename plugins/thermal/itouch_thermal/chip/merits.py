@@ -118,7 +118,7 @@ def rise_time(host: SimulatedHost) -> float:
 
 
 def soak_limit(numbers: Mapping[str, float], params: DisplayParams = REFERENCE) -> Iterator[tuple[float, float]]:
-    """Yield several sinks [K/W], one with a dead fan, and the plate's peak [degC] after a cut-off at both hot limits."""
+    """Yield sinks [K/W], one with a dead fan, and the plate's peak [degC] with each after a cut at both hot limits."""
     from itouch_thermal.chip.display import plain
 
     for resistance in (0.3, 0.5, 1.5, 20.0):
