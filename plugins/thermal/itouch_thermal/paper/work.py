@@ -98,7 +98,7 @@ class Work:
         return simulate(case, desired_course(case), setup.module, "model", seed=1)
 
     def step(self, current: float = 1.0, seconds: float = 20.0, *, touched: bool = False) -> Array:
-        """Return the reading of the sensor on the module [W/m2] with a step of current [A] at 1 s, one value per period.
+        """Return the reading of the sensor on the module [W/m2] with a current step [A] at 1 s, one value per period.
 
         With ``touched``, return the true flux out of a resting finger instead, less that without the current.
         """
