@@ -155,7 +155,7 @@ def _pair_rows(finger: Modes, body: Modes, period: float) -> tuple[Array, Array,
 
 
 def state_size(model: Array) -> int:
-    """Return the size of the state of a model (n,), which the model's head holds."""
+    """Return the size [1] of the state of a model (n,), which the head of the model holds."""
     return int(model[SIZE])
 
 

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Longest time [s] left out by a loop that is made up for: doing so takes time itself, in which the loop is silent, and
-#: a guardian does not wait longer in a run.  If a curve is played, or two objects are touched at once, Python does it,
-#: some thirty times slower.
+#: Longest time [s] left out by a loop that is made up for.  Making up takes time itself, in which the loop is silent,
+#: and a guardian lets less than this pass in a run.  If a curve is played, or two objects are touched at once, Python
+#: does it, some thirty times slower.
 LEFT_OUT, LEFT_OUT_IN_PYTHON = 10.0, 0.25
 
 #: The model finger, unless a scene has its own: epidermis as in the paper; dermis and subcutis, with perfusion, after
@@ -396,7 +396,7 @@ def _views(model: HeatModel, state: Record, period: float) -> tuple[Given, Kept,
 def table_of(bodies: Sequence[Array | None]) -> Array:
     """Return packed models as rows of one table, shape (n, widest); a row of zeros for a missing one.
 
-    Each model (size,) is laid out as in `contact_heat.packing`.
+    Each model (size,) is laid out as in `contact_heat.packing`, which has the units.
     """
     table = np.zeros((max(1, len(bodies)), max((len(body) for body in bodies if body is not None), default=1)))
     for row, body in zip(table, bodies, strict=False):

@@ -6,7 +6,7 @@ from collections import deque
 
 from itouch.plugin import DeviceError
 
-#: Allowed difference [A] from the commanded current, and as a share of it; exchanges that it may be exceeded.
+#: Allowed difference [A] from the commanded current, and as a share of it; number of exchanges before it counts.
 ASIDE, PART, STRAYED = 0.3, 0.2, 25
 #: Number of the latest commands that are compared: the current follows late, and may be at any point on its way.
 ASKED = 8

@@ -42,7 +42,7 @@ class Bound:
 
 
 def bound(case: Case, course: Course, display: DisplayParams, plants: Iterable[Mismatch] = ()) -> Bound:
-    """Return the best that the nominal plant can achieve, and whether the plate's band limits it or one of ``plants``.
+    """Return the best that the nominal plant can achieve, and which of the plate's limits hinders it or ``plants``.
 
     Bounded least squares in the plate's start temperature and the knots of the pumped flux, which may start with the
     contact.  The face's temperature follows from the desired flux: where the band does not allow it, the flux is the

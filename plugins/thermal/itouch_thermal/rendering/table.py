@@ -137,7 +137,7 @@ class Table:
         return Case(what, temperature, resistance=resistance, seconds=self.seconds)
 
     def _within(self, case: Case, plants: Sequence[tuple[DisplayParams, int]]) -> bool:
-        """Tell whether the plate's band allows the case to be rendered on the plants."""
+        """Tell whether the plate's band and rate allow the case to be rendered on the plants."""
         course = desired_course(case)
         return bound(case, course, self.display, [plant.mismatch for plant, _ in plants]).limited is None
 
