@@ -10,8 +10,8 @@ import numpy as np
 from itouch_gym.env import SKIN
 from itouch_gym.plant import EPISODE, FLUX, MATERIALS, STEP, Plant
 
-#: Gains of the baseline. In contact: share of the greatest current per unit of flux error, and per unit of its
-#: integral over a second. Without contact: per 10 K of the plate's temperature above 30 degC.
+#: Gains of the baseline.  In contact: share of the greatest current per unit of flux error, and per unit of its
+#: integral over a second.  Without contact: per 10 K of the plate's temperature above 30 degC.
 PROPORTIONAL, INTEGRAL, FREE = 0.3, 0.5, 0.5
 
 

@@ -80,8 +80,8 @@ def resistance_flux(beta_s: float, beta_m: float, difference: float, resistance:
 
     ``difference / R * exp(z**2) erfc(z)`` with ``z = (1/beta_s + 1/beta_m) sqrt(t) / R``.
 
-    ``times`` [s] has any shape (...,), and the flux the same; ``beta_s`` and ``beta_m`` are effusivities [W
-    s^0.5/m2K].
+    ``times`` [s] has any shape (...,), and the flux the same; ``beta_s`` and ``beta_m`` are effusivities
+    [W s^0.5/m2K].
     """
     z = (1.0 / beta_s + 1.0 / beta_m) * np.sqrt(np.asarray(times)) / resistance
     return np.asarray(difference / resistance * scaled_erfc(z))

@@ -95,7 +95,7 @@ def _explicit(nodes: Array, numbers: Array, now: Any, after: Any, field: Any, ti
 
     ``nodes`` has the rows depth, heat capacity, conductance to the next node, and perfusion; ``numbers`` is laid out as
     in `_numbers`.  ``now`` and ``after`` hold problem 1 at both ends of the step, from the first node at which it is
-    needed. Within the first layer problem 1 solves the equation by itself; its imbalance from that layer's inner face
+    needed.  Within the first layer problem 1 solves the equation by itself; its imbalance from that layer's inner face
     on is a source of problem 2.
     """
     first, lowest, initial, rise, alpha, rate, back, back_temperature, arterial = numbers

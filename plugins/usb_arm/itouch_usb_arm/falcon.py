@@ -48,7 +48,8 @@ _INSIST = 8
 #: second (2 m/s).  A known speed is extrapolated for at most this long [s].
 _JUMP, _JUMP_RATE, _COASTS = 60, 40_000.0, 0.02
 #: If it is known, a leg is at most this many counts from its extrapolated place (a wrong letter other than the lowest
-#: makes 16), plus half this many counts/s^2 (300 m/s2) times t^2, plus its speed times t and this uncertainty of t [s].
+#: makes 16), plus half this many counts/s^2 (300 m/s2) times t^2, plus its speed times the sum of t and this time [s],
+#: by which t is uncertain.
 _NEAR, _FORCED, _VAGUE = 12, 6.5e6, 1e-3
 #: The arm is given up after this many frames of which no two agree.
 _ASKED = 4

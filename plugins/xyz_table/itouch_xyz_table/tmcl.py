@@ -29,7 +29,7 @@ PATIENCE, TRIES, QUIET = 0.05, 8, 5e-3
 TRIED, SLOWLY = 5e-4, 2e-3
 #: How long the way back may take [s].
 BACK = 1.0
-#: Speeds of searching an end and of leaving its switch [m/s], and time that may be needed beyond the travel's [s].
+#: Speeds of the search for an end and of leaving its switch [m/s], and time allowed beyond that of the travel [s].
 SEARCH, LEAVE, GRACE = 0.02, 0.005, 3.0
 #: An axis farther [m] than this beyond twice what its greatest speed allows has another zero.
 FURTHER = 2e-3
@@ -212,7 +212,7 @@ class Steppers:
     # --- homing --------------------------------------------------------------------------------------------------
 
     def search(self, travel: Sequence[float], low: Sequence[float]) -> None:
-        """Search the low end of z, then of x and y, with the module's own search for the end switch.
+        """Find the low end of z, then of x and y, with the module's own search for the end switch.
 
         Parameters
         ----------

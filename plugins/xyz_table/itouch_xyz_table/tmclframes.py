@@ -17,7 +17,7 @@ ABSOLUTE = 0
 SEARCH_START, SEARCH_STOP, SEARCH_STATUS = 0, 1, 2
 #: Parameters of an axis: target, position [microsteps], speed, its limit [1/s], limit of acceleration [1/s2].
 TARGET, ACTUAL, ACTUAL_SPEED, MAX_SPEED, MAX_ACCELERATION = 0, 1, 3, 4, 5
-#: How an axis searches its end, how fast, and how fast it leaves the switch.
+#: How an axis searches for its end, how fast, and how fast it leaves the switch.
 SEARCH_MODE, SEARCH_SPEED, SWITCH_SPEED = 193, 194, 195
 #: Search modes: the left switch only; plus this, the right one in its place.
 LEFT_SWITCH, RIGHT_INSTEAD = 1, 64

@@ -138,7 +138,7 @@ class VirtualTmcl:
     """The module: bytes in, bytes out.
 
     ``heartbeat``: whether it has one; ``deaf``: it ignores its heartbeat; ``tripped``: the heartbeat has stopped the
-    motors. ``spoil`` may change the bytes of an answer on their way.
+    motors.  ``spoil`` may change the bytes of an answer on their way.
     """
 
     motors: dict[int, VirtualStepper]

@@ -68,7 +68,7 @@ class Haply(ImpedanceArm[Inverse3]):
         )  # fmt: skip
 
     def read(self, reading: Record) -> bool:
-        """Send one message and read the answer; the pose is the fingertip's. Return whether it held a position.
+        """Send one message and read the answer; the pose is the fingertip's; tell whether it held a position.
 
         Raises
         ------

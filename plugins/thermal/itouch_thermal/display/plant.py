@@ -129,9 +129,9 @@ def plant_step(
     memory, above, below, line, words
         State, changed in place: (MEMORY,), mode coordinates (n,) and (m,), delayed currents (d,), generator word (1,).
     command, contact, under, gap, ambient, beside
-        Current [A], or the temperature [K] for a driver that holds one (0: its output is off); contact resistance [K
-        m2/W] (infinite: out of contact); share of the plate that the finger covers, or would cover; gap to the finger
-        [m]; room [K]; another flux out of the finger during the whole step [W/m2].
+        Current [A], or the temperature [K] for a driver that holds one (0: its output is off); contact resistance
+        [K m2/W] (infinite: out of contact); share of the plate that the finger covers, or would cover; gap to the
+        finger [m]; room [K]; another flux out of the finger during the whole step [W/m2].
     """
     current = _drive(c, memory, line, command)
     touching = contact < np.inf
