@@ -1,1 +1,1 @@
-"""Haptic arms behind their makers' own software: Haply's local service, and OpenHaptics for Phantom and Touch."""
+"""Haptic arms driven through their makers' software: Haply's Inverse Service, and OpenHaptics for Phantom and Touch."""

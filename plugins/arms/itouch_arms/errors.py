@@ -1,4 +1,4 @@
-"""Errors of arms that their makers' software drives, each with a name of its own."""
+"""Errors of arms that are driven through their makers' software: one class for each cause."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class Timeout(ArmError, TimeoutError):  # noqa: N818
 
 
 class ProtocolError(ArmError):
-    """What came is not what the documentation says, or no possible position."""
+    """A message contradicts the protocol's documentation, or a position is impossible."""
 
 
 class NotCalibrated(ArmError):  # noqa: N818
-    """The arm does not know where it is: positions mean nothing and no force may be sent."""
+    """The arm is not calibrated: its positions mean nothing, and no force may be sent."""
 
 
 class Refused(ArmError):  # noqa: N818
-    """The arm is there but cannot give forces: no power, a fault of its own, or another program's settings."""
+    """The arm is present but cannot give forces: it has no power, a fault, or settings made by another program."""

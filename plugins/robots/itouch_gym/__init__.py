@@ -1,10 +1,10 @@
-"""The flux-control plant as an environment of Gymnasium, which knows it when this package has been imported."""
+"""The flux-control plant as a Gymnasium environment; importing this package registers it."""
 
 from __future__ import annotations
 
 import gymnasium
 
-#: The name by which ``gymnasium.make`` knows it; ``itouch_gym:`` before it imports this package.
+#: The environment's id for ``gymnasium.make``; prefixed with ``itouch_gym:``, the package is imported first.
 NAME = "itouch/FluxControl-v0"
 
 if NAME not in gymnasium.registry:

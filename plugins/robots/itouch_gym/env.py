@@ -1,4 +1,4 @@
-"""The environment: fifty actions a second, a current; rewarded is a flux that is the wanted one."""
+"""The environment: the action is a current, fifty times a second; the reward is for matching the desired heat flux."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from itouch_gym.plant import EPISODE, MATERIALS, STEP, Plant
 
-#: What a trip costs, and the skin's temperatures at the start [degC].
+#: The reward of a step that trips, and the range of the skin's temperature at the start [degC].
 TRIPPED, SKIN = -10.0, (31.0, 34.0)
 
 
 class FluxControlEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """A finger presses a display, which shall pass the heat flux of a material.
+    """A finger presses a display that is to produce the heat flux of a material.
 
-    ``reset`` takes ``options={"material": NAME, "skin": degC}``; without them both are drawn.
+    ``reset`` takes ``options={"material": NAME, "skin": degC}``; what is not given is drawn at random.
     """
 
     metadata = {"render_modes": [], "render_fps": 50}

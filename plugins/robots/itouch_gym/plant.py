@@ -1,4 +1,4 @@
-"""The plant: a finger that presses a Peltier display while a heat flux is wanted, as a session of itouch-py."""
+"""The plant: a finger presses a Peltier display that is to produce a given heat flux; a session of itouch-py."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 import itouch
 
-#: Time of a step and of an episode [s]: free, the finger comes down, it rests, it goes up.
+#: Duration of a step and of an episode [s]; in an episode the finger hovers, comes down, rests, and goes up.
 STEP, EPISODE = 0.02, 6.5
-#: What a flux and a temperature are divided by [W/m^2], [K], and the temperature that is 0 [K].
+#: Divisors of a heat flux [W/m^2] and of a temperature [K], and the temperature that counts as 0 [K].
 FLUX, WARMTH, MIDDLE = 1000.0, 10.0, 303.15
 MATERIALS = ("aluminium", "pyrex", "wood", "polystyrene")
 _CONTROL = '<thermal:flux-control display="peltier" desired-from="heat"/>'
@@ -48,7 +48,7 @@ _SCENE = """<itouch version="1.0"
 
 
 class Plant:
-    """One episode; ``own``: itouch-py's controller drives the display, and ``step`` takes no current.
+    """One episode; with ``own``, itouch-py's controller drives the display, and ``step`` ignores its current.
 
     Raises
     ------
@@ -69,8 +69,8 @@ class Plant:
     def step(self, current: float = 0.0) -> tuple[float, bool]:
         """Run for one step under a current [A]; return the cost of the flux, and whether a device has tripped.
 
-        The cost is the mean square of obtained minus wanted flux in units of 1000 W/m^2 over the ticks of the step in
-        which the finger touches; 0 where it does not.
+        The cost is the mean square of obtained minus desired flux, in units of 1000 W/m^2, over the ticks of the step
+        in which the finger touches; 0 if it does not touch.
         """
         errors = []
         state = self._engine.state
@@ -90,7 +90,7 @@ class Plant:
         return float(np.ravel(state["peltier.twin.true_flux"])[0] - np.ravel(state["heat.desired"])[0]) / FLUX
 
     def seen(self) -> NDArray[np.float32]:
-        """Return what a controller sees, shape (6,): plate, skin, sink, measured flux, wanted flux, touching."""
+        """Return a controller's observation, shape (6,): plate, skin, sink, measured flux, desired flux, touching."""
         state = self._engine.state
         warm = [self._of(name) for name in ("plate_temperature", "skin_temperature", "sink_temperature")]
         touching = bool(state["heat.in_contact"])
@@ -107,7 +107,7 @@ class Plant:
         return float(np.ravel(self._engine.state[f"peltier.{name}"])[0])
 
     def state(self) -> Any:
-        """Return the session's State, for those who look on."""
+        """Return the session's State, for observers."""
         return self._engine.state
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What three controllers score on the same episodes: no current, a baseline, and itouch-py's own."""
+"""The scores of three controllers on the same episodes: no current, a baseline, and itouch-py's own."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import numpy as np
 from itouch_gym.env import SKIN
 from itouch_gym.plant import EPISODE, FLUX, MATERIALS, STEP, Plant
 
-#: Of the baseline: current's share a unit of error of the flux, and of its integral a second; and, while nothing is
-#: touched, a unit of the plate's temperature that is to be that of the skin.
+#: Gains of the baseline.  In contact: share of the greatest current per unit of flux error, and per unit of its
+#: integral over a second.  Without contact: per 10 K of the plate's temperature above 30 degC.
 PROPORTIONAL, INTEGRAL, FREE = 0.3, 0.5, 0.5
 
 
 class Baseline:
-    """Proportional and integral on the measured flux while the finger touches; else the plate is kept at 30 degC."""
+    """A PI controller on the measured flux while the finger touches; otherwise it keeps the plate at 30 degC."""
 
     def __init__(self) -> None:
         self._sum = 0.0
 
     def act(self, seen: np.ndarray) -> float:  # type: ignore[type-arg]
-        """Return the share of the greatest current, -1 to 1, after what was seen; a positive one cools the plate."""
+        """Return the share of the greatest current, -1 to 1, for an observation; a positive one cools the plate."""
         plate, flux, wanted, touching = float(seen[0]), float(seen[3]), float(seen[4]), bool(seen[5])
         if not touching:
             self._sum = 0.0
@@ -33,7 +33,7 @@ class Baseline:
 
 
 def score(name: str, material: str, skin: float, seed: int) -> tuple[float, bool]:
-    """Return the sum of rewards of an episode, and whether it tripped."""
+    """Return the sum of an episode's rewards, and whether it tripped."""
     plant, baseline = Plant(material, skin, seed, own=name == "own"), Baseline()
     total = 0.0
     try:

@@ -1,4 +1,4 @@
-"""What a user may say of the teleoperator."""
+"""The options of the teleoperator."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ class ItouchTeleopConfig(TeleoperatorConfig):
     Attributes
     ----------
     plugin
-        Name of a device plugin, as ``itouch-py devices`` lists it; of no use where a scene is named.
+        Name of a device plugin, as ``itouch-py devices`` lists it; ignored if a scene is named.
     scene
-        A scene with one arm that no probe of it pushes with; empty: one is made for the plugin.
+        A scene with one arm, to which none of its probes sends a force; empty: one is made for the plugin.
     simulated
-        Whether the arm is a simulated twin.
+        Whether the arm is replaced by its simulated twin.
     force
         The greatest force [N] that the operator feels.
     """

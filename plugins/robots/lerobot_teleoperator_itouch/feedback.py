@@ -1,4 +1,4 @@
-"""A force that the operator feels as long as it is told again and again; what is stale fades to zero."""
+"""A force on the operator that must be repeated to last: a stale one fades to zero."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-#: How long [s] a force stands after it was told, how long it then takes to zero, and how often that is looked at.
+#: How long [s] a force lasts after it was given, how long it then takes to fade to zero, and the period of updates.
 STANDS, FADES, EVERY = 0.1, 0.1, 0.01
 
 
 def faded(force: Floats, age: float) -> Floats:
-    """Return what is left of a force [N], shape (3,), told so long ago [s]."""
+    """Return what is left of a force [N], shape (3,), that was given ``age`` seconds ago."""
     share = min(1.0, max(0.0, 1.0 - (age - STANDS) / FADES))
     return np.asarray(share * force)
 
 
 class Feedback:
-    """Sends the force that stands now, in a thread, and holds the dead-man's switch while that thread runs.
+    """Sends the current force from a thread, and holds the dead-man's switch while that thread runs.
 
     Parameters
     ----------
     send
-        Takes a force [N], shape (3,); it may raise when the session has ended.
+        Sends a force [N], shape (3,); it may raise when the session has ended.
     hold
-        Called in every turn.
+        Holds the dead-man's switch; called in every period.
     most
-        The greatest force [N]; the session's supervisor limits it once more.
+        The greatest force [N]; the session's supervisor applies its own limit as well.
     """
 
     def __init__(self, send: Callable[[Floats], None], hold: Callable[[], None], most: float) -> None:
@@ -40,20 +40,20 @@ class Feedback:
         self._sent = np.zeros(3)
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="itouch feedback", daemon=True)
-        #: What the thread failed of, if it did.
+        #: The exception that ended the thread, if any.
         self.failure: BaseException | None = None
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     def tell(self, force: Floats) -> None:
-        """Let a force be felt from now on; a longer one than the greatest is shortened.
+        """Set the force [N], shape (3,), to be felt from now on; one above the greatest is scaled down to it.
 
         Raises
         ------
         ValueError
-            If it is not of three finite numbers; nothing is felt then.
+            If it is not three finite numbers; the force is then zero.
         """
         if force.shape != (3,) or not np.isfinite(force).all():
             self._told, self._when = np.zeros(3), -np.inf
@@ -62,7 +62,7 @@ class Feedback:
         self._told, self._when = force * min(1.0, self._most / size) if size else force, time.monotonic()
 
     def close(self) -> None:
-        """Let the force go, and end."""
+        """Send zero force, and end the thread."""
         self._end.set()
         if self._thread.is_alive():
             self._thread.join(2.0)

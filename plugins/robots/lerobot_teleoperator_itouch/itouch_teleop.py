@@ -1,4 +1,4 @@
-"""The teleoperator: a session of itouch-py in its own process, read by shared memory and told forces by commands."""
+"""The teleoperator: a session of itouch-py in a process of its own, read through shared memory, sent forces."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from itouch.plugin import Role
 from lerobot_teleoperator_itouch.config_itouch import ItouchTeleopConfig
 from lerobot_teleoperator_itouch.feedback import Feedback, Floats
 
-#: How long [s] an arm may take to read for the first time.
+#: How long [s] an arm may take until its first reading.
 _BEGIN = 30.0
 _POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 _FORCE = ("force.x", "force.y", "force.z")
@@ -30,7 +30,7 @@ _SCENE = """<itouch version="1.0">
 
 
 class ItouchTeleop(Teleoperator):  # type: ignore[misc]
-    """Pose and buttons of an arm as actions; forces as feedback, which itouch-py limits."""
+    """The pose and buttons of an arm as actions; feedback is a force, which itouch-py limits."""
 
     config_class = ItouchTeleopConfig
     name = "itouch"
@@ -44,7 +44,7 @@ class ItouchTeleop(Teleoperator):  # type: ignore[misc]
         self._feedback: Feedback | None = None
         with tempfile.TemporaryDirectory() as folder:
             self._scene = itouch.load(self._written(folder))
-        session = itouch.build(self._scene, twin="all")  # nothing is opened: what the scene's arm is like is looked at
+        session = itouch.build(self._scene, twin="all")  # opens no device: only to look at the arm
         devices = session.model.devices.values()
         session.close()
         arms = [device for device in devices if device.command(Role.FORCE_ON_OPERATOR) is not None]
@@ -56,7 +56,7 @@ class ItouchTeleop(Teleoperator):  # type: ignore[misc]
                          if channel.role is Role.DEADMAN}  # fmt: skip
 
     def _written(self, folder: str) -> str:
-        """Return the path of the scene: the user's, or one that is made for the plugin."""
+        """Return the path of the scene: the user's, or one made for the plugin."""
         if self.config.scene:
             return self.config.scene
         path = Path(folder, "arm.xml")
@@ -75,12 +75,12 @@ class ItouchTeleop(Teleoperator):  # type: ignore[misc]
 
     @property
     def is_connected(self) -> bool:
-        """Whether the session runs, and answers."""
+        """Whether the session runs and answers."""
         return self._handle is not None and self._handle.running and self._handle.link.alive
 
     @property
     def is_calibrated(self) -> bool:
-        """Whether nothing is left to calibrate: calibrations belong to itouch-py and stand beside the scene."""
+        """Always true: calibrations belong to itouch-py and are stored beside the scene."""
         return True
 
     def connect(self, calibrate: bool = True) -> None:
@@ -105,10 +105,10 @@ class ItouchTeleop(Teleoperator):  # type: ignore[misc]
             time.sleep(0.01)
 
     def calibrate(self) -> None:
-        """Do nothing: `itouch-py calibrate` does it."""
+        """Do nothing: `itouch-py calibrate` does this."""
 
     def configure(self) -> None:
-        """Do nothing: the scene says it all."""
+        """Do nothing: the scene holds the whole configuration."""
 
     def get_action(self) -> dict[str, float]:
         """Return the newest pose [m], in the arm's own frame, and the buttons."""
@@ -117,19 +117,19 @@ class ItouchTeleop(Teleoperator):  # type: ignore[misc]
         return action | {name: float(np.ravel(state[field])[0]) for field, name in self._buttons.items()}
 
     def send_feedback(self, feedback: dict[str, Any]) -> None:
-        """Let the operator feel a force [N]; it fades if it is not told again within 0.1 s.
+        """Let the operator feel a force [N]; it fades unless it is repeated within 0.1 s.
 
         Raises
         ------
         ValueError
-            If it is not of finite numbers: nothing is felt then.
+            If it is not finite numbers; the force is then zero.
         """
         self._running()
         if self._feedback is not None:
             self._feedback.tell(np.array([float(feedback.get(name, 0.0)) for name in _FORCE]))
 
     def disconnect(self) -> None:
-        """Let the force go, and end the session safely."""
+        """Send zero force, and end the session safely."""
         feedback, self._feedback = self._feedback, None
         handle, self._handle = self._handle, None
         if handle is None:
@@ -152,7 +152,7 @@ class ItouchTeleop(Teleoperator):  # type: ignore[misc]
 
 
 def _error(name: str, words: str) -> Exception:
-    """Return LeRobot's own error of a name."""
+    """Return LeRobot's own exception of a name, with a message."""
     from lerobot.utils import errors
 
     found: Exception = getattr(errors, name)(words)

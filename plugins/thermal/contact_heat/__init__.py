@@ -1,7 +1,7 @@
 """The contact-heat solver: layered sides, exact evaluation, live stepping, the paper's scheme, batches.
 
-Sign of every flux: positive when heat leaves the finger.  Temperatures are kelvin; depths are measured from
-the contact inwards on each side.  NumPy and Numba are all that it needs.
+Fluxes are positive when heat leaves the finger.  Temperatures are in kelvin; depths are measured from the contact
+inwards on each side.  It needs only NumPy and Numba.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from contact_heat.layers import Back, Film, Initial, Layer, Probe, Side
     from contact_heat.stepper import Stepper
 
-#: Public name -> its module, imported when it is first used: most compile.
+#: Public names and their modules, which are imported on first use: most of them compile.
 _HOMES = {
     "Back": "layers",
     "BatchSolution": "batch",

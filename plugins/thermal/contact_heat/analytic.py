@@ -1,7 +1,7 @@
-"""The paper's closed forms for two half-spaces as pure functions, with its misprints mended.
+"""The paper's closed forms for two half-spaces as pure functions, with its misprints corrected.
 
 Symbols: effusivity ``beta = sqrt(k rho c)``, diffusivity ``alpha = k / (rho c)``; s is the skin, m the material, p the
-display.  Fluxes are positive when heat leaves the finger; eq. 2 as printed counts the other way.
+display.  Fluxes are positive when heat leaves the finger; eq. 2 as printed has the opposite sign.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ def diffusivity(conductivity: float, density: float, specific_heat: float) -> fl
 
 
 def contact_temperature(beta_m: float, material: float, beta_s: float, skin: float) -> float:
-    """Equation 1: temperature of the contact [K] of two half-spaces without resistance."""
+    """Equation 1: contact temperature [K] of two half-spaces without contact resistance."""
     return (beta_m * material + beta_s * skin) / (beta_m + beta_s)
 
 
 def contact_flux(beta_s: float, contact: float, skin: float, times: Array) -> Array:
-    """Equation 2: contact flux [W/m2] at times [s] for a contact temperature [K]; here out of the finger.
+    """Equation 2: contact flux [W/m2] at times [s] for a contact temperature [K]; here positive out of the finger.
 
-    ``times`` of any shape (...,), which the flux has, too; ``beta_s`` is the skin's effusivity [W s^0.5/m2K].
+    ``times`` has any shape (...,), and the flux the same; ``beta_s`` is the skin's effusivity [W s^0.5/m2K].
     """
     return np.asarray(beta_s * (skin - contact) / np.sqrt(np.pi * np.asarray(times)))
 
 
 def display_temperature(beta_p: float, *, beta_m: float, material: float, beta_s: float, skin: float) -> float:
-    """Equation 3: start temperature [K] of a display that gives the same contact temperature as a material.
+    """Equation 3: initial temperature [K] of a display that gives the same contact temperature as a material.
 
-    ``beta_p`` is that of what the finger touches first, the flux sensor for instance, not of the module.
+    ``beta_p`` is the effusivity of what the finger touches first, the flux sensor for instance, not of the module.
     """
     contact = contact_temperature(beta_m, material, beta_s, skin)
     return contact * (beta_p + beta_s) / beta_p - beta_s * skin / beta_p
@@ -53,9 +53,9 @@ def display_temperature(beta_p: float, *, beta_m: float, material: float, beta_s
 def half_space_temperature(contact: float, initial: float, alpha: float, depth: Array, time: float) -> Array:
     """Equation 7: temperature [K] at depths [m] of a half-space whose face is held at ``contact`` from t = 0.
 
-    Printed with the skin's initial temperature in place of the contact's.
+    As printed it has the skin's initial temperature in place of the contact's.
 
-    ``depth`` of any shape (...,), which the temperature has, too; ``alpha`` [m2/s], ``time`` [s].
+    ``depth`` has any shape (...,), and the temperature the same; ``alpha`` [m2/s], ``time`` [s].
     """
     return np.asarray(contact + (initial - contact) * _erf(np.asarray(depth) / (2.0 * math.sqrt(alpha * time))))
 
@@ -65,9 +65,9 @@ def constant_flux_temperature(
 ) -> Array:
     """Equation 9: temperature [K] at depths [m] of a half-space that a constant flux enters from t = 0.
 
-    The two fluxes of the printed form are one; it enters the body, so that for a finger it is minus the contact's.
+    The printed form has two names for this flux.  It is positive into the body: for a finger, minus the contact flux.
 
-    ``depth`` of any shape (...,), which the temperature has, too; ``flux`` [W/m2], ``conductivity`` [W/mK],
+    ``depth`` has any shape (...,), and the temperature the same; ``flux`` [W/m2], ``conductivity`` [W/mK],
     ``alpha`` [m2/s], ``time`` [s].
     """
     x = np.asarray(depth)
@@ -80,17 +80,17 @@ def resistance_flux(beta_s: float, beta_m: float, difference: float, resistance:
 
     ``difference / R * exp(z**2) erfc(z)`` with ``z = (1/beta_s + 1/beta_m) sqrt(t) / R``.
 
-    ``times`` [s] of any shape (...,), which the flux has, too; ``beta_s`` and ``beta_m`` are effusivities [W
-    s^0.5/m2K].
+    ``times`` [s] has any shape (...,), and the flux the same; ``beta_s`` and ``beta_m`` are effusivities
+    [W s^0.5/m2K].
     """
     z = (1.0 / beta_s + 1.0 / beta_m) * np.sqrt(np.asarray(times)) / resistance
     return np.asarray(difference / resistance * scaled_erfc(z))
 
 
 def scaled_erfc(z: Array) -> Array:
-    """``exp(z**2) erfc(z)`` for z >= 0, from its continued fraction where exp would overflow.
+    """Return ``exp(z**2) erfc(z)`` for z >= 0; by its continued fraction for large z, where exp would overflow.
 
-    ``z`` of any shape (...,), which the result has, too; both without a unit [1].
+    ``z`` has any shape (...,), and the result the same; both are dimensionless [1].
     """
     z = np.asarray(z, dtype=np.float64)
     small = np.minimum(z, 5.0)

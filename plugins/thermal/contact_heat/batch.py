@@ -1,8 +1,8 @@
-"""Many contacts at once: exact solutions that share what they have in common, and steps in lock-step.
+"""Many contacts at once: exact solutions that share impedances, and stepping in lock-step.
 
-Contacts that differ in temperatures and resistance only share the impedances of their sides, which are the work;
-what is left is a quotient per node.  In lock-step at constant resistance the amplitudes lie side by side, one row a
-mode and one column a contact, and blocks of columns stay in the cache for all steps.
+Contacts that differ only in temperatures and resistance share the impedances of their sides, which are most of the
+work; a quotient per node remains for each.  In lock-step at constant resistance the amplitudes are stored with one row
+per mode and one column per contact, and blocks of columns stay in the cache for all steps.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _BLOCK = 64
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BatchSolution:
-    """Exact solutions of many contacts; ``times`` [s] of shape (times,), the others (contacts, times).
+    """Exact solutions of many contacts; ``times`` [s] has shape (times,), the other arrays (contacts, times).
 
     ``flux`` [W/m2], ``skin_temperature`` and ``object_temperature`` [K], ``heat`` [J/m2].
     """
@@ -54,7 +54,7 @@ def solve_many(contacts: Sequence[Contact], times: ArrayLike, *, workers: int | 
     contacts
         The problems.
     times
-        Ascending, more than 0 [s], shape (times,).
+        Times in ascending order, greater than 0 [s], shape (times,).
     workers
         Threads; by default one per core.
 
@@ -85,7 +85,7 @@ def solve_many(contacts: Sequence[Contact], times: ArrayLike, *, workers: int | 
 
 
 class _Tables:
-    """Impedances of sides, kept where more than one contact needs them."""
+    """Impedances of sides, stored if more than one contact needs them."""
 
     def __init__(self, contacts: Sequence[Contact], times: Array) -> None:
         self._times = times
@@ -123,7 +123,7 @@ class LockStep:
     Parameters
     ----------
     contacts
-        The problems; their own resistances are not used.
+        The problems; their own resistances are ignored.
     period
         Step [s], 1 us to 1 s.
     workers
@@ -140,16 +140,16 @@ class LockStep:
         Parameters
         ----------
         resistances
-            Shape (contacts,): constant for ``steps``, finite; or shape (steps, contacts): as for one stepper.
+            Shape (contacts,): constant over ``steps``, finite; or shape (steps, contacts): as for `Stepper.advance`.
         steps
-            How many, for constant resistances.
+            Number of steps, for constant resistances.
         every
             Steps per output; it must divide the number of steps.
 
         Raises
         ------
         ValueError
-            If shapes or values do not fit.
+            If shapes or values do not match.
         """
         given = np.array(resistances, dtype=np.float64)
         if given.ndim not in (1, 2) or given.shape[-1] != len(self.steppers):
@@ -184,7 +184,7 @@ class LockStep:
 
 @nogil_kernel
 def _lock_step(decay: Array, gain: Array, amplitude: Array, steady: Array, every: int, flux: Array) -> None:
-    """Multiply amplitudes by their decay and sum them; all of shape (modes, contacts)."""
+    """Multiply amplitudes by their decay and sum the fluxes; all arrays of shape (modes, contacts)."""
     modes, contacts = decay.shape
     for out in range(len(flux)):
         row = flux[out]
@@ -207,7 +207,7 @@ def _threads(workers: int | None) -> int:
 
 
 def _run(work: Callable[[Part], None], parts: Sequence[Part], threads: int | None = None) -> None:
-    """Do the parts, in threads if there are several."""
+    """Run the parts, in threads if there are several."""
     if len(parts) == 1 or threads == 1:
         for part in parts:
             work(part)

@@ -1,7 +1,7 @@
 """One thread for small linear algebra.
 
-NumPy's OpenBLAS starts its threads for matrices as small as ours; on a busy machine they then wait for one another
-a hundred times longer than the work takes.  Where another BLAS is built in, nothing changes.
+NumPy's OpenBLAS starts its threads even for matrices as small as ours; on a busy machine they then wait for one
+another a hundred times longer than the work takes.  With another BLAS nothing changes.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def _switches() -> tuple[Callable[[], int], Callable[[int], None]] | None:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let linear algebra in this block use one thread."""
+    """Use one thread for linear algebra in this block."""
     switches = _switches()
     if switches is None:
         yield

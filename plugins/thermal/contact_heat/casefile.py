@@ -1,4 +1,4 @@
-"""Case files: a contact problem as JSON with closed keys, temperatures in degC, everything else SI.
+"""Case files: a contact problem as JSON with a closed set of keys, temperatures in degC, all else in SI.
 
 Short keys (``L, k, rho, c, w, T, h``) stand for the fields of the classes in `layers` and `contact`; an
 unknown key is an error.
@@ -37,12 +37,12 @@ _PROBE = ("name", "side", "depth", "what")
 
 
 def read_file(path: str | Path) -> Any:
-    """Return what a JSON file holds.
+    """Return the content of a JSON file.
 
     Raises
     ------
     ValueError
-        If it holds no JSON; the message names the file.
+        If it is not JSON; the message names the file.
     OSError
         If the file can't be read.
     """
@@ -60,7 +60,7 @@ def fields_of(data: Any) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        Naming the field, what was given and what is allowed.
+        If a field is wrong; the message names the field, the value given and what is allowed.
     """
     case = _object("case", data, _CASE, ("finger", "object", "Rth"))
     note = case.get("note", "")
@@ -79,12 +79,12 @@ def fields_of(data: Any) -> dict[str, Any]:
 
 
 def check_times(times: Sequence[float] | np.ndarray[Any, np.dtype[np.float64]]) -> None:
-    """Refuse times (n,) [s] that are not finite, not positive or not ascending.
+    """Check that times (n,) [s] are finite, positive and ascending.
 
     Raises
     ------
     ValueError
-        Naming the first offender.
+        If one is not; the message names the first such time.
     """
     before = 0.0
     for n, time in enumerate(times):
@@ -111,7 +111,7 @@ def _side(where: str, data: Any) -> Side:
 
 
 def _value(where: str, cls: type, data: Any, keys: Mapping[str, str]) -> Any:
-    """Build one value class from its JSON object; degC where the key is a temperature."""
+    """Build one value class from its JSON object; keys of temperatures are in degC."""
     given = _object(where, data, tuple(keys))
     fields: dict[str, Any] = {}
     for key, item in given.items():

@@ -1,9 +1,9 @@
-"""Closed loop of finger and object at constant resistance: eigenmodes of the pair, of which a step is a product.
+"""The closed loop of finger and object at constant resistance: its eigenmodes, with which a step is a product.
 
-Joining the port of a pair to a resistance adds a rank-one term to its diagonal of rates.  The new rates are the roots
-of ``R + sum(port**2 / (rate - root)) = 0``, one between each two old ones, and the new modes are Cauchy vectors
-``port / (rate - root)``; a resistance of zero is no special case.  Roots are kept as distances from the nearer
-old rate, so that all differences keep their digits (Bunch, Nielsen and Sorensen 1978).
+Connecting the port of a pair to a resistance adds a rank-one term to its diagonal matrix of rates.  The new rates are
+the roots of ``R + sum(port**2 / (rate - root)) = 0``, one between each two old ones, and the new modes are Cauchy
+vectors ``port / (rate - root)``; a resistance of zero is no special case.  Each root is stored as its distance from the
+nearer old rate, so that all differences keep their digits (Bunch, Nielsen and Sorensen 1978).
 """
 
 from __future__ import annotations
@@ -17,26 +17,27 @@ from contact_heat.hosting import kernel
 from contact_heat.lanes import padded
 from contact_heat.stack import Array
 
-#: Rates above this over the period are gone after one step.
+#: A mode whose rate times the period exceeds this has decayed after one step.
 _GONE = 40.0
-#: Rates that agree to this are one rate: one of the two modes then never reaches the contact.
+#: Rates that agree to this relative difference count as equal: one of their two modes then never reaches the contact.
 _EQUAL = 1e-8
-#: Slower than this [1/s] is standing still.
+#: Rates below this [1/s] count as zero.
 _STILL = 1e-18
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClosedLoop:
-    """A pair at one resistance, ``live`` modes of which last longer than a step.
+    """A pair at one resistance, with its ``live`` modes, those that last longer than a step.
 
     Attributes
     ----------
     decay, gain
         Factor of each mode per step and its flux [W/m2], shape (live padded,).
     heat
-        Integral of the flux of each mode [J/m2] until it is gone, shape (live padded,).
+        Time integral of the flux of each mode [J/m2] until it has decayed, shape (live padded,).
     coming
-        Integral of the flux beyond the stationary one per coordinate off rest, gone modes included, shape (size,).
+        Heat [J/m2] beyond that of the stationary flux, per unit of each coordinate off rest, all modes included, shape
+        (size,).
     vectors
         The modes in the coordinates of the pair, shape (live padded, size).
     rest
@@ -81,7 +82,7 @@ def close_loop(rates: Array, port: Array, level: float, resistance: float, perio
 
 
 def _merged(rates: Array, port: Array) -> tuple[Array, Array, Array, Array]:
-    """Join equal rates: return poles, squared ports, their vectors (poles, n) and the modes left over (., n)."""
+    """Merge equal rates: return poles, squared ports, their vectors (poles, n) and the modes left over (., n)."""
     poles: list[float] = []
     ports: list[float] = []
     mixing: list[Array] = []
@@ -103,7 +104,7 @@ def _merged(rates: Array, port: Array) -> tuple[Array, Array, Array, Array]:
 
 @kernel
 def _roots(poles: Array, weights: Array, resistance: float, roots: Array, rows: Any) -> None:
-    """Find the roots, ascending, and the rows ``sqrt(weight) / (pole - root)``, shape (count, poles)."""
+    """Find the roots, in ascending order, and the rows ``sqrt(weight) / (pole - root)``, shape (count, poles)."""
     last = len(poles) - 1
     shifted = np.empty(len(poles))
     for k in range(len(roots)):
@@ -122,9 +123,9 @@ def _roots(poles: Array, weights: Array, resistance: float, roots: Array, rows: 
 
 @kernel
 def _root_between(poles: Array, weights: Array, resistance: float, k: int, near: int, reach: float) -> float:
-    """Return the root above pole k, measured from the pole ``near``, which stands at zero.
+    """Return the root above pole k, measured from the pole ``near``, which is at zero.
 
-    What the poles below and above contribute is replaced by one pole each with the right value and slope; the
+    The terms of the poles below and of those above are each replaced by one pole with the right value and slope; the
     root of the replacement is the next guess.
     """
     low, high = (0.0, reach) if near == k else (-reach, 0.0)

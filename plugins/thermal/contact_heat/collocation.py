@@ -1,8 +1,8 @@
-"""One step of a modal side under a flux that is not known yet: collocation with half powers of time.
+"""One step of a modal side under a flux not known in advance: collocation with half powers of time.
 
-When the slope of the contact resistance jumps, which it does at every step end, the flux afterwards goes as
-``1, t, t**1.5, t**2, ...``: conduction answers with half powers.  With these as the basis of the flux within a step
-six stages do what polynomials would need many short steps for.
+If the slope of the contact resistance jumps, as it does at the end of every step, the flux afterwards behaves as
+``1, t, t**1.5, t**2, ...``, since conduction responds with half powers.  With these as the basis for the flux within a
+step, six stages achieve what would take polynomials many short steps.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def memory(decay: Array) -> Array:
 
 
 def response(decay: Array) -> Array:
-    """Return what each stage flux adds to a mode by each stage, shape (STAGES at, STAGES flux, modes), per step.
+    """Return what each stage flux adds to each mode at each stage, shape (STAGES at, STAGES flux, modes), per step.
 
     ``decay`` (modes,) is rate times step [1].
     """
@@ -59,7 +59,7 @@ def response(decay: Array) -> Array:
 def _integrals(decay: Array, end: float) -> Array:
     """Return ``int_0^end exp(-decay (end - t)) t**p dt``, shape (STAGES, modes).
 
-    With ``t = u**2`` half powers become polynomials; panels shrink towards the end, where fast modes live.
+    Substituting ``t = u**2`` turns half powers into polynomials; panels shrink towards the end, where fast modes act.
     """
     past, basis = _panels(float(end))
     fading = np.exp(-decay[:, None] * past)
@@ -68,7 +68,7 @@ def _integrals(decay: Array, end: float) -> Array:
 
 @lru_cache(maxsize=64)
 def _panels(end: float) -> tuple[Array, Array]:
-    """Return how long before the end each node of the panels is, (nodes,), and its weight by power, (nodes, STAGES)."""
+    """Return each node's distance before the end, (nodes,), and its weight by power, (nodes, STAGES)."""
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
     gaps = np.sqrt(end) * np.concatenate((0.5 ** np.arange(_HALVINGS), [0.0]))
     width = -np.diff(gaps)[:, None]

@@ -1,4 +1,4 @@
-"""The contact problem: two sides, the resistance between them and what is asked of it, built or read from a file."""
+"""The contact problem: two sides, the resistance between them, and the outputs wanted; from Python or from a file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from contact_heat.layers import Probe, Side, SideName, check_choice
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """A finger side set on an object side at t = 0 through a contact resistance [K m2/W]."""
+    """A finger side that touches an object side at t = 0 through a contact resistance [K m2/W]."""
 
     finger: Side
     object: Side
@@ -42,7 +42,7 @@ class Contact:
         Raises
         ------
         ValueError
-            Naming the file, the field, what was given and what is allowed.
+            If the file is wrong; the message names the file, the field, the value given and what is allowed.
         OSError
             If the file can't be read.
         """
@@ -54,23 +54,23 @@ class Contact:
 
 
 def case_of(data: Any) -> Contact:
-    """Turn the content of a case file into a contact.
+    """Build a contact from the content of a case file.
 
     Raises
     ------
     ValueError
-        Naming the field, what was given and what is allowed.
+        If a field is wrong; the message names the field, the value given and what is allowed.
     """
     return Contact(**casefile.fields_of(data))
 
 
 def check_resistance(resistance: float) -> None:
-    """Refuse a contact resistance outside 0 to 1e6 K m2/W.
+    """Check that a contact resistance is between 0 and 1e6 K m2/W.
 
     Raises
     ------
     ValueError
-        Naming the range.
+        If it is not; the message gives the range.
     """
     if not (isinstance(resistance, (int, float)) and 0.0 <= resistance <= 1e6):
         raise ValueError(f"resistance (Rth) = {resistance!r} is out of range: 0 to 1e+06 K m2/W")

@@ -23,7 +23,7 @@ _SIGMA, _MU, _NU, _ALPHA = 0.6122, 0.5017, 0.2645, 0.6407
 def talbot(nodes: int) -> tuple[Complex, Complex]:
     """Return z and weights, each of shape (nodes // 2,): ``f(t) = Re sum(weights * F(z / t)) / t``.
 
-    F must be the transform of a real function with all singularities on the real axis left of a few 1/t.
+    F must be the transform of a real function, with all singularities on the real axis, left of a few 1/t.
     """
     angle = (2 * np.arange(nodes // 2) + 1) * np.pi / nodes
     turn = _ALPHA * angle
@@ -36,7 +36,7 @@ Z, WEIGHTS = talbot(24)
 
 
 def invert(transform: Callable[[Complex], NDArray[Any]], times: Array) -> Array:
-    """Return f at times > 0 [s], shape (times,), of a transform that maps points of any shape."""
+    """Return f at times > 0 [s], shape (times,), of a transform that can be evaluated at points of any shape."""
     points = Z / times[:, None]
     values = transform(points.ravel()).reshape(points.shape)
     return np.asarray((WEIGHTS * values).real.sum(axis=1) / times)

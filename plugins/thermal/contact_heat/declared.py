@@ -1,8 +1,8 @@
-"""Fields of frozen dataclasses that say what they may hold: unit, range and meaning stand in their metadata.
+"""Dataclass fields that declare in their metadata what they may hold: unit, range and meaning.
 
 The metadata are plain: ``kind`` (``quantity``, ``text``, ``choice``, ``child``, ``children``), ``doc``, and where they
-apply ``unit``, ``low``, ``high``, ``absolute``, ``values``, ``elements``.  So a program can read files, make messages
-or a reference from the same declaration.
+apply ``unit``, ``low``, ``high``, ``absolute``, ``values``, ``elements``.  A program can thus read files and write
+messages or a reference from the same declaration.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ def choice(*values: str, default: Any = MISSING, doc: str = "") -> Any:
 
 
 def child(element: type, *, doc: str = "") -> Any:
-    """Declare a part that is there at most once."""
+    """Declare a nested element that may occur once."""
     return _field(None, kind="child", elements=(element,), doc=doc)
 
 
 def children(element: type, *, doc: str = "") -> Any:
-    """Declare parts in their order, as a tuple."""
+    """Declare nested elements in order, as a tuple."""
     return _field((), kind="children", elements=(element,), doc=doc)
 
 
@@ -53,7 +53,7 @@ def validate(instance: Any) -> None:
     Raises
     ------
     ValueError
-        Naming the field, the value and the allowed range.
+        If one is out of range; the message names the field, the value and the allowed range.
     """
     for field in dataclasses.fields(instance):
         value = getattr(instance, field.name)

@@ -1,11 +1,11 @@
-"""The paper's own scheme: explicit finite differences with the contact's first moments taken out analytically.
+"""The paper's own scheme: explicit finite differences, with the first moments of contact split off analytically.
 
 Equations 4 to 6 are explicit central differences, ``F = alpha dt / dx**2`` and ``H = w dt / (rho c)``, stable for
 ``2 F + H <= 1``.  By superposition (section II-E) the field is split in two.  Problem 1 is the contact of two uniform
 half-spaces, made of the outermost layers, in closed form: eq. 7 without resistance, and with it the half-spaces joined
 by a constant resistance, whose flux is bounded and stays right for longer than the constant flux of eq. 9.
-Problem 2 is what remains: it starts smooth and is solved by differences.  Equation 10 as printed leaves problem
-1's temperatures out; with them ``j2 = (T_skin - T_object) / R - j1`` of the whole temperatures.
+Problem 2 is the remainder: it starts smoothly and is solved by differences.  Equation 10 as printed leaves out problem
+1's temperatures; with them ``j2 = (T_skin - T_object) / R - j1``, with the total temperatures.
 
 Cells are equal within a layer; a node at an interface has half a cell on either side (eq. 6).
 """
@@ -24,9 +24,9 @@ from contact_heat.splitting import Chain, first_problem, march
 from contact_heat.stack import Array, stack_of
 from contact_heat.steady import initial_profile
 
-#: An endless layer is cut at this many diffusion lengths of the last time.
+#: An endless layer is cut off at this many diffusion lengths of the last time.
 _FAR = 8.0
-#: Part of the stability bound that is used by default.
+#: Fraction of the greatest stable step that is used by default.
 _SAFETY = 0.9
 
 
@@ -68,13 +68,13 @@ def solve_differences(
     contact
         The problem; constant resistance.
     times
-        Ascending, more than 0 [s], shape (n,).
+        Times in ascending order, greater than 0 [s], shape (n,).
     spacing
-        Greatest distance of nodes [m]; every layer gets at least one cell.
+        Greatest distance between nodes [m]; every layer has at least one cell.
     step
         Time step [s]; by default 0.9 of the stable one.
     split
-        Whether the first moments are taken out; without, the plain scheme of eqs 5 and 6.
+        Whether to split off the first moments analytically; if not, the plain scheme of eqs 5 and 6 is used.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def solve_differences(
 
 
 def chain_of(side: Side, spacing: float, duration: float, *, growth: float = 1.0) -> Chain:
-    """Cut a side into nodes for a time span [s]; cells start at ``spacing`` [m] and grow by a ratio."""
+    """Divide a side into nodes for a time span [s]; cells start at ``spacing`` [m] and grow by a ratio."""
     stack = stack_of(side)
     widths, slabs = [], []
     for index, length in enumerate(stack.thickness):
@@ -128,7 +128,7 @@ def chain_of(side: Side, spacing: float, duration: float, *, growth: float = 1.0
 
 
 def _cells(reach: float, first: float, growth: float) -> list[float]:
-    """Cut a layer into cells that grow by a ratio and fill it."""
+    """Divide a layer into cells that grow by a ratio and fill it exactly."""
     if growth == 1.0:
         count = max(1, int(np.ceil(reach / first)))
         return [reach / count] * count
@@ -138,7 +138,7 @@ def _cells(reach: float, first: float, growth: float) -> list[float]:
 
 
 def _nodal(cells: Array) -> Array:
-    """Give half of each cell to the nodes at its ends, shape (cells + 1,)."""
+    """Assign half of each cell to the nodes at its ends, shape (cells + 1,)."""
     nodes = np.zeros(len(cells) + 1)
     nodes[:-1] += 0.5 * cells
     nodes[1:] += 0.5 * cells

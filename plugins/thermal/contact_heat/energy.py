@@ -1,6 +1,6 @@
-"""Where the heat of a side went: stored, through the contact, through the back, from the blood.
+"""Where the heat of a side goes: storage, contact, back face, and blood.
 
-Each term is worked out by itself, the stored heat from the temperature field, so that their balance is a check.
+Each term is computed by itself, the stored heat from the temperature field, so that their balance is a check.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from contact_heat.steady import Profile, initial_profile
 class EnergyBalance:
     """Heat of one side since the touch [J/m2], all of shape (times,).
 
-    ``stored`` is the change of what the layers hold, ``contact`` came in through the contact, ``back`` left
-    through the back face, and ``blood`` was brought by perfusion: ``stored = contact - back + blood``.
+    ``stored`` is the change of the layers' heat, ``contact`` came in through the contact, ``back`` left through the
+    back face, and ``blood`` was brought by perfusion: ``stored = contact - back + blood``.
     """
 
     stored: Array
@@ -32,7 +32,7 @@ class EnergyBalance:
 
     @property
     def residual(self) -> Array:
-        """What does not close, relative to the largest term, shape (times,)."""
+        """The error of the balance relative to the largest term, shape (times,)."""
         terms = np.abs(np.stack((self.stored, self.contact, self.back, self.blood)))
         return np.asarray(np.abs(self.stored - self.contact + self.back - self.blood) / terms.max(axis=0))
 
@@ -43,7 +43,7 @@ def energy_balance(solution: ContactSolution, side: SideName) -> EnergyBalance:
     Raises
     ------
     ValueError
-        For an endless perfused side that did not start in balance: its blood warms it everywhere.
+        For an endless perfused side that did not start in equilibrium: its blood warms it everywhere.
     """
     body = solution.contact.side(side)
     start, times = initial_profile(body), solution.times

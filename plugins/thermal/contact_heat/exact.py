@@ -1,8 +1,9 @@
 """The exact solution of a contact at constant resistance: no mesh, no time step.
 
-Each side is a pair of open temperature and impedance in the Laplace domain; the flux is the quotient of the
-differences, and everything else follows from it.  A field that is steady before the touch enters exactly, through
-its surface temperature and flux alone; a uniform start that is not in balance with blood or back adds a drive.
+In the Laplace domain each side is an open-circuit temperature and an impedance; the flux is the difference of the
+temperatures over the sum of the impedances and the resistance, and everything else follows from it.  A field that is
+steady before the touch enters exactly, through its surface temperature and flux alone; a uniform start that is not in
+equilibrium with blood or back adds a drive.
 """
 
 from __future__ import annotations
@@ -30,18 +31,18 @@ NO_DRIVE: Complex = np.empty((0, NODES), dtype=np.complex128)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactSolution:
-    """What happens in a contact at the asked times; all arrays of shape (times,).
+    """The course of a contact at the times asked for; all arrays of shape (times,).
 
     Attributes
     ----------
     times
-        Since the touch [s].
+        Time since the touch [s].
     flux
         Contact flux [W/m2], positive when heat leaves the finger.
     skin_temperature, object_temperature
-        Of the two contact faces [K].
+        Temperatures of the two contact faces [K].
     heat
-        Integral of the flux [J/m2].
+        Time integral of the flux [J/m2].
     """
 
     contact: Contact
@@ -106,11 +107,12 @@ def solve(
     Parameters
     ----------
     contact
-        The problem; its resistance holds from t = 0 on.
+        The problem; its resistance applies from t = 0 on.
     times
-        Ascending, more than 0 [s], shape (times,) or a single one.
+        Times in ascending order, greater than 0 [s], shape (times,) or a single one.
     method
-        ``exact``, or ``paper`` for the paper's differences at 0.1 mm; see `differences.solve_differences` for others.
+        ``exact``, or ``paper`` for the paper's scheme at 0.1 mm; for other settings see
+        `differences.solve_differences`.
 
     Raises
     ------
@@ -127,7 +129,7 @@ def solve(
 
 
 def solve_exactly(contact: Contact, times: ArrayLike) -> ContactSolution:
-    """Evaluate a contact without stepping at times (n,) [s]; see `solve`."""
+    """Evaluate a contact at times (n,) [s] without time stepping; see `solve`."""
     moments = np.atleast_1d(np.array(times, dtype=np.float64))
     check_times(moments)
     finger, body = (side_table(stack_of(side), moments) for side in (contact.finger, contact.object))
@@ -140,13 +142,13 @@ def solve_exactly(contact: Contact, times: ArrayLike) -> ContactSolution:
 
 
 def start_numbers(contact: Contact) -> Array:
-    """Return face temperatures [K], inward fluxes [W/m2] of both sides before the touch, and the resistance."""
+    """Return the face temperatures [K] and inward fluxes [W/m2] of both sides before the touch, and the resistance."""
     finger, body = initial_profile(contact.finger), initial_profile(contact.object)
     return np.array((finger.surface, body.surface, finger.flux, body.flux, contact.resistance))
 
 
 def side_drive(side: Side, times: Array) -> Complex:
-    """Return what blood and back do to the contact face of a uniform start, shape (times, NODES) or (0, NODES).
+    """Return the drive of blood and back on the contact face of a uniform start, shape (times, NODES) or (0, NODES).
 
     ``times`` (times,) [s].
     """
@@ -155,6 +157,6 @@ def side_drive(side: Side, times: Array) -> Complex:
 
 
 def side_waves(side: Side, points: Complex) -> Waves:
-    """Return the propagation of the deviation from the initial field at points s (n,) [1/s], as transforms times s."""
+    """Return the waves of the deviation from the initial field at points s (n,) [1/s]; transforms are times s."""
     arterial, back = imbalance(side) or (0.0, 0.0)
     return waves(stack_of(side), points, arterial=arterial, back=back)

@@ -1,8 +1,8 @@
-"""Temperature fields of a side in the Laplace domain, for real or complex s: no mesh, nothing that can overflow.
+"""Temperature fields of a side in the Laplace domain, for real or complex s: without a mesh or overflow.
 
-In a layer the deviation is ``F exp(-g x) + B exp(-g (L - x)) + p`` with ``g = sqrt((s rho c + w) / k)``; both
-exponentials are at most one.  What lies behind a face enters only through its reflection coefficient r.  Where r is
-near one, as behind thin layers on insulators, ``1 - r`` is carried beside it so that fluxes keep their digits.
+In a layer the deviation is ``F exp(-g x) + B exp(-g (L - x)) + p`` with ``g = sqrt((s rho c + w) / k)``; neither
+exponential exceeds one.  All that lies behind a face enters only through its reflection coefficient r.  Where r is near
+one, as behind thin layers on insulators, ``1 - r`` is computed separately so that fluxes keep their digits.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Waves:
     reflection, passing
         r and 1 - r at each layer's inner face.
     open
-        The temperature [K] which what lies behind that face would take by itself.
+        The temperature [K] that the part behind that face would take at zero flux.
     source
         The particular solution p [K].
     """
@@ -62,7 +62,7 @@ class Waves:
         return np.asarray(self.passing[index] + self.reflection[index] * self.loss[index])
 
     def lift(self, index: int) -> Values:
-        """Carry the open temperature [K] from a layer's inner face to its outer one."""
+        """Transfer the open temperature [K] from a layer's inner face to its outer one."""
         drive = self.decay[index] * self.passing[index] * (self.open[index] - self.source[index])
         return np.asarray(self.source[index] + drive / self.closed(index))
 
@@ -75,7 +75,7 @@ class Waves:
         return found
 
     def flux_within(self, index: int, x: Array, flux: Values) -> Values:
-        """Return the inward flux [W/m2] at depths x in a layer which ``flux`` enters, shape (depths, points)."""
+        """Return the inward flux [W/m2] at depths x in a layer that ``flux`` enters, shape (depths, points)."""
         g, length = self.growth[index], float(self.stack.thickness[index])
         x = np.asarray(x)[:, None]
         if np.isinf(length):
@@ -87,7 +87,7 @@ class Waves:
         return np.asarray((ahead * np.exp(-g * x) * flux + gain) / self.closed(index))
 
     def temperature_within(self, index: int, x: Array, flux: Values) -> Values:
-        """Return the deviation [K] at depths x in a layer which ``flux`` enters, shape (depths, points)."""
+        """Return the deviation [K] at depths x in a layer that ``flux`` enters, shape (depths, points)."""
         g, length = self.growth[index], self.stack.thickness[index]
         ahead, behind = self._amplitudes(index, flux)
         x = np.asarray(x)[:, None]
@@ -97,7 +97,7 @@ class Waves:
         return np.asarray(fall + behind * np.exp(-g * (length - x)))
 
     def content(self, index: int, flux: Values) -> Values:
-        """Return the integral of the deviation [K m] over a layer which ``flux`` enters, shape (points,)."""
+        """Return the integral of the deviation [K m] over a layer that ``flux`` enters, shape (points,)."""
         ahead, behind = self._amplitudes(index, flux)
         length = float(self.stack.thickness[index])
         if np.isinf(length):
@@ -114,10 +114,10 @@ class Waves:
 
 
 def waves(stack: Stack, s: Values, *, arterial: Values | float = 0.0, back: Values | float = 0.0) -> Waves:
-    """Work out the propagation at the points s [1/s], shape (points,).
+    """Compute the propagation at the points s [1/s], shape (points,).
 
-    ``arterial`` and ``back`` are the transforms of the arterial and the back (held or ambient) temperature [K s];
-    given times s [K], what is returned is times s, too.
+    ``arterial`` and ``back`` are the transforms of the arterial and the back (held or ambient) temperature [K s]; if
+    they are given times s [K], the result is times s, too.
     """
     k, c, w = (np.asarray(a)[:, None] for a in (stack.conductivity, stack.capacity, stack.perfusion))
     growth = np.sqrt((s * c + w) / k)
@@ -133,7 +133,7 @@ def waves(stack: Stack, s: Values, *, arterial: Values | float = 0.0, back: Valu
 
 
 def _look_back(found: Waves, back: Values | float) -> None:
-    """Fill reflection, passing and open temperature from the back to the contact."""
+    """Fill in reflection, passing and open temperature, from the back to the contact."""
     last = len(found.growth) - 1
     y, h = found.admittance, found.stack.back
     if found.stack.endless:

@@ -1,7 +1,7 @@
-"""Hooks for the program that uses this package: where it keeps compiled functions and results of solves.
+"""Hooks for the program that uses this package: where to keep compiled functions and results of solves.
 
-By itself the package compiles with Numba, which keeps what it compiled by its own rule, and solves each basis anew.  A
-program that has stores of its own says so once, with ``use``, before it imports anything else of the package.
+By itself the package compiles with Numba, which caches by its own rules, and solves each basis anew.  A program with
+stores of its own registers them once, with ``use``, before it imports anything else of the package.
 """
 
 from __future__ import annotations
@@ -18,33 +18,33 @@ Arrays = tuple[NDArray[np.float64], ...]
 
 
 class Host(Protocol):
-    """What a host offers."""
+    """The services of a host program."""
 
     def compiled(self, function: Any, nogil: bool) -> Any:
-        """Return a function compiled by Numba with IEEE division; ``nogil`` lets other threads run beside it."""
+        """Return a function compiled by Numba with IEEE division; ``nogil`` lets other threads run meanwhile."""
 
     def kept(self, content: object, make: Callable[[], Any], pack: Callable[[Any], Arrays], load: Any) -> Any:
-        """Return what belongs to a content, from a store or from ``make``."""
+        """Return the result for a content, from a store or from ``make``."""
 
     def building(self) -> bool:
-        """Tell whether caches of what is made from kept arrays must not be used now."""
+        """Tell whether caches of objects built from stored arrays must not be used now."""
 
 
 class Alone:
-    """No host: Numba's own store, and no other."""
+    """No host: Numba's own cache, and no other store."""
 
     def compiled(self, function: Any, nogil: bool) -> Any:
-        """Compile when it is first called."""
+        """Return the function, to be compiled when it is first called."""
         from numba import njit
 
         return njit(error_model="numpy", nogil=nogil, cache=True)(function)
 
     def kept(self, content: object, make: Callable[[], Any], pack: Callable[[Any], Arrays], load: Any) -> Any:
-        """Solve."""
+        """Solve anew."""
         return make()
 
     def building(self) -> bool:
-        """Return False: nothing is stored."""
+        """Return False: there is no store."""
         return False
 
 
@@ -52,29 +52,29 @@ _HOST: list[Host] = [Alone()]
 
 
 def use(host: Host) -> None:
-    """Let a host compile and keep from now on; functions that are compiled already stay as they are."""
+    """Let a host compile and store from now on; functions that are already compiled stay as they are."""
     _HOST[0] = host
 
 
 def kernel(function: Function) -> Function:
-    """Compile a function when it is first called; division by zero gives what IEEE says."""
+    """Compile a function when it is first called; division by zero follows IEEE 754."""
     made: Function = _HOST[0].compiled(function, False)
     return made
 
 
 def nogil_kernel(function: Function) -> Function:
-    """Do what ``kernel`` does, for a function that lets other threads run beside it."""
+    """Compile as ``kernel`` does, but so that other threads can run meanwhile."""
     made: Function = _HOST[0].compiled(function, True)
     return made
 
 
 def kept(content: object, make: Callable[[], T], pack: Callable[[T], Arrays], load: Callable[[Arrays], T]) -> T:
-    """Return the result of a solve, or what a host has kept of it.
+    """Return the result of a solve, or the stored one if a host has it.
 
     Parameters
     ----------
     content
-        What determines the result besides the code of this package; its ``repr`` must say all of it.
+        Everything that determines the result besides the code of this package; its ``repr`` must contain it all.
     make
         The solve.
     pack, load
@@ -85,5 +85,5 @@ def kept(content: object, make: Callable[[], T], pack: Callable[[T], Arrays], lo
 
 
 def building() -> bool:
-    """Tell whether caches of what is made from kept arrays must not be used now."""
+    """Tell whether caches of objects built from stored arrays must not be used now."""
     return _HOST[0].building()

@@ -1,7 +1,7 @@
 """A dot product in eight lanes for compiled kernels.
 
 Without ``fastmath`` a compiler may not reorder a sum, so a plain loop adds one number at a time.  Here the order is
-written down, eight partial sums and then a tree: several times faster, and the same bits on every processor.
+explicit, eight partial sums and then a tree: several times faster, and the same bits on every processor.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _TREE = ((0, 4), (2, 6), (1, 5), (3, 7))
 
 
 def padded(count: int) -> int:
-    """Return the smallest multiple of the lanes that holds ``count`` numbers."""
+    """Return the smallest multiple of the number of lanes that is at least ``count``."""
     return -(-count // LANES) * LANES
 
 

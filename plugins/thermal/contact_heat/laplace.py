@@ -1,7 +1,7 @@
 """Compiled transforms of a contact at the nodes of the contour: impedances, drives, and the flux between sides.
 
-The formulas are those of `fields`, for the contact face only.  All quantities are transforms times s, so that the
-weights of a step response, ``WEIGHTS / Z``, turn them into values.
+The formulas are those of `fields`, for the contact face only.  All quantities are transforms multiplied by s, so that
+the weights of a step response, ``WEIGHTS / Z``, turn them into values in time.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from contact_heat.hosting import nogil_kernel
 from contact_heat.stack import Array, Stack
 
 NODES = len(Z)
-#: Weights of F(s) = X / s and of X / s**2 (times t).
+#: Weights of the inversion for F(s) = X / s, and for X / s**2 (to be multiplied by t).
 STEP, RAMP = WEIGHTS / Z, WEIGHTS / Z**2
 
-# Layers thicker than this many decay lengths hide what is behind them: exp(-2 * 40) is below the last digit.
+# Layers thicker than this many decay lengths hide all that is behind them: exp(-2 * 40) is below the last digit.
 _OPAQUE = 40.0
 
 
@@ -35,14 +35,14 @@ def _root(z: complex) -> complex:
 
 @nogil_kernel
 def _over(a: complex, b: complex) -> complex:
-    """Return a / b without the guards of the general division; moduli lie far from over- and underflow."""
+    """Return a / b without the guards of general division; the moduli are far from over- and underflow."""
     scale = 1.0 / (b.real * b.real + b.imag * b.imag)
     return complex((a.real * b.real + a.imag * b.imag) * scale, (a.imag * b.real - a.real * b.imag) * scale)
 
 
 @nogil_kernel
 def _fade(admittance: complex, resistance: float) -> complex:
-    """Return exp(-g L) with ``g L`` as admittance times resistance of the layer."""
+    """Return exp(-g L), with ``g L`` as the layer's admittance times its thermal resistance."""
     depth = admittance.real * resistance
     if depth > _OPAQUE:
         return 0.0j
@@ -55,9 +55,9 @@ def _fade(admittance: complex, resistance: float) -> complex:
 def impedance_table(
     resistance: Array, conductivity: Array, capacity: Array, perfusion: Array, back: float, times: Array, table: Any
 ) -> None:
-    """Fill the impedance of a side [m2K/W] for every time and node, shape (times, NODES).
+    """Fill in the impedance of a side [m2K/W] for every time and node, shape (times, NODES).
 
-    ``resistance`` is thickness over conductivity per layer, ``back`` the admittance of the back face.
+    ``resistance`` is each layer's thickness over conductivity, ``back`` the admittance of the back face.
     """
     last = len(resistance) - 1
     for n in range(len(times)):
@@ -92,7 +92,7 @@ def drive_table(
     times: Array,
     table: Any,
 ) -> None:
-    """Fill the open contact temperature [K] under steps of arterial and back temperature, shape (times, NODES)."""
+    """Fill in the open contact temperature [K] for steps of arterial and back temperature, shape (times, NODES)."""
     last = len(resistance) - 1
     for n in range(len(times)):
         for k in range(NODES):
@@ -134,9 +134,9 @@ def combine(
     face: Any,
     transforms: Any,
 ) -> None:
-    """Fill flux, heat and both face temperatures, shape (times,), and the flux transforms, shape (times, NODES).
+    """Fill in flux, heat and both face temperatures, shape (times,), and the flux transforms, shape (times, NODES).
 
-    ``finger`` and ``body`` are impedance tables; the drives are tables of the same shape or have no rows.
+    ``finger`` and ``body`` are impedance tables; the drives are tables of the same shape, or empty if there is none.
     ``numbers`` holds the initial face temperatures [K] and inward fluxes [W/m2] of finger and object, and the
     resistance [K m2/W].
     """
@@ -163,7 +163,7 @@ def combine(
 def side_table(stack: Stack, times: Array) -> Complex:
     """Return the impedance table of a side, shape (times, NODES).
 
-    ``times`` (times,) [s]; the impedance in [m2K/W].
+    ``times`` has shape (times,) [s]; the impedance is in [m2K/W].
     """
     table = np.empty((len(times), NODES), dtype=np.complex128)
     resistance = stack.thickness / stack.conductivity
@@ -172,7 +172,10 @@ def side_table(stack: Stack, times: Array) -> Complex:
 
 
 def warmed_table(stack: Stack, warmth: tuple[float, float], times: Array) -> Complex:
-    """Return the drive table of a side whose blood and back are warmer [K] than its start, shape (times, NODES)."""
+    """Return the drive table of a side whose blood and back are warmer by ``warmth`` [K] than its start.
+
+    Its shape is (times, NODES).
+    """
     table = np.empty((len(times), NODES), dtype=np.complex128)
     resistance = stack.thickness / stack.conductivity
     parts = (resistance, stack.conductivity, stack.capacity, stack.perfusion)

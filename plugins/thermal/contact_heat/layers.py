@@ -1,6 +1,6 @@
-"""Values that describe a side of a contact: layers, back, initial state, film, probes.
+"""Classes that describe a side of a contact: layers, back, initial state, film, probes.
 
-The same classes are the XML grammar, the Python interface and the case file.
+The same classes define the XML grammar, the Python interface and the case file.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from contact_heat import declared
 
 SideName = Literal["finger", "object"]
 
-#: Layers that one side may have.
+#: Greatest number of layers of a side.
 MOST_LAYERS = 16
 
-#: Film on the bare finger between touches [W/m2K], and the room's temperature [K], where nothing else is said.
+#: Default film on the bare finger between touches [W/m2K], and default temperature of the room [K].
 FINGER_FILM = 10.0
 ROOM = 296.15
 
@@ -165,19 +165,19 @@ class Probe:
 
 
 def check_choice(field: str, given: str, allowed: tuple[str, ...]) -> None:
-    """Refuse a word that is not among those allowed.
+    """Check that a word is among those allowed.
 
     Raises
     ------
     ValueError
-        Naming the field and the words.
+        If it is not; the message names the field and the allowed words.
     """
     if given not in allowed:
         raise ValueError(f"{field} = {given!r} is unknown; allowed: {', '.join(allowed)}")
 
 
 def _check_given(value: object, what: str, kind: str, wanted: tuple[str, ...], others: tuple[str, ...]) -> None:
-    """Check that exactly the fields of a kind are given."""
+    """Check that the fields of a kind are given, and no others."""
     for name in wanted:
         if getattr(value, name) is None:
             raise ValueError(f"{what}: kind '{kind}' needs '{name}'")

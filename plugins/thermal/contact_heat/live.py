@@ -1,12 +1,12 @@
-"""Compiled steps of the live solver on arrays that the caller owns; `packing` says what they hold.
+"""Compiled steps of the live solver on arrays that the caller owns; `packing` describes their layout.
 
 * `contact_step`: finger and object touch through a resistance that is linear over the step;
 * `air_step`: a side by itself under its film;
-* `surface_temperature`, `shift_surface`: read the contact face, add a stationary field.
+* `surface_temperature`, `shift_surface`: read the contact face's temperature, add a stationary field.
 
-The first step of a touch, and every one of the first few at an unchanged resistance, is exact for the model:
-the transform of the flux is known in closed form and is inverted on a contour.  The others use collocation.
-A phase counter in the state tells a new touch from a continued one, so no other memory is needed.
+The first step of a touch, and each of the first few at an unchanged resistance, is exact for the model: the transform
+of the flux is known in closed form and is inverted on a contour.  All other steps use collocation.  A phase counter in
+the state tells a new touch from a continued one, so no other memory is needed.
 """
 
 from __future__ import annotations
@@ -59,11 +59,11 @@ __all__ = [
     "surface_temperature",
 ]
 
-#: At an unchanged resistance this many steps after an onset are exact; later ones collocate.
+#: Number of steps after an onset that are exact at an unchanged resistance; later ones use collocation.
 EXACT_STEPS = 8
-#: Added and taken away again, it turns what fades away into zero before it becomes subnormal and slow.
+#: Adding and subtracting this turns a fading value into zero before it becomes subnormal, which would be slow.
 TINY = 1e-200
-#: Numbers of scratch that a step needs.
+#: Size of the scratch array that a step needs.
 SCRATCH = 128
 
 _Z_REAL, _Z_IMAG = np.ascontiguousarray(Z.real), np.ascontiguousarray(Z.imag)
@@ -78,7 +78,7 @@ _SQUARE = STAGES * STAGES
 def surface_temperature(model: Array, state: Array) -> float:
     """Return the contact temperature [K] of a side.
 
-    ``model`` (n,) and ``state`` (size,) as `packing` lays them out; see there for units.
+    ``model`` (n,) and ``state`` (size,) are laid out as in `packing`; see there for units.
     """
     n = int(model[SIZE])
     return float(model[REST] + dot(model, HEAD + PORT * n, state, 0, n))
@@ -86,9 +86,9 @@ def surface_temperature(model: Array, state: Array) -> float:
 
 @kernel
 def shift_surface(model: Array, state: Array, change: float) -> None:
-    """Add the stationary field that belongs to a change [K] of the contact temperature.
+    """Add the stationary field for a change [K] of the contact temperature.
 
-    ``model`` (n,) and ``state`` (size,) as `packing` lays them out, which is changed in place.
+    ``model`` (n,) and ``state`` (size,) are laid out as in `packing`; the state is changed in place.
     """
     n = int(model[SIZE])
     for i in range(n):
@@ -102,7 +102,7 @@ def contact_step(finger: Array, finger_state: Array, body: Array, body_state: Ar
     Parameters
     ----------
     finger, body
-        Packed models of both sides, (n,) as `packing` lays them out, for the same period.
+        Packed models of both sides, (n,), laid out as in `packing`, for the same period.
     finger_state, body_state
         Their states, changed in place.
     resistance
@@ -131,18 +131,18 @@ def contact_step(finger: Array, finger_state: Array, body: Array, body_state: Ar
 def air_step(model: Array, state: Array) -> None:
     """Advance a side by one step under its film, or insulated if it has none.
 
-    ``model`` (n,) and ``state`` (size,) as `packing` lays them out, which is changed in place; ``model``
-    has the film [W/m2K] and the ambient [K].
+    ``model`` (n,) and ``state`` (size,) are laid out as in `packing`; the state is changed in place.  The model holds
+    the film [W/m2K] and the ambient temperature [K].
     """
     advance_air(model, state, np.empty(SCRATCH))
 
 
 @kernel
 def advance_air(model: Array, state: Array, work: Any) -> None:
-    """Do `air_step` with the caller's scratch, shape (SCRATCH,).
+    """Do `air_step` with the caller's scratch array, shape (SCRATCH,).
 
-    ``model`` (n,) and ``state`` (size,) as `packing` lays them out, which is changed in place; ``model``
-    has the film [W/m2K] and the ambient [K].
+    ``model`` (n,) and ``state`` (size,) are laid out as in `packing`; the state is changed in place.  The model holds
+    the film [W/m2K] and the ambient temperature [K].
     """
     tail = int(model[TAIL])
     if state[tail] > 0.0:
@@ -159,10 +159,10 @@ def advance_air(model: Array, state: Array, work: Any) -> None:
 
 @kernel
 def contour(model: Array, state: Array, resistance: float, work: Any) -> tuple[float, float]:
-    """Step one model exactly, its port joined to the ambient by a resistance; return flux in and heat brought.
+    """Step one model exactly, its port joined to the ambient by a resistance; return inward flux and heat.
 
-    ``model`` (n,) and ``state`` (size,) as `packing` lays them out, ``work`` (SCRATCH,); ``resistance`` [K
-    m2/W], flux [W/m2] and heat [J/m2].
+    ``model`` (n,) and ``state`` (size,) are laid out as in `packing`, ``work`` has shape (SCRATCH,); ``resistance``
+    [K m2/W], flux [W/m2] and heat [J/m2].
     """
     n = int(model[SIZE])
     z = HEAD + ROWS * n + _SQUARE
@@ -177,10 +177,10 @@ def contour(model: Array, state: Array, resistance: float, work: Any) -> tuple[f
 
 @kernel
 def collocate(model: Array, state: Array, before: float, after: float, work: Any) -> tuple[float, float]:
-    """Step one model whose port is joined to the ambient; the resistance goes linearly from before to after.
+    """Step one model with its port joined to the ambient; the resistance changes linearly from before to after.
 
-    ``model`` (n,) and ``state`` (size,) as `packing` lays them out, ``work`` (SCRATCH,); resistances [K
-    m2/W], flux [W/m2] and heat [J/m2].
+    ``model`` (n,) and ``state`` (size,) are laid out as in `packing`, ``work`` has shape (SCRATCH,); resistances
+    [K m2/W], flux [W/m2] and heat [J/m2].
     """
     n = int(model[SIZE])
     square = model[HEAD + ROWS * n : HEAD + ROWS * n + _SQUARE]
@@ -232,7 +232,7 @@ def _collocate_contact(
 
 @kernel
 def _open(model: Array, state: Array, work: Any) -> None:
-    """Put the transform of the contact temperature without flux into work[0:NODES], [NODES:2 NODES] (re, im)."""
+    """Put the transform of the contact temperature at zero flux into work[0:NODES], [NODES:2 NODES] (re, im)."""
     n = int(model[SIZE])
     for k in range(2 * NODES):
         work[k] = dot(model, HEAD + (KERNEL + k) * n, state, 0, n)
@@ -262,7 +262,7 @@ def _flux_of(work: Any, period: float) -> tuple[float, float]:
 
 @kernel
 def _absorb(model: Array, state: Array, work: Any, sign: float) -> None:
-    """Decay a state and take in the flux whose transform stands in work."""
+    """Decay a state and add the flux whose transform is in work."""
     n = int(model[SIZE])
     for i in range(n):
         state[i] *= model[HEAD + DECAY + i]

@@ -1,4 +1,4 @@
-"""Measurements of the contact solvers: error against a second inversion, and the time they take."""
+"""Measurements of the contact solvers: their error against a second inversion, and their run time."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from contact_heat.stepper import Stepper
 
 PERIOD = 1e-3
 
-#: Integrator, first cell [m], growth of cells, rtol: the obvious mesh, a graded one, and the best that was found.
+#: Integrator, first cell [m], growth of cells, rtol: the obvious mesh, a graded one, and the best one found.
 _PEERS = (("BDF", 1e-4, 1.0, 1e-6), ("BDF", 1e-6, 1.1, 1e-3), ("Radau", 1e-7, 1.02, 1e-6))
-#: Half the spacing takes eight times as long: it is left out when this is exceeded [s].
+#: Half the spacing takes eight times as long: it is skipped if the first takes longer than this [s].
 _LONG = 1.0
 
 
@@ -49,7 +49,7 @@ class Row:
 
 
 def best_of(work: Callable[[], object], passes: int = 5) -> float:
-    """Return the shortest time of a few passes [s]; the first one, which may compile, does not count."""
+    """Return the shortest time of several passes [s]; the first call, which may compile, does not count."""
     work()
     times = []
     for _ in range(passes):
@@ -60,9 +60,9 @@ def best_of(work: Callable[[], object], passes: int = 5) -> float:
 
 
 def second_opinion(contact: Contact, times: Array) -> Array:
-    """Return the contact flux [W/m2] by other formulas on another contour: `fields` with 34 nodes.
+    """Return the contact flux [W/m2] by other formulas on another contour: those of `fields`, with 34 nodes.
 
-    ``times`` (times,) [s], as is the flux.
+    ``times`` has shape (times,) [s], as has the flux.
     """
     z, weights = talbot(34)
     points = (z / times[:, None]).ravel()
@@ -76,7 +76,7 @@ def second_opinion(contact: Contact, times: Array) -> Array:
 def relative_error(flux: Array, reference: Array) -> Array:
     """Return errors relative to max(|j|, 1 W/m2).
 
-    ``flux`` and ``reference`` [W/m2] of one shape (...,), which the errors have, too [1].
+    ``flux`` and ``reference`` [W/m2] have the same shape (...,), and so have the errors [1].
     """
     return np.abs(flux - reference) / np.maximum(np.abs(reference), 1.0)
 
@@ -143,14 +143,14 @@ def _stepping(contact: Contact, resistances: Array) -> float:
 
 
 def changing(resistance: float, steps: int) -> Array:
-    """Return a resistance that swings by 30 % at 20 Hz, shape (steps,)."""
+    """Return a resistance that oscillates by 30 % at 20 Hz, shape (steps,)."""
     return np.asarray(resistance * (1.0 + 0.3 * np.sin(2.0 * np.pi * 20.0 * PERIOD * np.arange(1, steps + 1))))
 
 
 def fine(contact: Contact, resistances: Array, parts: int) -> Array:
-    """Step a history in parts of a step and return the flux at the ends of whole steps, shape (steps,).
+    """Divide each step of a history into parts; return the flux at the ends of whole steps, shape (steps,).
 
-    ``resistances`` (steps,) [K m2/W]; the flux in [W/m2].
+    ``resistances`` has shape (steps,) [K m2/W]; the flux is in [W/m2].
     """
     before = np.concatenate((resistances[:1], resistances[:-1]))
     shares = np.arange(1, parts + 1) / parts
@@ -184,7 +184,7 @@ def _paper_rows(name: str, contact: Contact) -> Iterator[Row]:
 
 
 def order_rows(name: str, contact: Contact) -> Iterator[Row]:
-    """Measure the orders of the paper's scheme from three meshes and three time steps, in the skin temperature."""
+    """Measure the scheme's orders of convergence from three meshes and three time steps, in the skin temperature."""
     meshes = [solve_differences(contact, [5.0], spacing=spacing, step=5e-4) for spacing in (1e-4, 5e-5, 2.5e-5)]
     steps = [solve_differences(contact, [5.0], spacing=1e-4, step=step) for step in (0.02, 0.01, 0.005)]
     for what, theory, found in (("space", 2, meshes), ("time", 1, steps)):
@@ -210,7 +210,7 @@ def _timed_row(name: str, method: str, times: Array, flux: Array, reference: Arr
 
 
 def batch_rows(contact: Contact, count: int = 1000) -> Iterator[Row]:
-    """Measure batches made from one case: other temperatures and resistances, and other materials."""
+    """Measure batches of variants of one case: with other temperatures and resistances, and with other materials."""
     rng = np.random.default_rng(1)
     times = np.linspace(0.1, 10.0, 100)
     batches = {"temperatures": _tempered(contact, rng, count), "materials": _made_of(contact, rng, count)}

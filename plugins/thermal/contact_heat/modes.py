@@ -1,10 +1,10 @@
 """Passive modal models of a layered side: few real modes that reproduce its response at the contact.
 
 The exact Laplace-domain fields at real shifts, spaced geometrically between the slowest and the fastest rate of
-interest, span a space; the heat equation is projected on it (Galerkin).  The reduced impedance then agrees with
-the exact one in value and slope at every shift, it converges as ``exp(-pi**2 / log(ratio))``, and it stays
-symmetric: ``q' = -rate * q + port * flux`` with ``temperature = port . q``, so that no step can create heat.
-Rates are squared singular values of a gradient, not eigenvalues of a stiffness: the slow ones keep their digits.
+interest, span a space; the heat equation is projected onto it (Galerkin).  The reduced impedance then agrees with the
+exact one in value and slope at every shift, converges as ``exp(-pi**2 / log(ratio))``, and stays symmetric: ``q' =
+-rate * q + port * flux`` with ``temperature = port . q``, so that no step can create heat.  Rates are computed as
+squared singular values of a gradient, not as eigenvalues of a stiffness matrix: the slow ones keep their digits.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ REACH = 1e4
 
 _RANK = 1e-10
 
-# From values at the Gauss points of a panel to Legendre coefficients.
+# Maps values at the Gauss points of a panel to Legendre coefficients.
 _FIT = np.linalg.inv(legendre.legvander(legendre.leggauss(PANEL_POINTS)[0], PANEL_POINTS - 1))
 
 
@@ -84,7 +84,7 @@ class Modes:
         return np.asarray(np.array(terms) @ _FIT @ self.shapes[inside] / half)
 
     def _panel(self, depth: float) -> tuple[slice, float, float]:
-        """Return the points of a depth's panel, its place there from -1 to 1, and half the panel's width [m]."""
+        """Return the points of a depth's panel, its position there from -1 to 1, and half the panel's width [m]."""
         panel = int(np.clip(np.searchsorted(self.edges, depth, side="right") - 1, 0, len(self.edges) - 2))
         half = 0.5 * float(self.edges[panel + 1] - self.edges[panel])
         inside = slice(panel * PANEL_POINTS, (panel + 1) * PANEL_POINTS)
@@ -100,15 +100,15 @@ class Modes:
 def side_modes(side: Side, period: float, *, back_port: bool = False) -> Modes:
     """Return the modes of a side for steps of ``period`` [s].
 
-    Cached by content.  ``back_port`` adds the response to a flux through the back face, for stacks which are
-    driven from behind (a plate on a Peltier element).  A uniform start out of balance with blood or back adds
-    the fields of its own decay.
+    Cached by content.  ``back_port`` adds the response to a flux through the back face, for stacks that are driven from
+    behind (a plate on a Peltier element).  A uniform start out of equilibrium with blood or back adds the fields of its
+    own decay.
     """
     return layer_modes(side.layers, side.back, REACH / period, back_port, _ratios(imbalance(side)))
 
 
 def _ratios(temperatures: tuple[float, float] | None) -> tuple[float, float] | None:
-    """Scale an imbalance to a greatest value of 1, so that sides which differ only in temperature share modes."""
+    """Scale an imbalance to a greatest value of 1, so that sides that differ only in temperature share modes."""
     if temperatures is None:
         return None
     scale = max(abs(temperatures[0]), abs(temperatures[1]))
@@ -124,12 +124,12 @@ def layer_modes(
 ) -> Modes:
     """Return the modes of layers for rates from `SLOWEST` to ``fastest`` [1/s]; see `side_modes`.
 
-    A restored session uses the modes that were stored with it.
+    A restored session uses the modes stored with it.
 
     Raises
     ------
     ValueError
-        If stored modes do not fit together.
+        If the shapes of stored modes do not match.
     """
 
     def solve() -> Modes:
@@ -143,7 +143,7 @@ def _packed(modes: Modes) -> tuple[Array, ...]:
 
 
 def _loaded(arrays: tuple[Array, ...]) -> Modes:
-    """Return stored arrays as modes; compiled steps do not check sizes."""
+    """Return stored arrays as modes, after checking their shapes: compiled steps do not check sizes."""
     shapes = [array.shape for array in arrays]
     n, m = (shapes[0][0], shapes[5][0]) if len(shapes) == 9 and shapes[0] and shapes[5] else (0, 0)
     edges = m // PANEL_POINTS + 1
@@ -194,7 +194,7 @@ def _project(stack: Stack, shifts: Array, back_port: bool, drive: tuple[float, f
 
 
 def _orthonormal(span: Span, mass: Array) -> Span:
-    """Return an orthonormal basis of the span without its weakest directions; the second pass mends rounding."""
+    """Return an orthonormal basis of the span without its weakest directions; the second pass corrects rounding."""
     span = span.scaled(np.sqrt(np.maximum(mass @ span.values**2, 1e-300)))
     root = np.sqrt(mass)[:, None]
     _, sizes, rows = np.linalg.svd(root * span.values, full_matrices=False)

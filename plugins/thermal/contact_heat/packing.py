@@ -1,9 +1,9 @@
-"""Flat models and states of the live solver: what the compiled steps work on.
+"""Flat models and states of the live solver: the arrays that the compiled steps work on.
 
-A model is one read-only array: a head, then rows of ``size`` numbers (decay, port, stationary rise; memory and drive
-of every stage; real and imaginary kernel of every node), then the matrix of the stages and the impedance at the
-nodes.  A state has ``size`` numbers: the mode coordinates and, from ``model[TAIL]`` on, `TAIL_LENGTH` numbers that
-the modes leave alone, since they stand as modes that neither decay nor reach the contact.
+A model is one read-only array: a head, then rows of ``size`` numbers (decay, port, stationary rise; memory and drive of
+every stage; real and imaginary kernel of every node), then the matrix of the stages and the impedance at the nodes.  A
+state has ``size`` numbers: the mode coordinates and, from ``model[TAIL]`` on, `TAIL_LENGTH` numbers that the steps of
+the modes leave alone, since they take the place of modes that neither decay nor reach the contact.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from contact_heat.modes import Modes, side_modes
 from contact_heat.stack import Array, imbalance, stack_of
 from contact_heat.steady import initial_profile, resting_profile
 
-#: Where the head keeps its numbers: state size, period [s], contact temperature [K] of the resting field, film
-#: coefficient [W/m2K], ambient [K], place of the tail.
+#: Indices in the head: state size, period [s], contact temperature [K] of the resting field, film coefficient [W/m2K],
+#: ambient temperature [K], start of the tail.
 SIZE, PERIOD, REST, FILM, AMBIENT, TAIL = range(6)
 HEAD = 16
 
@@ -46,17 +46,17 @@ def side_pack(modes: Modes, period: float, *, rest: float, film: Film | None) ->
     Parameters
     ----------
     modes
-        Of the side.
+        The side's modes.
     rest
-        Contact temperature [K] of the field from which the modes count.
+        Contact temperature [K] of the field from which the modes measure deviations.
     film
-        Air on the bare surface, None for none.
+        Air on the bare surface; None for none.
     """
     return _joined(_side_rows(modes, period), period, rest=rest, film=film, tail=len(modes.rates))
 
 
 def _joined(rows: Array, period: float, *, rest: float, film: Film | None, tail: int) -> Array:
-    """Put a head before the rows."""
+    """Prepend the head to the rows."""
     size = (len(rows) - STAGES * STAGES - 2 * NODES) // ROWS
     ambient = (film.coefficient, film.ambient) if film else (0.0, 0.0)
     head = np.zeros(HEAD)
@@ -74,7 +74,7 @@ def _side_rows(modes: Modes, period: float) -> Array:
 
 
 def model_rows(rates: Array, port: Array, rise: Array, period: float) -> Array:
-    """Return what follows the head of a model, flat, for rates [1/s], port and stationary rise of shape (size,)."""
+    """Return the part of a model after its head, for rates [1/s], port and stationary rise of shape (size,)."""
     with one_thread():
         return _model_rows(rates, port, rise, period)
 
@@ -99,7 +99,7 @@ def _model_rows(rates: Array, port: Array, rise: Array, period: float) -> Array:
 
 
 def film_of(side: Side, *, finger: bool) -> Film | None:
-    """Return the air on a bare surface: as given, as before the touch, else the default of a finger or none."""
+    """Return the air on a bare surface: as given, else as before the touch, else a finger's default or none."""
     if side.air is not None:
         return side.air
     start = side.initial
@@ -109,7 +109,7 @@ def film_of(side: Side, *, finger: bool) -> Film | None:
 
 
 def side_model(side: Side, period: float, *, finger: bool) -> Array:
-    """Return the packed model of a side; cached by content, except for a session, which may bring its own modes."""
+    """Return the packed model of a side; cached by content, except while a session may bring its own modes."""
     return (_side_model if building() else cached_side_model)(side, period, finger)
 
 
@@ -123,9 +123,10 @@ cached_side_model = lru_cache(maxsize=256)(_side_model)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pair:
-    """Both sides as one: the state is theirs end to end, the port their difference.
+    """Both sides as one: their states one after the other, and the difference of their ports.
 
-    The flux counts into the object, so that the finger's port is negative.  ``level`` is the temperature difference
+    The flux is positive into the object, so that the finger's port is negative.  ``level`` is the temperature
+    difference
     [K] across the open contact at rest, finger minus object; rates and port have shape (size,).
     """
 
@@ -146,7 +147,7 @@ def pair_of(finger: Side, body: Side, period: float) -> Pair:
 
 @lru_cache(maxsize=64)
 def _pair_rows(finger: Modes, body: Modes, period: float) -> tuple[Array, Array, Array]:
-    """Return rates and port of both sides end to end, shape (size,), and the rows of their model."""
+    """Return rates and port of both sides one after the other, shape (size,), and the rows of their model."""
     spare = [(0, padded(len(side.rates) + TAIL_LENGTH) - len(side.rates)) for side in (finger, body)]
     rates = np.concatenate((np.pad(finger.rates, spare[0]), np.pad(body.rates, spare[1])))
     port = np.concatenate((np.pad(-finger.contact, spare[0]), np.pad(body.contact, spare[1])))
@@ -154,10 +155,7 @@ def _pair_rows(finger: Modes, body: Modes, period: float) -> tuple[Array, Array,
 
 
 def state_size(model: Array) -> int:
-    """Return how many numbers the state of a model has.
-
-    ``model`` (n,) as laid out, with its units, above; it stands in its head.
-    """
+    """Return the size [1] of the state of a model (n,), which the head of the model holds."""
     return int(model[SIZE])
 
 
@@ -171,10 +169,10 @@ def initial_state(side: Side, period: float, *, finger: bool) -> Array:
 
 
 def start(side: Side, modes: Modes) -> tuple[Array, float]:
-    """Return the coordinates of a side before the touch, shape (n,), and the contact temperature [K] they count from.
+    """Return a side's coordinates before the touch, shape (n,), and the contact temperature [K] of their zero.
 
-    The modes' own stationary states are used where they can be: a start that blood or a lost flux keeps up deep
-    inside an endless side is then as exact as its surface temperature and flux.
+    The modes' own stationary states are used where possible: a start that blood, or a flux lost at the surface,
+    maintains deep inside an endless side is then as exact as its surface temperature and flux.
     """
     before = initial_profile(side)
     temperatures = imbalance(side)

@@ -1,7 +1,7 @@
-"""Compiled steps of finger and object in contact through any history of resistances, closed loop or open.
+"""Compiled steps of finger and object in contact through any history of resistances, in closed or open loop.
 
-The state of a pair is that of finger and object end to end, then `MEMORY` numbers, then the amplitudes of the closed
-loop's modes while it is closed.
+The state of a pair is that of the finger, then that of the object, then `MEMORY` numbers, then the amplitudes of the
+closed loop's modes while it is closed.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from contact_heat.lanes import dot
 from contact_heat.packing import HEAT, PERIOD, PHASE, RESISTANCE, SIZE, TAIL
 from contact_heat.stack import Array
 
-#: Steps at one resistance after which the closed loop takes over.
+#: Number of steps at one resistance after which the closed loop takes over.
 SETTLED = 6
 
-#: Behind the pair in the state: steps at this resistance, whether the loop is closed, steps and heat since.
+#: Indices after the pair in the state: steps at this resistance, whether the loop is closed, steps and heat since then.
 RUN, CLOSED, COUNT, BASE = range(4)
 MEMORY = 8
 
 
 @kernel
 def enter_loop(state: Array, vectors: Array, rest: Array, size: int) -> None:
-    """Put the amplitudes of the closed loop behind the pair.
+    """Write the amplitudes of the closed loop's modes after the pair in the state.
 
     ``state`` (size + MEMORY + modes,); ``vectors`` (modes, size) and ``rest`` (size,) of `ClosedLoop`; coordinates
     as in `packing`.
@@ -32,7 +32,7 @@ def enter_loop(state: Array, vectors: Array, rest: Array, size: int) -> None:
     for k in range(len(vectors)):
         total = 0.0
         for i in range(size):
-            # Unknown to the modes are the tails of both sides, where the vectors are zero.
+            # The modes do not include the tails of both sides, where the vectors are zero.
             total += vectors[k, i] * (state[i] - rest[i])
         state[size + MEMORY + k] = total
 
@@ -41,10 +41,10 @@ def enter_loop(state: Array, vectors: Array, rest: Array, size: int) -> None:
 def leave_loop(
     state: Array, vectors: Array, rest: Array, flux: float, heat: Array, size: int, f: int, b: int, period: float
 ) -> None:
-    """Put the coordinates of the pair, phases and heat in order again.
+    """Restore the coordinates of the pair, the phases and the heat from the closed loop.
 
     ``state`` (size + MEMORY + modes,); ``vectors`` (modes, size), ``rest`` (size,), ``flux`` [W/m2] and ``heat``
-    (modes,) [J/m2] of `ClosedLoop`; ``f`` and ``b`` are where the tails of finger and object begin; ``period`` [s].
+    (modes,) [J/m2] of `ClosedLoop`; ``f`` and ``b`` are the indices of the tails of finger and object; ``period`` [s].
     """
     count = state[size + COUNT]
     tails = np.empty(6)
@@ -84,9 +84,9 @@ def advance_pair(
     steady: float,
     heat_of: Array,
 ) -> int:
-    """Step until the end, or until the loop must be closed; return how far it came.
+    """Step to the end, or until the loop must be closed; return the number of steps done.
 
-    ``pair``, ``finger`` and ``body`` are models (n,), ``state`` (size + MEMORY + modes,); ``resistances``
+    ``pair``, ``finger`` and ``body`` are models (n,), ``state`` is (size + MEMORY + modes,); ``resistances``
     (steps,) [K m2/W] and ``flux`` (steps,) [W/m2], written from step ``first`` on.  ``decay``, ``gain``,
     ``vectors``, ``rest``, ``steady`` [W/m2] and ``heat_of`` are those of `ClosedLoop`.
     """

@@ -1,4 +1,4 @@
-"""What a careful user would write with SciPy: the method of lines on a graded mesh and a stiff integrator."""
+"""A peer for comparison, as a careful user writes it with SciPy: method of lines, graded mesh, stiff integrator."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contact_heat.differences import chain_of
 from contact_heat.splitting import Chain
 from contact_heat.stack import Array
 
-#: Conductances [W/m2K] that stand for a held face and for a contact without resistance.
+#: Conductances [W/m2K] that represent a held face, and a contact without resistance.
 _HELD, _JOINED = 1e8, 1e9
 
 
@@ -23,11 +23,11 @@ def method_of_lines(
     contact
         The problem.
     times
-        Ascending [s].
+        Times in ascending order [s].
     first, growth
-        First cell [m] and ratio of neighbours; 1 for equal cells.
+        First cell [m], and ratio of neighbouring cells; 1 for equal cells.
     rtol, integrator
-        Of `scipy.integrate.solve_ivp`.
+        As in `scipy.integrate.solve_ivp`.
     """
     from scipy.integrate import solve_ivp
     from scipy.sparse import diags
@@ -57,7 +57,7 @@ def method_of_lines(
 
 
 def _sources(chain: Chain, order: int) -> tuple[Array, Array]:
-    """Return what blood and back take per kelvin and what they bring, shape (nodes,), in or against depth."""
+    """Return the conductance to blood and back and its heat source, shape (nodes,), by depth or reversed."""
     loss, gain = chain.blood.copy(), chain.blood * chain.arterial
     film = min(chain.back, _HELD)
     loss[-1] += film

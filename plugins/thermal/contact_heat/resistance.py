@@ -1,7 +1,7 @@
 """Thermal contact resistance and heat-conducting area of a fingertip as functions of the force.
 
-Skin touches smooth objects in part only; pressure flattens its ridges.  Measured drops of skin temperature on
-metal ask for a few times 1e-3 m2K/W in a light touch, which is the default here; 1e-5 to 1e-2 is the useful range.
+Skin touches smooth objects only in part; pressure flattens its ridges.  Measured drops of skin temperature on metal
+imply a few times 1e-3 m2K/W in a light touch, which is the default here; the useful range is 1e-5 to 1e-2.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ AREA_EXPONENT = 1.0 / 3.0
 SPREAD = AREA_AT_1N, AREA_EXPONENT
 
 
-#: The kinds of law, as the first of their numbers.
+#: The kinds of law; each law's numbers begin with its kind.
 CONSTANT, PRESSURE, TABLE = 0.0, 1.0, 2.0
 
 
 def resistance_at(law: Sequence[float], force: float) -> float:
-    """Return the resistance [K m2/W] at a normal force [N]; infinite without force.
+    """Return the resistance [K m2/W] at a normal force [N]; infinite at zero force.
 
-    ``law`` is a law's ``numbers``.  (It is plain Python that can be compiled, too: the twin of the display does so.)
+    ``law`` is a law's ``numbers``.  (This plain Python can also be compiled, as the display's twin does.)
     """
     if force <= 0.0:
         return math.inf
@@ -61,12 +61,12 @@ class ConstantResistance:
         check_resistance(self.resistance)
 
     def at(self, force: float) -> float:
-        """Return the resistance [K m2/W] at a normal force [N]; infinite without force."""
+        """Return the resistance [K m2/W] at a normal force [N]; infinite at zero force."""
         return resistance_at(self.numbers, force)
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """The law as `resistance_at` takes it."""
+        """The law in the form that `resistance_at` takes."""
         return (CONSTANT, self.resistance)
 
 
@@ -77,9 +77,9 @@ class PressureResistance:
     Parameters
     ----------
     base
-        h0, what moisture and air conduct without pressure [W/m2K].
+        h0, conductance of moisture and air at zero pressure [W/m2K].
     slope
-        h1 per pascal to the exponent; the default gives `DEFAULT_RESISTANCE` at 1 N.
+        h1 [W/m2K per pascal to the exponent]; the default gives `DEFAULT_RESISTANCE` at 1 N.
     exponent
         0.95 for rough surfaces that yield (Cooper, Mikic and Yovanovich 1969).
     area, area_exponent
@@ -104,18 +104,18 @@ class PressureResistance:
             raise ValueError(f"exponent = {self.exponent!r} is out of range: above 0, at most 2")
 
     def at(self, force: float) -> float:
-        """Return the resistance [K m2/W] at a normal force [N]; infinite without force."""
+        """Return the resistance [K m2/W] at a normal force [N]; infinite at zero force."""
         return resistance_at(self.numbers, force)
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """The law as `resistance_at` takes it."""
+        """The law in the form that `resistance_at` takes."""
         return (PRESSURE, self.base, self.slope, self.exponent, self.area, self.area_exponent)
 
 
 @dataclass(frozen=True, slots=True)
 class TableResistance:
-    """Resistances [K m2/W] at forces [N], linear between them and constant outside."""
+    """Resistances [K m2/W] at forces [N], linear in between and constant outside."""
 
     forces: tuple[float, ...]
     resistances: tuple[float, ...]
@@ -129,12 +129,12 @@ class TableResistance:
             check_resistance(resistance)
 
     def at(self, force: float) -> float:
-        """Return the resistance [K m2/W] at a normal force [N]; infinite without force."""
+        """Return the resistance [K m2/W] at a normal force [N]; infinite at zero force."""
         return resistance_at(self.numbers, force)
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """The law as `resistance_at` takes it."""
+        """The law in the form that `resistance_at` takes."""
         return (TABLE, *self.forces, *self.resistances)
 
 
@@ -142,17 +142,17 @@ ResistanceLaw = ConstantResistance | PressureResistance | TableResistance
 
 
 def contact_area(force: float, at_1n: float = AREA_AT_1N, exponent: float = AREA_EXPONENT) -> float:
-    """Return the area [m2] of a fingertip on a flat under a normal force [N]; Hertz' exponent by default.
+    """Return the contact area [m2] of a fingertip on a flat surface under a normal force [N], by default after Hertz.
 
-    (It is compiled, too.)
+    (This function is also compiled.)
     """
     return float(at_1n * max(force, 0.0) ** exponent)
 
 
 def material_resistance(conductivity: float) -> float:
-    """Return Ho and Jones' resistance [K m2/W] of a pressed fingertip on a material of a conductivity [W/mK].
+    """Return Ho and Jones's resistance [K m2/W] of a pressed fingertip on a material of a conductivity [W/mK].
 
-    ``R = (0.37 + k) / (1870 k)``, from a fit of skin temperatures on materials from foam to copper; a rough guide.
+    ``R = (0.37 + k) / (1870 k)``, fitted to skin temperatures on materials from foam to copper; a rough guide.
     """
     if not conductivity > 0.0:
         raise ValueError(f"conductivity = {conductivity!r} is out of range: above 0 W/(m*K)")

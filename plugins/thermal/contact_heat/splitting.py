@@ -1,4 +1,4 @@
-"""Problem 1 of the paper's superposition in closed form, and the explicit steps of problem 2."""
+"""Problem 1 of the paper's superposition in closed form, and the explicit time steps of problem 2."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from contact_heat.stack import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chain:
-    """A side cut into nodes, the first on the contact; shape (nodes,), conductances between them (nodes - 1,)."""
+    """A side divided into nodes, the first on the contact; shape (nodes,), and (nodes - 1,) for ``conductance``."""
 
     depths: Array
     capacity: Array
@@ -40,7 +40,11 @@ class Chain:
 
 
 def first_problem(beta_s: float, beta_m: float, skin: float, material: float, resistance: float) -> Array:
-    """Return skin and material temperature [K], their shares of the difference, and H [s^-1/2] (0 without R)."""
+    """Return an array of the quantities of problem 1, shape (6,).
+
+    They are: skin and material temperature [K], each face's share of their difference, H [s^-1/2] (0 without R), and
+    the effusivity in the flux [W s^0.5/m2K].
+    """
     total = beta_s + beta_m
     rate = (1.0 / beta_s + 1.0 / beta_m) / resistance if resistance > 0.0 else 0.0
     return np.array((skin, material, beta_m / total, beta_s / total, rate, beta_s * beta_m / total))
@@ -49,7 +53,7 @@ def first_problem(beta_s: float, beta_m: float, skin: float, material: float, re
 def first_flux(problem: Array, times: Array) -> tuple[Array, Array]:
     """Return flux [W/m2] and heat [J/m2] of problem 1 at times [s].
 
-    ``problem`` (6,) of `first_problem`; ``times``, flux and heat (times,).
+    ``problem`` (6,) is from `first_problem`; ``times``, flux and heat have shape (times,).
     """
     skin, material, _, _, rate, beta = problem
     difference = skin - material
@@ -62,7 +66,7 @@ def first_flux(problem: Array, times: Array) -> tuple[Array, Array]:
 
 @kernel
 def _erfcx(z: float) -> float:
-    """``exp(z**2) erfc(z)`` for z >= 0."""
+    """Return ``exp(z**2) erfc(z)`` for z >= 0."""
     if z < 5.0:
         return float(math.exp(z * z) * math.erfc(z))
     fraction = z
@@ -73,7 +77,7 @@ def _erfcx(z: float) -> float:
 
 @kernel
 def _first(x: float, time: float, initial: float, rise: float, alpha: float, rate: float) -> float:
-    """Temperature of problem 1 [K]; ``rise`` is how far the face goes in the end."""
+    """Return the temperature of problem 1 [K]; ``rise`` is the final change of the face's temperature."""
     if time <= 0.0:
         return float(initial + (rise if x == 0.0 and rate == 0.0 else 0.0))
     u = x / (2.0 * math.sqrt(alpha * time))
@@ -89,10 +93,10 @@ def _first(x: float, time: float, initial: float, rise: float, alpha: float, rat
 def _explicit(nodes: Array, numbers: Array, now: Any, after: Any, field: Any, time: float, step: float) -> None:
     """Step problem 2 of one side, without the contact flux.
 
-    ``nodes`` has the rows depth, heat capacity, conductance to the next, and perfusion; ``numbers`` is laid out in
-    `_numbers`.  ``now`` and ``after`` hold problem 1 at both ends of the step from the first node on at which it
-    is needed.  Within the first layer problem 1 solves the equation by itself; what it leaves over from that layer's
-    inner face on is a source of problem 2.
+    ``nodes`` has the rows depth, heat capacity, conductance to the next node, and perfusion; ``numbers`` is laid out as
+    in `_numbers`.  ``now`` and ``after`` hold problem 1 at both ends of the step, from the first node at which it is
+    needed.  Within the first layer problem 1 solves the equation by itself; its imbalance from that layer's inner face
+    on is a source of problem 2.
     """
     first, lowest, initial, rise, alpha, rate, back, back_temperature, arterial = numbers
     last = field.shape[0] - 1
@@ -123,7 +127,7 @@ def march(
 ) -> tuple[Array, Array, Array, Array, tuple[Array, Array]]:
     """Return flux, face temperatures of finger and object, heat, shape (times,), and the fields of both sides.
 
-    ``problem`` (6,) of `first_problem`; ``resistance`` [K m2/W], ``times`` and ``step`` [s]; flux [W/m2],
+    ``problem`` (6,) is from `first_problem`; ``resistance`` [K m2/W], ``times`` and ``step`` [s]; flux [W/m2],
     temperatures [K], heat [J/m2]; the fields [K] (times, nodes of the side).
     """
     rise = (problem[1] - problem[0]) * problem[2], (problem[0] - problem[1]) * problem[3]
@@ -148,7 +152,7 @@ def _nodes(chain: Chain) -> Array:
 
 
 def _numbers(chain: Chain, level: float, rise: float, rate: float) -> Array:
-    # Where blood flows in the first layer, problem 1 is needed in all of it.
+    # If blood flows in the first layer, problem 1 is needed throughout that layer.
     lowest = 0 if chain.blood[: chain.first].any() else chain.first - 1
     back = (chain.back, chain.back_temperature, chain.arterial)
     return np.array((chain.first, lowest, level, rise, chain.alpha, rate, *back))
@@ -170,7 +174,7 @@ def _march(
     flux: Array,
     heat: Array,
 ) -> None:
-    """Step to the last time; values between two steps are linear in problem 2 and exact in problem 1."""
+    """Step to the last time; between two steps, problem 2 is interpolated linearly and problem 1 is exact."""
     f, b = finger_start.copy(), body_start.copy()
     f_old, b_old = f.copy(), b.copy()
     f_now, b_now = np.full(len(f), finger_numbers[2]), np.full(len(b), body_numbers[2])
@@ -187,7 +191,7 @@ def _march(
         passed = join * (f[0] - b[0]) / step if resistance == 0.0 else j_old
         f[0] -= passed * step / finger[1, 0]
         b[0] += passed * step / body[1, 0]
-        # Without resistance the flux is what makes both faces equal at the end of the step.
+        # Without resistance, the flux is the one that makes both faces equal at the end of the step.
         j = passed if resistance == 0.0 else (f[0] - b[0]) / resistance
         total += passed * step
         time += step

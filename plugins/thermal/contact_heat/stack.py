@@ -1,4 +1,4 @@
-"""The layers of a side as plain arrays, outermost first."""
+"""The layers of a side as arrays, outermost first."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 class Stack:
     """The layers of a side as arrays, outermost first; shape (layers,).
 
-    ``back`` is the admittance of the back face [W/m2K]: infinite when held, 0 when insulated or endless.
+    ``back`` is the admittance of the back face [W/m2K]: infinite if held, 0 if insulated or endless.
     """
 
     thickness: Array
@@ -33,7 +33,7 @@ class Stack:
 
     @property
     def faces(self) -> Array:
-        """Depth of the outer face of every layer and of the back [m], shape (layers + 1,)."""
+        """Depths of the outer face of every layer and of the back [m], shape (layers + 1,)."""
         return np.concatenate(([0.0], np.cumsum(self.thickness)))
 
     def locate(self, depth: float) -> tuple[int, float]:
@@ -54,7 +54,7 @@ def stack_of(side: Side) -> Stack:
 
 @lru_cache(maxsize=4096)
 def layer_stack(layers: tuple[Layer, ...], back: Back | None) -> Stack:
-    """Return the arrays of layers on a back, None for an endless last layer."""
+    """Return the arrays of layers and their back; None for an endless last layer."""
     thickness = np.array([np.inf if layer.thickness is None else layer.thickness for layer in layers])
     conductivity, capacity, perfusion = (
         np.array([getattr(layer, name) for layer in layers], dtype=np.float64)
@@ -74,7 +74,7 @@ def _admittance(back: Back | None) -> float:
 
 
 def imbalance(side: Side) -> tuple[float, float] | None:
-    """Return arterial and back temperature [K] relative to a uniform start; None if it is in balance or steady."""
+    """Return arterial and back temperature [K] relative to a uniform start; None if in equilibrium, or if steady."""
     if side.initial.kind != "uniform":
         return None
     start = side.initial.temperature or 0.0

@@ -1,4 +1,4 @@
-"""The contacts for which figures are stated: a fingertip that rested in air touches blocks of 20 mm at 23 degC."""
+"""The contacts behind published figures: a fingertip that has rested in air touches 20 mm blocks at 23 degC."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contact_heat.layers import Back, Initial, Layer, Side
 
 _ROOM, _BLOOD = 296.15, 310.15
 
-#: Epidermis of the paper, dermis and fat after burn models; core held at 37 degC.
+#: Epidermis as in the paper, dermis and fat as in burn models; core held at 37 degC.
 FINGERTIP = Side(
     layers=(
         Layer(name="epidermis", thickness=7e-4, conductivity=0.34, density=1200.0, specific_heat=3340.0),
@@ -30,7 +30,7 @@ FOAM = Layer(name="polystyrene", thickness=0.02, conductivity=0.027, density=55.
 
 
 def block(*layers: Layer) -> Side:
-    """Return an object of layers in air at room temperature."""
+    """Return an object made of layers, in air at room temperature."""
     back = Back(kind="convection", temperature=_ROOM, coefficient=10.0)
     return Side(layers=layers, initial=Initial(kind="uniform", temperature=_ROOM), back=back)
 

@@ -1,9 +1,9 @@
 """Stationary temperature fields of a side.
 
-Through a layer of thickness L with ``m = sqrt(w/k)`` the stationary deviation from the arterial temperature is
-a combination of ``cosh`` and ``sinh``, without perfusion it is linear.  At every face the layers behind it impose one
-linear relation ``a T + b q = g`` between temperature and inward flux; it is carried outwards layer by layer with all
-terms divided by ``exp(m L)``, so that nothing overflows and held, insulated and endless backs are one case.
+In a layer of thickness L with ``m = sqrt(w/k)`` the stationary deviation from the arterial temperature is a combination
+of ``cosh`` and ``sinh``; without perfusion it is linear.  At every face the layers behind it impose one linear relation
+``a T + b q = g`` between temperature and inward flux; it is propagated outwards layer by layer with all terms divided
+by ``exp(m L)``, so that nothing overflows, and held, insulated and endless backs need no separate treatment.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Number = TypeVar("Number", float, Array)
 class Profile:
     """A stationary temperature field: temperatures [K] and inward fluxes [W/m2] at the faces, shape (layers + 1,).
 
-    Behind an endless layer it is the far temperature.
+    After an endless layer, the last temperature is the far one.
     """
 
     stack: Stack
@@ -38,11 +38,11 @@ class Profile:
 
     @property
     def flux(self) -> float:
-        """Flux into the side at the contact [W/m2]."""
+        """Inward flux at the contact [W/m2]."""
         return float(self.fluxes[0])
 
     def temperature(self, depths: Array) -> Array:
-        """Temperature [K] at depths (n,) or of any shape [m], in one row (n,)."""
+        """Return the temperature [K] at depths [m] of any shape, as one row (n,)."""
         depths = np.ravel(depths).astype(np.float64)
         index, found = self.stack.layers_at(depths), np.empty(depths.size)
         faces, thickness = self.stack.faces, self.stack.thickness
@@ -52,7 +52,7 @@ class Profile:
         return found
 
     def flux_at(self, depth: float) -> float:
-        """Inward flux [W/m2] at a depth [m]."""
+        """Return the inward flux [W/m2] at a depth [m]."""
         index, x = self.stack.locate(depth)
         k, m, length = self._layer(index)
         outer, p = float(self.faces[index]), self.arterial
@@ -88,13 +88,13 @@ class Profile:
 
 
 def _unit_sinh(x: Number) -> Number:
-    """``sinh(x) exp(-x)``."""
+    """Return ``sinh(x) exp(-x)``."""
     found: Number = -0.5 * np.expm1(-2.0 * x)
     return found
 
 
 def _unit_cosh(x: float) -> float:
-    """``cosh(x) exp(-x)``."""
+    """Return ``cosh(x) exp(-x)``."""
     return 0.5 * (1.0 + float(np.exp(-2.0 * x)))
 
 
@@ -110,9 +110,9 @@ def initial_profile(side: Side) -> Profile:
 
 
 def resting_profile(side: Side) -> Profile:
-    """Return the stationary field of a side without flux through the contact.
+    """Return the stationary field of a side at zero flux through the contact.
 
-    Where any uniform field is stationary, it is the one at the side's initial surface temperature.
+    If any uniform field is stationary, it is the one at the side's initial surface temperature.
     """
     a, _, _ = _relations(stack_of(side), _back_temperature(side), side.arterial or 0.0)[0]
     if a == 0.0:
@@ -123,8 +123,8 @@ def resting_profile(side: Side) -> Profile:
 def stationary(side: Side, surface: tuple[float, float, float]) -> Profile:
     """Return the stationary field under a surface condition ``a T + b q = g`` with q the inward flux.
 
-    Temperatures are taken relative to the back's or the arterial one, so that no digit is lost to the offset
-    of the kelvin scale.
+    Temperatures are taken relative to the back's or the arterial one, so that no digits are lost to the offset of the
+    kelvin scale.
     """
     stack = stack_of(side)
     origin = _origin(side, surface)
@@ -144,7 +144,7 @@ def stationary(side: Side, surface: tuple[float, float, float]) -> Profile:
 
 
 def _origin(side: Side, surface: tuple[float, float, float]) -> float:
-    """Return a temperature of the problem's own, to measure the others from."""
+    """Return a temperature [K] of the problem itself, from which the others are measured."""
     if side.back is not None and side.back.temperature is not None:
         return side.back.temperature
     if side.arterial is not None:
@@ -210,7 +210,7 @@ def _through(
 
 
 def _inner_face(stack: Stack, index: int, arterial: float, outer: float, relation: tuple[float, float, float]) -> float:
-    """Solve for the temperature of a layer's inner face, given the outer one and the relation behind."""
+    """Solve for the temperature of a layer's inner face, from the outer one and the relation behind."""
     if np.isinf(stack.thickness[index]):
         return arterial if stack.perfusion[index] > 0.0 else outer
     cosh, resistance, _, unit = _transfer(stack, index)
@@ -220,9 +220,9 @@ def _inner_face(stack: Stack, index: int, arterial: float, outer: float, relatio
 
 
 def _inner_flux(stack: Stack, index: int, arterial: float, outer: float, relation: tuple[float, float, float]) -> float:
-    """Solve for the inward flux at a layer's inner face, given that at the outer one and the relation behind.
+    """Solve for the inward flux at a layer's inner face, from that at the outer one and the relation behind.
 
-    The difference of the face temperatures would lose its digits in a thin layer.
+    A difference of the face temperatures would lose its digits in a thin layer.
     """
     if np.isinf(stack.thickness[index]):
         return 0.0

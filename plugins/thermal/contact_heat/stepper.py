@@ -1,8 +1,8 @@
-"""The live stepper of one contact: any history of resistances in, one flux a step out.
+"""The live stepper of one contact: any history of resistances in, one flux per step out.
 
 While the resistance changes, a step is that of `live` on the pair of sides.  After `pairs.SETTLED` steps at one value
-the state is carried over into the modes of the closed loop at that value, in which a step is one product a mode, and
-back when the value changes.  The rule looks only at the state, so that cutting a history into calls changes no bit.
+the state is converted to the modes of the closed loop at that value, where a step is one product per mode, and back
+when the value changes.  The rule depends only on the state, so that dividing a history into calls changes no bit.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Stepper:
     Parameters
     ----------
     contact
-        The two sides; its own resistance is not used.
+        The two sides; its own resistance is ignored.
     period
         Step [s], 1 us to 1 s.
 
@@ -59,7 +59,7 @@ class Stepper:
 
     @property
     def state(self) -> Array:
-        """Everything that changes, flat and writable; assign to it, or into it, to restore."""
+        """The whole State, flat and writable; assign to it, or to its elements, to restore."""
         return self._state
 
     @state.setter
@@ -75,7 +75,7 @@ class Stepper:
         Parameters
         ----------
         resistance
-            Contact resistance at the end of the step [K m2/W]; infinite for a step apart.
+            Contact resistance at the end of the step [K m2/W]; infinite for a step out of contact.
 
         Raises
         ------
@@ -94,14 +94,14 @@ class Stepper:
         Parameters
         ----------
         resistances
-            One value a step, or one value for all ``steps`` [K m2/W]; infinite for steps apart.
+            One value per step, or one value for all ``steps`` [K m2/W]; infinite for steps out of contact.
         steps
-            How many, for one value.
+            Number of steps, if one value is given.
 
         Raises
         ------
         ValueError
-            If a resistance is negative or not a number, or the count is missing or does not fit.
+            If a resistance is negative or not a number, or the count is missing or does not match.
         """
         given = history(resistances, steps)
         flux = np.empty(len(given))
@@ -109,7 +109,7 @@ class Stepper:
         return flux
 
     def _run(self, given: Array, flux: Array) -> None:
-        """Step through a history; whenever a resistance has settled, close the loop and go on."""
+        """Step through a history; whenever a resistance has settled, close the loop and continue."""
         done = 0
         while done < len(given):
             loop = self._loop(float(self._state[self._tail + RESISTANCE]))
@@ -132,9 +132,9 @@ class Stepper:
                 self._enter(float(given[done]))
 
     def settle(self, resistance: float) -> tuple[ClosedLoop, Array]:
-        """Return the closed loop at a finite resistance and the amplitudes of its modes now, shape (modes,).
+        """Return the closed loop at a finite resistance and the current amplitudes of its modes, shape (modes,).
 
-        What happened before does not matter: from here on a constant resistance is exact in these modes.
+        This works at any time: from here on, a constant resistance is exact in these modes.
         """
         self._state[: self._size] = self._sides()
         self._state[self._size :] = 0.0
@@ -143,7 +143,7 @@ class Stepper:
         return loop, self._state[self._size + MEMORY :][: len(loop.decay)].copy()
 
     def resume(self, resistance: float, amplitudes: Array, steps: int) -> None:
-        """Go on from amplitudes, shape (modes,), that were reached ``steps`` after `settle`."""
+        """Continue from amplitudes, shape (modes,), reached ``steps`` steps after `settle`."""
         memory = self._state[self._size :]
         memory[MEMORY : MEMORY + len(amplitudes)] = amplitudes
         memory[COUNT] = steps
@@ -161,7 +161,7 @@ class Stepper:
         return self._loops[resistance]
 
     def _enter(self, resistance: float) -> None:
-        """Carry the state over into the modes of the closed loop."""
+        """Convert the state to the modes of the closed loop."""
         size, state = self._size, self._state
         for tail in (self._tail, self._split + int(self._object[TAIL])):
             state[tail + PHASE] = max(state[tail + PHASE], 0.0)
@@ -174,7 +174,7 @@ class Stepper:
         state[size + BASE] = given + loop.coming @ np.where(self._pair.port == 0.0, 0.0, state[:size] - loop.rest)
 
     def _sides(self) -> Array:
-        """Return the state of the pair as it is now, shape (size,)."""
+        """Return the current state of the pair, with the loop open, shape (size,)."""
         state = self._state.copy()
         if state[self._size + CLOSED]:
             loop = self._loop(float(state[self._tail + RESISTANCE]))
@@ -218,7 +218,7 @@ class Stepper:
         return inward if side == "object" else -inward
 
     def _moved(self, side: SideName, depth: float) -> tuple[Side, Modes, Array]:
-        """Return a side, its modes and how far their coordinates are from the start, shape (n,)."""
+        """Return a side, its modes, and the change of their coordinates since the start, shape (n,)."""
         body = self.contact.side(side)
         if not 0.0 <= depth <= min(body.depth, 1e6):
             raise ValueError(f"depth = {depth!r} is out of range: 0 to {body.depth:g} m on the {side}")
@@ -230,17 +230,17 @@ class Stepper:
 
     @property
     def heat(self) -> float:
-        """Heat that the finger has given through the contact so far [J/m2]."""
+        """Heat that the finger has lost through the contact so far [J/m2]."""
         return float(self._sides()[self._split + int(self._object[TAIL]) + HEAT])
 
 
 def history(resistances: ArrayLike, steps: int | None) -> Array:
-    """Return one resistance a step [K m2/W], shape (steps,).
+    """Return one resistance per step [K m2/W], shape (steps,).
 
     Raises
     ------
     ValueError
-        If one is negative or not a number, or the count is missing or does not fit.
+        If one is negative or not a number, or the count is missing or does not match.
     """
     given = np.array(resistances, dtype=np.float64)
     if given.ndim == 0:

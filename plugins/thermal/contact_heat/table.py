@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """Columns by name: t [s], j [W/m2], T_skin, T_object [degC], Q [J/m2], probes; ``fluxes`` names those like j."""
+    """Columns by name: t [s], j [W/m2], T_skin, T_object [degC], Q [J/m2], probes; ``fluxes`` names those in W/m2."""
 
     columns: dict[str, Array]
     fluxes: tuple[str, ...]
@@ -51,12 +51,12 @@ def solution_table(contact: Contact, times: Sequence[float], method: Literal["ex
 
 
 def live_table(contact: Contact, times: Sequence[float], period: float) -> Table:
-    """Step a contact as the servo loop does; each time goes to the nearest step from the first on.
+    """Step a contact as the servo loop does; times are rounded to steps, and dropped before the first.
 
     Raises
     ------
     ValueError
-        If the period is out of range.
+        If the period is out of range, or all times are before the first step.
     """
     from contact_heat.stepper import Stepper
 

@@ -11,11 +11,11 @@ from contact_heat.stack import Array, Stack
 
 #: Gauss points per panel.
 PANEL_POINTS = 14
-#: What happens deep inside faster than this [1/s] is not seen at the contact.
+#: Processes deep inside that are faster than this [1/s] are not seen at the contact.
 DEEP_RATE = 4000.0
 
 _PANEL_GROWTH = 0.6
-#: Differences of fields below this part of the fields have fewer true digits than the basis keeps.
+#: Differences between fields below this fraction of the fields have fewer true digits than the basis needs.
 _NOISE = 1e-5
 
 
@@ -36,14 +36,14 @@ class Span:
     def scaled(self, norms: Array) -> Span:
         """Divide each function by its norm.
 
-        ``norms`` (functions,), in the unit of the functions.
+        ``norms`` has shape (functions,), in the unit of the functions.
         """
         return Span(*(part / norms for part in self._all()))
 
     def times(self, matrix: Array) -> Span:
-        """Return combinations of the functions, one per column of the matrix.
+        """Return linear combinations of the functions, one per column of the matrix.
 
-        ``matrix`` (functions, combinations), without a unit [1].
+        ``matrix`` has shape (functions, combinations) and no unit [1].
         """
         return Span(*(part @ matrix for part in self._all()))
 
@@ -61,13 +61,13 @@ def trial_span(
     stack
         The side.
     shifts
-        (rates,) at which the response to a contact flux is exact [1/s].
+        Rates at which the response to a contact flux is exact [1/s], shape (rates,).
     points
         Depths within each layer [m].
     back_port
-        Whether a flux may enter through the back.
+        Whether a flux may enter through the back face.
     drive
-        Arterial and back temperature of a start out of balance, None for none.
+        Arterial and back temperature [K] of a start out of equilibrium, relative to it; None for none.
     """
     span = _fields(stack, shifts, points, np.ones_like(shifts))
     if not stack.endless and stack.back == 0.0:
@@ -80,7 +80,7 @@ def trial_span(
 
 
 def _driven(stack: Stack, rates: Array, points: list[Array], drive: tuple[float, float]) -> Span:
-    """Return the fields that blood and back cause; of a held back only differences, as the modes vanish there."""
+    """Return the fields caused by blood and back; only differences if the back is held, as modes vanish there."""
     fields = _fields(stack, rates, points, np.zeros_like(rates), *drive)
     if np.isfinite(stack.back):
         return fields
@@ -108,22 +108,23 @@ def _constant(points: list[Array]) -> Span:
 
 
 def _mirrored(stack: Stack, shifts: Array, points: list[Array]) -> Span:
-    """Return the fields of a flux through the back face, the contact being closed."""
+    """Return the fields of a flux through the back face, with no flux through the contact."""
     if stack.endless or np.isinf(stack.back):
         raise ValueError("back: only an insulated or convective back can be a flux port")
     turned = Stack(stack.thickness[::-1], stack.conductivity[::-1], stack.capacity[::-1], stack.perfusion[::-1], 0.0)
     mirrored = [(length - x)[::-1] for x, length in zip(points, stack.thickness, strict=True)][::-1]
-    # A convective back shunts the port: the span is the same, as the shunted field is a multiple of this one.
+    # A convective back is a shunt across the port: the span is the same, as the shunted field is a multiple of this
+    # one.
     span = _fields(turned, shifts, mirrored, np.ones_like(shifts))
     return Span(span.values[::-1], -span.gradients[::-1], span.back, span.contact)
 
 
 def quadrature(stack: Stack, shifts: Array, *, back: bool, faces: bool) -> tuple[list[Array], list[Array], Array]:
-    """Return Gauss points and weights per layer and the panels' edges [m].
+    """Return Gauss points and weights for each layer, and the panels' edges [m].
 
-    Panels grow with diffusion time from the contact, from a driven ``back`` and, if asked, from all ``faces``.
+    Panels grow with diffusion time from the contact, from a driven ``back`` and, if requested, from all ``faces``.
 
-    ``shifts`` (rates,) [1/s], ascending.
+    ``shifts`` has shape (rates,) [1/s], in ascending order.
     """
     nodes, weights = np.polynomial.legendre.leggauss(PANEL_POINTS)
     slowness = np.sqrt(stack.capacity / stack.conductivity)

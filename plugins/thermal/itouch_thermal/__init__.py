@@ -36,10 +36,10 @@ __all__ = [
     "solve_many",
 ]
 
-#: Further packages of this plugin: their code counts where it matters what has computed a result.
+#: Further packages of this plugin: their code is part of the fingerprint of what has computed a result.
 PACKAGES = ("contact_heat",)
 
-#: Names whose modules compile kernels: imported when they are first used.
+#: Names whose modules compile kernels: imported on first use.
 _LAZY = {
     "BatchSolution": "contact_heat.batch",
     "ContactSolution": "contact_heat.exact",

@@ -23,9 +23,10 @@ from itouch_thermal.rendering.score import rms, summary
 from itouch_thermal.rendering.table import Table
 
 CONTROLLERS = ("hold", "paper", "model")
-#: Grid of gains from which `paper` has its one pair, and the corners on which, beside the nominal plant, it is taken.
+#: The grid of gains from which the pair of `paper` was chosen, and the corners on which it was tried besides the
+#: nominal plant.
 PROPORTIONAL, INTEGRAL, CORNERS = (20.0, 40.0, 60.0, 80.0, 120.0), (0.0, 100.0, 400.0, 800.0, 1600.0), (1, 10, 14)
-#: What may be asked: temperatures of object and skin [K], resistance, press, its error, seconds, rates.
+#: Allowed ranges: temperatures of object and skin [K], resistance, press, press-off, seconds, rates.
 OBJECT, SKIN, RESISTANCE = (233.15, 353.15), (293.15, 313.15), (1e-5, 0.1)
 PRESSES, PRESS_OFF, SECONDS, RATES = (0.0, 10.0), (0.05, 20.0), (0.5, 120.0), (10.0, 1000.0)
 
@@ -117,7 +118,7 @@ def _cases(options: argparse.Namespace) -> list[tuple[str, Case]]:
 
 
 def _plants(options: argparse.Namespace) -> tuple[Plants, DisplayParams]:
-    """Return the plants with their seeds, and what the controller believes."""
+    """Return the plants with their seeds, and the parameters that the controller assumes."""
     nominal = DisplayParams()
     seeds = SEEDS[: int(_number("seeds", options.seeds, (1, len(SEEDS))))]
     gain = _number("flux-gain", options.flux_gain, (-0.5, 1.0))
@@ -189,7 +190,7 @@ def _show(row: dict[str, Any]) -> None:
 
 
 def _table(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """Yield every promise with its figure."""
+    """Yield every promise with its measured value."""
     materials = [(name, case.material) for name, case in _cases(options)]
     print(f"{'case':<40}{'figure':<42}{'value':>11}{'limit':>9}       worst")
     for line in Table(materials, options.quick, seconds=options.seconds).lines():
@@ -200,7 +201,7 @@ def _table(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
 
 
 def _grid(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """Yield the worst rms of `paper` over materials, the nominal plant and some corners, for each pair of gains."""
+    """Yield the worst rms error of `paper` over materials, nominal plant and some corners, for each pair of gains."""
     nominal = DisplayParams()
     plants = [nominal, *(replace(nominal, mismatch=corners()[k]) for k in CORNERS)]
     cases = [(case, desired_course(case)) for _, case in _cases(options)]

@@ -13,7 +13,7 @@ from typing import Any
 
 from itouch.plugin import ItouchError
 
-#: How many faults the long form runs, and the short one.
+#: Number of faults in the long form, and in the short one.
 LONG, SHORT = 1000, 36
 
 

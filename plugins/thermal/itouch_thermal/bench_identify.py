@@ -53,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _progress(fingers: int) -> Callable[[int], None] | None:
-    """Return what says on a terminal how far it is."""
+    """Return a function that shows the progress on a terminal; None without a terminal."""
     if not sys.stderr.isatty():
         return None
 
@@ -64,7 +64,7 @@ def _progress(fingers: int) -> Callable[[int], None] | None:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Return a line for each value; errors and bounds are parts of the width of what is assumed beforehand."""
+    """Return a line for each value; errors and bounds are relative to the width of the prior."""
     lines = [f"{'value':<12}{'95 % hold':>11}{'rms error':>11}{'bound':>9}{'of it':>8}{'told':>8}"]
     for row in rows:
         lines.append(
@@ -75,7 +75,7 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def document(options: argparse.Namespace, rows: Sequence[Row]) -> dict[str, object]:
-    """Return what is written of a campaign."""
+    """Return a campaign's results as a JSON document."""
     return {
         "fingers": options.fingers, "seed": options.seed, "sample": options.sample or None,
         "data": "finite differences, Laplace's noise" if options.other else "closed form, normal noise",

@@ -1,7 +1,7 @@
 """``itouch-py bench wire``: a scene on its devices' real protocols, scored by what the twins behind the emulators know.
 
-Every row is a run of ``itouch-py virtual-rig SCENE --run``, whose plant differs from what the controller is told.  In
-real time a bound can only be missed on a machine that wakes whoever must be woken in time: what it did stands beside.
+Every row is a run of ``itouch-py virtual-rig SCENE --run``, whose plant differs from what the controller assumes.  In
+real time a missed bound counts only on a machine that wakes its processes in time: its lateness is printed with it.
 """
 
 from __future__ import annotations
@@ -24,17 +24,18 @@ from xml.etree import ElementTree
 from itouch_thermal.display.params import DisplayParams
 
 SPACE = "{urn:itouch:plugin:thermal}"
-#: Most true error of the finger's flux, rms from 0.1 s to lift-off: on a TEC controller, and on a rig of one's own,
-#: whose thermistors are slow and whose current follows a command in some 12 ms; and how many times that in the corners.
+#: Greatest true error of the finger's flux, rms from 0.1 s to lift-off: on a TEC controller, and on a rig of one's own,
+#: whose thermistors are slow and whose current follows a command after some 12 ms; and the factor on both in the
+#: corners.
 BOUND, OWN_RIG, CORNER = 0.03, 0.05, 2.0
-#: How many times that in real time; most p99 of a surface's distance from its command as a multiple of its speed times
-#: the age of its reading; most difference of a touch's greatest force from that on twins, as a part of it.
+#: Factor on them in real time; greatest p99 of a surface's distance from its command, relative to its speed times the
+#: age of its reading; greatest relative difference of a touch's peak force from that on twins.
 REAL, TRACKING, FORCE = 4.0 / 3.0, 1.5, 0.1
-#: The corners: by how much the plant may differ, in both directions.
+#: The corners: by how much the plant may differ, in either direction.
 WIDE = {"contact-resistance": 0.2, "seebeck": 0.1, "delay": 5e-3, "sensor-lag": 0.3}
-#: The program that is installed with this one.
+#: Runs the command line of this installation.
 PROGRAM = "from itouch_tools.cli import main; raise SystemExit(main())"
-#: Wires that are better than the scene's: attributes of elements inside a display's hardware, and of it (empty).
+#: Wires better than the scene's: element inside a display's hardware (empty: itself), attribute, value.
 _RAISED = ("mecom", "session-baud", "460800")
 FASTER = {
     "460800 baud for the session": (_RAISED,),
@@ -42,21 +43,21 @@ FASTER = {
     "460800 baud, flux averaged for 4 ms": (_RAISED, ("labjack", "averaging", "4 ms")),
     "460800 baud, flux averaged for 20 ms": (_RAISED, ("labjack", "averaging", "20 ms")),
 }
-#: The wire as written, and wires that begin their exchanges otherwise: words for ``virtual-rig``.
+#: The wire as written, and wires with other timing: words for ``virtual-rig``.
 STEADY = "as written"
 UNSTEADY: dict[str, tuple[str, ...]] = {
     STEADY: (),
     **{f"exchanges {phase} ms later": ("--phase", f"{phase}ms") for phase in (5, 10, 15, 19)},
     "20 +- 10 ms, 5 % lost": ("--unsteady",),
 }
-#: What each of them may add to the error on the wire as written, both as rms over runs with so many seeds: what noise a
-#: single run meets is luck.
+#: The most that each of them may add to the error on the wire as written, both as rms over runs with this many seeds:
+#: the noise that a single run meets is luck.
 ADDS, SEEDS = 0.01, 3
-#: A plant that differs much, and for long.
+#: A plant that differs much, and in the long run.
 DIFFERS = {"contact-resistance": 0.2, "seebeck": -0.1}
 
 Mismatch = Mapping[str, float]
-#: Element inside the hardware (empty: itself), attribute, and what is written there.
+#: Element inside the hardware (empty: itself), attribute, and the value to write.
 Wire = tuple[str, str, str]
 
 
@@ -134,20 +135,20 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _has(name: str, asked: str) -> bool:
-    """Tell whether a name has these words, one after the other and whole: '5 ms' is no part of '15 ms'."""
+    """Tell whether a name contains these words, consecutive and whole: '5 ms' is not part of '15 ms'."""
     words, wanted = (text.replace(",", " ").split() for text in (name, asked))
     return any(words[at : at + len(wanted)] == wanted for at in range(1 + len(words) - len(wanted)))
 
 
 def _words(name: str, *, unsteady: bool) -> list[tuple[str, ...]]:
-    """Return the words for ``virtual-rig`` of each run of a row: of several seeds where wires are compared."""
+    """Return the extra words for ``virtual-rig`` for each run of a row: several seeds if wires are compared."""
     if not unsteady:
         return [()]
     return [(*UNSTEADY[name], *(("--seed", str(seed)) if seed else ())) for seed in range(SEEDS)]
 
 
 def _together(errors: Sequence[Mapping[str, float | None]]) -> dict[str, float | None]:
-    """Return the rms over runs of the error of each touch; None where a run has none."""
+    """Return the rms over runs of the error of each touch; None if a run lacks it."""
     if len(errors) == 1:
         return dict(errors[0])
     found: dict[str, float | None] = {}
@@ -158,7 +159,7 @@ def _together(errors: Sequence[Mapping[str, float | None]]) -> dict[str, float |
 
 
 def _added(row: Mapping[str, Any], steady: Mapping[str, Any]) -> dict[str, Any]:
-    """Print what another wire adds to the error of each touch; return the row of that."""
+    """Print what another wire adds to the error of each touch, and return it as a row."""
     before: Mapping[str, float | None] = steady["true_error"]
     added = {key: _difference(row["true_error"].get(key), before[key]) for key in before}
     holds = all(more <= ADDS for more in added.values())
@@ -177,7 +178,7 @@ def _percent(error: float | None) -> str:
 
 
 def plants(*, corners: bool) -> Iterator[tuple[str, Mismatch, float]]:
-    """Yield name, difference and how many times the bound is allowed, of every plant that is tried."""
+    """Yield the name, the differences and the factor on the bound of every plant to try."""
     yield "as written", {}, 1.0
     yield "resistance +20 %, Seebeck -10 %", DIFFERS, 1.0
     for signs in product((1.0, -1.0), repeat=len(WIDE)) if corners else ():
@@ -206,13 +207,13 @@ def run(
 ) -> dict[str, float | None]:
     """Return the true error [1] of each contact's flux by object, in a run of a scene whose plant differs.
 
-    ``alone``: only the displays are on their wires; ``wires``: attributes that are written otherwise; ``words``:
-    more for ``virtual-rig``.
+    ``alone``: only the displays are on their wires; ``wires``: attributes to write differently; ``words``: more for
+    ``virtual-rig``.
 
     Raises
     ------
     RuntimeError
-        If the run ends in a fault; with its last words.
+        If the run ends in a fault; the message is the run's last line.
     """
     with changed(scene, mismatch, wires) as there:
         named = [word for device in displays(there) for word in ("--only", device)] if alone else []
@@ -230,7 +231,7 @@ def changed(scene: Path, mismatch: Mismatch, wires: Sequence[Wire] = ()) -> Iter
     Raises
     ------
     RuntimeError
-        If there is nothing that could.
+        If the folder has no display to which the changes apply.
     """
     with tempfile.TemporaryDirectory(prefix="itouch-wire-") as name:
         folder = Path(name) / "scenes"
@@ -243,7 +244,7 @@ def changed(scene: Path, mismatch: Mismatch, wires: Sequence[Wire] = ()) -> Iter
 
 
 def _reported(words: Sequence[str], folder: Path) -> tuple[dict[str, Any] | None, str]:
-    """Run the program; return the report that it wrote, if it did, and its last words if it failed, else nothing."""
+    """Run the program; return the report if it wrote one, and its last line if it failed, else an empty string."""
     report = folder / "report.json"
     report.unlink(missing_ok=True)
     command = [sys.executable, "-c", PROGRAM, *words, "--report", str(report)]
@@ -261,22 +262,23 @@ def _true_errors(report: Mapping[str, Any]) -> dict[str, float | None]:
 
 @dataclass(frozen=True)
 class Real:
-    """What a run in real time has shown, beside what it is held against.
+    """The results of a run in real time, with the limits for them.
 
     Attributes
     ----------
     errors, peaks
-        True error [1] of each touch's flux, and how far its greatest force is from that on twins [1], by object.
+        True error [1] of each touch's flux, and relative difference [1] of its greatest force from that on twins, by
+        object.
     tracking, allowed
-        p99 of the surface's distance from its command [mm], and the most that it may be; None: none was driven.
+        p99 of the surface's distance from its command [mm], and its limit; None: no surface was driven.
     age
-        Median age of the surface's readings [ms]; None: none was driven.
+        Median age of the surface's readings [ms]; None: no surface was driven.
     faults
-        What ended it.
+        The faults that ended the run.
     woken
         Lateness [us] of wake-ups, p99.9 and greatest, of the machine, the session and the simulated devices.
     punctual
-        Whether the machine's wake-ups held.
+        Whether the machine's wake-ups were punctual.
     """
 
     errors: Mapping[str, float | None]
@@ -289,7 +291,7 @@ class Real:
     punctual: bool
 
     def missed(self, bound: float, objects: Sequence[str]) -> list[str]:
-        """Say what was missed; ``objects`` are to be touched, in this order."""
+        """List what was missed; ``objects`` are those that must be touched, in this order."""
         said = list(self.faults)
         if list(self.errors) != list(objects):
             said.append(f"touched were {', '.join(self.errors) or 'none'}, not {', '.join(objects)}")
@@ -304,12 +306,12 @@ class Real:
         return said
 
     def verdict(self, missed: Sequence[str]) -> str:
-        """Return `pass`, `fail`, or that the machine was too late for either."""
+        """Return `pass`, `fail`, or that the machine was too late to tell."""
         return "pass" if not missed else "fail" if self.punctual else "machine not punctual"
 
 
 def judged(report: Mapping[str, Any], twins: Mapping[str, Any]) -> Real:
-    """Return what the report of a run in real time has shown, beside that of the same scene on twins."""
+    """Evaluate the report of a run in real time against that of the same scene on twins."""
     on_twins = {contact["object"]: contact["peak_force_N"] for contact in twins["contacts"]}
     peaks = {
         contact["object"]: contact["peak_force_N"] / on_twins[contact["object"]] - 1.0
@@ -332,7 +334,7 @@ def judged(report: Mapping[str, Any], twins: Mapping[str, Any]) -> Real:
 
 
 def _in_real_time(options: argparse.Namespace, wanted: Sequence[tuple[str, Mismatch, float]], most: float) -> int:
-    """Run each plant in real time, and print it beside its bounds; 0 if all pass, 1 if one fails, 3 if nobody knows."""
+    """Run each plant in real time and print it beside its bounds; 0 if all pass, 1 if one fails, 3 if undecided."""
     rows, names, verdicts = [], list[str](), list[str]()
     for name, mismatch, times in wanted:
         try:
@@ -376,7 +378,7 @@ def _in_real_time(options: argparse.Namespace, wanted: Sequence[tuple[str, Misma
 
 
 def _beside(real: Real, missed: Sequence[str]) -> Iterator[str]:
-    """Yield what stands below a row: how late who was woken, and what was missed."""
+    """Yield the lines below a row: how late wake-ups were, and what was missed."""
     late = "; ".join(
         f"{who} {_late(most)} (p99.9), {_late(worst)} at most" for who, (most, worst) in real.woken.items()
     )
@@ -394,9 +396,9 @@ def _millimetres(distance: float | None) -> str:
 
 
 def differ(path: Path, mismatch: Mismatch) -> int:
-    """Add a difference to that of the displays behind a wire in a file; return how many there are.
+    """Add a mismatch to those of the displays behind a wire in a file; return how many there are.
 
-    A plant cannot act before it is told to: where it would have to, the controller is told of a longer delay instead.
+    A plant cannot act before its command: where it would have to, the controller is told of a longer delay instead.
     """
     tree = ElementTree.parse(path)
     found = [hardware for device in wired(tree.getroot()) for hardware in device.findall(f"{SPACE}hardware")]
@@ -421,7 +423,7 @@ def _number(text: str) -> float:
 
 
 def rewire(path: Path, wires: Sequence[Wire]) -> int:
-    """Write attributes of the displays behind a wire in a file; return how many displays have such parts."""
+    """Set attributes of the displays behind a wire in a file; return how many displays have all these elements."""
     tree = ElementTree.parse(path)
     count = 0
     for hardware in (found for device in wired(tree.getroot()) for found in device.findall(f"{SPACE}hardware")):
@@ -436,18 +438,18 @@ def rewire(path: Path, wires: Sequence[Wire]) -> int:
 
 
 def displays(scene: Path) -> list[str]:
-    """Return the names of the displays that are behind a wire, in a scene and what it includes."""
+    """Return the names of the displays behind a wire, in a scene and the files that it includes."""
     return [str(device.get("name")) for root in _roots(scene) for device in wired(root)]
 
 
 def bound_of(scene: Path) -> float:
-    """Return the most true error [1] that is allowed of a scene's displays, by what drives them."""
+    """Return the greatest allowed true error [1] for a scene's displays, by what drives them."""
     lines = (device.find(f"{SPACE}hardware/{SPACE}line") for root in _roots(scene) for device in wired(root))
     return OWN_RIG if any(line is not None for line in lines) else BOUND
 
 
 def _roots(scene: Path) -> Iterator[ElementTree.Element]:
-    """Yield a scene and what it includes."""
+    """Yield the root elements of a scene and of the files that it includes."""
     root = ElementTree.parse(scene).getroot()
     yield root
     for part in root.iter("include"):

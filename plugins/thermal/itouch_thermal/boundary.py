@@ -1,9 +1,9 @@
-"""One step of the heat between the model finger and what it touches: one object, or two at a boundary between them.
+"""One step of heat between the model finger and what it touches: one object, or two at the boundary between them.
 
-A finger that slides from one object onto another lies on both for a while.  Each gets its part of the contact disc and
-the finger the mean of what both draw, weighted by these parts: as the finger's equations are linear in the flux, its
-state is the same mean of the states that either alone would leave.  So nothing jumps where one contact ends and the
-other begins.
+A finger that slides from one object onto another lies on both for a while.  Each object gets its share of the contact
+disc, and the finger the mean of what both draw, weighted by these shares: since the finger's equations are linear in
+the flux, its state is the same weighted mean of the states that either object alone would leave.  So nothing jumps when
+one contact ends and the other begins.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def beyond(distance: float, area: float) -> float:
-    """Return the part of a disc of an area [m2] that lies beyond a straight line so far from its middle [m], 0 to 1."""
+    """Return the share (0 to 1) of a disc of an area [m2] beyond a straight line at a distance [m] from its centre."""
     radius = math.sqrt(area / math.pi)
     if distance >= radius:
         return 0.0
@@ -32,13 +32,13 @@ def beyond(distance: float, area: float) -> float:
 
 
 class Exchange:
-    """The finger and the objects of a scene, as packed models; an object without a thermal material has none."""
+    """The finger and the objects of a scene, as packed models; None for an object without a thermal material."""
 
     def __init__(self, live: Any, finger: Array, bodies: tuple[Array | None, ...], playing: Playing) -> None:
         self._live, self._finger, self._bodies, self._playing = live, finger, bodies, playing
 
     def knows(self, index: int) -> bool:
-        """Tell whether anything is known of an object's heat; -1 is no object."""
+        """Tell whether an object's heat is known; -1 is no object."""
         return index >= 0 and (self._bodies[index] is not None or self._playing.plays(index))
 
     def step(self, finger: Array, objects: Array, index: int, resistance: float, count: int) -> float:
@@ -47,11 +47,11 @@ class Exchange:
         Parameters
         ----------
         finger, objects
-            States of the finger (size,) and of the objects (objects, widest), one row each; changed.
+            States of the finger, (size,), and of the objects, (objects, widest), one row each; changed in place.
         index, resistance
-            What is touched (-1: nothing of which anything is known), and the contact resistance [K m2/W].
+            The object that is touched (-1: none whose heat is known), and the contact resistance [K m2/W].
         count
-            Which step of the touch it is, from 1.
+            Number of this step in the touch, from 1.
 
         Returns
         -------
@@ -71,16 +71,16 @@ class Exchange:
         self, finger: Array, objects: Array, indices: tuple[int, int], part: float, resistance: float,
         counts: tuple[int, int],
     ) -> float:  # fmt: skip
-        """Advance the finger, and two objects of which the second one has a part of the disc, by one step.
+        """Advance the finger, and two objects of which the second has a share of the contact disc, by one step.
 
         Parameters
         ----------
         finger, objects, resistance
             As in ``step``: (size,), (objects, widest) and [K m2/W].
         indices, counts
-            What is touched and which step of the touch it is, of the one object and of the other.
+            The two objects that are touched, and the number of this step in the touch of each.
         part
-            The part of the disc that lies on the second object, 0 to 1.
+            The share of the disc that lies on the second object, 0 to 1.
 
         Returns
         -------
@@ -90,7 +90,7 @@ class Exchange:
         other, (first, second) = finger.copy(), indices
         tail, size = int(self._finger[TAIL]), int(self._finger[SIZE])
         body = self._bodies[second] if second >= 0 else None
-        if body is not None and objects[second][int(body[TAIL]) + PHASE] > 0.0:  # as far into its touch as it is
+        if body is not None and objects[second][int(body[TAIL]) + PHASE] > 0.0:  # the second object's touch goes on
             for entry in (PHASE, RESISTANCE):
                 other[tail + entry] = objects[second][int(body[TAIL]) + entry]
         flux = self.step(finger, objects, first, resistance, counts[0])

@@ -13,7 +13,7 @@ from itouch.plugin import ItouchError
 from itouch_thermal.cli_display import add_commands
 from itouch_thermal.cli_line import add_display
 
-#: Units of a duration; none is seconds.
+#: Units of a duration in seconds; without a unit it is in seconds.
 _UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0}
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def _write(found: Table, output: str | None, title: str) -> None:
 
 
 def _times(options: argparse.Namespace, contact: Contact) -> list[float]:
-    """Return the asked times [s], or those of the case."""
+    """Return the times asked for [s], or those of the case."""
     from contact_heat.casefile import check_times
 
     if options.times is not None:
@@ -112,7 +112,7 @@ def _times(options: argparse.Namespace, contact: Contact) -> list[float]:
 
 
 def _read_times(path: Path) -> list[float]:
-    """Read the first column of a text file; a first line that is no number is a heading."""
+    """Read the first column of a text file; a first line that is not a number is a heading."""
     if not path.is_file() and path.exists():
         raise ValueError(f"times: '{path}' is a folder, a pipe, a device or a socket, not a file")
     words = [

@@ -110,7 +110,7 @@ def _switching(options: argparse.Namespace) -> None:
 
 
 def _print_switches(name: str, rows: list[dict[str, Any]]) -> None:
-    """Print times as a matrix, from above to the left."""
+    """Print the times as a matrix: rows are the materials before the switch, columns those after it."""
     starts = {row["from"]: row["from_start_C"] for row in rows}
     if not starts:
         print(f"{name}: fewer than two materials, nothing to switch between")

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any, TextIO
 
 _KELVIN = 273.15
-#: How often an order is sent [s]; the rig's own watchdog is ten times as long.
+#: Period of the commands [s]; the rig's own watchdog is ten times as long.
 _PERIOD = 0.02
-#: Most current [A] and time [s] that may be asked for here: a look at a display, not a session.
+#: Greatest current [A] and time [s] that may be given here: this is for a look at a display, not a session.
 _AMPS, _SECONDS = 1.0, 60.0
 
 
 def add_display(commands: Any) -> None:
-    """Add the command."""
+    """Add the sub-command ``display``."""
     display = commands.add_parser("display", help="look at a display of one's own", description=_display.__doc__)
     display.add_argument("port", metavar="PORT", help="serial port, such as /dev/ttyACM0")
     display.add_argument("--baud", type=int, default=250000, metavar="N", help="of the port (default 250000)")

@@ -1,4 +1,4 @@
-"""A tick of the modality `heat`, compiled: the model finger on the object that it touches, objects in air."""
+"""A compiled tick of the modality `heat`: the model finger on the object that it touches, other objects in air."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from itouch_thermal.laws import press_factor
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-#: Leaves the tick to Python: a recorded curve is played, or the contact disc lies on two objects.
+#: Return value that leaves the tick to Python: a recorded curve is played, or the contact disc lies on two objects.
 PYTHON = 1
-#: Over how much valid infrared before a touch the mean is taken [s]; what is older counts less and less.
+#: Length of valid infrared readings before a touch that the mean extends over [s]; older readings fade out.
 SKIN_WINDOW = 1.0
 
 
 class Given(NamedTuple):
-    """What never changes.
+    """The constants of a scene.
 
-    The model finger; the n objects, packed, one a row, which of them are ``known``, and of which a recorded curve is
-    ``played`` (n,); the law from force to resistance; contact area at 1 N [m2] and exponent of the force in it (2,);
-    time constant of a press and period [s] (2,).
+    The model finger; the n objects, packed, one a row; whether each is ``known``, and whether a recorded curve is
+    ``played`` for it (n,); the law from force to resistance; contact area at 1 N [m2] and exponent of the force in it
+    (2,); time constant of a press and period [s] (2,).
     """
 
     finger: Floats
@@ -41,10 +41,10 @@ class Given(NamedTuple):
 
 
 class Skin(NamedTuple):
-    """What infrared sees of the skin, each (1,).
+    """What infrared sees of the skin, each of shape (1,).
 
-    By how much it is warmer than that of the model finger [K], a mean, and of how many ticks; the newest reading [K] or
-    none (0,), and whether it is valid.
+    Mean of its difference from the model finger's skin temperature [K], positive if warmer, and its number of ticks;
+    the newest reading [K], shape (0,) if there is no sensor, and whether that is valid.
     """
 
     change: Floats
@@ -54,11 +54,11 @@ class Skin(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """The State of the modality, scalars as (1,).
+    """The modality's State, scalars as shape (1,).
 
-    Modes of the finger, of the objects (n, widest), and which of them were touched (n,); the object that is touched,
-    and the time since then [ticks]; the time since another one was, too, and its part of the contact disc; then what is
-    written.
+    Modes of the finger and of the objects (n, widest), and whether each has been touched (n,); the object in contact
+    and the ticks since its touch began; the ticks since the touch of the object beside it began, and that object's
+    share of the contact disc; then the outputs.
     """
 
     finger: Floats
@@ -75,9 +75,9 @@ class Kept(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """How the finger touches, each (1,).
+    """How the finger touches, each of shape (1,).
 
-    The force on it [N]; the object that begins beside the touched place, -1: none, and how far away [m].
+    The force on it [N]; the object that begins beside the place of contact (-1: none), and its distance [m].
     """
 
     felt: Floats
@@ -91,13 +91,13 @@ _beyond = kernel(beyond)
 
 @kernel
 def knows(given: Given, index: int) -> bool:
-    """Tell whether anything is known of an object's heat; -1 is no object."""
+    """Tell whether an object's heat is known; -1 is no object."""
     return bool(index >= 0 and (given.known[index] != 0 or given.played[index] != 0))
 
 
 @kernel
 def overlaps(given: Given, kept: Kept, contact: Contact) -> bool:
-    """Tell whether a part of the contact disc lies on a second object, and heat is known of one of the two."""
+    """Tell whether a part of the contact disc lies on a second object, and the heat of one of the two is known."""
     force, beside = contact.felt[0], contact.beside[0]
     if not force > 0.0 or beside < 0 or not (knows(given, kept.object[0]) or knows(given, beside)):
         return False
@@ -106,9 +106,9 @@ def overlaps(given: Given, kept: Kept, contact: Contact) -> bool:
 
 @kernel
 def watch(given: Given, kept: Kept, skin: Skin) -> None:
-    """Take a valid infrared reading into the mean of what it sees beside the model finger.
+    """Add a valid infrared reading to the mean of its difference from the model finger.
 
-    The model finger warms up in air as the real one does.  So the mean may be as long as its noise asks for: behind a
+    The model finger warms up in air as the real one does, so the mean may be as long as its noise requires: behind a
     wire there are few readings in a tenth of a second.
     """
     if skin.reading.shape[0] == 0 or (skin.valid.shape[0] > 0 and skin.valid[0] < 0.5):
@@ -120,7 +120,7 @@ def watch(given: Given, kept: Kept, skin: Skin) -> None:
 
 @kernel
 def resist(given: Given, kept: Kept, force: float) -> float:
-    """Return the contact resistance at the end of this period [K m2/W] under a force [N]."""
+    """Count a tick of contact; return the contact resistance at its end [K m2/W] under a force [N]."""
     law: Any = given.law
     found = _resistance_at(law, force)
     kept.since[0] += 1
@@ -131,7 +131,7 @@ def resist(given: Given, kept: Kept, force: float) -> float:
 
 @kernel
 def settle(given: Given, kept: Kept, own: int, force: float, flux: float, resistance: float) -> None:
-    """Let the objects cool that were touched, all but ``own``, and write what came of the tick."""
+    """Let the objects that have been touched cool, all but ``own``, and write the outputs of the tick."""
     for other in range(given.known.shape[0]):
         if kept.touched[other] != 0 and given.known[other] != 0 and other != own:
             air_step(given.bodies[other], kept.objects[other])
@@ -144,7 +144,10 @@ def settle(given: Given, kept: Kept, own: int, force: float, flux: float, resist
 
 @kernel
 def exchange(given: Given, kept: Kept, skin: Skin, contact: Contact) -> int:
-    """Advance the finger, what it touches and every object that was touched by a period."""
+    """Advance the finger, the object that it touches, and every object that has been touched by one period.
+
+    Return `PYTHON` if the tick is left to Python, else 0.
+    """
     index = kept.object[0]
     force = contact.felt[0] if index >= 0 else 0.0
     if (index >= 0 and force > 0.0 and given.played[index] != 0) or overlaps(given, kept, contact):

@@ -1,8 +1,8 @@
-"""The modality `heat`: the contact heat of the model finger on the virtual object, live.
+"""The modality `heat`: live contact heat between the model finger and the virtual object.
 
-The model finger never leaves the simulation: between touches it goes on in air, and each object keeps the heat of
-earlier touches.  At BEGIN the steady profile that belongs to the difference between measured and modelled skin
-temperature is added, so that each touch starts from the finger as it is (what the paper names as missing).
+The model finger stays in the simulation: between touches it is in air, and each object keeps the heat of earlier
+touches.  At BEGIN the steady profile for the difference between measured and modelled skin temperature is added, so
+that each touch starts from the finger as it is (the paper notes that this is missing there).
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: How much time [s] that a loop has left out is made up for at most, for that takes time itself, in which a loop is
-#: silent; more than a guardian lets pass in a run.  Where a curve is played, or two objects are touched at once, Python
+#: Longest time [s] left out by a loop that is made up for.  Making up takes time itself, in which the loop is silent,
+#: and a guardian lets less than this pass in a run.  If a curve is played, or two objects are touched at once, Python
 #: does it, some thirty times slower.
 LEFT_OUT, LEFT_OUT_IN_PYTHON = 10.0, 0.25
 
-#: The model finger, unless a scene has its own: epidermis of the paper; dermis and subcutis, with the perfusion of
-#: blood, after Torvi and Dale's kind of tissue model.
+#: The model finger, unless a scene has its own: epidermis as in the paper; dermis and subcutis, with perfusion, after
+#: tissue models like that of Torvi and Dale.
 FINGER: tuple[Layer, ...] = (
     Layer(name="epidermis", thickness=7e-4, conductivity=0.34, density=1200.0, specific_heat=3340.0),
     Layer(name="dermis", thickness=1.5e-3, conductivity=0.45, density=1200.0, specific_heat=3300.0, perfusion=5000.0),
@@ -52,7 +52,7 @@ class ThermalMaterial:
     source: str = schema.text(default="", doc="where the values come from")
 
     def layer(self, thickness: float | None) -> Layer:
-        """Return a layer of this material [m]."""
+        """Return a layer of this material, of a thickness [m]; None: semi-infinite."""
         return Layer(
             thickness=thickness, conductivity=self.conductivity, density=self.density, specific_heat=self.specific_heat
         )
@@ -101,12 +101,12 @@ class HeatParams:
 
     @property
     def expected_resistance(self) -> float:
-        """Contact resistance [K m2/W] at the force that a touch is expected to have."""
+        """Contact resistance [K m2/W] at the force expected of a touch."""
         return self.law().at(self.expected_force)
 
 
 class Names(NamedTuple):
-    """Names of the fields that a tick touches; put together once."""
+    """Names of the State fields that a tick uses, composed once."""
 
     desired: str
     finger: str
@@ -133,13 +133,13 @@ class Names(NamedTuple):
         return cls._make([*(f"{name}.{field}" for field in own), *(f"{probe}.{field}" for field in seen)])
 
 
-#: How many of them are the probe's.
+#: How many of the names are the probe's.
 _SEEN = 4
 
 
 @dataclass(frozen=True, slots=True)
 class HeatModel:
-    """The packed models of finger and objects; an object without a thermal material has none."""
+    """The packed models of finger and objects; None for an object without a thermal material."""
 
     name: str
     names: Names
@@ -169,7 +169,7 @@ class Heat(Modality):
     Material: ClassVar[type | None] = ThermalMaterial
     hears = frozenset({ContactKind.BEGIN, ContactKind.END})
     goes_on = ("finger", "skin_change", "skin_count")
-    dropped = frozenset({"skin_ring"})  # readings of a tenth of a second, which are seen again
+    dropped = frozenset({"skin_ring"})  # a tenth of a second of readings, which fills again
 
     def compile(self, name: str, params: HeatParams, world: World) -> HeatModel:
         """Build the modes of finger and objects."""
@@ -208,7 +208,7 @@ class Heat(Modality):
         )
 
     def fields(self, model: HeatModel) -> tuple[Field, ...]:
-        """Return the State of finger, objects and what infrared sees."""
+        """Return the State of finger and objects, and of what infrared sees."""
         count = max(1, len(model.bodies))
         return (
             Field(
@@ -250,7 +250,7 @@ class Heat(Modality):
         )
 
     def reset(self, model: HeatModel, state: Record) -> None:
-        """Begin with a finger at rest in air and untouched objects."""
+        """Start with a finger at rest in air and untouched objects."""
         state[f"{model.name}.finger"] = model.finger_start
         for index, start in enumerate(model.body_starts):
             if start is not None:
@@ -259,7 +259,7 @@ class Heat(Modality):
         state[f"{model.name}.resistance"] = np.inf
 
     def on_contact(self, event: ContactEvent, model: HeatModel, state: Record) -> None:
-        """Begin and end the exchange with an object."""
+        """Begin or end the exchange of heat with an object."""
         if event.probe != model.probe:
             return
         name = model.name
@@ -286,18 +286,18 @@ class Heat(Modality):
         change[...] = state[f"{model.name}.skin_count"] = 0
 
     def bound_update(self, model: HeatModel, state: Record, period: float) -> Bound:
-        """Return the update of these views as one compiled call, which leaves a curve, and a boundary, to Python."""
+        """Bind the update to these views as one compiled call, which leaves curves and boundaries to Python."""
         from itouch_thermal import exchange
 
         return Bound(exchange.exchange, *_views(model, state, period))
 
     def update(self, model: HeatModel, state: Record, period: float) -> None:
-        """Advance the finger and every object that was touched."""
+        """Advance the finger and every object that has been touched by one period [s]."""
         if self._unusual(model, state) or self.bound_update(model, state, period).run():
             self._advance(model, state, period)
 
     def left_out(self, model: HeatModel, state: Record, seconds: float) -> None:
-        """Let finger and objects go on, in the contact that there was; what infrared saw is not seen once more."""
+        """Advance finger and objects over left-out time in unchanged contact; infrared readings do not count again."""
         if not model.real:
             return
         steps, names = min(round(seconds / model.period), round(LEFT_OUT / model.period)), model.names
@@ -312,7 +312,7 @@ class Heat(Modality):
             state[name] = value
 
     def _unusual(self, model: HeatModel, state: Record) -> bool:
-        """Tell that compiled code would leave this tick to Python."""
+        """Tell whether compiled code would leave this tick to Python."""
         names, knows = model.names, model.exchange.knows
         index, force = state[names.object].item(), state[names.felt_force].item()
         if not force > 0.0 or model.playing.plays(index):
@@ -322,7 +322,7 @@ class Heat(Modality):
         return known and beyond(distance, contact_area(force, *model.area)) > 0.0
 
     def _advance(self, model: HeatModel, state: Record, period: float) -> None:
-        """Do it where a curve is played, or two objects are touched at once."""
+        """Do the update in Python, for a curve that is played or two objects touched at once."""
         names, live, exchange = model.names, model.live, model.exchange
         finger, objects = state[names.finger], state[names.objects]
         index, force = state[names.object].item(), state[names.felt_force].item()
@@ -348,24 +348,24 @@ class Heat(Modality):
         state[names.skin_temperature][...] = live.surface_temperature(model.finger, finger)
 
     def _overlap(self, model: HeatModel, state: Record, index: int, force: float) -> tuple[int, float]:
-        """Return the object beside the one of the contact, and what part of the contact disc lies on it."""
+        """Return the object beside the one in contact, and its share of the contact disc; -1 and 0 if none."""
         names = model.names
         beside, distance = state[names.beside].item(), state[names.beside_distance].item()
         known = model.exchange.knows(index) or model.exchange.knows(beside)
         part = beyond(distance, contact_area(force, *model.area)) if force > 0.0 and beside >= 0 and known else 0.0
-        if part > 0.0 and beside == index:  # it is touched most already, but the contact is still with the other one
+        if part > 0.0 and beside == index:  # most of the disc is on it, but the contact is still with the other one
             beside, part = state[names.primary].item(), 1.0 - part
         if part == 0.0:
             state[names.since_beside][...] = 0
             return -1, 0.0
-        if index < 0 and state[names.skin_count].item():  # heat begins with the object beside
+        if index < 0 and state[names.skin_count].item():  # the exchange begins with the object beside
             self._start(model, state)
             state[names.since][...] = 0
         state[names.since_beside] += 1
         return beside, part
 
     def _resistance(self, model: HeatModel, state: Record, force: float, period: float) -> float:
-        """Return the contact resistance at the end of this period [K m2/W] under a force [N]."""
+        """Count a tick of contact; return the contact resistance at its end [K m2/W] under a force [N]."""
         resistance = model.law.at(force)
         state[model.names.since] += 1
         since = max(state[model.names.since].item(), state[model.names.since_beside].item())
@@ -375,7 +375,7 @@ class Heat(Modality):
 
 
 def _views(model: HeatModel, state: Record, period: float) -> tuple[Given, Kept, Skin, Contact]:
-    """Return what a tick needs of model and State, as compiled code takes it."""
+    """Return the views of model and State that a compiled tick takes."""
     from itouch_thermal.exchange import Contact, Given, Kept, Skin
 
     names, nothing = model.names, np.zeros(0)
@@ -394,9 +394,9 @@ def _views(model: HeatModel, state: Record, period: float) -> tuple[Given, Kept,
 
 
 def table_of(bodies: Sequence[Array | None]) -> Array:
-    """Return packed models as rows of one table, shape (n, widest); one that is missing is a row of zeros.
+    """Return packed models as rows of one table, shape (n, widest); a row of zeros for a missing one.
 
-    Each (size,) is laid out, with its units, as `contact_heat.packing` says.
+    Each model (size,) is laid out as in `contact_heat.packing`, which has the units.
     """
     table = np.zeros((max(1, len(bodies)), max((len(body) for body in bodies if body is not None), default=1)))
     for row, body in zip(table, bodies, strict=False):
@@ -407,7 +407,7 @@ def table_of(bodies: Sequence[Array | None]) -> Array:
 
 
 def _skin_source(params: HeatParams, world: World) -> tuple[str, str]:
-    """Return the State fields of the infrared reading and of its validity."""
+    """Return the State fields of the infrared reading and of its validity; empty if there is no sensor."""
     for device in world.devices.values():
         if params.skin_from in ("", device.name) and (skin := device.read_field(Role.SKIN_TEMPERATURE)):
             return skin, device.read_field(Role.SKIN_VALID)
@@ -415,19 +415,19 @@ def _skin_source(params: HeatParams, world: World) -> tuple[str, str]:
 
 
 def _is_real(world: World) -> bool:
-    """Tell whether the finger whose heat this is goes on when no tick is run: it lies on real hardware."""
+    """Tell whether the finger goes on without ticks, since it is a real one on real hardware."""
     displays = [device for device in world.devices.values() if device.reading(Role.HEAT_FLUX) is not None]
     return any(not device.twin for device in displays or world.devices.values())
 
 
 def finger_side(layers: Sequence[Layer], arterial: float, skin: float, ambient: float) -> Side:
-    """Return a finger that rests at a skin temperature [K] in air; its film is the one that keeps it there."""
+    """Return a finger at rest in air at a skin temperature [K]; its film is the one that keeps it there."""
     from contact_heat.steady import initial_profile
 
     start = Initial(kind="steady", surface=skin)
     back = Back(kind="temperature", temperature=arterial)
     bare = Side(layers=tuple(layers), initial=start, back=back, arterial=arterial)
-    loss = -initial_profile(bare).flux_at(0.0)  # fluxes inside a side count inwards
+    loss = -initial_profile(bare).flux_at(0.0)  # fluxes inside a side are positive inwards
     gap = skin - ambient
     coefficient = loss / gap if abs(gap) > 0.5 and loss / gap > 1.0 else FINGER_FILM
     air = Film(coefficient=coefficient, ambient=ambient)
@@ -435,7 +435,7 @@ def finger_side(layers: Sequence[Layer], arterial: float, skin: float, ambient: 
 
 
 def object_side(material: ThermalMaterial | None, temperature: float, depth: float) -> Side | None:
-    """Return an object at a temperature [K], kept there from behind; None without a thermal material."""
+    """Return an object at a temperature [K], with that temperature behind it; None without a thermal material."""
     if material is None:
         return None
     back = Back(kind="convection", temperature=temperature, coefficient=FINGER_FILM)

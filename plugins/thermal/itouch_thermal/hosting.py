@@ -1,6 +1,6 @@
-"""The framework's stores behind the contact-heat solver: compiled functions with a fingerprint, bases with a session.
+"""The framework's stores for the contact-heat solver: compiled functions by fingerprint, bases with a session.
 
-This module is imported before anything of `contact_heat`.
+This module must be imported before anything of `contact_heat`.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from itouch.plugin import building, kept
 
 
 class Framework:
-    """What the framework does for the solver."""
+    """The framework's services for the solver."""
 
     def compiled(self, function: Any, nogil: bool) -> Any:
-        """Compile, and keep it under a fingerprint of all that it is made of."""
+        """Compile a function, and store it under a fingerprint of all that it depends on."""
         from itouch.plugin.kernels import kernel, nogil_kernel
 
         return (nogil_kernel if nogil else kernel)(function)
 
     def kept(self, content: object, make: Callable[[], Any], pack: Callable[[Any], Any], load: Any) -> Any:
-        """Return the stored basis of a session, or what an earlier build found, or solve."""
+        """Return the basis stored with a session, or by an earlier build, or solve it."""
         return kept(content, make, pack, load)
 
     def building(self) -> bool:

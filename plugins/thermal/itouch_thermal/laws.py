@@ -1,4 +1,4 @@
-"""How contact resistance depends on force, as a scene writes it; the laws themselves: `contact_heat.resistance`."""
+"""Contact resistance as a function of force, as a scene declares it; for the laws see `contact_heat.resistance`."""
 
 from __future__ import annotations
 
@@ -128,22 +128,22 @@ class TableLaw:
 
 
 ForceLaw = ConstantLaw | PressureLaw | TableLaw
-#: The elements of which one may stand in a finger's element.
+#: The elements of which a finger's element may contain one.
 KINDS: tuple[type, ...] = (ConstantLaw, PressureLaw, TableLaw)
 
 
 def law_of(laws: tuple[ForceLaw, ...], resistance: float) -> ResistanceLaw:
-    """Return the one law that is given, or the constant resistance [K m2/W]."""
+    """Return the given law, or the constant resistance [K m2/W] if none is given."""
     return laws[0].law() if laws else ConstantResistance(resistance)
 
 
 def check_laws(laws: tuple[ForceLaw, ...], resistance: float) -> None:
-    """Check that there is at most one law, and not besides a constant that the scene gives.
+    """Check that there is at most one law, and that no constant resistance is given besides.
 
     Raises
     ------
     ValueError
-        Naming what stands there.
+        If there is; the message names what is there.
     """
     names = [f"<{law.TAG}>" for law in laws]
     if len(names) > 1:
@@ -153,13 +153,13 @@ def check_laws(laws: tuple[ForceLaw, ...], resistance: float) -> None:
 
 
 def press_factor(time: float, press: float) -> float:
-    """Return by how much the resistance is higher while the skin flattens: ``1 / (1 - exp(-time / press))``.
+    """Return the factor on the resistance while the skin flattens: ``1 / (1 - exp(-time / press))``.
 
     Parameters
     ----------
     time
-        Since the touch began [s], more than 0.
+        Time since the touch began [s], more than 0.
     press
-        Time constant [s]; 0: none.
+        Time constant [s]; 0: no flattening.
     """
     return 1.0 if press <= 0.0 else 1.0 / -math.expm1(-time / press)

@@ -1,4 +1,4 @@
-"""The shipped material library: the paper's set and the handbook's, read from their scene documents."""
+"""The shipped material library: the paper's materials and the handbook's, read from their scene documents."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from itouch.plugin.commands import framework
 #: Documents of the library, in the shipped scenes' folder.
 DOCUMENTS = ("materials.xml", "handbook.xml")
 
-#: Where the values of a document come from that names no source of its own for a material.
+#: Source of a document's values for materials that do not name their own.
 _SOURCES = {"materials.xml": "the I-Touch thermal display paper, section II-E"}
 _FLAGS = {
     ("materials.xml", "wood"): "; specific heat and density stand swapped there, here they are the right way round"
@@ -35,7 +35,7 @@ class LibraryMaterial:
 
 
 def library(documents: Sequence[str | Path] = ()) -> tuple[LibraryMaterial, ...]:
-    """Return the materials of scene documents, by default of the shipped library.
+    """Return the materials of scene documents, by default those of the shipped library.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a model finger goes through while the display plays a recorded curve in the place of a computed flux."""
+"""What the model finger undergoes while the display plays a recorded curve in place of a computed flux."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Array = NDArray[np.float64]
 def flux_step(model: Array, state: Array, before: float, after: float) -> None:
     """Advance a side by one step in which a given flux [W/m2] leaves it, linear from ``before`` to ``after``.
 
-    ``model`` and ``state`` are those of `solver.live`; what follows, touch or air, begins anew after it.
+    ``model`` and ``state`` are those of `contact_heat.live`; a touch or air that follows starts anew.
 
-    ``model`` (n,) and ``state`` (size,) as `contact_heat.packing` lays them out.
+    ``model`` (n,) and ``state`` (size,) are laid out as in `contact_heat.packing`.
     """
     n, tail = int(model[SIZE]), int(model[TAIL])
     rows = model[HEAD : HEAD + (DRIVE + STAGES) * n].reshape(-1, n)
@@ -29,19 +29,19 @@ def flux_step(model: Array, state: Array, before: float, after: float) -> None:
 
 
 class Playing:
-    """The curves that are played for the objects of a scene, and the finger under them."""
+    """The curves that are played for the objects of a scene, and their effect on the finger."""
 
     def __init__(self, curves: tuple[Curve | None, ...], period: float) -> None:
         self.curves, self._period = curves, period
 
     def plays(self, index: int) -> bool:
-        """Tell whether a curve is played for an object; -1 is none."""
+        """Tell whether a curve is played for an object; -1 is no object."""
         return index >= 0 and self.curves[index] is not None
 
     def step(self, finger: Array, state: Array, index: int, count: int) -> float:
-        """Advance the finger by step ``count`` of a touch, the first is 1; return the flux at its end [W/m2].
+        """Advance the finger by step ``count`` of a touch, starting at 1; return the flux at its end [W/m2].
 
-        ``finger`` (n,) is its model, ``state`` (size,) its state, changed in place.
+        ``finger`` (n,) is its model, and ``state`` (size,) its state, changed in place.
         """
         curve = self.curves[index]
         if curve is None:

@@ -16,7 +16,7 @@ def plot_table(table: Table, path: Path, title: str) -> None:
     Raises
     ------
     ImportError
-        Saying what to install, if matplotlib is missing.
+        If matplotlib is missing; the message says what to install.
     """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -41,7 +41,7 @@ def plot_table(table: Table, path: Path, title: str) -> None:
 
 
 def _draw_fluxes(axes: Any, times: Any, fluxes: dict[str, Any]) -> None:
-    """Draw sizes; where heat enters the finger the line is dashed."""
+    """Draw magnitudes; the line is dashed where heat enters the finger."""
     floor = max(max(float(np.abs(values).max()) for values in fluxes.values()) * 1e-6, 1e-3)
     for name, values in fluxes.items():
         size = np.where(np.abs(values) >= floor, np.abs(values), np.nan)

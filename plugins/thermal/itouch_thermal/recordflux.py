@@ -9,13 +9,13 @@ from itouch.plugin.commands import framework
 from itouch_thermal.flux.modality import FluxControl
 from itouch_thermal.heat import Heat
 
-#: What can be recorded: the flux out of the finger, the reading of the display's sensor, or the flux that is desired.
+#: What can be recorded: the flux out of the finger, the display's sensor reading, or the desired flux.
 KINDS = ("obtained", "sensor", "desired")
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """A touch: what was touched, times [s] since it began, and fluxes [W/m2] out of the finger."""
+    """A touch: its object, times [s] since it began, and fluxes [W/m2] out of the finger."""
 
     object: str
     material: str
@@ -33,18 +33,18 @@ def record_flux(
     rig: str | None = None,
     twin: str | None = None,
 ) -> Recorded:
-    """Run a scene until an object has been touched, and return the flux of that touch, one value a servo period.
+    """Run a scene until an object has been touched, and return the flux of that touch, one value per servo period.
 
     Parameters
     ----------
     scene, rig, twin, seed
         As for a run.
     object_name
-        Which object; default: the first that is touched.
+        The object; default: the first one touched.
     kind
         One of `KINDS`.
     seconds
-        For how long to wait at most; default: until the scripted motion ends.
+        Longest time to wait [s]; default: until the scripted motion ends.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def _wanted(session: Any, name: str) -> int:
 
 
 def _source(session: Any, kind: str) -> tuple[str, str]:
-    """Return the finger and the State field that is recorded."""
+    """Return the finger and the State field to record."""
     if kind not in KINDS:
         raise ValueError(f"what = '{kind}' is unknown: {', '.join(KINDS)}")
     for modality in session.model.modalities:
@@ -95,7 +95,7 @@ def _source(session: Any, kind: str) -> tuple[str, str]:
 
 
 def _follow(session: Any, probe: str, field: str, wanted: int, last: int | None) -> tuple[list[float], int]:
-    """Tick until a touch has ended; return its fluxes while the finger pressed, and the object."""
+    """Tick until a touch has ended; return its fluxes while the finger pressed, and the object's index."""
     state = session.state
     current, force = state[f"{probe}.contact.object"], state[f"{probe}.normal_force"]
     rows: list[float] = []

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from itouch_thermal.paper.claim import Claim
     from itouch_thermal.paper.figures import Figure
 
-#: About how much of the whole each figure and the claims take, in seconds of an idle machine; only for the time left.
+#: Rough duration of each figure, of a claim and of the session [s] on an idle machine; only to estimate the time left.
 _WEIGHTS = {3: 4.0, 4: 3.0, 5: 4.0, 6: 4.0, 7: 4.0, 9: 1.5, 11: 5.0}
 _CLAIM, _SESSION = 0.6, 4.0
 
@@ -50,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _reproduce(out: Path, options: argparse.Namespace) -> str:
-    """Draw and check; return what was written."""
+    """Draw and check; return a summary of what was written."""
     from itouch_thermal.paper.drawing import draw, write_curves
     from itouch_thermal.paper.figures import FIGURES, LEFT_OUT
     from itouch_thermal.paper.lab import left_out, read_curves
@@ -103,7 +103,7 @@ def _claim_jobs(work: Any, claims: list[Claim]) -> list[tuple[str, float, Callab
 
 
 def _run(jobs: list[tuple[str, float, Callable[[], Any]]]) -> None:
-    """Do one after another, and tell what is done and how long the rest will take, in as much as a terminal shows."""
+    """Do the jobs one after another, and show the progress and the time left on a terminal."""
     whole, done, begun = sum(weight for _, weight, _ in jobs), 0.0, time.monotonic()
     with waiting("reproducing") as wait:
         for name, weight, job in jobs:

@@ -1,4 +1,4 @@
-"""Writing a file as a whole: whoever reads it sees the old one or the new one, never a part."""
+"""Writing a file atomically: a reader sees the old file or the new one, never a part."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from pathlib import Path
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file; what is no plain file, such as a pipe, is written to directly.
+    """Write a text file; if the path is not a plain file, such as a pipe, write to it directly.
 
     Raises
     ------
     OSError
-        If it cannot be written, with the file's own name; a file that was there is as it was.
+        If it cannot be written, with the path that was given; an existing file stays as it was.
     """
     place = Path(os.path.realpath(path))
     if place.exists() and not place.is_file():

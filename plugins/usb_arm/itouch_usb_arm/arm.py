@@ -36,16 +36,16 @@ from itouch_usb_arm.look import look
 from itouch_usb_arm.remote import Remote
 from itouch_usb_arm.wire import Buttons
 
-#: Greatest force [N] and stiffness [N/m] of a Novint Falcon, as CHAI3D 3.3 states them.
+#: Greatest force [N] and stiffness [N/m] of a Novint Falcon, as stated by CHAI3D 3.3.
 FORCE, STIFFNESS = 8.0, 3000.0
-#: A scale beyond these is a mistake in reading the scale.
+#: A force scale outside these limits [counts/(N m)] comes from a mistake in reading the scale.
 _LOW, _HIGH = 100.0, 20000.0
 
 
 def force_scale(params: Any, samples: NDArray[np.float64]) -> Fitted:
-    """Return the scale at which the arm gives what is asked: the one in use times asked over given.
+    """Return the force scale with which the arm gives the force asked for: the one in use, times asked over given.
 
-    ``samples`` (n, 2): forces asked and given [N].
+    ``samples``, shape (n, 2): forces asked and given [N].
     """
     asked, given = samples.T
     slope, _, residual = line_through(asked, given)
@@ -72,7 +72,7 @@ FORCE_SCALE_FIT = Fit(
 class UsbArmParams:
     """A Novint Falcon on USB.
 
-    The frame is that of `itouch_usb_arm.kinematics`; ``grip`` is where the fingertip's centre is in the grip's frame.
+    The frame is that of `itouch_usb_arm.kinematics`; ``grip`` is the fingertip's centre in the grip's frame.
     """
 
     serial: str = schema.text(default="any", doc="serial number of the arm, or any")
@@ -103,7 +103,7 @@ class UsbArmParams:
 
 
 class UsbArmTwin(FingerTwin):
-    """The finger hangs on the arm: the twin reads its pose through encoders of finite resolution."""
+    """The finger hangs on the arm: the twin's pose is read through encoders of finite resolution."""
 
 
 class UsbArm(ImpedanceArm[Falcon]):
@@ -114,21 +114,21 @@ class UsbArm(ImpedanceArm[Falcon]):
     commands = (wrench(force=FORCE),)
     Twin: ClassVar[type[Twin] | None] = UsbArmTwin
     timing = Timing(blocking=True)
-    #: A process that dies lets go of the interface, so that another one can send zero force.
+    #: When a process dies, the system releases its interface, so that another process can send zero force.
     opening = Opening(moves_on_open=True, second_opener=True)
     emulation = Emulation(Emulator=ArmEmulator, fits=(FORCE_SCALE_FIT,))
     mechanics = Mechanics(max_stiffness=STIFFNESS, damping=0.0)
 
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
-        """Return the channels; what is not sensed is locked, a switch is there if a button is one."""
+        """Return the channels: rotations are locked unless sensed, and a dead-man's switch is read if one is chosen."""
         locked = ROTATIONS if params.rotations == "locked" else ()
         reads, commands = super().channels(params)
         return (pose(locked=locked), *reads[1:]), commands
 
     @classmethod
     def wires(cls, params: UsbArmParams) -> tuple[str, ...]:
-        """Return the arm of its serial number, or the one that is attached, on this machine or on a USB/IP server."""
+        """Name the arm by its serial number, or as the attached one, and the USB it is on: local or a server's."""
         where = f"the USB/IP server {params.usbip}" if params.usbip else "USB"
         arm = "the arm that is attached" if params.serial == "any" else f"the arm {params.serial}"
         return (f"{arm} on {where}",)
@@ -140,7 +140,7 @@ class UsbArm(ImpedanceArm[Falcon]):
 
     @classmethod
     def missing(cls, bound: UsbArmParams) -> str:
-        """Look for an arm on the USB bus, unless a server of USB devices is named."""
+        """Say why no arm can be used, from a look on the USB bus; empty if one can, or if a USB/IP server is named."""
         found = () if bound.usbip else look()
         if bound.usbip or any(one.usable for one in found):
             return ""
@@ -148,13 +148,13 @@ class UsbArm(ImpedanceArm[Falcon]):
 
     def __init__(self, params: UsbArmParams) -> None:
         super().__init__(params)
-        #: A pyusb backend object; None: the system's, or the USB/IP server that the parameters name.
+        #: A pyusb backend object; None: the system's, or that of the USB/IP server in the parameters.
         self.backend: Any = None
         self._remote: Remote | None = None
         self._held = 0 if params.deadman == "none" else Buttons[params.deadman.upper()]
 
     def make(self, *, safe: bool = False) -> Falcon:
-        """Return the driver of the arm on the bus, or of that on the USB/IP server."""
+        """Return the driver of the arm on this machine's bus, or on the USB/IP server."""
         p, backend = self.params, self.backend
         if backend is None and p.usbip:
             self._remote = Remote(p.usbip)
@@ -165,7 +165,7 @@ class UsbArm(ImpedanceArm[Falcon]):
         )  # fmt: skip
 
     def open(self) -> None:
-        """Open the arm, load its firmware if it must be, and wait until it is homed.
+        """Open the arm, load its firmware if needed, and wait until it is homed.
 
         Raises
         ------
@@ -197,12 +197,12 @@ class UsbArm(ImpedanceArm[Falcon]):
             remote.close()
 
     def read(self, reading: Record) -> bool:
-        """Exchange a frame; the pose is the fingertip's.
+        """Exchange one frame; the pose is the fingertip's.
 
         Raises
         ------
         DeviceError
-            If the arm does not answer, answers nonsense, is gone, or is not homed any more.
+            If the arm does not answer, sends invalid frames, is gone, or is no longer homed.
         """
         found = self.opened().read()
         if not found.valid:
@@ -211,7 +211,7 @@ class UsbArm(ImpedanceArm[Falcon]):
         return True
 
     def make_safe(self, safe: Record) -> None:
-        """Take the force away: opening the arm sends zero motors, and nothing else is needed."""
+        """Set the force to zero: opening the arm sends zero motor commands, and nothing more is needed."""
         try:
             super().make_safe(safe)
         finally:

@@ -1,8 +1,8 @@
-"""The firmware's file: the stream that the boot loader of a TI C28x processor takes over its serial line.
+"""The firmware file: the boot stream that the boot loader of a TI C28x processor takes over its serial line.
 
 Numbers are 16-bit words, low byte first: the key 0x08AA, eight reserved words, the entry address, then blocks of
-(size, address, words...) until a size of zero, which is the end.  The arm's firmware belongs to its maker and is not
-part of this package; the user names his own file.
+(size, address, words...) until a size of zero, which ends it.  The arm's firmware belongs to its maker and is not part
+of this package; users name their own file.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ _RESERVED = 16
 
 
 class Block(NamedTuple):
-    """A piece of memory: where it goes and its words."""
+    """A piece of memory: its address and its words."""
 
     address: int
     words: tuple[int, ...]
 
 
 class Image(NamedTuple):
-    """A whole boot stream: the bytes as they are sent, where execution begins, and the blocks."""
+    """A whole boot stream: its bytes as they are sent, the entry address, and its blocks."""
 
     data: bytes
     entry: int
@@ -37,9 +37,9 @@ def parse(data: bytes) -> Image:
     Raises
     ------
     ValueError
-        Saying at which byte the file is no boot stream.
+        If the stream is not valid; the message says at which byte.
     """
-    if data[:1] == b"A" and data[1:3] == KEY:  # some files begin with the autobaud letter, which is sent apart
+    if data[:1] == b"A" and data[1:3] == KEY:  # some files begin with the autobaud letter, which is sent separately
         data = data[1:]
     if data[:2] != KEY:
         raise ValueError(f"it begins with {data[:2].hex(' ') or 'nothing'}, a C28x boot stream begins with aa 08")
@@ -73,7 +73,7 @@ def _address(data: bytes, at: int) -> tuple[int, int]:
 
 
 def build(blocks: Sequence[Block], *, entry: int) -> bytes:
-    """Return the boot stream of these blocks; tests use it for images without code."""
+    """Return the boot stream of some blocks; tests build images without code with it."""
     parts = [KEY, bytes(_RESERVED), struct.pack("<2H", entry >> 16, entry & 0xFFFF)]
     for block in blocks:
         size = len(block.words)
@@ -87,7 +87,7 @@ def load(firmware: str | Path | bytes) -> Image:
     Raises
     ------
     ValueError
-        If it can't be read or is no boot stream; the message names the file.
+        If it can't be read or is not a boot stream; the message names the file.
     """
     if isinstance(firmware, bytes):
         name, data = "the firmware", firmware

@@ -1,4 +1,4 @@
-"""The arm's wire: a virtual Falcon on a USB/IP server, whose grip goes where the arm's twin is."""
+"""The arm's emulator: a virtual Falcon on a USB/IP server, whose grip follows the arm's twin."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from itouch_usb_arm.wire import Buttons
 
 
 class Led(Mechanics):
-    """Mechanics that somebody else moves."""
+    """Mechanics whose grip the twin moves."""
 
     def advance(self, now: float) -> None:
-        """Stay: the twin says where the grip is."""
+        """Do nothing: the twin sets the grip's position."""
 
     def lead(self, position: kinematics.Vector) -> None:
-        """Take the grip to a position [m]; where the arm cannot be it stays behind."""
+        """Move the grip to a position [m]; out of the arm's reach it stays where it is."""
         try:
             kinematics.jacobian(position)
         except kinematics.UnreachableError:
@@ -31,7 +31,7 @@ class Led(Mechanics):
 
 
 class ArmEmulator(Emulator):
-    """A homed arm with running firmware where ``usbip`` says; its operator holds the switch."""
+    """A homed arm with running firmware at the address ``usbip``; its operator holds the dead-man's switch."""
 
     def __init__(self, params: Any) -> None:
         super().__init__(params)
@@ -55,12 +55,12 @@ class ArmEmulator(Emulator):
 
     @classmethod
     def reachable(cls, params: Any) -> kinematics.Vector:
-        """Return the middle of the arm's workspace, at the fingertip."""
+        """Return the middle of the arm's workspace [m], at the fingertip."""
         x, y, z = (a + b for a, b in zip(kinematics.CENTRE, params.grip, strict=True))
         return x, y, z
 
     def open(self) -> str:
-        """Listen where the parameters say."""
+        """Listen at the address in the parameters; return what listens where."""
         self.arm.time = HostTime(self.speed)
         host, _, port = self.params.usbip.rpartition(":")
         if not host or not port.isdigit():
@@ -72,21 +72,24 @@ class ArmEmulator(Emulator):
         return f"Falcon over USB/IP on {host}:{port}"
 
     def close(self) -> None:
-        """Hang up."""
+        """Close all connections."""
         server, self._server = self._server, None
         if server is not None:
             server.close()
 
     def patience(self) -> float:
-        """Return when the next packet is due."""
+        """Return for how long [s] nothing is due."""
         return self._server.patience() if self._server is not None else 1e-3
 
     def handles(self) -> list[int]:
-        """Return what the server listens to."""
+        """Return the file descriptors on which the server waits for data."""
         return self._server.handles() if self._server is not None else []
 
     def serve(self, now: float, reading: Record, command: Record) -> bool:
-        """Take the grip to where the twin is, answer the host, and give the twin the motors' force."""
+        """Move the grip to the twin's position, answer the host, and give the twin the motors' force.
+
+        Return whether the host drives a motor.
+        """
         place = reading["pose"].tolist()[:3]
         if place != self._place:
             self._place = place

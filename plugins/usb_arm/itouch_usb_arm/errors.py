@@ -1,10 +1,10 @@
-"""Errors of the USB arm, each with a name of its own, and the udev rule."""
+"""Errors of the USB arm, one class for each cause, and the udev rule."""
 
 from __future__ import annotations
 
 from itouch.plugin import DeviceError
 
-#: The rule that lets members of ``plugdev`` use the arm, and how to put it in force.
+#: The rule that lets members of ``plugdev`` use the arm, and how to install it.
 UDEV_RULE = 'SUBSYSTEM=="usb", ATTR{idVendor}=="0403", ATTR{idProduct}=="cb48", MODE="0664", GROUP="plugdev"'
 _UDEV_ADVICE = f"""write this line to /etc/udev/rules.d/99-falcon.rules:
     {UDEV_RULE}
@@ -17,7 +17,7 @@ class FalconError(DeviceError):
 
 
 class NotFound(FalconError):  # noqa: N818
-    """No arm is attached, or nothing can look for one."""
+    """No arm is attached, or there is no USB library to look for one."""
 
 
 class PermissionDenied(FalconError):  # noqa: N818
@@ -36,7 +36,7 @@ class Timeout(FalconError, TimeoutError):  # noqa: N818
 
 
 class ProtocolError(FalconError):
-    """What the arm sent is no valid frame, or no possible position."""
+    """The arm sent an invalid frame, or an impossible position."""
 
 
 class FirmwareError(FalconError):
@@ -44,8 +44,8 @@ class FirmwareError(FalconError):
 
 
 class NotHomed(FalconError):  # noqa: N818
-    """Not all axes are homed: positions mean nothing yet and no force may be sent."""
+    """Not all axes are homed: positions mean nothing yet, and no force may be sent."""
 
 
 class HomingTimeout(NotHomed, Timeout):
-    """The grip was not pulled out and pushed in during the time given."""
+    """The grip was not pulled out and pushed in within the time allowed."""

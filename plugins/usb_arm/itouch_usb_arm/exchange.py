@@ -1,4 +1,4 @@
-"""One frame out, one frame in: waiting, passing over damaged bytes, and never taking an old answer for a new one."""
+"""One frame out, one frame in: skip damaged bytes, and never take an old answer for a new one."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ from itouch_usb_arm.link import Link
 from itouch_usb_arm.loader import purge
 from itouch_usb_arm.wire import Reply, Scanner, reply_of
 
-#: How long [s] an answer may take before it counts as lost, and how long an answer that is owed is waited for.
+#: How long [s] to wait for an answer before it counts as lost, and for an answer that is still owed.
 PATIENCE = 0.1
-#: After damaged bytes: so long [s], and so many empty packets, and the rest will not come any more.
+#: After this much silence [s] and this many empty packets, the rest of a damaged answer will not come.
 _QUIET, _EMPTIES = 0.005, 2
-#: How often a frame whose answer was damaged is sent.
+#: How many damaged answers to one frame are accepted before giving up.
 _TRIES = 3
-#: After how long [s] a frame is sent again that nothing has answered, and how often: within an arm's watchdog of 20 ms.
+#: After this time [s] without an answer a frame is sent again, this many times at most: within an arm's watchdog of
+#: 20 ms.
 _SOON, _AGAIN = 0.006, 3
-#: After an answer that never came, so many exchanges are watched for it.
+#: After a lost answer, the next so many exchanges check whether it still comes.
 _WATCHED = 20
 
 
 class _DamagedError(Exception):
-    """Bytes came that make no frame."""
+    """Bytes came that do not form a frame."""
 
 
 class _SilentError(Exception):
@@ -30,28 +31,28 @@ class _SilentError(Exception):
 
 
 class Exchange:
-    """Exchanges frames one for one; ``owed`` counts answers that did not come in their time."""
+    """Exchanges frames one for one; ``owed`` counts the answers that have not come yet."""
 
     def __init__(self, link: Link, clock: Callable[[], float]) -> None:
         self._link, self._clock = link, clock
         self._scanner = Scanner()
         self.owed = 0
         self._watched = 0
-        #: Frames that were asked for again because their answer was damaged or lost.
+        #: Number of frames sent again because their answer was damaged or lost.
         self.repeated = 0
 
     def run(self, frame: bytes, again: bytes, patience: float = PATIENCE, *, insist: bool = False) -> Reply:
-        """Send a frame and return its answer; if that is damaged, ask with the frame ``again``, which is without force.
+        """Send a frame and return its answer; if the answer is damaged, send ``again`` instead, a frame without force.
 
-        ``insist``: also if nothing comes.  An answer that was only late may come beside that of the frame that was sent
-        again: the last one counts.
+        With ``insist``, do so too if no answer comes.  An answer that was merely late may then arrive beside that to
+        the repeated frame: the last one counts.
 
         Raises
         ------
         Timeout
             If no answer comes within ``patience`` seconds.
         ProtocolError
-            If it is damaged several times over.
+            If the answer is damaged several times.
         FalconError
             If the link fails.
         """
@@ -81,7 +82,7 @@ class Exchange:
         raise ProtocolError(f"the arm answered nonsense {_TRIES} times; check its cable and power")
 
     def post(self, frame: bytes) -> None:
-        """Send a frame without waiting; its answer is owed."""
+        """Send a frame without waiting for its answer, which is then owed."""
         self.owed += 1
         self._link.send(frame)
 
@@ -108,7 +109,7 @@ class Exchange:
                 raise _SilentError
 
     def _settle(self, patience: float) -> None:
-        """Wait for answers that are owed, and drop them: the next one must belong to the next frame."""
+        """Wait for the answers that are owed and drop them: the next answer must belong to the next frame."""
         begin, missing, empties = self._clock(), self.owed, 0
         self._scanner.clear()
         while missing > 0 and self._clock() - begin < patience:
@@ -120,7 +121,7 @@ class Exchange:
         self._clear()
 
     def _newest(self, reply: Reply) -> Reply:
-        """Return the last answer that waits: the one before it may be one that came far too late."""
+        """Return the last answer that has arrived: the one before it may answer an earlier frame, far too late."""
         self._watched -= 1
         while data := self._link.receive(_QUIET):
             found = self._scanner.feed(data)

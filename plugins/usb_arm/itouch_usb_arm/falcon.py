@@ -1,4 +1,4 @@
-"""A Novint Falcon on its wire: open it, home it, read positions, give forces.  Usable without the rest of itouch-py.
+"""The driver of a Novint Falcon: open it, home it, read positions, send forces.  Usable on its own.
 
 >>> with Falcon("firmware.bin") as arm:              # doctest: +SKIP
 ...     arm.home(timeout=60)                         # pull the grip out, then push it in
@@ -38,47 +38,48 @@ from itouch_usb_arm.opening import PROBE_WAIT, image_of, started
 from itouch_usb_arm.reading import Reading, Timing
 from itouch_usb_arm.wire import MOTOR_LIMIT, Leds, Reply, command
 
-#: Motor counts a newton metre.  The true value is not published: what the makers of libnifalcon guessed (10 000) is
-#: about four times what the recorded traffic of the vendor's own driver shows.  This is the lower, safe one; measure
-#: yours with `itouch-py calibrate force-scale`.
+#: Motor counts per newton metre.  The true value is not published: the guess of libnifalcon's makers (10 000) is about
+#: four times what recorded traffic of the vendor's own driver shows.  This is the lower, safe one; measure yours with
+#: `itouch-py calibrate force-scale`.
 FORCE_SCALE = 2200.0
-#: How often zero force is tried to be sent after an error.
+#: How many attempts are made to send zero force after an error.
 _INSIST = 8
-#: An arm whose speed is not known is, between two frames, less than this many counts from where it was, plus this many
-#: a second (2 m/s).  A known speed says something for so long [s].
+#: If an arm's speed is not known, its legs move between two frames by less than this many counts, plus this many a
+#: second (2 m/s).  A known speed is extrapolated for at most this long [s].
 _JUMP, _JUMP_RATE, _COASTS = 60, 40_000.0, 0.02
-#: From where its known speed takes it, an arm is less than this many counts (a wrong letter but the lowest is 16), and
-#: half of this many a second squared (300 m/s2), and what it goes in the time and this [s] that are not known better.
+#: If it is known, a leg is at most this many counts from its extrapolated place (a wrong letter other than the lowest
+#: makes 16), plus half this many counts/s^2 (300 m/s2) times t^2, plus its speed times the sum of t and this time [s],
+#: by which t is uncertain.
 _NEAR, _FORCED, _VAGUE = 12, 6.5e6, 1e-3
-#: After how many frames of which no two agree the arm is given up.
+#: The arm is given up after this many frames of which no two agree.
 _ASKED = 4
-#: A frame that took longer than this [s] may tell of a time as long ago: this machine was held up.  Of more
-#: than that the second [s] nothing is concluded: a frame that is then too far away is asked for again.
+#: A frame that took longer than the first [s] may show the arm as it was that long ago: this machine was held up.
+#: Delays count up to the second [s]: a frame that is then too far away is asked for again.
 _PROMPT, _LATEST = 5e-3, 0.05
 _NO_FORCE = (0.0, 0.0, 0.0)
 
 
 class Falcon:
-    """The driver of one arm; not to be used from two threads at once.
+    """The driver of one arm; it must not be used from two threads at once.
 
     Parameters
     ----------
     firmware
-        The firmware's file, or its bytes; only needed after the arm was powered on.
+        The firmware's file, or its bytes; needed only after the arm has been powered on.
     backend
         A pyusb backend object; None: the system's libusb.
     serial
-        The arm's serial number, or "any": of several arms the first that can be opened.
+        The arm's serial number, or "any": the first of the attached arms that can be opened.
     device
-        A pyusb device to open, where it was found already.
+        A pyusb device to open, if it was found before.
     force_scale
-        Motor counts a newton metre.
+        Motor counts per newton metre.
     resume
-        Whether a homing that an earlier program left is kept.
+        Whether to keep the homing that an earlier program left.
     patience
-        Factor on how long answers are waited for.
+        Factor on every waiting time for an answer.
     trace
-        Where to write what goes over the wire.
+        Where to log the bytes that go over the wire.
     clock
         The host's time [s].
     """
@@ -132,11 +133,11 @@ class Falcon:
 
     @property
     def homed(self) -> bool:
-        """Whether the last frame said that all axes are homed."""
+        """Whether the last frame reported all axes as homed."""
         return self._last is not None and all(self._last.homed)
 
     def open(self) -> Self:
-        """Find and claim the arm; load its firmware if it does not run.  An open arm stays open.
+        """Find and claim the arm; load its firmware if it is not running.  An open arm stays open.
 
         Raises
         ------
@@ -159,7 +160,7 @@ class Falcon:
         return self
 
     def _claimed(self) -> link.Link:
-        """Claim the first of the arms that can be; else tell why the first cannot."""
+        """Claim the first arm that can be claimed; if none can, raise the first one's error."""
         devices = link.find(self._backend, self._serial) if self._device is None else [self._device]
         refused: FalconError | None = None
         for device in devices:
@@ -172,7 +173,7 @@ class Falcon:
     def _start(self, opened: link.Link, image: boot.Image | None) -> None:
         self._forget()
         wire, first = started(opened, image, homing=self._homing, patience=self._patience, clock=self._clock)
-        self._link, self._wire, self._last = opened, wire, first  # its place is believed when a second frame agrees
+        self._link, self._wire, self._last = opened, wire, first  # its position counts once a second frame agrees
 
     def close(self) -> None:
         """Send zero force and release the arm; may be called at any time, more than once."""
@@ -190,7 +191,7 @@ class Falcon:
             self._last = self._position = None
 
     def _silence(self, wire: Exchange) -> None:
-        """Send zero motors at once; again until an answer shows that they arrived, but not for ever."""
+        """Send zero motor commands, and once more if no answer shows that they arrived."""
         frame = command((0, 0, 0), homing=self._homing, leds=self._shown())
         if wire.owed:
             wire.post(frame)
@@ -200,10 +201,10 @@ class Falcon:
                 return
 
     def read(self) -> Reading:
-        """Exchange one frame: send the last written force, return what the arm says.
+        """Exchange one frame: send the last written force, return the arm's answer.
 
-        A frame that lost a byte or has a wrong one is asked for again; a reading is never made of one.  The frames have
-        no checksum: one that says what was not to be expected (places, buttons, homing) counts if the next one agrees.
+        A frame that lost a byte or has an invalid one is asked for again; no reading is made from it.  Frames have no
+        checksum: one with unexpected contents (positions, buttons, homing) counts only if the next one agrees.
 
         Returns
         -------
@@ -213,7 +214,7 @@ class Falcon:
         Raises
         ------
         Timeout, ProtocolError, Disconnected
-            If the arm does not answer, answers nonsense, or is gone.  The force is zero then, until it is written anew.
+            If the arm does not answer, sends invalid frames, or is gone.  Force is then zero until the next `write`.
         """
         began = self._clock()
         reply = self._believed()
@@ -257,7 +258,7 @@ class Falcon:
         Raises
         ------
         HomingTimeout
-            If it takes longer; it is a NotHomed too.
+            If it takes longer; also a NotHomed.
         FalconError
             If the exchange fails.
         """
@@ -273,7 +274,7 @@ class Falcon:
                 raise HomingTimeout(f"axis {missing} of the arm was not homed within {timeout:g} s")
 
     def _believed(self) -> Reply:
-        """Exchange until an answer is what was to be expected, or agrees with one before it."""
+        """Exchange until an answer is as expected, or agrees with an earlier one."""
         now = self._clock()
         seen = [(now, self._last)] if self._last is not None and self._position is None else []
         for _ in range(_ASKED):
@@ -284,7 +285,7 @@ class Falcon:
         raise self._failed(ProtocolError(f"the arm's encoders jump: {_ASKED} frames disagree"))
 
     def _guarded(self, motors: tuple[int, int, int]) -> Reply:
-        """Exchange a frame; after any failure the force is zero."""
+        """Exchange one frame; after any failure the force is zero."""
         if self._wire is None:
             raise Disconnected("the arm is not open")
         leds = self._shown()
@@ -302,7 +303,7 @@ class Falcon:
             raise
 
     def _failed(self, error: FalconError) -> FalconError:
-        """Take the force away, on the wire too, and return the error to raise."""
+        """Set the force to zero, on the wire too, and return the error to raise."""
         self._force, self._position = _NO_FORCE, None
         for _ in range(_INSIST):
             if self._wire is None:
@@ -312,7 +313,7 @@ class Falcon:
                 break
             except Disconnected:
                 self._drop()
-            except FalconError:  # a stall, for example; the force must go
+            except FalconError:  # a stall, for example; try again, as the force must end
                 continue
         return error
 
@@ -325,7 +326,7 @@ class Falcon:
             opened.close()
 
     def _motors(self) -> tuple[int, int, int]:
-        """Return the motor commands of the force where the arm stands; scaled together so that its direction stays."""
+        """Return the motor commands for the force at the arm's position, scaled down together to keep its direction."""
         if self._force == _NO_FORCE or self._position is None or not self.homed:
             return (0, 0, 0)
         try:
@@ -341,7 +342,7 @@ class Falcon:
         return self.leds if self.leds is not None else Leds.GREEN if self.homed else Leds.RED
 
     def _expected(self, reply: Reply, now: float) -> bool:
-        """Tell whether a frame says what was to be expected: an arm cannot jump, and homing moves its zero."""
+        """Tell whether a frame is as expected: an arm cannot jump, but homing moves its zero."""
         last = self._last
         if last is None or reply[1:] != last[1:]:
             return False
@@ -355,14 +356,14 @@ class Falcon:
         )
 
     def _room(self, since: float, speed: float) -> float:
-        """Return how far from its expected place a leg can be [counts] so long [s] after the last frame."""
+        """Return how far a leg can be from its expected place [counts], ``since`` seconds after the last frame."""
         widest = _JUMP + _JUMP_RATE * (since + self._late)
         if self._late or since >= _COASTS:
             return widest
         return min(widest, _NEAR + 0.5 * _FORCED * since * since + speed * (since + _VAGUE))
 
     def _note(self, reply: Reply) -> None:
-        """Take over a reply; its position only if all axes are homed."""
+        """Store a reply; its position only if all axes are homed."""
         if not all(reply.homed):
             self._last, self._position, self._force = reply, None, _NO_FORCE
             return
@@ -377,8 +378,8 @@ class Falcon:
         since = now - self._when
         if before is not None and before.homed == reply.homed and 0.0 < since < _COASTS and not self._late:
             speed = tuple((a - b) / since for a, b in zip(reply.encoders, before.encoders, strict=True))
-            # a wrong letter that was believed is seen in two of them, forth and back: the median knows nothing of it,
-            # so that it does not widen what is believed of the next frame
+            # an undetected wrong letter spoils two of these speeds, forth and back; the median is not affected,
+            # so that the range accepted for the next frame is not widened
             self._speeds = [*self._speeds[-2:], speed]
             if len(self._speeds) == 3:
                 speed = tuple(map(median, zip(*self._speeds, strict=True)))
@@ -389,7 +390,7 @@ class Falcon:
 
 
 def _agree(one: Reply, other: Reply, apart: float) -> bool:
-    """Tell whether two frames that came so long [s] one after the other say the same of the same arm."""
+    """Tell whether two frames that came ``apart`` seconds after each other can be of the same arm in the same state."""
     limit = _JUMP + _JUMP_RATE * min(apart, _LATEST)
     near = all(abs(a - b) <= limit for a, b in zip(one.encoders, other.encoders, strict=True))
     return one[1:] == other[1:] and (near or not all(one.homed))

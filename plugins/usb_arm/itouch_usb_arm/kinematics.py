@@ -1,13 +1,13 @@
 """Kinematics of the Novint Falcon's delta mechanism: pure functions in metres, radians, newtons and newton metres.
 
-Frame: x and y in the fixed plate, z from the plate to the operator; the legs stand at the angles of `LEGS` about z.
+Frame: x and y in the fixed plate, z from the plate to the operator; `LEGS` are the legs' angles about z.
 Geometry after L.-W. Stamper, *A three degree of freedom
 parallel manipulator with only translational degrees of freedom*, University of Maryland 1997; sizes of the Falcon as
-published by libnifalcon.  The Jacobian is derived from the closed form and agrees with its derivative.
+published by libnifalcon.  The Jacobian is derived analytically and agrees with the derivative of the closed form.
 
 For each leg, turned by ``phi``: ``u = cos(phi) x + sin(phi) y - R``, ``v = -sin(phi) x + cos(phi) y - S``, ``w = z``
-and ``U = u + C``.  The lower link of length ``B`` leans sideways by ``theta3``, the plane of the leg holds the upper
-link ``A`` at ``theta1`` and the lower one, of apparent length ``D + E + B sin(theta3)``, at ``theta2``.
+and ``U = u + C``.  The lower link of length ``B`` leans sideways by ``theta3``; in the plane of the leg, the upper
+link ``A`` is at ``theta1`` and the lower one, of apparent length ``D + E + B sin(theta3)``, at ``theta2``.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ Matrix = tuple[Vector, Vector, Vector]
 
 #: Sizes [m]: upper link, lower link, and the offsets of the joints.
 A, B, C, D, E, F, R, S = 0.060, 0.1025, 0.01443, 0.01125, 0.01125, -0.025, 0.040, -0.02309
-#: Where the legs stand [rad].
+#: Angles of the legs about z [rad].
 LEGS = tuple(math.radians(degrees + 15.0) for degrees in (90.0, -30.0, -150.0))
 _TURNS = tuple((math.cos(phi), math.sin(phi)) for phi in LEGS)
-#: Encoder counts a radian of a leg: 320 slots, four edges each, capstan 110 mm on 14.25 mm.
+#: Encoder counts per radian of a leg: 320 slots of four edges each, capstan 110 mm on 14.25 mm.
 COUNTS_PER_RADIAN = 320 * 4 * (0.110 / 0.01425) / math.tau
 #: Angle of a leg at count zero [rad].
 ZERO_ANGLE = math.radians(35.0)
-#: A point well inside the workspace [m], from which the forward kinematics may begin.
+#: A point well inside the workspace [m], where the forward kinematics may start.
 CENTRE: Vector = (0.0, 0.0, 0.125)
 
-#: Newton's method: most steps, where it may stop, what it must reach [rad], and parts of a way it cannot take at once.
+#: Newton's method: most steps, error at which it stops and error that is accepted [rad], and number of parts of a walk.
 _STEPS, _TOLERANCE, _ACCEPTED, _PARTS = 40, 1e-13, 1e-11, 16
 
 
@@ -122,8 +122,8 @@ def _row(leg: Leg, cosine: float, sine: float) -> Vector:
 def forward(angles: Sequence[float], *, start: Sequence[float] = CENTRE) -> Vector:
     """Return the position [m] of the grip at these motor angles [rad], by Newton's method from ``start``.
 
-    Steps that leave the workspace are halved.  From the last position of a moving arm two or three steps do; where
-    one path fails, the angles are approached from those of the workspace's centre in parts.
+    Steps that leave the workspace are halved.  From the last position of a moving arm two or three steps suffice; if
+    it fails from there and from the workspace's centre, it walks from the centre's angles to these in small parts.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def forward(angles: Sequence[float], *, start: Sequence[float] = CENTRE) -> Vect
 
 
 def _walk(goal: Vector) -> Vector | None:
-    """Go from the centre to the angles in parts."""
+    """Solve from the centre to the angles in small parts, each from the solution before; None if a part fails."""
     begin, place = inverse(CENTRE), CENTRE
     for part in range(1, _PARTS + 1):
         there = tuple(a + (b - a) * part / _PARTS for a, b in zip(begin, goal, strict=True))
@@ -155,7 +155,7 @@ def _walk(goal: Vector) -> Vector | None:
 
 
 def _newton(angles: Vector, start: Vector) -> Vector | None:
-    """Return the position that Newton's method finds from a start, if it finds one."""
+    """Return the position [m] that Newton's method finds from a start, or None."""
     x, y, z = start
     try:
         at = legs(start)
@@ -176,7 +176,7 @@ def _newton(angles: Vector, start: Vector) -> Vector | None:
 def _shorter(
     x: float, y: float, z: float, step: Vector, angles: Vector, before: float
 ) -> tuple[Vector, tuple[Leg, Leg, Leg], Vector, float] | None:
-    """Take the longest of step, step/2, step/4... that comes nearer; None if none does."""
+    """Take the longest of step, step/2, step/4... that reduces the error; None if none does."""
     part = 1.0
     while part > 1e-6:
         place = (x - part * step[0], y - part * step[1], z - part * step[2])
@@ -203,7 +203,7 @@ def _size(error: Vector) -> float:
 
 
 def torques(position: Sequence[float], force: Sequence[float]) -> Vector:
-    """Return the motor torques [N m] that push the operator with ``force`` [N]: J^-T F, so that power is conserved.
+    """Return the motor torques [N m] that exert ``force`` [N] on the operator: J^-T F, so that power is conserved.
 
     Raises
     ------

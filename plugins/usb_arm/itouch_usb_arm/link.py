@@ -1,4 +1,4 @@
-"""The USB side of the arm: a serial chip (FT232R) behind pyusb, found by its numbers, with its errors by name."""
+"""The USB side of the arm: a serial chip (FT232R) driven through pyusb, found by its USB ids; one error per cause."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from itouch.plugin import Trace
 from itouch_usb_arm.errors import Disconnected, FalconError, NotFound, PermissionDenied, ProtocolError, Timeout
 
-#: The arm's numbers on USB, and its endpoints.
+#: The arm's USB ids, and its endpoints.
 VENDOR, PRODUCT = 0x0403, 0xCB48
 OUT, IN = 0x02, 0x81
 #: A packet from the chip: two bytes of modem status, then at most this many bytes of data.
@@ -28,14 +28,14 @@ _NAMES = {RESET: "purge", MODEM: "modem", FLOW: "flow", BAUD: "baud", DATA: "dat
 
 
 def find(backend: Any, serial: str = "any") -> list[Any]:
-    """Return the pyusb devices of the arms that are attached, one at least.
+    """Return the pyusb devices of the attached arms, at least one.
 
     Raises
     ------
     NotFound
         If none is attached, or there is no USB library to look for one.
     PermissionDenied
-        If a serial number is asked for and may not be read.
+        If a serial number is asked for and this user may not read it.
     """
     import usb.core
 
@@ -54,7 +54,7 @@ def find(backend: Any, serial: str = "any") -> list[Any]:
 
 
 def _with_serial(devices: list[Any], wanted: str) -> list[Any]:
-    """Return the devices with a serial number; one that may not be read matters only if no other has it."""
+    """Return the devices with a serial number; an unreadable one is an error only if no other device has it."""
     found, refused = [], None
     for device in devices:
         try:
@@ -68,7 +68,7 @@ def _with_serial(devices: list[Any], wanted: str) -> list[Any]:
     return found
 
 
-#: What error numbers mean, on any system, and those of libusb where a backend gives no other.
+#: Meaning of error numbers on any system, and of libusb's codes where a backend gives no errno.
 _NUMBERS = {
     errno.ETIMEDOUT: "timeout", 110: "timeout", 60: "timeout", 10060: "timeout", errno.EPIPE: "stall", 32: "stall",
     errno.EACCES: "access", errno.EPERM: "access", errno.EBUSY: "busy", errno.ENODEV: "gone", errno.ENOENT: "gone",
@@ -78,7 +78,7 @@ _LIBUSB = {-3: "access", -4: "gone", -5: "gone", -6: "busy", -7: "timeout", -9: 
 
 
 def kind_of(error: BaseException) -> str:
-    """Return what went wrong: timeout, stall, access, busy, gone, again (nothing yet), or other."""
+    """Classify an error: timeout, stall, access, busy, gone, again (nothing yet), or other."""
     if type(error).__name__ == "USBTimeoutError":
         return "timeout"
     number = getattr(error, "errno", None)
@@ -94,7 +94,7 @@ def kind_of(error: BaseException) -> str:
 
 
 class Link:
-    """An open arm: control requests, bytes out, bytes in."""
+    """An open arm: control requests, and bytes in both directions."""
 
     def __init__(self, device: Any, trace: Trace | None = None) -> None:
         self._device, self._trace, self._detached = device, trace, False
@@ -119,20 +119,20 @@ class Link:
         except OSError as error:
             if kind_of(error) != "busy":
                 raise
-            with contextlib.suppress(NotImplementedError, OSError):  # the kernel's, on a system that cannot tell so
+            with contextlib.suppress(NotImplementedError, OSError):  # a kernel driver that the system does not report
                 self._device.detach_kernel_driver(0)
                 self._detached = True
             usb.util.claim_interface(self._device, 0)
 
     def _detach(self) -> None:
-        """Take the arm from a driver of the kernel that holds it; it gets it back when the link is closed."""
+        """Detach the kernel driver that holds the arm, if any; closing the link attaches it again."""
         with contextlib.suppress(NotImplementedError, OSError):
             if self._device.is_kernel_driver_active(0):
                 self._device.detach_kernel_driver(0)
                 self._detached = True
 
     def close(self) -> None:
-        """Release the interface; an arm that is gone is no error here."""
+        """Release the interface; an arm that is already gone is no error."""
         import usb.util
 
         with contextlib.suppress(Exception):
@@ -170,7 +170,7 @@ class Link:
         if self._trace:
             self._trace.sent(data)
         sent = 0
-        while sent < len(data):  # a short write is legal: the rest goes after it
+        while sent < len(data):  # a short write is legal: the rest follows
             try:
                 written = self._device.write(OUT, data[sent:], _WRITE_MS)
             except OSError as error:
@@ -180,9 +180,9 @@ class Link:
             sent += written
 
     def receive(self, wait: float) -> bytes:
-        """Return what came within ``wait`` seconds without the status bytes; nothing is no error.
+        """Return the bytes that arrive within ``wait`` seconds, without status bytes; receiving none is no error.
 
-        The chip answers with its status alone at each tick of its latency timer.
+        The chip sends its status alone whenever its latency timer expires.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Bringing the arm from power-on to a running firmware: reset into its boot loader, autobaud, upload with echo."""
+"""From power-on to running firmware: reset into the boot loader, autobaud, upload with an echo of each byte."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from itouch_usb_arm.link import PAYLOAD, Link
 
 KNOCK, WELCOME, AUTOBAUD = b"\x0a\x43\x0d", b"\x0a\x44\x2c\x0d", b"A"
 _KNOCKS = 100
-#: How long [s] to wait for an answer to a knock, for the autobaud letter, and for the echo of a piece.
+#: How long [s] to wait for an answer to a knock, for the autobaud letter, and for the echo of a piece of the upload.
 _KNOCK_WAIT, _LETTER_WAIT, _ECHO_WAIT = 0.04, 0.3, 0.5
-#: So long [s] without a byte, the line is quiet.
+#: After this long [s] without a byte, the line counts as quiet.
 _QUIET = 0.02
 
 Clock = Callable[[], float]
 
 
 def normal_mode(link: Link) -> None:
-    """Set the serial chip as a running firmware wants it: 1 ms latency, 1.5 Mbaud, nothing waiting."""
+    """Set the serial chip as running firmware expects it: 1 ms latency, 1.5 Mbaud, empty buffers."""
     link.control(ftdi.LATENCY, 1)
     link.control(ftdi.BAUD, ftdi.BAUD_RUN)
     purge(link)
 
 
 def purge(link: Link) -> None:
-    """Drop what waits in the serial chip, both ways."""
+    """Empty both buffers of the serial chip."""
     link.control(ftdi.RESET, ftdi.PURGE_RECEIVED)
     link.control(ftdi.RESET, ftdi.PURGE_SENT)
 
@@ -97,7 +97,7 @@ def _piece(link: Link, piece: bytes, at: int, clock: Clock) -> None:
 
 
 def _until(link: Link, clock: Clock, wait: float, enough: Callable[[bytes], bool], data: bytes = b"") -> bytes:
-    """Return ``data`` and what comes until it is enough or the time is over."""
+    """Return ``data`` and the bytes that follow, until ``enough`` is satisfied or the time is over."""
     end = clock() + wait
     while not enough(data):
         left = end - clock()

@@ -1,4 +1,4 @@
-"""Looking for arms: which are attached, whether they can be used, and how fast they answer."""
+"""Discovery: which arms are attached, whether they can be used, and how fast they answer."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from itouch_usb_arm.errors import FalconError, FirmwareError, NotFound
 from itouch_usb_arm.falcon import Falcon
 from itouch_usb_arm.link import PRODUCT, VENDOR, find
 
-#: How many frames without force the latency is measured over.
+#: Number of frames without force over which the latency is measured.
 FRAMES = 200
 
 
 def look(backend: Any = None) -> tuple[Attached, ...]:
-    """Open each arm on the bus and exchange frames without force; a homing is kept."""
+    """Open each arm on the bus and exchange frames without force; its homing is kept."""
     try:
         devices = find(backend)
     except NotFound as error:

@@ -1,4 +1,4 @@
-"""From a claimed arm to its first answer: is the firmware running, and if not, load it."""
+"""From a claimed arm to its first answer: find out whether the firmware runs, and load it if not."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from itouch_usb_arm.exchange import Exchange
 from itouch_usb_arm.link import Link
 from itouch_usb_arm.wire import Buttons, Leds, Reply, command, decode
 
-#: How often a frame is sent to find out whether the firmware runs, and how long [s] each answer may take: the first
-#: ones, and the rest, which give a slow line its time.
+#: How many frames are sent to find out whether the firmware runs, and how long [s] to wait for each answer: for the
+#: first half, and for the rest, which give a slow line time.
 _PROBES, PROBE_WAIT, _LONG_WAIT = 10, 0.03, 0.1
 
 
 def image_of(firmware: str | Path | bytes | None) -> boot.Image | None:
-    """Read and check the user's firmware, before anything is sent.
+    """Read and check the user's firmware file before anything is sent.
 
     Raises
     ------
@@ -36,12 +36,12 @@ def image_of(firmware: str | Path | bytes | None) -> boot.Image | None:
 def started(
     opened: Link, image: boot.Image | None, *, homing: bool, patience: float, clock: Callable[[], float]
 ) -> tuple[Exchange, Reply]:
-    """Return the exchange with a running firmware and its first answer; load it if it does not run.
+    """Return the exchange with the running firmware and its first answer, loading the firmware if needed.
 
     Raises
     ------
     FirmwareError
-        If it is needed and missing, could not be loaded, or does not answer.
+        If a firmware file is needed and missing, could not be loaded, or does not answer.
     """
     loader.purge(opened)
     loader.normal_mode(opened)
@@ -65,8 +65,8 @@ def started(
 def _probe(wire: Exchange, homing: bool, patience: float) -> Reply | None:
     """Return the first answer to an idle frame, or None if no firmware runs.
 
-    A boot loader that somebody left in the midst of an upload echoes every byte: an answer that is the frame itself
-    is none, unless it stays the same when the lights are asked for differently.
+    A boot loader that was left in the middle of an upload echoes every byte: an answer that equals the frame itself
+    does not count.  The lights alternate, so that an arm whose true answer is the same is recognised at the next frame.
     """
     for attempt in range(_PROBES):
         leds = Leds.RED if attempt % 2 == 0 else Leds.RED | Leds.BLUE

@@ -1,4 +1,4 @@
-"""What the USB arm's driver returns: position, buttons, homed; and how fast readings come."""
+"""The readings of the USB arm's driver: position, buttons, homing; and statistics of their timing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from itouch_usb_arm.wire import Buttons
 
-#: How many exchanges the figures of `Timing` are taken over.
+#: Number of latest exchanges over which `Timing` computes its figures.
 WINDOW = 2000
 
 
@@ -23,9 +23,9 @@ class Reading:
     encoders
         Counts of the three legs.
     position
-        Of the grip [m], shape (3,), read-only; NaN until all axes are homed.
+        Position of the grip [m], shape (3,), read-only; NaN until all axes are homed.
     buttons
-        Buttons that are held.
+        Buttons that are pressed.
     homed
         Which axes are homed.
     """
@@ -37,12 +37,12 @@ class Reading:
 
     @property
     def valid(self) -> bool:
-        """Whether the position means something."""
+        """Whether all axes are homed, so that the position is meaningful."""
         return all(self.homed)
 
 
 class Timing:
-    """Durations of the latest exchanges, as the host saw them."""
+    """Durations of the latest exchanges, as measured by the host."""
 
     def __init__(self) -> None:
         self._durations: deque[float] = deque(maxlen=WINDOW)
@@ -50,7 +50,7 @@ class Timing:
         self.count = 0
 
     def add(self, when: float, duration: float) -> None:
-        """Note an exchange that ended at ``when`` [s] and took ``duration`` [s]."""
+        """Add an exchange that ended at ``when`` [s] and took ``duration`` [s]."""
         self._times.append(when)
         self._durations.append(duration)
         self.count += 1
@@ -64,7 +64,7 @@ class Timing:
         return (len(self._times) - 1) / span if span > 0.0 else 0.0
 
     def latency(self, percent: float) -> float:
-        """Return a percentile of the exchange's duration [s]; 0 if there was none."""
+        """Return a percentile of the exchanges' durations [s]; 0 if there were none."""
         return float(np.percentile(self._durations, percent)) if self._durations else 0.0
 
     def __str__(self) -> str:

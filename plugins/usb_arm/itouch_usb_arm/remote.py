@@ -10,12 +10,12 @@ from itouch_usb_arm.errors import FalconError
 
 
 class Remote:
-    """The connection to a USB/IP server; ``backend`` is what `Falcon` takes.
+    """The connection to a USB/IP server; `Falcon` takes its ``backend``.
 
     Raises
     ------
     FalconError
-        If the address is none, or the package is missing.
+        If the address is malformed, or the package is missing.
     """
 
     def __init__(self, address: str) -> None:
@@ -37,7 +37,7 @@ class Remote:
         self.close()
 
     def close(self) -> None:
-        """Hang up: the package keeps its connections for ever, and a server gives an arm to one host at a time."""
+        """Close the connections: the package would keep them open, and a server lends an arm to one host at a time."""
         connections: dict[Any, Any] = getattr(self.backend, "_conns", {})
         for connection in connections.values():
             with contextlib.suppress(OSError):

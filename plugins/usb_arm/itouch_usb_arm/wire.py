@@ -1,8 +1,8 @@
-"""The 16-byte frames of the arm: bytes to numbers and back, and finding frames in a stream that lost bytes.
+"""The arm's 16-byte frames: encoding, decoding, and finding frames in a stream that has lost bytes.
 
 A frame is ``<``, three signed 16-bit numbers, one info byte, a spare byte and ``>``.  A number is four letters, the
-lowest four bits first, each ``A`` plus its value; the info byte is 0x41 plus its bits.  Neither ``<`` nor ``>`` can
-stand inside a frame, and there is no checksum.
+least significant four bits first, each ``A`` plus its value; the info byte is 0x41 plus its bits.  Neither ``<`` nor
+``>`` can occur inside a frame, and there is no checksum.
 """
 
 from __future__ import annotations
@@ -40,19 +40,19 @@ class Leds(enum.IntFlag):
     RED = 8
 
 
-#: Bit of a command that keeps the arm homing, or homed.
+#: Bit of a command that enables homing, and without which the arm forgets that it is homed.
 HOMING = 1
 
 
 class Numbers(NamedTuple):
-    """What a frame holds: motor commands or encoder counts, and the info bits."""
+    """The contents of a frame: motor commands or encoder counts, and the info bits."""
 
     values: tuple[int, int, int]
     info: int
 
 
 class Reply(NamedTuple):
-    """What the arm says in a frame."""
+    """The arm's answer: encoder counts, pressed buttons, and which axes are homed."""
 
     encoders: tuple[int, int, int]
     buttons: Buttons
@@ -69,12 +69,12 @@ def encode(values: Sequence[int], info: int) -> bytes:
 
 
 def decode(frame: bytes) -> Numbers:
-    """Return what a frame holds.
+    """Return the contents of a frame.
 
     Raises
     ------
     ValueError
-        If it is not a frame: its length, its ends, a letter or the info byte is wrong.
+        If it is not a frame: its length, its delimiters, a letter or the info byte is wrong.
     """
     if len(frame) != FRAME or frame[0] != _OPEN or frame[-1] != _CLOSE:
         raise ValueError(f"{frame!r} is no frame of {FRAME} bytes in < >")
@@ -103,14 +103,14 @@ def command(motors: Sequence[int], *, homing: bool, leds: Leds) -> bytes:
 
 
 def reply_of(numbers: Numbers) -> Reply:
-    """Return what the numbers of a frame from the arm mean."""
+    """Interpret the numbers of a frame from the arm."""
     info = numbers.info
     homed = (bool(info & 0x10), bool(info & 0x20), bool(info & 0x40))
     return Reply(numbers.values, Buttons(info & 0x0F), homed)
 
 
 class Scanner:
-    """Finds frames in a stream; what is no frame is passed over byte by byte and counted."""
+    """Finds frames in a stream; bytes that belong to no frame are skipped and counted."""
 
     def __init__(self) -> None:
         self._bytes = bytearray()
@@ -118,11 +118,11 @@ class Scanner:
 
     @property
     def pending(self) -> int:
-        """How many bytes wait for the rest of their frame."""
+        """Number of bytes that wait for the rest of their frame."""
         return len(self._bytes)
 
     def clear(self) -> None:
-        """Forget what came so far."""
+        """Forget all bytes received so far."""
         self._bytes.clear()
         self.skipped = 0
 

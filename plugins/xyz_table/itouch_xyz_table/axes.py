@@ -1,4 +1,4 @@
-"""The three axes of the table's twin and its sensors, compiled."""
+"""Compiled kernels of the table's twin: the motion of its three axes, and its sensors."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from itouch.plugin.kernels import gaussian, kernel
 Floats = NDArray[np.float64]
 Words = NDArray[np.uint64]
 
-#: Part of the dry friction that the drive's feed-forward makes up for, and damping ratio of its control.
+#: Share of the dry friction that the drive's feed-forward compensates, and damping ratio of its control.
 COMPENSATED, DAMPING_RATIO = 0.8, 0.9
-#: Step of the encoders [m].
+#: Resolution of the encoders [m].
 ENCODER = 1e-6
 
-# Where the parameters stand in the array that `move` takes.
+# Indices of the parameters in the array that `move` takes; LOW and HIGH begin three entries each.
 OMEGA, SPEED, ACCELERATION, MASS, DRAG, LOW, HIGH, NOISE = 0, 1, 2, 3, 4, 5, 8, 11
 PARAMETERS = 12
 
@@ -39,13 +39,13 @@ def move(
     parameters
         Shape (PARAMETERS,).
     goal, wrench
-        Commanded pose (7,) and what presses on the table (6,).
+        Commanded pose, shape (7,), and the wrench that presses on the table, shape (6,).
     axes
-        Position, velocity and the goal of the step before, shape (3, 3).
+        Position, velocity and the previous step's goal, shape (3, 3).
     sensed
-        Pose by the encoders and force by the sensor, shape (6,); written.
+        Position from the encoders and force from the sensor, shape (6,); written.
     words
-        The noise generator, shape (1,).
+        The noise generator's state, shape (1,).
     period
         Length of the step [s].
     """
@@ -71,7 +71,7 @@ def move(
 
 @kernel
 def sense(sensed: Floats, pose: Floats, wrench: Floats) -> int:
-    """Show pose (7,) [m; quaternion] and wrench (6,) [N, N m] of what the sensors read, (6,) [m, N]; return 0."""
+    """Write the pose (7,) [m; quaternion] and wrench (6,) [N, N m] from the sensors' readings (6,) [m, N]; return 0."""
     for i in range(3):
         pose[i], wrench[i] = sensed[i], sensed[3 + i]
         pose[4 + i] = wrench[3 + i] = 0.0

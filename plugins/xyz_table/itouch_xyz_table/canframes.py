@@ -1,7 +1,8 @@
-"""The frames of ODrive's CAN Simple protocol: what host and servo say to one another, as numbers and as bytes.
+"""The frames of ODrive's CAN Simple protocol, as numbers and as bytes.
 
-An identifier is the servo's number shifted by five bits, with the command in the lower five; data are little-endian.
-A question is a remote frame with the command's identifier.  Facts: ODrive's documents, firmware 0.5 and 0.6.
+An identifier is the servo's number shifted left by five bits, with the command in the lower five; data are
+little-endian.  A query is a remote frame with the command's identifier.  Source: ODrive's documentation, firmware 0.5
+and 0.6.
 """
 
 from __future__ import annotations
@@ -10,19 +11,19 @@ import struct
 
 HEARTBEAT, ESTOP, SET_STATE, ESTIMATES = 0x01, 0x02, 0x07, 0x09
 SET_MODE, SET_POSITION, SET_VELOCITY, SET_LIMITS, CURRENTS, CLEAR_ERRORS = 0x0B, 0x0C, 0x0D, 0x0F, 0x14, 0x18
-#: States of an axis, and modes of its controller: velocity and position, each followed as it comes.
+#: States of an axis; control modes (velocity, position), and the input mode that passes goals through unfiltered.
 IDLE, CLOSED_LOOP = 1, 8
 BY_VELOCITY, BY_POSITION, FOLLOW = 2, 3, 1
-#: How the data of a command are packed: position with 1/1000 of velocity and torque fed forward, and so on.
+#: Formats of the commands' data: for example, a position with velocity and torque feed-forward in 1/1000.
 _PACKED = {
     SET_STATE: "<I", SET_MODE: "<II", SET_POSITION: "<fhh", SET_VELOCITY: "<ff", SET_LIMITS: "<ff",
     ESTIMATES: "<ff", CURRENTS: "<ff", CLEAR_ERRORS: "<B", ESTOP: "<",
 }  # fmt: skip
 MILLI = 1000.0
-#: The error bits of a watchdog that has ended: of firmware 0.6, and of 0.5.
+#: The error bits of an expired watchdog: of firmware 0.6, and of 0.5.
 WATCHDOG_ENDED = 0x1000000 | 0x800
 
-#: What an error's bit means; where the firmwares differ both are said.
+#: Meaning of each error bit; if it differs between the firmwares, both meanings are given.
 ERRORS = {
     0x01: "not initialised, or a state that cannot be", 0x02: "system level, or supply too low",
     0x04: "timing, or supply too high", 0x08: "no estimate of its position", 0x10: "configuration",
@@ -46,12 +47,12 @@ def pack(command: int, *values: float) -> bytes:
 
 
 def unpack(command: int, data: bytes) -> tuple[float, ...]:
-    """Return the numbers of a command's data.
+    """Return the values in a command's data.
 
     Raises
     ------
     ValueError
-        If they are too short.
+        If the data are too short.
     """
     form = _PACKED[command]
     size = struct.calcsize(form)
@@ -61,7 +62,7 @@ def unpack(command: int, data: bytes) -> tuple[float, ...]:
 
 
 def heartbeat(data: bytes) -> tuple[int, int]:
-    """Return error bits and state of a heartbeat.
+    """Return the error bits and the state of an axis in a heartbeat.
 
     Raises
     ------
@@ -74,11 +75,11 @@ def heartbeat(data: bytes) -> tuple[int, int]:
 
 
 def milli(value: float) -> int:
-    """Return a value in thousandths, as far as 16 bits hold it."""
+    """Return a value in thousandths, limited to 16 bits."""
     return max(-32767, min(32767, round(value * MILLI)))
 
 
 def error_name(code: int) -> str:
-    """Return what the bits of an error mean."""
+    """Return the meaning of an error's bits."""
     words = [name for bit, name in ERRORS.items() if code & bit]
     return "; ".join(words) or "unknown"

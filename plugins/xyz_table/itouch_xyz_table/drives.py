@@ -1,4 +1,4 @@
-"""The interface of the table's three servos, and which make of them (moteus, ODrive, TMCL) a scene names."""
+"""The interface of the table's three servos, and the choice of their driver (moteus, ODrive, TMCL) for a scene."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from itouch_xyz_table.tmcl import Steppers
 
 
 class Drives(Protocol):
-    """Three servos on an open bus; one call, one exchange.  Each raises `ServoError`, which names the axis."""
+    """Three servos on an open bus; each call is one exchange.  All raise `ServoError`, which names the axis."""
 
     def query(self) -> tuple[ServoState, ...]:
-        """Ask all how they are."""
+        """Read the state of all servos."""
 
     def command(self, goals: Sequence[Goal | None]) -> tuple[ServoState, ...]:
-        """Command servos and ask all; None: only ask that one."""
+        """Command the servos that have a goal, and read the state of all."""
 
     def stop(self, *, latched: bool = False) -> tuple[ServoState, ...]:
-        """Stop all without force; that also ends what is latched."""
+        """Stop all servos without force and clear latched faults; ``latched``: return the states after that."""
 
     def set_position(self, axis: int, position: float) -> None:
-        """Say that a servo is at this place [rev]."""
+        """Tell a servo that it is at ``position`` [rev]."""
 
     def ready(self) -> None:
-        """Make them obey their first command at once."""
+        """Prepare the servos to follow their first command at once."""
 
     def close(self) -> None:
-        """Let go of the bus."""
+        """Release the bus."""
 
 
 def opened(params: Any, watchdog: float, patience: float, trace: Trace | None) -> Drives:
-    """Open the bus that the parameters of the table name.
+    """Open the bus that the table's parameters name.
 
     Raises
     ------
     DeviceError
-        If it is not there.
+        If it is missing or cannot be opened.
     """
     if params.tmcl:
         leads = [lead * sign for lead, sign in zip(params.lead, params.direction, strict=True)]

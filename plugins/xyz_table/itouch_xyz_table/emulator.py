@@ -1,6 +1,6 @@
-"""The table's wire: three virtual servos on a pseudo-terminal, with the table's twin as their axes.
+"""The table's emulator: three virtual servos on a pseudo-terminal, with the table's twin as their axes.
 
-An ODrive's bus is simulated as a serial adaptor of python-can (``slcan``), a TMCL module as its serial port.
+An ODrive's bus is emulated as a serial adaptor for python-can (``slcan``), a TMCL module as its serial port.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from itouch_xyz_table.virtual import GOAL_SPEED, MOST, VirtualBus, VirtualServo
 from itouch_xyz_table.virtual_odrive import VirtualCan, VirtualOdrive
 from itouch_xyz_table.virtual_tmcl import VirtualStepper, VirtualTmcl
 
-#: Within this time [s] an ODrive has told that its watchdog has ended.
+#: Within this time [s] an ODrive has reported that its watchdog has expired.
 TOLD = 0.15
-#: So near [m] to its low end an axis presses the end switch of its stepper.
+#: Distance [m] from its low end below which an axis presses its stepper's end switch.
 PRESSED = 1e-4
 
 
 class TableEmulator(Emulator):
-    """Servos whose shafts are the axes of the twin; the ends of the travel are those of the parameters."""
+    """Servos whose shafts are the axes of the twin; the travel ends where the parameters say."""
 
     def __init__(self, params: Any) -> None:
         super().__init__(params)
         self._leads = [lead * sign for lead, sign in zip(params.lead, params.direction, strict=True)]
         self.bus: VirtualBus | VirtualCan | VirtualTmcl
         self._servos: list[VirtualServo]
-        #: In step, a module's ramps must go on in every period.
+        #: In step with the host, a module's ramps must advance in every period.
         self.lives = bool(params.tmcl)
         if params.tmcl:
             self._steppers = [
@@ -58,7 +58,7 @@ class TableEmulator(Emulator):
 
     @classmethod
     def somewhere(cls, params: Any) -> Any:
-        """Name a serial port of our own if none is named."""
+        """Name a serial port of our own if no port is named."""
         if params.port or params.bus or params.tmcl:
             return params
         return replace(params, port=f"{tempfile.gettempdir()}/itouch-table-{os.getpid()}")
@@ -71,19 +71,19 @@ class TableEmulator(Emulator):
         return replace(params, bus=f"slcan:{folder}/table") if params.bus else replace(params, port=f"{folder}/table")
 
     def open(self) -> str:
-        """Make the serial port that the parameters name."""
+        """Create the serial port named in the parameters; return what is on which port."""
         if self.params.tmcl:
             self._terminal = Terminal(self.params.tmcl, baud=self.params.baud * self.speed)
             return f"stepper module of the table on {self.params.tmcl}"
         interface, _, place = self.params.bus.rpartition(":")
         if interface not in ("", "slcan"):
             raise DeviceError(f"bus = '{self.params.bus}': a simulated table has its bus at slcan:PATH")
-        place = place.partition("@")[0]  # what follows is the speed of the port
+        place = place.partition("@")[0]  # behind @: the speed of the port
         self._terminal = Terminal(self.params.port or place)
         return f"servos of the table on {self.params.port or place or self._terminal.path}"
 
     def close(self) -> None:
-        """Take the port away."""
+        """Remove the port."""
         terminal, self._terminal = self._terminal, None
         if terminal is not None:
             terminal.close()
@@ -93,11 +93,14 @@ class TableEmulator(Emulator):
         return [self._terminal.fileno()] if self._terminal is not None else []
 
     def patience(self) -> float:
-        """Return when the serial port has the next bytes over."""
+        """Return how long [s] nothing is due, at most until the serial port has transferred the next bytes."""
         return min(super().patience(), self._terminal.due()) if self._terminal is not None else super().patience()
 
     def serve(self, now: float, reading: Record, command: Record) -> bool:
-        """Show the twin's axes to the servos, answer the host, and tell the twin where to go."""
+        """Show the twin's axes to the servos, answer the host, and pass the servos' goals to the twin.
+
+        Return whether a servo is driven.
+        """
         if self._terminal is None:
             return False
         now = self._time(now)
@@ -119,14 +122,15 @@ class TableEmulator(Emulator):
             wanted = servo.goal() * lead
             if servo.mode == POSITION and not math.isnan(wanted):
                 goal[axis] = wanted
-            elif servo.mode == POSITION:  # it is led by its speed: towards an end, as in homing
+            elif servo.mode == POSITION:  # driven by velocity: towards an end, as in homing
                 self._creep(servo, goal, axis, lead, lapse)
         return any(servo.mode == POSITION for servo in self._servos)
 
     def _time(self, now: float) -> float:
-        """Return the simulated time; while that has not begun, the host's: who opens an ODrive waits for its watchdog.
+        """Return the simulated time, advanced with the host's until it starts: opening an ODrive awaits its watchdog.
 
-        Once that has ended nobody waits any more, and a session that is not quick to begin is no silence.
+        Once the watchdogs have expired nothing waits for them any more, and a session that starts slowly is not a
+        silence.
         """
         if self._stands:
             if not self._begun:

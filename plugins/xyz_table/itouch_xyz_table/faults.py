@@ -1,4 +1,4 @@
-"""What a moteus servo says is wrong, in words (modes and codes of its register 0x00f)."""
+"""Names of a moteus servo's modes and faults (the codes of its register 0x00f)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FAULTS = {
     44: "motor driver could not be enabled", 45: "stop position is deprecated", 46: "timing violation",
     47: "feed-forward of acceleration is not configured", 48: "limits are not valid",
 }  # fmt: skip
-#: Codes from here on say which limit is in force; the servo goes on.
+#: Codes that say which limit is in force; the servo goes on.
 LIMITS = {
     96: "velocity", 97: "power", 98: "voltage", 99: "current", 100: "board temperature", 101: "motor temperature",
     102: "commanded torque", 103: "position",
@@ -29,5 +29,5 @@ def mode_name(mode: int) -> str:
 
 
 def fault_name(code: int) -> str:
-    """Return what a fault code means."""
+    """Return the meaning of a fault code."""
     return FAULTS.get(code) or (f"limited by {LIMITS[code]}" if code in LIMITS else f"fault {code}")

@@ -1,4 +1,4 @@
-"""Homing: each axis goes gently against the low end of its travel, which then is where the parameters say."""
+"""Homing: each axis moves gently against the low end of its travel, whose position the parameters give."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from collections.abc import Callable, Sequence
 from itouch_xyz_table.drives import Drives
 from itouch_xyz_table.servos import AXES, Goal, ServoError, check
 
-#: Share of the torque limit, and speed [m/s], with which an axis looks for its end.
+#: Share of the torque limit, and speed [m/s], with which an axis searches for its end.
 GENTLE, SLOW = 0.25, 0.02
-#: An axis that moves less than this [m/s] for so long [s], and so many looks, stands at its end.
+#: An axis that moves slower than this [m/s] for this long [s], over this many readings, is at its end.
 _STILL, _STOOD, _LOOKS = 0.002, 0.15, 30
-#: A servo that was told its place must say so within this time [s], as near [m].
+#: A servo that was given a position must report it within this time [s], to this accuracy [m].
 _TOLD, _NEAR = 0.3, 1e-3
-#: How much longer than its travel takes it may look [s].
+#: Time [s] that the search may take beyond that of the whole travel.
 _GRACE = 3.0
 
 
@@ -29,30 +29,30 @@ def home(
     low: Sequence[float],
     clock: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Home z, then x and y: down first, so that the plate leaves the finger.
+    """Home z first, then x and y: moving down takes the plate away from the finger.
 
     Parameters
     ----------
     servos
         The open bus, stopped.
     leads
-        Signed metres a revolution.
+        Travel per revolution [m], with sign.
     torques
         Torque limits [N m].
     travel, low
-        Length of each axis, and where its low end is [m].
+        Length of each axis, and position of its low end [m].
 
     Raises
     ------
     ServoError
-        If an axis does not find its end, or its servo does not take its place there.
+        If an axis does not find its end, or its servo does not accept its position there.
     """
     for axis in (2, 0, 1):
         lead = leads[axis]
         try:
             _to_the_end(servos, axis, lead, GENTLE * torques[axis], travel[axis] / SLOW + _GRACE, clock)
         except BaseException:
-            with contextlib.suppress(ServoError):  # what came before is to be told
+            with contextlib.suppress(ServoError):  # the first error is the one to report
                 servos.stop()
             raise
         servos.stop()
@@ -61,7 +61,7 @@ def home(
 
 
 def _believed(servos: Drives, axis: int, lead: float, place: float, clock: Callable[[], float]) -> None:
-    """See that a servo counts from the place that it was told: old firmware passes over a register it does not know."""
+    """Check that a servo has accepted its position: old firmware ignores a register that it does not know."""
     begin = clock()
     while True:
         found = servos.query()[axis].position * lead

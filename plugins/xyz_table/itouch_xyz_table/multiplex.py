@@ -1,7 +1,7 @@
-"""The registers' protocol of moteus in CAN frames, as the servo's side sees it: writes and reads in, a reply out.
+"""The register protocol of moteus in CAN frames, from the servo's side: decodes writes and reads, encodes replies.
 
-Frames are of subframes: a kind with the number type in two bits and a count in two (0: it follows), the first
-register, then values, little-endian.
+A frame consists of subframes: an action with the number type in two bits and a count in two (0: the count follows),
+the first register, then values, little-endian.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 _WRITE, _READ, _REPLY, _READ_ERROR, _NOTHING = 0x00, 0x10, 0x20, 0x31, 0x50
 _FORMATS = ("<b", "<h", "<i", "<f")
-#: The smallest integer stands for "not a number".
+#: The smallest integer of each type stands for "not a number".
 _NONE = (-(1 << 7), -(1 << 15), -(1 << 31))
 
 
 class Write(NamedTuple):
-    """A value for a register: its number type (0 int8, 1 int16, 2 int32, 3 float) and the raw number or None."""
+    """A value for a register: its number type (0 int8, 1 int16, 2 int32, 3 float) and the raw number; None: NaN."""
 
     register: int
     kind: int
@@ -25,7 +25,7 @@ class Write(NamedTuple):
 
 
 class Read(NamedTuple):
-    """A question for registers in a row."""
+    """A query for ``size`` consecutive registers."""
 
     first: int
     kind: int
@@ -33,12 +33,12 @@ class Read(NamedTuple):
 
 
 def decode(data: bytes) -> list[Write | Read]:
-    """Return what a frame asks for.
+    """Return the writes and reads in a frame.
 
     Raises
     ------
     ValueError
-        If it is no frame of this protocol.
+        If it is not a frame of this protocol.
     """
     asked: list[Write | Read] = []
     at = 0
@@ -82,7 +82,7 @@ def _varuint(data: bytes, at: int) -> tuple[int, int]:
 
 
 def reply(read: Read, values: Iterable[float]) -> bytes:
-    """Return the subframe that answers a question with raw numbers; NaN becomes the type's own."""
+    """Return the subframe that answers a query with raw numbers; NaN becomes the type's own code for it."""
     parts = []
     for value in values:
         if read.kind == 3:

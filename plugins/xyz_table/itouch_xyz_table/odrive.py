@@ -1,9 +1,9 @@
-"""Three ODrive servos on a CAN bus, by the kept library python-can: what `servos.Servos` does, with CAN Simple frames.
+"""Three ODrive servos on a CAN bus, through the library python-can: as `servos.Servos`, with CAN Simple frames.
 
-A servo says its state ten times a second, unasked; places and currents are asked for in every exchange, which also
-feeds the servo's own watchdog.  That can be armed over USB only, so it is tried out when the bus is opened: each
-servo holds its place and is left in silence, and must let go by it.  An answer that is lost is asked for again; what
-is told is not acknowledged, so that limits and modes are told again and again.
+A servo broadcasts its state ten times a second; positions and currents are queried in every exchange, which also
+feeds the servo's own watchdog.  The watchdog can be enabled over USB only, so it is tested when the bus is opened: each
+servo holds its position, gets no frames, and must let go by its watchdog.  A lost answer is queried again; commands are
+not acknowledged, so limits and modes are sent again and again.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from itouch_xyz_table import canframes as can_
 from itouch_xyz_table.faults import FAULT, POSITION
 from itouch_xyz_table.servos import AXES, Goal, ServoError, ServoState
 
-#: Longest wait for answers [s], and how often those that are missing are asked for again; longest silence of a
-#: servo whose state is known [s]; how long [s] changing a state may take.
+#: Longest wait for answers [s], and how often missing ones are queried; longest time [s] without a heartbeat for which
+#: a servo's state counts as known; how long [s] a change of state may take.
 PATIENCE, TRIES, SILENT, CHANGE = 0.01, 8, 0.35, 0.6
-#: A servo must let go by itself within this time [s] without a frame, and a heartbeat later it has said so.
+#: Without frames a servo must let go by itself within the first time [s], and report so within the second.
 LONGEST_WATCHDOG, HEARTBEAT = 0.5, 0.25
-#: In every so many exchanges one servo is told its limits and its mode again; after so long [s], more than from one
-#: heartbeat to the next, a servo that does not do so is told again to start or to stop.
+#: One servo is sent its limits and mode again in every so many exchanges; one that has not started or stopped after
+#: this time [s], longer than from one heartbeat to the next, is told again.
 RENEWED, AGAIN = 4, 0.15
-#: How long [s] what has come already is taken, at most.
+#: Longest time [s] spent on taking frames that have already arrived.
 DRAIN = 2e-3
-#: How long [s] room for a frame is waited for in an adaptor whose queue is full, and how often it is looked for: an
-#: interface of Linux has room for ten frames as it comes, and a cycle of three servos has up to fifteen.
+#: How long [s] to wait for room in an adaptor's full queue, and how often to check: by default an interface on Linux
+#: has room for ten frames, and a cycle of three servos has up to fifteen.
 ROOM, _LOOK = 20e-3, 2e-4
-#: Bits a second of a bus behind a serial adaptor.
+#: Bit rate [1/s] of a bus behind a serial adaptor.
 _BITRATE = 1_000_000
 
 
@@ -47,9 +47,9 @@ class Odrives:
     ids
         The servos' numbers on the bus.
     torque_constants
-        Newton metres an ampere of each motor.
+        Torque constant of each motor [N m/A].
     patience
-        Factor on how long answers are waited for.
+        Factor on every waiting time for an answer.
     """
 
     def __init__(
@@ -64,10 +64,11 @@ class Odrives:
     ) -> None:
         self._ids, self._constants, self._patience = list(ids), list(torque_constants), patience
         self._trace, self._clock = trace, clock
-        #: Exchanges that were made again because a frame was lost.
+        #: Number of exchanges repeated because a frame was lost.
         self.repeated = 0
         self._exchanges = 0
-        #: Whether the servos are driven: one that is not any more has started anew, and is not driven by itself.
+        #: Whether the servos are driven: from then on, one that is no longer driven has restarted, and is not driven
+        #: again.
         self._armed = False
         self._zero = [0.0] * len(self._ids)
         self._state, self._error = [0] * len(self._ids), [0] * len(self._ids)
@@ -84,19 +85,19 @@ class Odrives:
             raise
 
     def close(self) -> None:
-        """Let go of the bus; the servos keep their last command until their watchdog ends it."""
+        """Release the bus; the servos keep their last command until their watchdogs end it."""
         with contextlib.suppress(Exception):
             self._bus.shutdown()
 
-    # --- what the table asks of servos ----------------------------------------------------------------------------
+    # --- the interface `Drives` -----------------------------------------------------------------------------------
 
     def query(self) -> tuple[ServoState, ...]:
-        """Ask all servos how they are.
+        """Read the state of all servos.
 
         Raises
         ------
         ServoError
-            If one does not answer.
+            If one does not answer or sends no heartbeat.
         """
         self._listen(0.0)
         wanted = {(axis, what) for axis in range(len(self._ids)) for what in (can_.ESTIMATES, can_.CURRENTS)}
@@ -115,7 +116,7 @@ class Odrives:
         raise ServoError(f"servo {AXES[axis]} (id {self._ids[axis]}) does not answer: check its cable and supply")
 
     def command(self, goals: Sequence[Goal | None]) -> tuple[ServoState, ...]:
-        """Command servos and ask all; None: only ask that one."""
+        """Command the servos that have a goal, and read the state of all."""
         self._exchanges += 1
         for axis, goal in enumerate(goals):
             if goal is not None:
@@ -123,7 +124,7 @@ class Odrives:
         return self.query()
 
     def stop(self, *, latched: bool = False) -> tuple[ServoState, ...]:
-        """Stop all servos without force; that also ends latched errors."""
+        """Stop all servos without force, which also clears latched errors."""
         self._armed = False
         for axis in range(len(self._ids)):
             self._let_go(axis)
@@ -133,11 +134,11 @@ class Odrives:
         return self.query()
 
     def set_position(self, axis: int, position: float) -> None:
-        """Remember that a servo is at this place [rev]: it goes on counting as it did."""
+        """Store that a servo is at ``position`` [rev]; the servo itself goes on counting as before."""
         self._zero[axis] += position - self.query()[axis].position
 
     def ready(self) -> None:
-        """Let all servos hold where they are, so that the first command finds them driven."""
+        """Let all servos hold their positions, so that the first command finds them driven."""
         for axis, state in enumerate(self.query()):
             limit = self._limits[axis] or (1.0, 1.0)
             self._go(axis, Goal(state.position, 0.0, 0.0, limit[1] * self._constants[axis], limit[0]))
@@ -153,7 +154,7 @@ class Odrives:
         self._send(axis, can_.SET_STATE, can_.CLOSED_LOOP)
 
     def _go(self, axis: int, goal: Goal) -> None:
-        """Send a goal; a servo that is not driven yet is told what it shall do before it is."""
+        """Send a goal; a servo that is not driven yet gets its limits, mode and goal before it is started."""
         by_velocity = math.isnan(goal.position)
         limits = (goal.velocity_limit, goal.torque_limit / self._constants[axis])
         turn = self._exchanges % (RENEWED * len(self._ids))
@@ -179,18 +180,18 @@ class Odrives:
             )
 
     def _prove_watchdog(self) -> None:
-        """Leave the servos in silence while they hold their places: each must let go by itself.
+        """Send no frames while the servos hold their positions: each must let go by its own watchdog.
 
         Raises
         ------
         ServoError
-            If one cannot be driven, does not let go, or does so for another reason: its watchdog is off, or unknown.
+            If one cannot be driven, does not let go, or lets go for another reason: its watchdog is off, or in doubt.
         """
         self.stop()
         for axis, state in enumerate(self.query()):
             self._go(axis, Goal(state.position, 0.0, 0.0, 0.01 * self._constants[axis], 0.1))
         for axis, state_now in enumerate(self._state):
-            if state_now != can_.CLOSED_LOOP and not self._ended(axis):  # a host that was held up has met its watchdog
+            if state_now != can_.CLOSED_LOOP and not self._ended(axis):  # else this host was held up
                 self._turn_down(axis, f"cannot be driven, so its own watchdog cannot be tried out{self._why(axis)}")
         end = self._clock() + (LONGEST_WATCHDOG + HEARTBEAT) * max(1.0, self._patience / 5.0)
         while self._clock() < end and not all(
@@ -216,7 +217,7 @@ class Odrives:
         return self._state[axis] != can_.CLOSED_LOOP and bool(self._error[axis] & can_.WATCHDOG_ENDED)
 
     def _turn_down(self, axis: int, words: str) -> None:
-        """Stop all servos, as far as they can be stopped, and raise."""
+        """Stop all servos that can be stopped, and raise a `ServoError`."""
         with contextlib.suppress(ServoError):
             self.stop()
         raise ServoError(f"servo {AXES[axis]} (id {self._ids[axis]}) {words}")
@@ -224,12 +225,12 @@ class Odrives:
     def _await(
         self, otherwise: str, done: Callable[[int], object], again: Callable[[int], None] = lambda axis: None
     ) -> None:
-        """Feed and listen until something is true of all servos, as their heartbeats say; tell those ``again``.
+        """Feed and listen until ``done`` holds for all servos; repeat ``again`` for those for which it does not yet.
 
         Raises
         ------
         ServoError
-            If it does not become true.
+            If it does not hold in time.
         """
         begin = told = self._clock()
         end = begin + CHANGE * self._patience
@@ -242,7 +243,7 @@ class Odrives:
             for axis in range(len(self._ids)):
                 if renewed and not done(axis):
                     again(axis)
-                self._ask(axis, can_.HEARTBEAT)  # not every firmware answers that; it comes by itself, too
+                self._ask(axis, can_.HEARTBEAT)  # not every firmware answers it; heartbeats also come unasked
             self._listen(0.02)
 
     def _why(self, axis: int) -> str:
@@ -250,7 +251,7 @@ class Odrives:
         return f": {can_.error_name(code)} (0x{code:x})" if code else ""
 
     def _shown(self, axis: int) -> ServoState:
-        """Return a servo's state, as moteus would say it."""
+        """Return a servo's state in the terms of moteus."""
         if self._clock() - self._heard[axis] > SILENT * self._patience:
             raise ServoError(f"servo {AXES[axis]} (id {self._ids[axis]}) sends no heartbeat any more: check its cable")
         place, speed = self._found[axis, can_.ESTIMATES]
@@ -290,9 +291,9 @@ class Odrives:
             return
 
     def _listen(self, wait: float) -> None:
-        """Take what comes: the first frame within ``wait`` seconds, and all that have come with it.
+        """Process frames: the first if it comes within ``wait`` seconds, and those that have arrived with it.
 
-        On a bus that others fill there is always one more: it ends after that time, too.
+        On a bus that others keep busy there is always one more, so it stops after that time, too.
         """
         import can
 

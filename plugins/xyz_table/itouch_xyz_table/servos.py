@@ -1,6 +1,6 @@
-"""The three servos of the table on their bus, with the unmodified ``moteus`` client; one call, one exchange.
+"""The three servos of the table on their bus, with the unmodified ``moteus`` client; each call is one exchange.
 
-Everything here is in the servo's own units: revolutions of its output, newton metres.
+All values are in the servo's own units: revolutions of its output, newton metres.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from itouch.plugin import DeviceError, Trace
 from itouch_xyz_table.faults import FAULT, POSITION, TIMEOUT, fault_name, mode_name
 
 AXES = "xyz"
-#: Longest wait for the answers of all servos [s]; those that are missing are asked one by one, half as long, for as
-#: long as so many such waits take: an adaptor that refuses a line does so at once, and can be asked more often.
+#: Longest wait for the answers of all servos [s].  Those that are missing are then queried one by one with half that
+#: wait, for as long as this many such waits take: an adaptor that refuses a line does so at once, and can be asked more
+#: often.
 PATIENCE, TRIES = 0.04, 5
 T = TypeVar("T")
 
@@ -29,7 +30,7 @@ class ServoError(DeviceError):
 
 
 class ServoFault(ServoError):  # noqa: N818
-    """A servo has stopped by itself, with its code."""
+    """A servo has stopped by itself; the error holds its fault code."""
 
     def __init__(self, axis: str, code: int, words: str = "") -> None:
         super().__init__(f"servo {axis} stopped: {words or f'{fault_name(code)} (code {code})'}")
@@ -37,13 +38,13 @@ class ServoFault(ServoError):  # noqa: N818
 
 
 class ServoTimeout(ServoError):  # noqa: N818
-    """A servo was without command for longer than its watchdog, and stays stopped until it is told to stop."""
+    """A servo got no command for longer than its watchdog; it stays stopped until it is sent a stop."""
 
 
 class ServoState(NamedTuple):
-    """What a servo says of itself: position [rev], velocity [rev/s], torque [N m], supply [V], board [degC].
+    """A servo's report: position [rev], velocity [rev/s], torque [N m], supply [V], board temperature [degC].
 
-    ``mode`` and ``fault`` are numbers of moteus; ``words`` say what the fault of another make means.
+    ``mode`` and ``fault`` are moteus's numbers; for another make, ``words`` say what the fault means.
     """
 
     mode: int
@@ -58,7 +59,7 @@ class ServoState(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A command to one servo: where to [rev] (NaN: stay), how fast [rev/s], with which torques [N m]."""
+    """A command to one servo: position [rev] (NaN: by velocity), velocity and its limit [rev/s], torques [N m]."""
 
     position: float
     velocity: float
@@ -73,13 +74,13 @@ class Servos:
     Parameters
     ----------
     port
-        Serial port of the CAN-FD adaptor (fdcanusb); empty: the one that is attached.
+        Serial port of the CAN-FD adaptor (fdcanusb); empty: the attached one.
     ids
         The servos' numbers on the bus.
     watchdog
-        Seconds without a command after which a servo stops by itself; goes with every command.
+        Seconds without a command after which a servo stops by itself; sent with every command.
     patience
-        Factor on how long answers are waited for.
+        Factor on every waiting time for an answer.
     """
 
     def __init__(
@@ -90,14 +91,14 @@ class Servos:
         except ImportError as error:
             raise ServoError("the table's servos need a package more: pip install 'itouch-py[moteus]'") from error
         self._watchdog, self._patience, self._port, self._trace = watchdog, PATIENCE * patience, port, trace
-        #: Exchanges that were made again because a line was lost or damaged.
+        #: Number of exchanges repeated because a line was lost or damaged.
         self.repeated = 0
-        #: What the client said of a line that the adaptor refused or that it could not read.
+        #: The client's message about a line that the adaptor refused or the client could not read.
         self._refused = ""
         self._loop = _new_loop()
         self._transport: Any = None
-        #: By what each servo knows its place (0 nothing, 1 its rotor, 2 what it was told), as it said last, and as it
-        #: was when the table was ready; None: it does not say.
+        #: What each servo's position refers to (0 nothing, 1 its rotor, 2 a position it was given): as last reported,
+        #: and as it was when the table was ready; None: not reported.
         self._anchors: list[int | None] = [None] * len(ids)
         self._ready: list[int | None] = []
         try:
@@ -114,11 +115,11 @@ class Servos:
             raise ServoError(f"the servos did not answer within {patience * 1e3:.0f} ms") from error
         except (OSError, RuntimeError) as error:
             raise ServoError(f"the servos' bus failed: {error}") from error
-        except (ValueError, LookupError, struct.error) as error:  # of a servo's answer that is none
+        except (ValueError, LookupError, struct.error) as error:  # from a servo's invalid answer
             raise ServoError(f"the servos' bus brought what is no answer: {error}") from error
 
     def close(self) -> None:
-        """Let go of the bus; the servos keep their last command until their watchdog ends it."""
+        """Release the bus; the servos keep their last command until their watchdogs end it."""
         if self._transport is not None:
             with contextlib.suppress(Exception):
                 self._transport.close()
@@ -132,36 +133,36 @@ class Servos:
             self._loop.close()
 
     def query(self) -> tuple[ServoState, ...]:
-        """Ask all servos how they are.
+        """Read the state of all servos.
 
         Raises
         ------
         ServoError
-            If one does not answer, or has started anew.
+            If one does not answer, or has restarted.
         """
         states = self._cycle([servo.make_query() for servo in self._servos])
         self._watch()
         return states
 
     def stop(self, *, latched: bool = False) -> tuple[ServoState, ...]:
-        """Stop all servos without force; that also ends a latched fault or time-out."""
+        """Stop all servos without force, which clears latched faults; ``latched``: return the states after that."""
         states = self._cycle([servo.make_stop(query=True) for servo in self._servos])
         return states if not latched else self.query()
 
     def command(self, goals: Sequence[Goal | None]) -> tuple[ServoState, ...]:
-        """Command servos and ask all; None: only ask that one.
+        """Command the servos that have a goal, and read the state of all.
 
         Raises
         ------
         ServoError
-            If one does not answer, or has started anew: it would follow its goals from another zero.
+            If one does not answer, or has restarted: it would follow its goals from another zero.
         """
         states = self._cycle([self._make(servo, goal) for servo, goal in zip(self._servos, goals, strict=True)])
         self._watch()
         return states
 
     def _watch(self) -> None:
-        """See that every servo still knows its place as it did when the table was ready."""
+        """Check that what every servo's position refers to has not changed since the table was ready."""
         for axis, (before, now) in enumerate(zip(self._ready, self._anchors, strict=False)):
             if before != now:
                 raise ServoError(
@@ -179,27 +180,27 @@ class Servos:
         )  # fmt: skip
 
     def ready(self) -> None:
-        """Note by what each servo knows its place; they obey their first command at once."""
+        """Store what each servo's position refers to; moteus servos follow their first command at once."""
         self.query()
         self._ready = list(self._anchors)
 
     def lost(self) -> tuple[int, ...]:
-        """Return the axes whose servos say that they know nothing of their places: they count from where they began."""
+        """Return the axes whose servos say that their position refers to nothing: they count from where they began."""
         return tuple(axis for axis, anchor in enumerate(self._anchors) if anchor == 0)
 
     def set_position(self, axis: int, position: float) -> None:
-        """Tell a servo where it is [rev]."""
+        """Tell a servo that it is at ``position`` [rev]."""
         self._exchange({axis: self._servos[axis].make_set_output_exact(position=position, query=True)})
 
     def _cycle(self, commands: list[Any]) -> tuple[ServoState, ...]:
-        """Exchange with all servos."""
+        """Exchange one command with each servo."""
         states = self._exchange(dict(enumerate(commands)))
         return tuple(states[axis] for axis in range(len(commands)))
 
     def _exchange(self, commands: dict[int, Any]) -> dict[int, ServoState]:
-        """Exchange with these servos, by axis.
+        """Exchange a command with some servos, by axis.
 
-        A damaged, lost or refused line is no reason to end a session: every command says what shall be, so it can be
+        A damaged, lost or refused line need not end a session: every command states a goal, not a change, so it can be
         sent again.
         """
         states: dict[int, ServoState] = {}
@@ -219,7 +220,7 @@ class Servos:
         return states
 
     def _ask(self, commands: list[Any], states: dict[int, ServoState], patience: float) -> None:
-        """Exchange once, and keep what was answered."""
+        """Exchange once, and store the states that were answered."""
         try:
             results = self._run(self._transport.cycle(commands), patience)
         except ServoError as error:
@@ -231,29 +232,30 @@ class Servos:
             if state is not None:
                 axis = axes[result.id]
                 states[axis] = state
-                # An answer without it says nothing new: one that has started anew says it with the next.
+                # An answer without this register says nothing new: a servo that has restarted reports it with the next.
                 anchor = _anchor(result.values)
                 self._anchors[axis] = self._anchors[axis] if anchor is None else anchor
 
     def _revive(self, error: ServoError) -> None:
-        """Go on after answers that did not come, or a line that the client could not read; not after a lost bus.
+        """Recover from missing answers, or from a line that the client could not read; not from a lost bus.
 
         Raises
         ------
         ServoError
-            The same, if the bus is gone.
+            The same error, if the bus is gone.
         """
         silent = isinstance(error.__cause__, TimeoutError)
         if silent and asyncio.all_tasks(self._loop):
-            return  # its reader goes on
+            return  # the client's reader is still running
         if isinstance(error.__cause__, OSError) and not silent:
             raise error
         import moteus
 
         if isinstance(error.__cause__, RuntimeError):
             self._refused = f" (the client says: {error.__cause__})"
-        # The client's reader may have ended with the line that it could not read.  A loop of its own goes with each
-        # client: in the old one the port's number would count as watched, and of the new port nothing would be heard.
+        # The client's reader may have ended with the line that it could not read.  Each client gets an event loop of
+        # its own: the old one would take the port's descriptor for one that it watches, and hear nothing of the new
+        # port.
         self.close()
         self._loop = _new_loop()
         self._transport = self._run(_opened(moteus, self._port, self._patience, self._trace))
@@ -261,7 +263,7 @@ class Servos:
 
 
 def _new_loop() -> asyncio.AbstractEventLoop:
-    """Return a loop for a client; what breaks in it is told by the exchange that it breaks."""
+    """Return an event loop for a client; its errors are reported by the exchange in which they occur."""
     loop = asyncio.new_event_loop()
     loop.set_exception_handler(lambda loop, context: None)
     return loop
@@ -283,7 +285,7 @@ async def _opened(moteus: Any, port: str, patience: float, trace: Trace | None) 
 
 
 class _Log:
-    """The client's log as a trace: lines of a time stamp, ``>`` or ``<``, and the text."""
+    """The client's log as a trace: each line is a time stamp, ``>`` or ``<``, and the text."""
 
     def __init__(self, trace: Trace) -> None:
         self._trace = trace
@@ -295,14 +297,14 @@ class _Log:
 
 
 def _controllers(moteus: Any, ids: Sequence[int], transport: Any) -> list[Any]:
-    """Return the client's servos, which are asked by what they know their places, too."""
+    """Return the client's servos, with queries that also ask what their positions refer to."""
     asked = moteus.QueryResolution()
     asked.home_state = moteus.INT8
     return [moteus.Controller(id=number, transport=transport, query_resolution=asked) for number in ids]
 
 
 def _state(values: Any) -> ServoState | None:
-    """Return what a servo says; None if a part of it is missing."""
+    """Return a servo's state from an answer; None if a part of it is missing."""
     import moteus
 
     at = moteus.Register
@@ -322,12 +324,12 @@ def _anchor(values: Any) -> int | None:
 
 
 def check(states: Sequence[ServoState], *, driven: bool) -> None:
-    """Check that all servos are well; ``driven``: and that they obey position commands.
+    """Check that all servos are well, and, if ``driven``, that they follow position commands.
 
     Raises
     ------
     ServoFault, ServoTimeout, ServoError
-        Naming the axis.
+        If one is not; the message names the axis.
     """
     for axis, state in zip(AXES, states, strict=True):
         if state.mode == FAULT:

@@ -1,7 +1,7 @@
 """The XYZ table as a device: three translations presented as six degrees of freedom, rotations locked.
 
-Each axis is a servo (moteus, or ODrive) or a stepper (of a TMCL module) on a screw or belt.  The travel, speed and
-friction of the table in the literature are not published; the defaults here are ours.
+Each axis is a servo (moteus or ODrive) or a stepper (on a TMCL module) with a screw or belt.  The travel, speed and
+friction of the tables in the literature are not published; the defaults here are ours.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ from itouch_xyz_table.twin import XyzTableTwin
 
 #: Seconds without a command after which the servos stop by themselves.
 WATCHDOG = 0.1
-#: An axis that is so much further [m] than twice its greatest speed takes it counts from another zero.
+#: An axis farther [m] than this beyond twice what its greatest speed allows counts from another zero.
 FURTHER = 2e-3
-#: Greatest step of a commanded pose that counts as motion when the velocity is fed forward [s].
+#: Longest time [s] between two commanded poses for which their difference is fed forward as a velocity.
 _STALE = 0.05
-#: Requests of an exchange with a TMCL module (two looks, three places asked for, three told), and what each takes
-#: besides its bytes [s], estimated.
+#: Number of requests in an exchange with a TMCL module (two checks, three positions, three goals), and the time that
+#: each takes besides its bytes [s], an estimate.
 _REQUESTS, _TURN = 8, 1e-3
 
 
@@ -150,17 +150,17 @@ class XyzTable(Device):
 
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
-        """Return the channels with the travel and speed of these parameters."""
+        """Return the channels, with the travel and speed from the parameters."""
         x, y, z = params.travel
         target = pose_target(
             low=(-x / 2, -y / 2, 0.0), high=(x / 2, y / 2, z), speed=params.speed, safe=RETRACT, locked=ROTATIONS
         )
-        # Steppers measure no force: only their places are read.
+        # Steppers measure no force: only their positions are read.
         return cls.reads[:1] if params.tmcl else cls.reads, (target,)
 
     @classmethod
     def takes(cls, params: Any) -> float:
-        """Return the seconds of one exchange: a TMCL module answers one request after the other."""
+        """Return how long one exchange takes [s]: a TMCL module answers its requests one after the other."""
         if not params.tmcl:
             return super().takes(params)
         seconds: float = round(_REQUESTS * (2 * SIZE * 10.0 / params.baud + _TURN), 3)
@@ -168,7 +168,7 @@ class XyzTable(Device):
 
     @classmethod
     def discover(cls) -> tuple[Attached, ...]:
-        """Look for CAN-FD adaptors."""
+        """Look for attached CAN-FD adaptors."""
         try:
             from moteus.fdcanusb_device import FdcanusbDevice
         except ImportError:
@@ -178,7 +178,7 @@ class XyzTable(Device):
 
     @classmethod
     def missing(cls, bound: XyzTableParams) -> str:
-        """Look whether there is a port at its place, which this user may open."""
+        """Say why the port cannot be used: there is none, or this user may not open it; empty if nothing is missing."""
         place = (
             bound.port or bound.tmcl or bound.bus.partition(":")[2].partition("@")[0]
         )  # behind @: the speed of the port
@@ -195,38 +195,38 @@ class XyzTable(Device):
 
     @classmethod
     def wires(cls, params: Any) -> tuple[str, ...]:
-        """Return its port or bus; the one adaptor that is attached, if none is named."""
+        """Name the port or bus; the attached adaptor if none is named."""
         return (params.port or params.tmcl or params.bus.partition("@")[0] or "the CAN-FD adaptor that is attached",)
 
     @classmethod
     def lets_go(cls, params: Any) -> float | None:
-        """Return the drives' watchdog [s]; None: a module without a heartbeat, which goes on by itself."""
+        """Return the drives' watchdog [s]; None for a module without a heartbeat, which does not stop by itself."""
         return None if cls.opens_twice(params) else cls.watchdog
 
     @classmethod
     def opens_twice(cls, params: Any) -> bool:
-        """Tell whether a guardian stops it: one without a heartbeat, whose port takes a second opener."""
+        """Tell whether a guardian can stop it: a module without a heartbeat, whose port can be opened twice."""
         return bool(params.tmcl) and not params.heartbeat
 
     def __init__(self, params: XyzTableParams) -> None:
         super().__init__(params)
-        #: Signed metres a revolution.
+        #: Travel per revolution [m], with sign.
         self._leads = tuple(lead * sign for lead, sign in zip(params.lead, params.direction, strict=True))
         self._servos: Drives | None = None
         self._goal: tuple[float, ...] | None = None
         self._before: tuple[float, ...] = ()
         self._when = 0.0
-        #: Where the axes were [m] in the last exchange, and when that ended.
+        #: Positions of the axes [m] in the last exchange, and when it ended [s].
         self._found: tuple[tuple[float, ...], float] | None = None
         self._lost = False
 
     def open(self) -> None:
-        """Open the bus, end latched faults and time-outs, and home.
+        """Open the bus, clear latched faults and time-outs, and home.
 
         Raises
         ------
         DeviceError
-            If a servo is missing, has a fault, or does not find its end.
+            If a servo is missing, has a fault, does not find its end, or does not know its position.
         """
         p = self.params
         x, y, _ = p.travel
@@ -248,7 +248,7 @@ class XyzTable(Device):
         self._servos, self._goal, self._found, self._lost = servos, None, None, False
 
     def close(self) -> None:
-        """Stop the servos and let go of the bus; those that are gone are stopped by their own watchdogs."""
+        """Stop the servos and release the bus; servos that do not answer are stopped by their own watchdogs."""
         servos, self._servos = self._servos, None
         if servos is None:
             return
@@ -261,7 +261,7 @@ class XyzTable(Device):
             servos.close()
 
     def make_safe(self, safe: Record) -> None:
-        """Stop the motors where they are, as a heartbeat would: they are neither homed nor led anywhere."""
+        """Stop the motors where they are, as a heartbeat would: without homing or moving them."""
         servos = opened(self.params, WATCHDOG, self.patience, self.trace)
         try:
             servos.stop()
@@ -269,12 +269,12 @@ class XyzTable(Device):
             servos.close()
 
     def write(self, command: Record) -> None:
-        """Set where to go; the next exchange sends it.
+        """Set the goal; the next exchange sends it.
 
         Raises
         ------
         ValueError
-            If a rotation is asked for: they are locked.
+            If a rotation is commanded: rotations are locked.
         """
         x, y, z, w, *rotation = command["pose_target"].tolist()
         if abs(abs(w) - 1.0) > 1e-6 or any(abs(part) > 1e-6 for part in rotation):
@@ -282,12 +282,12 @@ class XyzTable(Device):
         self._goal = (x, y, z)
 
     def read(self, reading: Record) -> bool:
-        """Exchange: send the goal with its watchdog, take position and force.
+        """Exchange: send the goal with its watchdog, read position and force.
 
         Raises
         ------
         DeviceError
-            If a servo does not answer, has stopped, or its watchdog has ended.
+            If a servo does not answer, has stopped, has jumped, or its watchdog has expired.
         """
         if self._servos is None:
             raise DeviceError("the table is not open")
@@ -303,12 +303,12 @@ class XyzTable(Device):
         return True
 
     def _trust(self, servos: Drives, states: tuple[ServoState, ...]) -> None:
-        """See that servos that know where they are can be right.
+        """Check that servos with absolute positions can be right about them.
 
         Raises
         ------
         ServoError
-            If one says that it does not know, or that it is outside its travel: it would be led against an end.
+            If one does not know its position, or reports one outside its travel: it would be driven against an end.
         """
         lost = servos.lost() if isinstance(servos, Servos) else ()
         x, y, z = self.params.travel
@@ -326,12 +326,12 @@ class XyzTable(Device):
                 )
 
     def _follow(self, states: tuple[ServoState, ...]) -> None:
-        """See that no axis has jumped: a servo that has started anew counts from another zero.
+        """Check that no axis has jumped: a servo that has restarted counts from another zero.
 
         Raises
         ------
         ServoError
-            If one has; where it says that it is must not be believed, and it must not be led there.
+            If one has: its position is not to be trusted, and it must not be driven.
         """
         places = tuple(state.position * lead for state, lead in zip(states, self._leads, strict=True))
         now, before, self._found = self.clock(), self._found, None
@@ -346,7 +346,7 @@ class XyzTable(Device):
         self._found = places, now
 
     def _goals(self, goal: tuple[float, ...]) -> list[Goal | None]:
-        """Return the servos' commands: position, the speed of its change, and the weight fed forward."""
+        """Return the servos' commands: position, its rate of change, and the weight as a feed-forward torque."""
         p, now = self.params, self.clock()
         lapse = now - self._when
         moved = [0.0] * 3
@@ -364,7 +364,7 @@ class XyzTable(Device):
         return goals
 
     def _tell(self, states: tuple[ServoState, ...], reading: Record) -> None:
-        """Fill the reading; what presses on the table is what the motors push against, less the weight."""
+        """Fill the reading; the force on the table is the one that the motors push against, less the weight."""
         p = self.params
         reading["pose"] = (
             *(s.position * lead for s, lead in zip(states, self._leads, strict=True)),

@@ -1,11 +1,11 @@
-"""Three steppers on a TMCL module: what `servos.Servos` does, in frames of nine bytes over a serial port.
+"""Three steppers on a TMCL module: as `servos.Servos`, in frames of nine bytes over a serial port.
 
-The module's own ramp generator leads each motor to the newest place; the module counts microsteps and measures
-nothing: neither a force, nor whether a motor has lost steps.  Its heartbeat stops all motors when the host is silent;
-that is tried out when the table is opened.
+The module's own ramp generator moves each motor to the newest goal; the module counts microsteps and measures nothing:
+neither a force nor lost steps.  Its heartbeat stops all motors when the host is silent; this is tested when the table
+is opened.
 
-The frames are made here.  Trinamic's own library (PyTrinamic) installs packages called ``tests``, ``docs`` and
-``examples`` beside itself, needs three more, and goes on in the middle of a frame after a byte was lost.
+The frames are built here.  Trinamic's own library (PyTrinamic) installs packages called ``tests``, ``docs`` and
+``examples`` beside itself, depends on three more, and goes out of step with the frames after a lost byte.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from itouch_xyz_table import tmclframes as tm
 from itouch_xyz_table.faults import POSITION
 from itouch_xyz_table.servos import AXES, Goal, ServoError, ServoState
 
-#: Longest wait for an answer [s], and how often it is asked for; a line is quiet after so long without a byte [s].
+#: Longest wait for an answer [s], and how often it is asked for; time [s] without a byte after which a line is quiet.
 PATIENCE, TRIES, QUIET = 0.05, 8, 5e-3
-#: How the heartbeat is tried out: so far at most a motor turns in silence [m], at this speed [m/s].
+#: The test of the heartbeat: greatest distance that a motor may turn without requests [m], and its speed [m/s].
 TRIED, SLOWLY = 5e-4, 2e-3
-#: How long going back may take [s].
+#: How long the way back may take [s].
 BACK = 1.0
-#: Speeds of looking for an end and of leaving its switch [m/s], and how much longer than its travel that may take [s].
+#: Speeds of the search for an end and of leaving its switch [m/s], and time allowed beyond that of the travel [s].
 SEARCH, LEAVE, GRACE = 0.02, 0.005, 3.0
-#: An axis that is so much further than its greatest speed allows [m] has another zero.
+#: An axis farther [m] than this beyond twice what its greatest speed allows has another zero.
 FURTHER = 2e-3
 _POLL = 2e-3
 
@@ -46,19 +46,19 @@ class Steppers:
     baud
         Speed of the port.
     address
-        The module's.
+        The module's address on the line.
     motors
-        The module's numbers of the motors of x, y and z.
+        The module's numbers for the motors of x, y and z.
     microsteps
-        Of a turn of each motor.
+        Microsteps per turn of each motor.
     leads
-        Signed metres a turn.
+        Travel per turn [m], with sign.
     speed, acceleration
-        The greatest of an axis [m/s, m/s2].
+        Greatest speed and acceleration of an axis [m/s, m/s2].
     watchdog
-        Seconds of silence after which the module stops all motors; None: it has no heartbeat, and goes on.
+        Seconds of silence after which the module stops all motors; None: it has no heartbeat and does not stop.
     patience
-        Factor on how long answers are waited for.
+        Factor on every waiting time for an answer.
     """
 
     def __init__(
@@ -80,11 +80,11 @@ class Steppers:
         self._address, self._motors, self._microsteps = address, list(motors), list(microsteps)
         self._leads, self._speed, self._acceleration = list(leads), speed, acceleration
         self._watchdog, self._patience, self._trace, self._clock = watchdog, patience, trace, clock
-        #: Exchanges that were made again because a frame was lost or damaged.
+        #: Number of requests repeated because a frame was lost or damaged.
         self.repeated = 0
-        #: Whether an answer may still be on its way for which nobody waits any more.
+        #: Whether a late answer that is no longer waited for may still arrive.
         self._owing = False
-        #: The other host to which the module has answered; -1: to none.  Whether it has heard only damaged requests.
+        #: Another host that the module has answered, or -1; and whether the module last reported a damaged request.
         self._other, self._garbled = -1, False
         self._driven, self._count = False, 0
         self._limits: list[int] = [0] * len(self._motors)
@@ -100,24 +100,24 @@ class Steppers:
             raise
 
     def close(self) -> None:
-        """Let go of the port; the module stops by its heartbeat."""
+        """Release the port; the module's heartbeat stops the motors."""
         with contextlib.suppress(Exception):
             self._serial.close()
 
-    # --- what the table asks of servos ----------------------------------------------------------------------------
+    # --- the interface `Drives` -----------------------------------------------------------------------------------
 
     def query(self) -> tuple[ServoState, ...]:
-        """Ask where all motors are.
+        """Read the positions of all motors.
 
         Raises
         ------
         ServoError
-            If the module does not answer, or has started anew.
+            If the module does not answer, or has restarted.
         """
         return tuple(self._place(axis) for axis in range(len(self._motors)))
 
     def command(self, goals: Sequence[Goal | None]) -> tuple[ServoState, ...]:
-        """Ask all motors, see that the module has not started anew, and only then command those that have a goal."""
+        """Read all positions, check that the module has not restarted, then command the motors that have a goal."""
         self._driven = True
         self._watch()
         states = self.query()
@@ -127,12 +127,12 @@ class Steppers:
         return states
 
     def stop(self, *, latched: bool = False) -> tuple[ServoState, ...]:
-        """Stop all motors; they hold where they are.
+        """Stop all motors; they hold their positions.
 
         Raises
         ------
         ServoError
-            If one does not take the order; the others have been stopped all the same.
+            If a motor does not accept the stop; the others have been stopped all the same.
         """
         self._driven, self._last = False, []
         failed = list[ServoError]()
@@ -146,27 +146,27 @@ class Steppers:
         return self.query()
 
     def set_position(self, axis: int, position: float) -> None:
-        """Tell the module where a motor is [rev]."""
+        """Tell the module that a motor is at ``position`` [rev]."""
         self._last = []
         steps = self._steps(axis, position)
-        for parameter in (tm.TARGET, tm.ACTUAL):  # equal at every moment: else a ramp would begin
+        for parameter in (tm.TARGET, tm.ACTUAL):  # the two must not differ at any moment, or a ramp would begin
             self._ask(axis, tm.STOP)
             self._ask(axis, tm.SET_AXIS, parameter, steps)
 
     def ready(self) -> None:
-        """Try the heartbeat out: a motor that turns in silence must stop.
+        """Test the heartbeat: a motor that turns while the host is silent must stop.
 
         Raises
         ------
         ServoError
-            If it goes on, or does not come back.
+            If it does not stop, or does not come back.
         """
         with self._stopped_after_failure():
             self._try_out()
 
     @contextlib.contextmanager
     def _stopped_after_failure(self) -> Iterator[None]:
-        """Stop all motors if what is done ends with an error: no heartbeat may be there to end what has begun."""
+        """Stop all motors if the body raises: there may be no heartbeat to stop what it has started."""
         try:
             yield
         except BaseException:
@@ -175,14 +175,14 @@ class Steppers:
             raise
 
     def _try_out(self) -> None:
-        """Let one motor turn in silence, and bring it back."""
+        """Let one motor turn in silence, check that it has stopped, and bring it back."""
         axis, began = 0, self.query()[0].position
         if self._watchdog is None:
             self._hold(axis, began)
             return
         lead = self._leads[axis]
         away = self._microsteps[axis] * SLOWLY / abs(lead)
-        # Towards the middle of the travel: the low end is where a homed axis stands.
+        # Towards the middle of the travel: a homed axis is at its low end.
         right = (began * lead < 0.0) == (lead > 0.0)
         self._ask(axis, tm.ROTATE_RIGHT if right else tm.ROTATE_LEFT, value=max(1, round(away)))
         end = self._clock() + TRIED / SLOWLY * max(1.0, self._patience / 5.0)
@@ -204,7 +204,7 @@ class Steppers:
         self._last = []
 
     def _hold(self, axis: int, place: float) -> None:
-        """Let each motor hold where it is; the one that has turned goes back to its place [rev]."""
+        """Let each motor hold its position; motor ``axis``, which has turned, goes back to ``place`` [rev]."""
         self._driven = True
         for one, state in enumerate(self.query()):
             self._ask(one, tm.MOVE, tm.ABSOLUTE, self._steps(one, place if one == axis else state.position))
@@ -212,12 +212,12 @@ class Steppers:
     # --- homing --------------------------------------------------------------------------------------------------
 
     def search(self, travel: Sequence[float], low: Sequence[float]) -> None:
-        """Look for the low end of z, then of x and y, by the module's own search for its end switch.
+        """Find the low end of z, then of x and y, with the module's own search for the end switch.
 
         Parameters
         ----------
         travel, low
-            Length of each axis, and where its low end is [m].
+            Length of each axis, and position of its low end [m].
 
         Raises
         ------
@@ -246,7 +246,13 @@ class Steppers:
     # --- the module ----------------------------------------------------------------------------------------------
 
     def _limit(self) -> None:
-        """Set each motor's greatest speed and acceleration, and see that the module keeps them."""
+        """Set each motor's greatest speed and acceleration, and check that the module accepts them.
+
+        Raises
+        ------
+        ServoError
+            If the module refuses them, or keeps other values.
+        """
         for axis, lead in enumerate(self._leads):
             turn = self._microsteps[axis] / abs(lead)
             wanted = {
@@ -275,12 +281,12 @@ class Steppers:
             self._limits[axis] = wanted[tm.MAX_SPEED]
 
     def _arm(self) -> None:
-        """Set the module's heartbeat, and see that it is kept.
+        """Set the module's heartbeat, and check that the module keeps it.
 
         Raises
         ------
         ServoError
-            If the module has none.
+            If the module has no heartbeat.
         """
         if self._watchdog is None:
             return
@@ -297,7 +303,13 @@ class Steppers:
             raise ServoError(f"the module keeps its heartbeat at {found} ms: {advice}")
 
     def _watch(self) -> None:
-        """Look at what a module forgets that has started anew: its heartbeat, and in turn each motor's speed."""
+        """Check what a restarted module has forgotten: its heartbeat, and each motor's speed limit in turn.
+
+        Raises
+        ------
+        ServoError
+            If it has forgotten them.
+        """
         turn = self._count % len(self._motors)
         self._count += 1
         beats = self._watchdog is not None
@@ -337,14 +349,14 @@ class Steppers:
         return round(position * self._microsteps[axis])
 
     def _ask(self, axis: int, command: int, kind: int = 0, value: int = 0, *, bank: int | None = None) -> int:
-        """Ask until the answer comes whole, and return its value.
+        """Send a request until a valid answer comes, and return its value.
 
-        Every request may be made twice: it says what shall be, and no more.
+        Every request may be sent twice: it states a goal, not a change.
 
         Raises
         ------
         ServoError
-            If no answer comes, or the module refuses.
+            If no valid answer comes, or the module refuses.
         """
         asked = tm.Request(self._address, command, kind, self._motors[axis] if bank is None else bank, value)
         self._other, self._garbled = -1, False
@@ -361,7 +373,7 @@ class Steppers:
             if said.command != command:
                 self._owing = True
                 continue
-            if said.status != tm.OK:  # not LOADED either: what is stored as a part of a program is not done
+            if said.status != tm.OK:  # nor LOADED: a command stored in a program is not executed
                 why = tm.STATUS.get(said.status, f"status {said.status}")
                 what = f"motor {AXES[axis]}" if bank is None else "the module"
                 raise ServoError(f"{what} refuses command {command}, type {kind}, value {value}: {why}")
@@ -369,7 +381,7 @@ class Steppers:
         raise ServoError(f"motor {AXES[axis]} (module {self._address}) {self._unheard()}")
 
     def _unheard(self) -> str:
-        """Return what is the matter with a module of which no good answer comes, and what to do."""
+        """Return what is wrong with a module that gives no valid answer, and what to do."""
         if self._garbled:
             return "says that requests reach it damaged: check its cable, and the line's speed (baud)"
         if self._other >= 0:
@@ -380,15 +392,15 @@ class Steppers:
         return "does not answer: check its cable, supply and address"
 
     def _exchange(self, frame: bytes) -> tm.Answer | None:
-        """Send a request and return the answer that comes whole in time.
+        """Send a request and return the answer if it comes in time; None if none does, or if a frame is damaged.
 
-        What other modules say, and what is said to other hosts, is passed over.
-        What is damaged is returned as None at once: where the next frame begins is not known then.
+        Answers of other modules and answers to other hosts are skipped.  A damaged frame ends the wait at once, as the
+        start of the next frame is then unknown.
         """
         self._send(frame)
         end = self._clock() + PATIENCE * self._patience
         while data := self._receive(end):
-            if data == frame:  # an adaptor's echo: no answer has the form of a request
+            if data == frame:  # an adaptor's echo: no answer equals a request
                 continue
             said = tm.told(data)
             if said is None or self._mine(said):
@@ -397,17 +409,17 @@ class Steppers:
         return None
 
     def _mine(self, said: tm.Answer) -> bool:
-        """Tell whether an answer is the module's, and to this host: another host has asked another question."""
+        """Tell whether an answer is from our module and to this host, not to requests of another host."""
         if said.module == self._address and said.host != tm.HOST:
             self._other = said.host
         return said.module == self._address and said.host == tm.HOST
 
     def _catch_up(self) -> bool:
-        """Drop answers that come late, and return whether that is done.
+        """Drop late answers, and return whether none can be outstanding any more.
 
-        An answer does not say which parameter or motor it is of, so one that came late would be taken for that of the
-        next request: the place of one axis for that of another.  The module answers one request after the other; when
-        it has answered another kind of request, nothing older is on its way.
+        An answer does not say which parameter or motor it is about, so a late one would be taken for that to the next
+        request: one axis's position for another's.  The module answers its requests in order; once it has answered a
+        request of another kind, no older answer is outstanding.
         """
         asked = tm.request(tm.Request(self._address, tm.GET_GLOBAL, tm.HEARTBEAT, 0, 0))
         self._send(asked)
@@ -428,7 +440,7 @@ class Steppers:
             raise ServoError(f"the module's port failed: {error}") from error
 
     def _receive(self, end: float) -> bytes:
-        """Return the bytes of a frame, or what has come of it until a time [s]."""
+        """Return the bytes of a frame, or those that have arrived by a time [s]."""
         data = b""
         try:
             while len(data) < tm.SIZE and self._clock() < end:
@@ -440,7 +452,7 @@ class Steppers:
         return data
 
     def _settle(self) -> None:
-        """Wait until the line is quiet and drop what has come: no frame has a mark at which it begins."""
+        """Wait until the line is quiet and drop the bytes that arrive: frames have no start mark."""
         try:
             end, quiet = self._clock() + PATIENCE * self._patience, self._clock()
             while self._clock() - quiet < QUIET and self._clock() < end:

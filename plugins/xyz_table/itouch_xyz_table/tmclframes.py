@@ -1,8 +1,8 @@
-"""The frames of TMCL, the language of Trinamic's modules, on a serial line: nine bytes there, nine bytes back.
+"""The frames of TMCL, the language of Trinamic's modules, on a serial line: nine bytes out, nine bytes back.
 
 Request: module, command, type, motor, value (32 bits, high byte first), sum of the eight; answer: host, module, status,
-command, value, sum.  An answer says neither which parameter nor which motor it is of.  Facts: PyTrinamic 0.2.26 and the
-modules' firmware manuals.
+command, value, sum.  An answer tells neither the parameter nor the motor that it is about.  Source: PyTrinamic 0.2.26
+and the modules' firmware manuals.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ ROTATE_RIGHT, ROTATE_LEFT, STOP, MOVE, SET_AXIS, GET_AXIS, SET_GLOBAL, GET_GLOBA
 #: Types of MOVE and SEARCH.
 ABSOLUTE = 0
 SEARCH_START, SEARCH_STOP, SEARCH_STATUS = 0, 1, 2
-#: Parameters of an axis: microsteps, microsteps a second, microsteps a second squared.
+#: Parameters of an axis: target, position [microsteps], speed, its limit [1/s], limit of acceleration [1/s2].
 TARGET, ACTUAL, ACTUAL_SPEED, MAX_SPEED, MAX_ACCELERATION = 0, 1, 3, 4, 5
-#: How an axis looks for its end, how fast, and how fast it leaves the switch.
+#: How an axis searches for its end, how fast, and how fast it leaves the switch.
 SEARCH_MODE, SEARCH_SPEED, SWITCH_SPEED = 193, 194, 195
-#: Search modes: the left switch only; the right one in its place.
+#: Search modes: the left switch only; plus this, the right one in its place.
 LEFT_SWITCH, RIGHT_INSTEAD = 1, 64
-#: Global parameter: after so many milliseconds without a request all motors stop; 0: never.
+#: Global parameter: all motors stop after this many milliseconds without a request; 0: never.
 HEARTBEAT = 68
-#: The host's address, to which a module answers: its global parameter 76, 2 as it comes from the maker.
+#: The host's address, to which a module answers, and the global parameter that holds it; the factory setting is 2.
 HOST, HOST_ADDRESS = 2, 76
 
 OK, LOADED, WRONG_SUM = 100, 101, 1
@@ -35,7 +35,7 @@ STATUS = {
 
 
 class Request(NamedTuple):
-    """What a host asks a module for."""
+    """A host's request to a module."""
 
     module: int
     command: int
@@ -45,7 +45,7 @@ class Request(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What a module says, and to which host."""
+    """A module's answer to a host."""
 
     module: int
     status: int
@@ -55,7 +55,7 @@ class Answer(NamedTuple):
 
 
 def check(data: bytes) -> int:
-    """Return the sum of bytes that ends a frame."""
+    """Return the checksum that ends a frame: the sum of its bytes, modulo 256."""
     return sum(data) & 0xFF
 
 
@@ -80,14 +80,14 @@ def answer(said: Answer) -> bytes:
 
 
 def heard(frame: bytes) -> Request | None:
-    """Return the request of a frame; None if it is damaged."""
+    """Return the request in a frame; None if the frame is damaged."""
     if len(frame) != SIZE or check(frame[:-1]) != frame[-1]:
         return None
     return Request(*struct.unpack(">BBBBi", frame[:-1]))
 
 
 def told(frame: bytes) -> Answer | None:
-    """Return the answer of a frame; None if it is damaged."""
+    """Return the answer in a frame; None if the frame is damaged."""
     if len(frame) != SIZE or check(frame[:-1]) != frame[-1]:
         return None
     host, module, status, command, value = struct.unpack(">BBBBi", frame[:-1])

@@ -25,11 +25,11 @@ class XyzTableTwin(Twin):
         rows = (omega, params.speed, params.acceleration, params.mass, drag, *ends, params.force_noise)
         self._parameters = np.array(rows)
         self._move, self._sense = axes.move, axes.sense
-        words = np.zeros(1, np.uint64)  # compiled now, not in the first tick
+        words = np.zeros(1, np.uint64)  # compiles now, not in the first tick
         axes.move(self._parameters, np.zeros(7), np.zeros((3, 3)), np.zeros(6), words, np.zeros(6), 1e-3)
 
     def fields(self) -> tuple[Field, ...]:
-        """Return position, velocity and last goal of the axes, what the sensors read, and the noise generator."""
+        """Return the axes' position, velocity and last goal, the sensors' readings, and the noise generator."""
         return (
             Field(
                 "axes",
@@ -43,33 +43,33 @@ class XyzTableTwin(Twin):
         )
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:
-        """Stand in the middle of the travel, at the bottom."""
+        """Put the table at the bottom of the middle of its travel, at rest."""
         state["axes"] = 0.0
         state["sensed"] = 0.0
         state["noise"] = rng.integers(0, 1 << 63)
 
     def position(self, state: Record) -> NDArray[np.float64] | None:
-        """Return where the plate's carrier truly is."""
+        """Return the true position of the plate's carrier [m], shape (3,)."""
         place: NDArray[np.float64] = state["axes"][0]
         return place
 
     def bound_step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> Bound:
-        """Return the step on these views as one compiled call."""
+        """Bind the step to these views as one compiled call."""
         return Bound(
             self._move, self._parameters, command["pose_target"], state["axes"], state["sensed"], state["noise"],
             touch.wrench, period,
         )  # fmt: skip
 
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
-        """Move the axes by one period."""
+        """Advance the axes by one period [s]."""
         self.bound_step(state, command, touch, period)()
 
     def bound_read(self, state: Record, reading: Record) -> Bound:
-        """Return the reading of these views as one compiled call."""
+        """Bind the reading of these views as one compiled call."""
         felt = np.zeros(6) if self.params.tmcl else reading["wrench"]  # steppers measure no force
         return Bound(self._sense, state["sensed"], reading["pose"], felt)
 
     def read(self, state: Record, reading: Record) -> bool | None:
-        """Give the encoders' position and the force sensor's noisy reading."""
+        """Write the position from the encoders, and the force sensor's noisy reading."""
         self.bound_read(state, reading)()
         return True

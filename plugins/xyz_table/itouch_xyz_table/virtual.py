@@ -1,4 +1,4 @@
-"""Virtual moteus servos on a virtual CAN-FD adaptor: registers, watchdog, faults, and a simple axis behind each."""
+"""Virtual moteus servos on a virtual CAN-FD adaptor: registers, watchdog, faults, and a simple axis for each."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from itouch_xyz_table.multiplex import Read, Write, decode, reply
 
 MODE, VOLTAGE, TEMPERATURE, FAULT_CODE = 0x00, 0x0D, 0x0E, 0x0F
 PLACE, SPEED, TORQUE, HOME = 0x01, 0x02, 0x03, 0x0C
-#: By what a servo knows its place: by its rotor only, or by what it was told.
+#: What a servo's position refers to: its rotor only, or a position that it was given.
 BY_ROTOR, TOLD = 1, 2
 GOAL, GOAL_SPEED, FEED, KP, KD, MOST, WATCHDOG, FASTEST = 0x20, 0x21, 0x22, 0x23, 0x24, 0x25, 0x27, 0x28
 EXACT = 0x131
-#: What a unit is in int8, int16 and int32, by register.
+#: Unit of one count in int8, int16 and int32, by register.
 _UNITS = {
     PLACE: (0.01, 0.0001, 0.00001), SPEED: (0.1, 0.00025, 0.00001), TORQUE: (0.5, 0.01, 0.001),
     VOLTAGE: (0.5, 0.1, 0.001), TEMPERATURE: (1.0, 0.1, 0.001), GOAL: (0.01, 0.0001, 0.00001),
@@ -23,7 +23,7 @@ _UNITS = {
     KP: (1 / 127, 1 / 32767, 1 / 2147483647), KD: (1 / 127, 1 / 32767, 1 / 2147483647),
     WATCHDOG: (0.01, 0.001, 0.000001), FASTEST: (0.1, 0.00025, 0.00001), EXACT: (0.01, 0.0001, 0.00001),
 }  # fmt: skip
-#: The servo's own watchdog when a command brings none [s].
+#: The servo's own watchdog [s] if a command sets none.
 _DEFAULT_WATCHDOG = 0.1
 
 
@@ -31,8 +31,8 @@ _DEFAULT_WATCHDOG = 0.1
 class VirtualServo:
     """One servo.
 
-    ``place``, ``speed``, ``torque`` [rev, rev/s, N m] are the axis's; whoever owns the physics may set them, by default
-    `advance` moves a stiff axis between two ends.  ``zero`` is what the servo adds to say where it is.
+    ``place``, ``speed``, ``torque`` [rev, rev/s, N m] are the axis's; the owner of the physics may set them, by default
+    `advance` moves a stiff axis between two ends.  ``zero`` is added to ``place`` in what the servo reports.
     """
 
     number: int
@@ -52,7 +52,7 @@ class VirtualServo:
     _fed: float = 0.0
 
     def take(self, data: bytes, now: float) -> bytes:
-        """Obey a frame and return the data of the reply."""
+        """Obey a frame at a time [s] and return the data of the reply."""
         out = b""
         commanded = False
         for part in decode(data):
@@ -82,7 +82,7 @@ class VirtualServo:
             return False
         if self.mode in (FAULT, TIMEOUT):  # latched until it is stopped
             return False
-        self.registers = {}  # a new command forgets what the last one said
+        self.registers = {}  # a new command clears the registers of the last one
         self.mode = mode
         return mode == POSITION
 
@@ -98,22 +98,22 @@ class VirtualServo:
         self.mode, self.fault = FAULT, code
 
     def start_anew(self) -> None:
-        """Lose the supply for a moment: it stands without force, and counts from where its rotor is in a turn."""
+        """Lose the supply for a moment: no force, and a position known only within a turn of the rotor."""
         self.mode, self.fault, self.registers, self.home = 0, 0, {}, BY_ROTOR
         self.zero = -round(self.place)
 
     def watch(self, now: float) -> None:
-        """Stop if nothing was commanded for too long."""
+        """Stop if no command has come for too long by a time [s]."""
         patience = self.registers.get(WATCHDOG, _DEFAULT_WATCHDOG)
         if self.mode == POSITION and not math.isnan(patience) and now - self._fed > patience:
             self.mode = TIMEOUT
 
     def goal(self) -> float:
-        """Return where it shall go [rev], counted as the axis counts."""
+        """Return the goal [rev], counted as ``place`` is."""
         return self.registers.get(GOAL, math.nan) - self.zero
 
     def advance(self, step: float) -> None:
-        """Move a stiff axis by ``step`` seconds; ends stop it with the torque that is allowed."""
+        """Move a stiff axis for ``step`` seconds; at its ends it stops with the greatest allowed torque."""
         if self.mode != POSITION:
             self.speed, self.torque = 0.0, 0.0
             return
@@ -143,7 +143,7 @@ def checksum(text: bytes) -> int:
 
 @dataclass(slots=True)
 class VirtualBus:
-    """The adaptor: lines of text in, lines out; ``mute``, ``garble``: answers that get lost or wrong."""
+    """The adaptor: lines of text in and out; ``mute`` and ``garble`` count answers to lose or to damage."""
 
     servos: dict[int, VirtualServo]
     mute: int = 0
@@ -151,7 +151,7 @@ class VirtualBus:
     _text: bytes = b""
 
     def take(self, data: bytes, now: Callable[[], float]) -> bytes:
-        """Take bytes from the host and return the adaptor's."""
+        """Take bytes from the host and return the adaptor's answer."""
         self._text += data
         out = b""
         while b"\n" in self._text:

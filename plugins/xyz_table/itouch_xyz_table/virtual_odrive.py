@@ -1,4 +1,4 @@
-"""Virtual ODrive servos: frames in, frames out; and a serial adaptor (slcan) that carries them as lines of text."""
+"""Virtual ODrive servos: frames in, frames out; and a serial adaptor (slcan) that carries the frames as text lines."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from itouch_xyz_table import canframes as can_
 from itouch_xyz_table.faults import FAULT, POSITION, TIMEOUT
 from itouch_xyz_table.virtual import FASTEST, FEED, GOAL, GOAL_SPEED, MOST, VirtualServo
 
-#: Error bits of a watchdog that has ended, of firmware 0.6; seconds from one heartbeat to the next.
+#: The error bit of an expired watchdog in firmware 0.6; period of the heartbeat [s].
 WATCHDOG_ENDED, BEAT = 0x1000000, 0.1
 
 
 @dataclass(slots=True)
 class VirtualOdrive(VirtualServo):
-    """One servo: the axis is that of `VirtualServo`, what it says and hears are CAN frames.
+    """One servo: its axis is that of `VirtualServo`, its interface is CAN frames.
 
-    ``timeout`` [s] is its watchdog's, infinite if it is off; ``constant`` its motor's torque an ampere [N m];
-    ``ended`` the error with which silence ends, ``refuses`` the one that it has when it shall be driven, 0: none.
+    ``timeout`` [s] is that of its watchdog, infinite if it is off; ``constant`` its motor's torque constant [N m/A];
+    ``ended`` the error when its watchdog expires, ``refuses`` the error when it is to be driven (0: none).
     """
 
     timeout: float = 0.1
@@ -30,7 +30,7 @@ class VirtualOdrive(VirtualServo):
     _by_velocity: bool = False
 
     def hear(self, command: int, data: bytes, now: float, *, remote: bool) -> list[tuple[int, bytes]]:
-        """Obey a frame and return the answers: identifier and data."""
+        """Obey a frame and return the answers, each an identifier and data."""
         self._fed = now
         if not self.answers:
             return []
@@ -80,22 +80,22 @@ class VirtualOdrive(VirtualServo):
         return [(can_.number(self.number, command), data)]
 
     def watch(self, now: float) -> None:
-        """Let go if no frame has come for too long."""
+        """Let go if no frame has come for too long by a time [s]."""
         if self.mode == POSITION and now - self._fed > self.timeout:
             self.mode, self.fault = FAULT, self.ended
 
     def restart(self) -> None:
-        """Start anew, as after a loss of its supply: idle, without errors."""
+        """Restart, as after a loss of the supply: idle, without errors."""
         self.mode, self.fault, self.registers, self._by_velocity = 0, 0, {}, False
 
     def beat(self) -> tuple[int, bytes]:
-        """Return the heartbeat."""
+        """Return the heartbeat: identifier and data."""
         state = can_.CLOSED_LOOP if self.mode == POSITION else can_.IDLE
         error = self.fault if self.mode == FAULT else 0
         return can_.number(self.number, can_.HEARTBEAT), error.to_bytes(4, "little") + bytes((state, 0, 0, 0))
 
     def due(self, now: float) -> list[tuple[int, bytes]]:
-        """Return the frames that it sends unasked."""
+        """Return the frames that are due by a time [s] without a request."""
         if now - self._beat < BEAT or not self.answers:
             return []
         self._beat = now
@@ -104,9 +104,9 @@ class VirtualOdrive(VirtualServo):
 
 @dataclass(slots=True)
 class VirtualCan:
-    """The bus, and the adaptor at its end: lines of text that end with a return.
+    """The bus, and the adaptor at its end: text lines that end with a carriage return.
 
-    ``lose`` is asked for each frame of a servo whether it gets lost, ``miss`` for each of the host by its identifier.
+    ``lose`` decides for each frame of a servo whether it is lost, ``miss`` for each identifier from the host.
     """
 
     servos: dict[int, VirtualOdrive]
@@ -116,7 +116,7 @@ class VirtualCan:
     _text: bytes = b""
 
     def frame(self, number: int, data: bytes, now: float, *, remote: bool) -> list[tuple[int, bytes]]:
-        """Take a frame of the host and return what the servos answer."""
+        """Take a frame from the host and return the servos' answers."""
         if self.miss(number):
             return []
         servo = self.servos.get(number >> 5)
@@ -124,12 +124,12 @@ class VirtualCan:
         return [answer for answer in answers if not self.lose()]
 
     def unasked(self, now: float) -> list[tuple[int, bytes]]:
-        """Return what the servos say by themselves."""
+        """Return the frames that the servos send without a request."""
         found = [answer for servo in self.servos.values() for answer in servo.due(now)]
         return [answer for answer in found if not self.lose()]
 
     def take(self, data: bytes, now: Callable[[], float]) -> bytes:
-        """Take bytes from the host and return the adaptor's."""
+        """Take bytes from the host and return the adaptor's answer."""
         self._text += data
         out = b""
         while b"\r" in self._text:

@@ -11,16 +11,16 @@ from itouch_xyz_table import tmclframes as tm
 from itouch_xyz_table.faults import POSITION
 from itouch_xyz_table.virtual import VirtualServo
 
-#: A step of the ramp generator [s]; the greatest speed that a module takes [microsteps/s].
+#: Time step of the ramp generator [s]; the greatest speed that a module accepts [microsteps/s].
 STEP, FASTEST = 1e-3, 7_999_774
-#: What a module comes with: microsteps a second, and a second squared.
+#: Factory settings: microsteps per second, and per second squared.
 _FACTORY = {tm.MAX_SPEED: 51200, tm.MAX_ACCELERATION: 51200}
-#: Parameters that can be set, each with the greatest value.
+#: The parameters that can be set, each with its greatest value.
 _SETTABLE = {
     tm.TARGET: (1 << 31) - 1, tm.ACTUAL: (1 << 31) - 1, tm.MAX_SPEED: FASTEST, tm.MAX_ACCELERATION: (1 << 31) - 1,
     tm.SEARCH_MODE: 255, tm.SEARCH_SPEED: FASTEST, tm.SWITCH_SPEED: FASTEST,
 }  # fmt: skip
-#: A frame of which the rest has not come within this time [s] is none.
+#: A frame that is not complete within this time [s] is dropped.
 _BROKEN = 5e-3
 
 
@@ -28,8 +28,8 @@ _BROKEN = 5e-3
 class VirtualStepper(VirtualServo):
     """One motor.
 
-    ``place`` [rev] is the axis's own; the module does not know it.  It counts microsteps (``counter``), which its axis
-    follows: so many turns from where it counts, ``shift``, that is.  ``ended``: its end switch is pressed.
+    ``place`` [rev] is the axis's own position, which the module does not know.  It counts microsteps (``counter``), and
+    the axis follows: at count 0 it is at ``shift`` [rev].  ``ended``: its end switch is pressed.
     """
 
     microsteps: float = 51200.0
@@ -44,7 +44,7 @@ class VirtualStepper(VirtualServo):
     _now: float = math.nan
 
     def watch(self, now: float) -> None:
-        """Let the ramp generator go on until now [s]."""
+        """Advance the ramp generator to a time [s]."""
         if math.isnan(self._now):
             self._now = now
             self.counter = self.target = round((self.place - self.shift) * self.microsteps)
@@ -63,7 +63,7 @@ class VirtualStepper(VirtualServo):
         wanted = self.turning
         if wanted is None:
             rest = self.target - self.counter
-            # What can be braked to nothing in whole steps of time until it is there.
+            # The speed from which it can brake to zero at the target in whole time steps.
             braked = math.sqrt(2.0 * self.set[tm.MAX_ACCELERATION] * abs(rest) + 0.25 * most * most) - 0.5 * most
             wanted = math.copysign(min(self.set[tm.MAX_SPEED], braked, abs(rest) / STEP), rest)
         self.rate += max(-most, min(most, wanted - self.rate))
@@ -72,22 +72,22 @@ class VirtualStepper(VirtualServo):
             self.counter, self.rate = self.target, 0.0
 
     def halt(self) -> None:
-        """Stop where it is."""
+        """Stop at once."""
         self.mode, self.rate, self.turning, self.searching = 0, 0.0, None, False
         self.target = self.counter
 
     def goal(self) -> float:
-        """Return where the motor stands [rev], counted as its axis counts."""
+        """Return the motor's position [rev], counted as ``place`` is."""
         return self.counter / self.microsteps + self.shift
 
     def restart(self) -> None:
-        """Start anew, as after a loss of the supply: it counts from where it is, with its own limits."""
+        """Restart, as after a loss of the supply: it counts from where it is, with the factory limits."""
         self.halt()
         self.shift, self.counter, self.target = self.goal(), 0.0, 0.0
         self.set = dict(_FACTORY)
 
     def get(self, parameter: int) -> int | None:
-        """Return a parameter of the axis; None: there is none."""
+        """Return a parameter of the axis; None if there is no such parameter."""
         if parameter == tm.ACTUAL:
             return round(self.counter)
         if parameter == tm.TARGET:
@@ -97,7 +97,7 @@ class VirtualStepper(VirtualServo):
         return self.set.get(parameter)
 
     def put(self, parameter: int, value: int) -> int:
-        """Set a parameter of the axis; return the status."""
+        """Set a parameter of the axis; return the status code."""
         if parameter not in _SETTABLE:
             return 3
         if abs(value) > _SETTABLE[parameter]:
@@ -112,15 +112,15 @@ class VirtualStepper(VirtualServo):
         return tm.OK
 
     def turn(self, speed: float) -> None:
-        """Turn on and on [microsteps/s]."""
+        """Turn without end at a speed [microsteps/s]."""
         self.mode, self.turning = POSITION, speed
 
     def move(self, place: float) -> None:
-        """Go to a place [microsteps]."""
+        """Go to a position [microsteps]."""
         self.mode, self.turning, self.searching, self.target = POSITION, None, False, place
 
     def search(self, kind: int) -> int | None:
-        """Look for the end switch, stop that, or tell whether it goes on; None: that cannot be asked for."""
+        """Start or stop the search for the end switch, or tell whether it is running; None: an unknown request."""
         if kind == tm.SEARCH_START:
             right = bool(self.set.get(tm.SEARCH_MODE, 0) & tm.RIGHT_INSTEAD)
             speed = self.set.get(tm.SEARCH_SPEED, 0)
@@ -137,8 +137,8 @@ class VirtualStepper(VirtualServo):
 class VirtualTmcl:
     """The module: bytes in, bytes out.
 
-    ``heartbeat``: whether it knows one, ``deaf``: it does not obey it; ``tripped``: it has stopped the motors.
-    ``spoil`` changes the bytes of an answer on their way.
+    ``heartbeat``: whether it has one; ``deaf``: it ignores its heartbeat; ``tripped``: the heartbeat has stopped the
+    motors.  ``spoil`` may change the bytes of an answer on their way.
     """
 
     motors: dict[int, VirtualStepper]
@@ -154,7 +154,7 @@ class VirtualTmcl:
     _when: float = 0.0
 
     def take(self, data: bytes, now: Callable[[], float]) -> bytes:
-        """Take bytes from the host and return the module's."""
+        """Take bytes from the host and return the module's answer."""
         moment = now()
         for motor in self.motors.values():
             motor.watch(moment)
@@ -171,7 +171,7 @@ class VirtualTmcl:
         return out
 
     def _beat(self, now: float) -> None:
-        """Stop all motors if the host was silent for too long."""
+        """Stop all motors if the host has been silent for too long."""
         patience = 1e-3 * self.globals.get(tm.HEARTBEAT, 0)
         moving = any(motor.mode == POSITION for motor in self.motors.values())
         if patience and moving and not self.deaf and now - self._fed > patience:
@@ -180,7 +180,7 @@ class VirtualTmcl:
                 motor.halt()
 
     def restart(self) -> None:
-        """Start anew, as after a loss of the supply."""
+        """Restart, as after a loss of the supply."""
         self.globals = {}
         for motor in self.motors.values():
             motor.restart()

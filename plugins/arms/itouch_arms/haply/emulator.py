@@ -1,4 +1,4 @@
-"""The arm's wire: a virtual Inverse Service where the parameters say, whose cursor goes where the arm's twin is."""
+"""The arm's emulator: a virtual Inverse Service at the parameters' address; its cursor follows the arm's twin."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from itouch_arms.haply.virtual import CENTRE, VirtualService
 
 
 class HaplyEmulator(Emulator):
-    """A calibrated arm; its operator holds the switch."""
+    """A calibrated arm whose operator holds the dead-man's switch."""
 
     def __init__(self, params: Any) -> None:
         super().__init__(params)
@@ -43,30 +43,30 @@ class HaplyEmulator(Emulator):
 
     @classmethod
     def reachable(cls, params: Any) -> Vector:
-        """Return a place in front of the arm, at the fingertip."""
+        """Return a position [m] in front of the arm that the fingertip can reach."""
         x, y, z = (a + b for a, b in zip(CENTRE, params.grip, strict=True))
         return x, y, z
 
     def open(self) -> str:
-        """Listen where the parameters say."""
+        """Listen at the address in the parameters, or at the service's usual one; return what listens where."""
         host, port = address_of(self.params.service or SERVICE)
         self._server = Server(self.service, (host, port))
         return f"Inverse Service on {host}:{port}"
 
     def close(self) -> None:
-        """Hang up."""
+        """Close all connections."""
         server, self._server = self._server, None
         if server is not None:
             server.close()
 
     def handles(self) -> list[int]:
-        """Return what the server listens to."""
+        """Return the file descriptors on which the server waits for data."""
         return self._server.handles() if self._server is not None else []
 
     def serve(self, now: float, reading: Record, command: Record) -> bool:
-        """Take the cursor to where the twin is, answer the host, and give the twin the motors' force.
+        """Set the cursor to the twin's position, answer the host, and give the twin the motors' force.
 
-        A host that asks for a force drives the arm, be it zero.
+        Return whether the host has asked for a force, even a zero one: then it drives the arm.
         """
         x, y, z = (a - b for a, b in zip(reading["pose"].tolist()[:3], self.params.grip, strict=True))
         self.service.finger.position = (x, y, z)

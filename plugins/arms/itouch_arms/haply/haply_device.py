@@ -10,7 +10,7 @@ from itouch_arms.haply.emulator import HaplyEmulator
 from itouch_arms.haply.inverse3 import SERVICE, Inverse3
 from itouch_arms.haply.look import look
 
-#: Greatest force [N] that is asked of the arm: ours, below what such arms can give.
+#: Greatest force [N] that is asked of the arm: our own limit, below what such arms can give.
 FORCE = 5.0
 
 
@@ -42,21 +42,21 @@ class Haply(ImpedanceArm[Inverse3]):
 
     Params = HaplyParams
     commands = (wrench(force=FORCE),)
-    #: The service answers some thousand times a second; asking more often than twice a tick only costs time.
+    #: The service answers about a thousand times a second; asking more often than twice a tick only costs time.
     timing = Timing(blocking=True, period=5e-4)
-    #: The service takes a connection of another process, which can send zero force.
+    #: The service accepts a second connection, so another process can send zero force.
     opening = Opening(second_opener=True)
     emulation = Emulation(Emulator=HaplyEmulator)
     harmless = (NotCalibrated, Refused)
 
     @classmethod
     def discover(cls) -> tuple[Attached, ...]:
-        """Ask the service of this machine for its arms."""
+        """Ask the service on this machine for its arms."""
         return look()
 
     @classmethod
     def wires(cls, params: HaplyParams) -> tuple[str, ...]:
-        """Return the arm behind the service, which takes commands of several."""
+        """Name the arm behind its service: the service accepts commands from several clients."""
         return (f"arm {params.device} of the Inverse Service {params.service or SERVICE}",)
 
     def make(self, *, safe: bool = False) -> Inverse3:
@@ -68,7 +68,7 @@ class Haply(ImpedanceArm[Inverse3]):
         )  # fmt: skip
 
     def read(self, reading: Record) -> bool:
-        """Exchange a message; the pose is the fingertip's.
+        """Send one message and read the answer; the pose is the fingertip's; tell whether it held a position.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""An Inverse3 behind its service: open it, read where its cursor is, give forces.
+"""The driver of an Inverse3 behind its service: open it, read its cursor's position, send forces.
 
 >>> with Inverse3() as arm:                              # doctest: +SKIP
 ...     while True:
@@ -24,16 +24,16 @@ from itouch_arms.haply.line import Line
 
 SERVICE = "localhost:10001"
 PROFILE = "itouch-py"
-#: How long [s] the inventory, an answer, and the last answer may take.
+#: How long [s] to wait for the inventory, for an answer, and for the answer to the last message.
 _INVENTORY, _ANSWER, _LAST = 2.0, 0.1, 0.2
-#: How many messages that say nothing of arms are passed over for one answer, and the pause between two looks
-#: at an arm that is not calibrated yet [s].
+#: How many messages that do not mention arms are skipped for one answer, and the pause between two checks of
+#: an arm that is not calibrated yet [s].
 _PASSED, _LOOK = 8, 0.02
 _NO_FORCE: Vector = (0.0, 0.0, 0.0)
 
 
 class Inverse3:
-    """The driver of one arm; not to be used from two threads at once.
+    """The driver of one arm; it must not be used from two threads at once.
 
     Parameters
     ----------
@@ -42,13 +42,13 @@ class Inverse3:
     device
         The arm's number, or "any" for the only one.
     button
-        Button of a grip that is reported: "a", "b", "c", "button", or "none".
+        The grip's button to report: "a", "b", "c", "button", or "none".
     calibration_time
         How long [s] the operator has to calibrate the arm.
     patience
-        Factor on how long answers are waited for.
+        Factor on every waiting time for an answer.
     trace
-        Where to write what goes over the wire.
+        Where to log the messages that go over the wire.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Inverse3:
         self._line: Line | None = None
         self._force = _NO_FORCE
         self._last: Vector | None = None
-        #: The arm's number, when it is open.
+        #: The arm's number while it is open.
         self.device = ""
 
     def __enter__(self) -> Self:
@@ -82,7 +82,7 @@ class Inverse3:
         self.close()
 
     def open(self) -> None:
-        """Connect, choose the arm, take any force away, and wait until it is calibrated.
+        """Connect, choose the arm, set its force to zero, and wait until it is calibrated.
 
         Raises
         ------
@@ -103,7 +103,7 @@ class Inverse3:
             raise
 
     def _await_calibration(self, first: messages.Message, update: messages.Message) -> None:
-        """Look, without force, until the arm says that it is calibrated."""
+        """Poll the arm with zero force until it reports that it is calibrated."""
         end, told = self._clock() + self._calibration, False
         config = {"config": first.get("config")}
         while True:
@@ -120,12 +120,12 @@ class Inverse3:
             update = self._exchange(messages.force(self.device, _NO_FORCE))
 
     def read(self) -> messages.State | None:
-        """Exchange: send the last written force, return where the cursor is; None if the answer does not say.
+        """Send the last written force and return the cursor's state; None if the answer does not hold a position.
 
         Raises
         ------
         ArmError
-            If no answer comes, it is nonsense, or the arm is gone; the next force is zero then.
+            If no answer comes, it is invalid, or the arm is gone; the next force sent is then zero.
         """
         try:
             update = self._exchange(messages.force(self.device, self._force))
@@ -145,7 +145,7 @@ class Inverse3:
         Raises
         ------
         ValueError
-            If it is no force; nothing is changed then.
+            If it is not three finite numbers; the force stays as it was.
         """
         x, y, z = (float(part) for part in force)
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
@@ -153,7 +153,7 @@ class Inverse3:
         self._force = x, y, z
 
     def close(self) -> None:
-        """Send zero force, wait until it was heard, and hang up; an arm that is gone is no error here."""
+        """Send zero force, wait for the answer, and close the connection; an arm that is already gone is no error."""
         line, self._line = self._line, None
         self._force = _NO_FORCE
         if line is None:
@@ -177,13 +177,13 @@ class Inverse3:
             raise ArmError("the arm is not open")
         self._line.send(text)
         update = self._update(_ANSWER)
-        while (newer := self._line.waiting()) is not None:  # an answer too many: never fall behind
+        while (newer := self._line.waiting()) is not None:  # more than one answer is here: take the newest
             message = messages.read(newer)
             update = message if messages.is_update(message) else update
         return update
 
     def _update(self, wait: float) -> messages.Message:
-        """Return the next message that says something of arms."""
+        """Return the next message that mentions arms."""
         if self._line is None:
             raise ArmError("the arm is not open")
         end = self._clock() + wait * self._patience

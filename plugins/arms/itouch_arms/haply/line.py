@@ -1,4 +1,4 @@
-"""A WebSocket that carries text, without threads: every call ends within its time."""
+"""A WebSocket client for text messages, without threads: every call returns within its time limit."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _ADVICE = 'start the Inverse Service (Haply Hub starts it), or write its address
 
 
 def address_of(service: str) -> tuple[str, int]:
-    """Return host and port of ``HOST:PORT``.
+    """Return the host and port of ``HOST:PORT``.
 
     Raises
     ------
     NotFound
-        If it is none.
+        If the text is not of that form.
     """
     host, _, port = service.removeprefix("ws://").rstrip("/").rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65536:
@@ -40,12 +40,12 @@ class Line:
     wait
         How long [s] connecting may take.
     trace
-        Where to write what goes over the wire.
+        Where to log the messages that go over the wire.
 
     Raises
     ------
     ArmError
-        If nobody listens there, or it is no WebSocket.
+        If nothing listens there, or it is not a WebSocket.
     """
 
     def __init__(self, service: str, *, wait: float = 2.0, trace: Trace | None = None) -> None:
@@ -116,11 +116,11 @@ class Line:
         return self._messages.popleft()
 
     def waiting(self) -> str | None:
-        """Return a message that is here already, or None."""
+        """Return a message that has already arrived, or None."""
         return self._messages.popleft() if self._messages else None
 
     def close(self) -> None:
-        """Say goodbye and hang up; a connection that is gone is no error here."""
+        """Close with a closing frame; a connection that is already gone is no error."""
         with contextlib.suppress(Exception):
             self._protocol.send_close(1000)
             self._flush()
@@ -137,12 +137,12 @@ class Line:
             raise self._gone(error) from error
 
     def _take(self, left: float) -> None:
-        """Take what comes within a time [s].
+        """Receive data, waiting at most ``left`` seconds.
 
         Raises
         ------
         ArmError
-            If nothing does, or the other side hangs up.
+            If none arrives, or the other side closes the connection.
         """
         if left <= 0.0:
             raise self._late()
@@ -159,11 +159,11 @@ class Line:
             elif not self._ended:
                 self._ended = True
                 self._protocol.receive_eof()
-        except (AssertionError, EOFError) as error:  # what the library thinks that nobody sends
+        except (AssertionError, EOFError) as error:  # what the library assumes never to be sent
             raise self._gone(error) from error
         for event in self._protocol.events_received():
             self._event(event)
-        with contextlib.suppress(Disconnected):  # a pong, or the answer to a goodbye
+        with contextlib.suppress(Disconnected):  # a pong, or the answer to a closing frame
             self._flush()
         if not self._messages and (not data or self._protocol.close_expected()):
             raise self._gone(self._protocol.parser_exc)

@@ -1,4 +1,4 @@
-"""Looking for arms: what the Inverse Service of this machine has, and whether it can be used."""
+"""Discovery: the arms that the Inverse Service on this machine lists, and whether they can be used."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _WAIT = 1.0
 
 
 def look(service: str = SERVICE) -> tuple[Attached, ...]:
-    """Read the service's inventory; nothing is asked of the arms."""
+    """Return the arms in the service's inventory; nothing is commanded to them."""
     try:
         line = Line(service, wait=_WAIT)
     except ArmError as error:

@@ -1,6 +1,6 @@
 """The messages of the Inverse Service's simulation channel, as its documentation gives them (versions 3.1 to 3.5).
 
-The service sends an inventory when a client connects, then exactly one state update for each message that it gets.
+The service sends an inventory when a client connects, then exactly one state update for each message that it receives.
 Positions are metres, forces newtons, in the arm's own frame: x right, y away from the operator, z up.
 """
 
@@ -16,7 +16,7 @@ from itouch_arms.errors import ArmError, NotCalibrated, ProtocolError, Refused
 
 ARMS = "inverse3"
 GRIPS = ("wireless_verse_grip", "verse_grip", "custom_verse_grip")
-#: No cursor of such an arm is farther from its base [m].
+#: The cursor of such an arm is never farther than this from its base [m].
 FARTHEST = 1.0
 _AXES = "xyz"
 
@@ -24,14 +24,14 @@ Message = Mapping[str, Any]
 
 
 class State(NamedTuple):
-    """What a state update says of one arm: where its cursor is [m], and whether a grip's button is pressed."""
+    """The state of one arm in a state update: its cursor's position [m], and whether a grip's button is pressed."""
 
     position: Vector
     pressed: bool
 
 
 def read(text: str) -> Message:
-    """Return a message.
+    """Parse a message.
 
     Raises
     ------
@@ -48,23 +48,23 @@ def read(text: str) -> Message:
 
 
 def is_update(message: Message) -> bool:
-    """Tell whether it says something of arms; what else comes is passed over."""
+    """Tell whether a message mentions arms; all other messages are skipped."""
     return ARMS in message
 
 
 def arms(message: Message) -> list[Message]:
-    """Return the arms that a message names.
+    """Return the arms that a message lists.
 
     Raises
     ------
     ProtocolError
-        If they are no list of objects with a ``device_id``.
+        If they are not a list of objects with a ``device_id``.
     """
     return _listed(message, ARMS)
 
 
 def arm(message: Message, device: str) -> Message | None:
-    """Return what a message says of one arm; None if it does not name it."""
+    """Return the entry of one arm in a message; None if the message does not list it."""
     return next((one for one in arms(message) if one["device_id"] == device), None)
 
 
@@ -76,12 +76,12 @@ def _listed(message: Message, kind: str) -> list[Message]:
 
 
 def check(one: Message) -> None:
-    """Check that an arm can give forces where it says that it is.
+    """Check that an arm can give forces and that its positions can be relied on.
 
     Raises
     ------
     ArmError
-        If it has no power, is not calibrated, or was given other axes by another program.
+        If it has no power, reports an error, is not calibrated, or another program has changed its axes.
     """
     name = one["device_id"]
     status, config = _part(one, "status"), _part(one, "config")
@@ -99,14 +99,14 @@ def check(one: Message) -> None:
 
 
 def state_of(message: Message, one: Message, button: str, last: Vector | None) -> State | None:
-    """Return the state of an arm; None if nothing new is said of its position.
+    """Return the state of an arm; None if the update does not hold its position.
 
-    What is left out of a position is as it was in ``last``.
+    Coordinates that the position leaves out are taken from ``last``.
 
     Raises
     ------
     ProtocolError
-        If it is no position.
+        If the position is malformed or out of the arm's reach.
     """
     found = _part(one, "state").get("cursor_position")
     if found is None:
@@ -140,7 +140,7 @@ def _part(one: Message, name: str) -> Message:
 def _number(value: Any, axis: str) -> float:
     try:
         number = math.nan if isinstance(value, (bool, str)) else float(value)
-    except (TypeError, OverflowError):  # an integer of hundreds of digits is JSON, too
+    except (TypeError, OverflowError):  # an integer of hundreds of digits is valid JSON, too
         number = math.nan
     if not math.isfinite(number):
         raise ProtocolError(f"'{axis}' of the cursor is {json.dumps(value)[:40]}, no finite number")
@@ -148,7 +148,7 @@ def _number(value: Any, axis: str) -> float:
 
 
 def force(device: str, value: Sequence[float], *, profile: str = "") -> str:
-    """Return the message that asks an arm for a force on the operator [N]; with a profile, the session is named."""
+    """Return the message that commands a force on the operator [N]; a profile also names the session."""
     x, y, z = value
     asked = {"device_id": device, "commands": {"set_cursor_force": {"values": {"x": x, "y": y, "z": z}}}}
     session = {"session": {"configure": {"profile": {"name": profile}}}} if profile else {}
@@ -156,12 +156,12 @@ def force(device: str, value: Sequence[float], *, profile: str = "") -> str:
 
 
 def chosen(message: Message, wanted: str) -> Message:
-    """Return the arm to use: the one with that number, or the only one if any will do.
+    """Return the arm to use: the one with the wanted number, or the only one if ``wanted`` is "any".
 
     Raises
     ------
     ArmError
-        If there is none, or several and none is named.
+        If there is no such arm, or there are several and none is named.
     """
     from itouch_arms.errors import NotFound
 

@@ -1,4 +1,4 @@
-"""A WebSocket server that never waits, for the virtual service; one service serves all its connections."""
+"""A non-blocking WebSocket server for the virtual service; all its connections talk to the same service."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _BYTES = 65536
 
 
 class _Guest:
-    """One connection, and answers that it does not have yet, with when they are due [s]."""
+    """One connection, with the answers still to be sent and the times at which they are due [s]."""
 
     def __init__(self, line: socket.socket) -> None:
         from websockets.server import ServerProtocol
@@ -24,12 +24,12 @@ class _Guest:
 
 
 class Server:
-    """Listens on an address.
+    """Listens on an address and passes messages to a virtual service.
 
     Raises
     ------
     DeviceError
-        If it cannot, or the package is missing.
+        If it cannot listen there, or the package ``websockets`` is missing.
     """
 
     def __init__(self, service: VirtualService, address: tuple[str, int]) -> None:
@@ -48,16 +48,16 @@ class Server:
 
     @property
     def port(self) -> int:
-        """The port that it listens on."""
+        """The port on which it listens."""
         port: int = self._listener.getsockname()[1]
         return port
 
     def handles(self) -> list[int]:
-        """Return the file descriptors on which something may come."""
+        """Return the file descriptors on which data may arrive."""
         return [self._listener.fileno(), *(guest.line.fileno() for guest in self._guests)]
 
     def step(self, now: float) -> None:
-        """Take new connections, and answer what has come by a time [s]."""
+        """Accept new connections, and answer the messages that have arrived by a time [s]."""
         with contextlib.suppress(BlockingIOError):
             line, _ = self._listener.accept()
             line.setblocking(False)
@@ -66,7 +66,7 @@ class Server:
         for guest in list(self._guests):
             try:
                 alive = self._attend(guest, now)
-            except Exception:  # it is gone, leaves, or sends what the library asserts that nobody sends
+            except Exception:  # it is gone, closes, or sends what the library asserts never to be sent
                 alive = False
             if not alive:
                 self._guests.remove(guest)
@@ -118,7 +118,7 @@ class Server:
         return True
 
     def serve(self, stop: Callable[[], bool], clock: Callable[[], float], *, look: float = 2e-4) -> None:
-        """Serve until ``stop`` says so."""
+        """Serve until ``stop`` returns true."""
         import select
 
         while not stop():
@@ -126,7 +126,7 @@ class Server:
             self.step(clock())
 
     def close(self) -> None:
-        """Hang up, without a goodbye."""
+        """Close all connections without a closing handshake."""
         for guest in self._guests:
             guest.line.close()
         self._guests.clear()

@@ -1,4 +1,4 @@
-"""A virtual Inverse Service with one arm: messages in, messages out, with a finger in a hand behind it."""
+"""A virtual Inverse Service with one arm: messages in, messages out, and a simulated finger that the arm pushes."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import Any
 
 from itouch.plugin.impedance import Vector
 
-#: Where a cursor is in front of the arm [m], as the service's documentation shows one.
+#: A cursor's position in front of the arm [m], as in an example of the service's documentation.
 CENTRE: Vector = (0.0, -0.12, 0.15)
-#: Longest step of the integration [s], and longest time that is caught up on at once.
+#: Longest integration step [s], and longest time [s] that one call catches up on.
 _STEP, _CATCH_UP = 1e-3, 0.25
 _SHORT = (",", ":")
 
 
 @dataclass(slots=True)
 class Finger:
-    """A finger on the arm: a mass in a hand's spring and damper, pushed by the motors.
+    """A finger on the arm: a mass that the hand holds through a spring and damper, and that the motors push.
 
-    ``hand`` is where the hand wants it [m]; ``led``: somebody else moves it.
+    ``hand`` is the position to which the hand pulls it [m]; if ``led``, the caller sets its position instead.
     """
 
     hand: Vector = CENTRE
@@ -33,7 +33,7 @@ class Finger:
     _now: float | None = None
 
     def advance(self, now: float, force: Vector) -> None:
-        """Move on to a time [s] under a force [N]."""
+        """Advance to a time [s] under a force [N]."""
         self._now = now if self._now is None else max(self._now, now - _CATCH_UP)
         while not self.led and now - self._now > 1e-9:
             step = min(_STEP, now - self._now)
@@ -49,24 +49,24 @@ class Finger:
 
 @dataclass(slots=True)
 class Faults:
-    """What shall go wrong with the virtual service; the counts go down as it does.
+    """The faults to inject into the virtual service; each count goes down by one when its fault occurs.
 
     Attributes
     ----------
     mute, late
-        Answers that never come; delay of the next answer [s].
+        Number of answers that never come; delay of the next answer [s].
     garbage, odd, nan, far
-        Answers that are no JSON, have a position of another type, of numbers that are none, or out of reach.
+        Number of answers that are not JSON, or whose position is of another type, not a number, or out of reach.
     extra
-        Messages that nobody asked for, before the next answers.
+        Number of answers that an unsolicited message precedes.
     bare, halved
-        Answers that say nothing of the position, or leave part of it out.
+        Number of answers that leave out the position, or part of it.
     hang_up
-        Whether the next message is answered by closing the connection in the midst of the answer.
+        Whether the connection is closed in the middle of the next answer.
     unplugged
         Whether the arm is missing from the list.
     unpowered, uncalibrated
-        What the arm's status says.
+        Whether the arm's status says that it has no power, or is not calibrated.
     """
 
     mute: int = 0
@@ -84,7 +84,7 @@ class Faults:
     uncalibrated: bool = False
 
     def take(self, name: str) -> bool:
-        """Tell whether this goes wrong now, and count it."""
+        """Tell whether this fault occurs now, and count it down."""
         left: int = getattr(self, name)
         if left:
             setattr(self, name, left - 1)
@@ -93,10 +93,10 @@ class Faults:
 
 @dataclass(slots=True)
 class VirtualService:
-    """Answers one message with one state update, and knows the force that was asked for last.
+    """Answers each message with one state update, and holds the force that was commanded last.
 
-    The force stands until another one is asked for: what a real service does when its client is gone is not
-    documented, so this is the worst that it could do.
+    The force is held until another one is commanded: what a real service does when its client is gone is not
+    documented, and this is the worst that it could do.
     """
 
     device: str = "049D"
@@ -106,7 +106,7 @@ class VirtualService:
     buttons: dict[str, bool] = field(default_factory=lambda: {"a": False, "b": False, "c": False})
     sessions: bool = True
     force: Vector = (0.0, 0.0, 0.0)
-    #: All forces that were asked for.
+    #: All forces that were commanded.
     asked: list[Vector] = field(default_factory=list)
 
     def inventory(self) -> str:
@@ -114,7 +114,7 @@ class VirtualService:
         return self._dump(self._arms(full=True))
 
     def answer(self, text: str, now: float) -> list[str]:
-        """Take a message at a time [s]; return what is sent back: nothing if it is mute."""
+        """Take a message at a time [s]; return the messages to send back, of which a mute fault drops the answer."""
         self._obey(text)
         self.finger.advance(now, self.force)
         sent = ['{"session":{"event":"focus_changed"}}'] if self.faults.take("extra") else []
@@ -133,7 +133,7 @@ class VirtualService:
                     self.force = (float(values["x"]), float(values["y"]), float(values["z"]))
                     self.asked.append(self.force)
         except (ValueError, KeyError, TypeError, AttributeError):
-            return  # a service that is told nonsense answers all the same
+            return  # a service answers even an invalid message
 
     def _dump(self, arms: list[dict[str, Any]]) -> str:
         grip = {"device_id": "61548", "state": {"orientation": _turn(), "buttons": dict(self.buttons)}}

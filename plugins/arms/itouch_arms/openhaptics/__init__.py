@@ -1,4 +1,4 @@
-"""Phantom and Touch arms through OpenHaptics: the device plugin and its driver, if the maker's library is there."""
+"""Phantom and Touch arms through OpenHaptics, their maker's library: the device plugin and its driver."""
 
 from itouch_arms.openhaptics.openhaptics_device import OpenHaptics, OpenHapticsParams
 from itouch_arms.openhaptics.phantom import Phantom

@@ -1,4 +1,4 @@
-"""The part of OpenHaptics' device interface (HDAPI) that is used: names, numbers and signatures as in its header."""
+"""The part of OpenHaptics' device interface (HDAPI) that we use: names, constants and signatures as in its header."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from itouch_arms.errors import NotFound
 
 INVALID_HANDLE = 0xFFFFFFFF
 SUCCESS = 0
-# What can be read and set.
+# Parameters to read and set.
 BUTTONS, POSITION, FORCE = 0x2000, 0x2050, 0x2700
 MODEL, SERIAL, CALIBRATION_STYLE = 0x2501, 0x2504, 0x2555
 MAX_FORCE = 0x2603
-# What can be enabled.
+# Capabilities to enable.
 FORCE_OUTPUT, FORCE_CLAMPING = 0x4000, 0x4001
-# Whether it is calibrated, and how it can be.
+# State of the calibration, and ways to calibrate.
 OK, NEEDS_UPDATE, NEEDS_HAND = 0x5000, 0x5001, 0x5002
 ENCODER_RESET, AUTOMATIC, INKWELL = 1, 2, 4
 # What a scheduled callback returns.
 DONE, CONTINUE = 0, 1
 PRIORITY = 0xFFFF
-#: Numbers of errors.
+#: Error codes.
 WARM_MOTORS, COMM_ERROR, COMM_CONFIG, DEVICE_FAULT, LICENSE = 0x0200, 0x0302, 0x0303, 0x0300, 0x0600
 ERRORS = {
     0x0100: "invalid enumeration", 0x0101: "invalid value", 0x0102: "invalid operation", 0x0103: "invalid input type",
@@ -37,7 +37,7 @@ ERRORS = {
 
 
 class ErrorInfo(ctypes.Structure):
-    """An error: its number, the device's own number, and the handle of the device."""
+    """An error: its code, the device's internal code, and the device's handle."""
 
     _fields_ = (("code", c_uint), ("internal", c_int), ("handle", c_uint))
 
@@ -68,12 +68,12 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
 
 
 def load(library: str) -> Any:
-    """Load the library; empty: under its usual name.
+    """Load the library from a file; empty: by its usual name.
 
     Raises
     ------
     NotFound
-        If it is not there, or not this library.
+        If it cannot be loaded, or is not OpenHaptics.
     """
     name = library or ("HD.dll" if sys.platform == "win32" else "libHD.so")
     try:
@@ -87,7 +87,7 @@ def load(library: str) -> Any:
 
 
 def declared(loaded: Any, name: str) -> Any:
-    """Tell ctypes the signatures of what is used.
+    """Declare to ctypes the signatures of the functions that are used.
 
     Raises
     ------

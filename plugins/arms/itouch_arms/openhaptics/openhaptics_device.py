@@ -40,7 +40,7 @@ class OpenHaptics(ImpedanceArm[Phantom]):
     Params = OpenHapticsParams
     commands = (wrench(force=FORCE),)
     timing = Timing(blocking=True)
-    #: The library of a process that died is gone with it: another process can open the arm, without force.
+    #: When a process dies, its copy of the library dies with it, and another process can open the arm without force.
     opening = Opening(second_opener=True)
     mechanics = Mechanics(max_stiffness=STIFFNESS, damping=0.0)
     harmless = (NotCalibrated,)
@@ -58,11 +58,11 @@ class OpenHaptics(ImpedanceArm[Phantom]):
 
     @classmethod
     def wires(cls, params: OpenHapticsParams) -> tuple[str, ...]:
-        """Return the arm of that name."""
+        """Name the arm as OpenHaptics knows it."""
         return (f"OpenHaptics arm {params.name}".rstrip(),)
 
     def make(self, *, safe: bool = False) -> Phantom:
-        """Return the driver of the arm that the library knows."""
+        """Return the driver of the arm, not opened yet."""
         p = self.params
         return Phantom(
             p.name, p.library, calibration_time=0.0 if safe else p.calibration_time, patience=self.patience,
@@ -70,12 +70,12 @@ class OpenHaptics(ImpedanceArm[Phantom]):
         )  # fmt: skip
 
     def read(self, reading: Record) -> bool:
-        """Take the newest frame; the pose is the fingertip's.
+        """Read the newest frame; the pose is the fingertip's.
 
         Raises
         ------
         DeviceError
-            If frames stop, or the library tells an error.
+            If frames stop, or the library reports an error.
         """
         found = self.opened().read()
         self.put(reading, found.position, bool(found.buttons & _BUTTONS[self.params.deadman]))

@@ -1,7 +1,7 @@
-"""A Phantom or Touch behind OpenHaptics: open it, read where its end is, give forces.
+"""The driver of a Phantom or Touch behind OpenHaptics: open it, read the position of its end, send forces.
 
-The library's own scheduler calls back about a thousand times a second; each call reads the arm and sends the newest
-force, and none if the newest is older than `STALE`.  Frame: x right, y away from the operator, z up (the library's is
+The library's scheduler calls back about a thousand times a second; each call reads the arm and sends the newest
+force, or zero if the newest is older than `STALE`.  Frame: x right, y away from the operator, z up (the library's is
 x right, y up, z towards the operator, in millimetres).
 """
 
@@ -20,9 +20,9 @@ from itouch.plugin.impedance import Vector
 from itouch_arms.errors import ArmError, Disconnected, NotCalibrated, NotFound, ProtocolError, Refused, Timeout
 from itouch_arms.openhaptics import api
 
-#: Age [s] of a force that is not sent any more: whoever gave it hangs.
+#: Age [s] above which a force is no longer sent: the program that wrote it hangs.
 STALE = 0.05
-#: How long [s] a new frame may take, the last one, and the pause between two looks at it.
+#: How long [s] a new frame may take, and the last ones; and the pause between two checks for one.
 _FRAME, _LAST, _LOOK = 0.1, 0.1, 1e-4
 _NO_FORCE: Vector = (0.0, 0.0, 0.0)
 _STYLES = {
@@ -33,7 +33,7 @@ _STYLES = {
 
 
 class Sample(NamedTuple):
-    """What a frame said: its number, the end's position [m], and the buttons, bit by bit."""
+    """One frame's data: its number, the position of the arm's end [m], and the buttons as a bit mask."""
 
     number: int
     position: Vector
@@ -41,7 +41,7 @@ class Sample(NamedTuple):
 
 
 class Phantom:
-    """The driver of one arm; the library knows one scheduler, so one arm a process.
+    """The driver of one arm; the library has one scheduler, so a process can drive one arm.
 
     Parameters
     ----------
@@ -52,9 +52,9 @@ class Phantom:
     calibration_time
         How long [s] the operator has to calibrate the arm.
     patience
-        Factor on how long frames are waited for.
+        Factor on every waiting time for a frame, and on `STALE`.
     trace
-        Where to write what is asked and answered.
+        Where to log the positions read and the forces written.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Phantom:
         self._scheduled: int | None = None
         self._callback = api.Callback(self._frame)
         self._position, self._asked, self._buttons = api.Vector(), api.Vector(), c_int()
-        #: The arm's model, and the greatest force [N] that it can give; known when it is open.
+        #: The arm's model, and the greatest force [N] that it can give; known once it is open.
         self.model, self.max_force = "", math.inf
         self._forget()
 
@@ -93,12 +93,12 @@ class Phantom:
         self.close()
 
     def open(self) -> None:
-        """Load the library, open the arm, wait until it is calibrated, and only then let it give forces.
+        """Load the library, open the arm, wait until it is calibrated, and only then enable forces.
 
         Raises
         ------
         ArmError
-            If library or arm are missing or refuse, or it is not calibrated in time.
+            If the library or the arm is missing or refuses, or the arm is not calibrated in time.
         """
         self._forget()
         self._hd = hd = api.load(self._library)
@@ -113,7 +113,7 @@ class Phantom:
 
     def _begin(self, hd: Any) -> None:
         """Open the arm and start the scheduler, without force."""
-        hd.hdGetError()  # what an earlier user of the library has left
+        hd.hdGetError()  # clear an error that an earlier user of the library has left
         self._handle = hd.hdInitDevice(self._name.encode() or None)
         error = hd.hdGetError()
         if error.code != api.SUCCESS or self._handle == api.INVALID_HANDLE:
@@ -148,7 +148,7 @@ class Phantom:
             self._next()
 
     def _frame(self, _: int | None) -> int:
-        """Exchange with the arm; called by the library's scheduler, in its thread."""
+        """Read the arm and send its force; called by the library's scheduler, in its thread."""
         hd, handle = self._hd, self._handle
         if self._failure is not None or self._scheduled is None:
             return api.CONTINUE if self._failure is None else api.DONE
@@ -161,14 +161,14 @@ class Phantom:
             self._push(hd, self._force if self._clock() - self._when <= STALE * self._patience else _NO_FORCE)
             hd.hdEndFrame(handle)
             self._failure = _named(hd.hdGetError().code, "exchanging")
-            if self._failure is not None:  # one frame more, to take the force away if it can be
+            if self._failure is not None:  # one more frame, to set the force to zero if that is still possible
                 hd.hdBeginFrame(handle)
                 self._push(hd, _NO_FORCE)
                 hd.hdEndFrame(handle)
             right, up, towards = self._position[:]
             position = (1e-3 * right, -1e-3 * towards, 1e-3 * up)
             self._sample = Sample(self._sample.number + 1, position, self._buttons.value)
-        except Exception as error:  # nothing may be raised into the library
+        except Exception as error:  # no exception may propagate into the library
             self._failure = ProtocolError(f"OpenHaptics cannot be called: {error}")
         return api.CONTINUE if self._failure is None else api.DONE
 
@@ -183,12 +183,12 @@ class Phantom:
             hd.hdUpdateCalibration(self._style)
 
     def _next(self) -> Sample:
-        """Wait for a frame that was not read yet.
+        """Wait for a frame that has not been read yet, and return it.
 
         Raises
         ------
         ArmError
-            If the library has told an error, or none comes.
+            If the library has reported an error, or no frame comes.
         """
         end = self._clock() + _FRAME * self._patience
         while self._sample.number == self._read:
@@ -204,12 +204,12 @@ class Phantom:
         return sample
 
     def read(self) -> Sample:
-        """Return the newest frame; waits for one that was not read yet.
+        """Return the newest frame, waiting for one that has not been read yet.
 
         Raises
         ------
         ArmError
-            If the arm is gone, has a fault, or says what cannot be.
+            If the arm is gone, has a fault, or reports an impossible position.
         """
         if self._hd is None:
             raise ArmError("the arm is not open")
@@ -223,12 +223,12 @@ class Phantom:
         return sample
 
     def write(self, force: Sequence[float]) -> None:
-        """Set the force on the operator [N] that the next frames send, for `STALE` seconds.
+        """Set the force on the operator [N] that the following frames send for `STALE`; limited to ``max_force``.
 
         Raises
         ------
         ValueError
-            If it is no force; nothing is changed then.
+            If it is not three finite numbers; the force stays as it was.
         """
         x, y, z = (float(part) for part in force)
         size = math.sqrt(x * x + y * y + z * z)
@@ -240,7 +240,7 @@ class Phantom:
         self._force, self._when = (part * x, part * y, part * z), self._clock()
 
     def close(self) -> None:
-        """Send zero force, stop the scheduler and let the arm go; one that is gone is no error here."""
+        """Send zero force, stop the scheduler and release the arm; an arm that is already gone is no error."""
         hd, self._hd = self._hd, None
         self._force = _NO_FORCE
         if hd is None:
@@ -258,7 +258,7 @@ class Phantom:
             self._handle = api.INVALID_HANDLE
 
     def _last_frames(self) -> None:
-        """Wait until two frames have been sent without force, if frames are sent."""
+        """Wait until two frames have sent zero force, unless frames have stopped."""
         count, end = self._sample.number, self._clock() + _LAST * self._patience
         while self._sample.number < count + 2 and self._failure is None and self._clock() < end:
             time.sleep(_LOOK)
@@ -281,7 +281,7 @@ def _missing(name: str, code: int) -> ArmError:
 
 
 def _named(code: int, what: str) -> ArmError | None:
-    """Return the error that a number stands for; None for none."""
+    """Return the exception for an error code; None if the code means success."""
     if code == api.SUCCESS:
         return None
     text = api.ERRORS.get(code, f"error 0x{code:04x}")

@@ -1,1 +1,1 @@
-"""The reference display's chip in a simulator: its program, compiled here, with a twin's plate at its pins."""
+"""The reference display's chip in simulation: its firmware, compiled locally, with the twin's plate at its pins."""

@@ -1,4 +1,4 @@
-"""A whole reference display in simulation: the chip with its program, and a plate with module, sink and finger."""
+"""A whole reference display in simulation: the chip with its firmware, and a plate with module, sink and finger."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.display.plant import PUMP, SINK
 
 STEP, SOAK_STEP = 1e-3, 10e-3
-#: The display that is described in the documentation, as its twin: a 40 mm module, thermistors that lag, a 12 V supply.
+#: The display described in the documentation, as its twin: a 40 mm module, slow thermistors, a 12 V supply.
 REFERENCE = DisplayParams(
     max_current=3.0, seebeck=0.052, resistance=1.95, conductance=0.54, plate_lag=0.2, sink_lag=2.0, delay=0.0
 )
 
 
 def plain(params: DisplayParams) -> DisplayParams:
-    """Return the plant behind the chip: the chip, not the twin, has delay, limits, noise and steps of its own."""
+    """Return the plant behind the chip: delay, limits, noise and resolution are the chip's, not the twin's."""
     return replace(
         params, delay=0.0, slew=0.0, max_current=50.0, current_bits=32, flux_noise=0.0, flux_resolution=0.0,
         plate_noise=0.0, plate_resolution=0.0, sink_noise=0.0, sink_resolution=0.0,
@@ -34,22 +34,22 @@ def plain(params: DisplayParams) -> DisplayParams:
 
 
 class SimulatedDisplay:
-    """A chip and a plate, a millisecond at a time.
+    """A chip and a plate, advanced in steps of a millisecond.
 
     Parameters
     ----------
     params
         The true plant.
     begin
-        Temperatures [K] of plate and sink at the start.
+        Initial temperatures [K] of plate and sink.
     room
         Temperature [K] of the air.
     guard_lag
         Time constant [s] of the plate's second thermistor.
     seed
-        Of the noise at the converter.
+        Seed of the noise at the converter.
     program
-        What is in the chip; the reference program if not given.
+        The program in the chip; by default the reference firmware.
     """
 
     def __init__(
@@ -76,11 +76,11 @@ class SimulatedDisplay:
         self._twin.warm(self._state, *begin)
         self._guard, self._guard_lag = begin[0], guard_lag
         self.chip = Chip(program or built(), seed=seed)
-        #: Volts that stand at an input whatever the display does: an open or shorted wire, a sensor that is stuck.
+        #: Voltages forced on inputs, by name: an open or shorted wire, a stuck sensor.
         self.forced: dict[str, float] = {}
-        #: What a thermistor shows more than there is [K], by input.
+        #: Offset of each thermistor [K], by input.
         self.offsets: dict[str, float] = {}
-        #: Supply of the bridge [V], and what the module with leads has beside its twin's resistance [ohm].
+        #: Supply of the bridge [V], and resistance [ohm] of module and leads in addition to the twin's.
         self.supply, self.leads, self.sense = self.numbers["SUPPLY_V"], 0.0, self.numbers["SENSE_V_PER_A"]
         self.milliseconds = 0
         self.last = Run(0.0, 0.0, 0.0, 0.0, 0, b"")
@@ -104,15 +104,15 @@ class SimulatedDisplay:
 
     @property
     def pumped(self) -> float:
-        """Heat that the module takes from the plate at its present current [W/m2], less what its legs let back."""
+        """Flux that the module pumps out of the plate at its present current [W/m2], net of its legs' conduction."""
         return float(self._state["memory"][PUMP])
 
     def close(self) -> None:
-        """Throw the chip away."""
+        """Discard the chip."""
         self.chip.close()
 
     def step(self, heard: bytes = b"") -> bytes:
-        """Run for a millisecond with the bytes that come in; return what the chip says."""
+        """Run for a millisecond with the bytes received; return the bytes that the chip sends."""
         self._twin.read(self._state, self._reading)
         shown = {
             "plate": self._reading["plate_temperature"].item(), "sink": self._reading["sink_temperature"].item(),
@@ -137,7 +137,7 @@ class SimulatedDisplay:
         return self.last.said
 
     def soak(self, seconds: float) -> tuple[float, float]:
-        """Let plate and sink come to rest without current; return the lowest and highest of the plate [K]."""
+        """Let plate and sink come to rest without current; return the plate's lowest and highest temperature [K]."""
         self._command["current"] = 0.0
         low = high = self.plate
         for _ in range(round(seconds / SOAK_STEP)):

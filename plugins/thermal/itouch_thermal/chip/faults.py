@@ -1,4 +1,4 @@
-"""Random faults of the reference display: what its chip does about each, and where the true plate goes."""
+"""Random faults of the reference display: how its chip reacts to each, and the temperatures of the true plate."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from itouch_thermal.chip.pins import KELVIN, thermistor
 from itouch_thermal.chip.program import Built
 from itouch_thermal.display.params import Mismatch
 
-#: Where the true plate may be at all times [degC].
+#: Allowed temperatures of the true plate at all times [degC].
 PLATE = (8.0, 45.0)
-#: How long [s] a fault lasts, one of the sink, and how long plate and sink are then left alone.
+#: Durations [s] of a fault, of a fault of the sink, and of the soak of plate and sink without current afterwards.
 FAULT_SECONDS, SINK_SECONDS, SOAK_SECONDS = 3.0, 10.0, 90.0
 _MEASURED = ("plate", "guard", "sink", "flux", "current")
 
@@ -25,7 +25,7 @@ Rng = np.random.Generator
 
 
 class Scene(NamedTuple):
-    """What a fault can be done to: the display, its host, and a source of chance."""
+    """What a fault acts on: the display, its host, and a random generator."""
 
     display: SimulatedDisplay
     host: SimulatedHost
@@ -36,7 +36,7 @@ Fault = Callable[[Scene], None]
 
 
 def _driven(scene: Scene, seconds: float = FAULT_SECONDS, sign: float | None = None) -> None:
-    """Go on with a host that asks for much, in one direction, without looking."""
+    """Continue with a host that commands a large current in one direction, whatever the readings."""
     sign = sign or float(scene.rng.choice((-1.0, 1.0)))
     scene.host.hold(sign * float(scene.rng.uniform(1.5, 3.0)), seconds)
 
@@ -50,7 +50,7 @@ def _stuck(name: str, volts: Callable[[Scene], float]) -> Fault:
 
 
 def _as_shown(name: str) -> Callable[[Scene], float]:
-    """Return the voltage that a thermistor has now: it does not change any more."""
+    """Return a function for the voltage that a thermistor has now: its reading is then stuck."""
 
     def volts(scene: Scene) -> float:
         kelvin = scene.display.sink if name == "sink" else scene.display.plate
@@ -71,7 +71,7 @@ def _drifting(name: str) -> Fault:
 
 
 def _loose(name: str) -> Fault:
-    """Return a contact that opens and closes."""
+    """Return a fault in which a contact opens and closes."""
 
     def fault(scene: Scene) -> None:
         sign = float(scene.rng.choice((-1.0, 1.0)))
@@ -154,7 +154,7 @@ def _supply(scene: Scene) -> None:
 
 
 def _module(scene: Scene) -> None:
-    """Open the module's wires, or short a part of it."""
+    """Open the module's wires, or short a part of the module."""
     scene.display.leads = float(scene.rng.choice((1e3, 10.0, 1.0, -0.9)))
     _driven(scene)
 
@@ -211,13 +211,13 @@ def _blind(scene: Scene) -> None:
     _driven(scene, 3.0 * FAULT_SECONDS, sign=-1.0)
 
 
-#: What is beyond the program, by name: two sensors that fail as one.
+#: Faults that the firmware cannot detect, by name: two sensors fail in the same way.
 BEYOND: dict[str, Fault] = {"plate and guard stuck": _blind}
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a fault led to: temperatures [degC] of the true plate at worst, with the soak; what the chip said of it."""
+    """The result of a fault: extreme temperatures [degC] of the true plate with the soak, and the chip's last state."""
 
     name: str
     seed: int
@@ -228,12 +228,12 @@ class Outcome:
 
     @property
     def safe(self) -> bool:
-        """Whether the plate stayed where it may be."""
+        """Whether the plate stayed within its allowed temperatures."""
         return PLATE[0] <= self.lowest and self.highest <= PLATE[1]
 
 
 def run_fault(name: str, seed: int, program: Built | None = None) -> Outcome:
-    """Run one fault at a plate, a sink and a module of chance, then the soak without current."""
+    """Run one fault with a random plate, sink and module, then the soak without current."""
     rng = np.random.default_rng((seed, *name.encode()))
     display = _display(rng, seed, name, program)
     host = SimulatedHost(display)
@@ -259,7 +259,7 @@ def run_fault(name: str, seed: int, program: Built | None = None) -> Outcome:
 
 
 def _display(rng: Rng, seed: int, name: str, program: Built | None) -> SimulatedDisplay:
-    """Return a display whose module, lags and temperatures are a little of chance, within what its program allows."""
+    """Return a display with random module, lags and temperatures, within what its firmware tolerates."""
     off = Mismatch(
         seebeck=float(rng.uniform(-0.1, 0.1)), resistance=float(rng.uniform(-0.1, 0.2)),
         conductance=float(rng.uniform(-0.1, 0.1)), sensor_lag=float(rng.uniform(-0.3, 0.3)),
@@ -277,6 +277,6 @@ def _display(rng: Rng, seed: int, name: str, program: Built | None) -> Simulated
 
 
 def campaign(count: int, first: int = 1) -> list[tuple[str, int]]:
-    """Return which faults to run: every kind in turn, with seeds of their own."""
+    """Return the faults to run, every kind in turn, each with its own seed."""
     names = list(FAULTS)
     return [(names[index % len(names)], first + index) for index in range(count)]

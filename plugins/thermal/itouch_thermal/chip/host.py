@@ -1,4 +1,4 @@
-"""A host of the simulated display without a clock: sends orders, waits in simulated time, counts what went wrong."""
+"""A host of the simulated display without a clock: sends commands, waits in simulated time, counts missing answers."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import NamedTuple
 from itouch_thermal.chip.display import SimulatedDisplay
 from itouch_thermal.drivers.lineport import seal, seal_2, unseal_2
 
-#: How long [ms] an answer may take.
+#: How long [ms] to wait for an answer.
 PATIENCE = 20
 
 
 class Answer(NamedTuple):
-    """A reading: temperatures [degC], flux [W/m2], current [A], and the state in a word."""
+    """A reading: temperatures [degC], flux [W/m2], current [A], and the state as a word."""
 
     plate: float
     sink: float
@@ -24,14 +24,14 @@ class Answer(NamedTuple):
 
 
 class SimulatedHost:
-    """Asks a display; time goes on only while it does.
+    """Talks to a display; simulated time advances only while it does.
 
     Parameters
     ----------
     display
-        That is asked.
+        The display.
     noise
-        What becomes of the bytes that go over to it.
+        Distorts the bytes sent to it; None: no noise.
     """
 
     def __init__(self, display: SimulatedDisplay, noise: Callable[[bytes], bytes] | None = None) -> None:
@@ -40,7 +40,7 @@ class SimulatedHost:
         self.silent = 0
 
     def ask(self, text: str, patience: int = PATIENCE) -> str | None:
-        """Send a line and wait; return the answer's text, or None if there was none that is whole."""
+        """Send a line and wait; return the answer's text, or None if no complete answer came."""
         self._waiting = b""
         heard = self._noise(seal(text) if text == "?" else seal_2(text))
         for _ in range(patience):
@@ -53,7 +53,7 @@ class SimulatedHost:
         return None
 
     def order(self, amps: float, period: int = 20) -> Answer | None:
-        """Send a current, and go on for ``period`` milliseconds in all; return the reading, if there was one."""
+        """Send a current and run for ``period`` milliseconds in all; return the reading, if there was one."""
         end = self.display.milliseconds + period
         self._number = (self._number + 1) % 256
         answer = self.ask(f"I {self._number} {amps:.5f}", period)
@@ -70,12 +70,12 @@ class SimulatedHost:
         return [answer for answer in found if answer is not None]
 
     def wait(self, milliseconds: int) -> None:
-        """Say nothing for a time."""
+        """Run for a time [ms] without sending."""
         for _ in range(milliseconds):
             self.display.step()
 
     def begin(self) -> str:
-        """Wait until the display has started, and greet it; return its greeting.
+        """Wait until the display has started, send the greeting, and return the answer.
 
         Raises
         ------

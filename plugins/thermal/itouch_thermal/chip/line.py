@@ -1,4 +1,4 @@
-"""The simulated chip behind a serial line of a virtual rig, whose twin gives the temperatures and takes the current."""
+"""The simulated chip behind a serial line of a virtual rig, whose twin gives temperatures and receives the current."""
 
 from __future__ import annotations
 
@@ -12,23 +12,24 @@ from itouch_thermal.chip.simulated import Chip
 if TYPE_CHECKING:
     from itouch_thermal.drivers.virtual import Plate
 
-#: How long [ms] the chip starts before anybody listens, runs ahead at most to answer, and waits for the end of a line.
+#: How long [ms] the chip starts before the host can talk to it, runs ahead at most to answer, and waits for a line's
+#: end.
 START, AHEAD, PIECE = 100, 30, 10
 
 
 class SimulatedLine:
-    """A chip that lives in a virtual rig's time.
+    """A chip that runs in a virtual rig's time.
 
-    A whole line of the host is answered at once: the chip runs ahead until it has answered, and what it did meanwhile
-    is taken over as the rig's time gets there.  So in step, where the rig's time stands while the host waits, the
-    result is the same on any machine.
+    A whole line from the host is answered at once: the chip runs ahead until it has answered, and its currents
+    meanwhile are applied as the rig's time catches up.  So in step, where the rig's time stands while the host waits,
+    the result is the same on any machine.
 
     Parameters
     ----------
     params
-        The display's parameters; those of module and mismatch are in the circuit.
+        The display's parameters; module and mismatch define the circuit.
     plate
-        What the display's sensors say, which its owner keeps new.
+        The values of the display's sensors, which the owner updates.
     """
 
     def __init__(self, params: Any, plate: Plate) -> None:
@@ -39,25 +40,25 @@ class SimulatedLine:
         self._current, self._heard, self._since = 0.0, b"", 0
 
     def open(self) -> None:
-        """Compile if need be, and switch the chip on.
+        """Compile if necessary, and switch the chip on.
 
         Raises
         ------
         DeviceError
-            If what compiling needs is missing.
+            If a tool for compiling is missing.
         """
         self._chip = Chip(built(), baud=float(self._params.line.baud))
         self._time, self._current, self._heard = None, 0.0, b""
         self._ahead.clear()
 
     def close(self) -> None:
-        """Throw the chip away."""
+        """Discard the chip."""
         if self._chip is not None:
             self._chip.close()
         self._chip = None
 
     def take(self, data: bytes, now: float) -> tuple[bytes, float]:
-        """Go on to a time [s] with bytes of the host; return the chip's bytes and the current that flows [A]."""
+        """Advance to a time [s] with bytes from the host; return the chip's bytes and the present current [A]."""
         time = round(now * 1e3)
         said = b""
         if self._time is None:
@@ -88,7 +89,7 @@ class SimulatedLine:
             said += self._run(b"")
         while (
             len(self._ahead) > AHEAD
-        ):  # the rig's time stands, as while a host opens: so long the chip lives by itself
+        ):  # the rig's time stands, as while a host opens: meanwhile the chip runs by itself
             self._current = self._ahead.popleft()
         return said
 

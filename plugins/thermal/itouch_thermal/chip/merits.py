@@ -1,4 +1,4 @@
-"""What the reference display is worth, by its own program in the simulated chip."""
+"""Figures of merit of the reference display, measured with its own firmware in the simulated chip."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from itouch_thermal.display.device import ThermalDisplay
 from itouch_thermal.display.display_twin import DisplayTwin
 from itouch_thermal.display.params import DisplayParams
 
-#: What is promised: step of the mean flux [W/m2], size of program and memory [bytes] of an ATmega328P.
+#: Promised limits: step of the mean flux [W/m2], and program and memory size [bytes] of an ATmega328P.
 STEP, FLASH, RAM = 15.0, 32256, 2048
-#: Period of the bridge [s], and what its filter and module are: H, F, its capacitors' series resistance [ohm].
+#: Period of the bridge [s]; its filter's coil [H], capacitors [F] and their series resistance [ohm].
 PERIOD, COIL, CAPACITOR, SERIES = 50e-6, 200e-6, 235e-6, 0.1
-#: Step [s] of the twin that is cut off.
+#: Time step [s] of the twin after a cut-off.
 _SOAK_STEP = 10e-3
 
 
 class Figure(NamedTuple):
-    """A figure with its unit and its bound; None: none is promised."""
+    """A figure with its unit and its limit; None: no limit is promised."""
 
     name: str
     value: float
@@ -37,21 +37,21 @@ class Figure(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether it is within its bound."""
+        """Whether it is within its limit."""
         return self.most is None or self.value <= self.most
 
 
 def flux_per_ampere(params: DisplayParams = REFERENCE) -> float:
-    """Return what a small current pumps [W/m2 A]."""
+    """Return the heat flux that a small current pumps, per ampere [W/m2 A]."""
     return params.seebeck * 296.15 / params.area
 
 
 def ripple(
     duty: float, params: DisplayParams = REFERENCE, *, slices: int = 2000, periods: int = 400
 ) -> tuple[float, float]:
-    """Return the module's ripple at a duty [A, peak to peak], and the heat of it at the plate [W/m2].
+    """Return the ripple of the module's current at a duty cycle [A, peak to peak], and its heat at the plate [W/m2].
 
-    The bridge gives its whole supply for a part of each period, behind the filter; half of the ripple's heat goes to
+    The bridge applies its full supply for a part of each period, before the filter; half of the ripple's heat goes to
     the plate.
     """
     supply, dt = config()["SUPPLY_V"], PERIOD / slices
@@ -71,10 +71,10 @@ def ripple(
 
 
 def staircase(host: SimulatedHost, *, begin: float = 0.2, step: float = 0.001, count: int = 12) -> list[float]:
-    """Return the mean currents [A] of a staircase of orders, 0.6 s each; the mean is over the last 0.4 s."""
+    """Return the mean currents [A] of a staircase of commands, 0.6 s each; the mean is over the last 0.4 s."""
     seen: list[float] = []
     display = host.display
-    tap = lambda shown: seen.append(shown.last.current)  # noqa: E731 - it is taken away again
+    tap = lambda shown: seen.append(shown.last.current)  # noqa: E731 - it is removed again
     means = []
     host.hold(begin, 0.6)
     display.taps.append(tap)
@@ -92,7 +92,7 @@ def steps(means: list[float]) -> float:
 
 
 def accuracy(host: SimulatedHost) -> float:
-    """Return the greatest error [A] of the mean current over some orders of both signs."""
+    """Return the greatest error [A] of the mean current over several commands of both signs."""
     seen: list[float] = []
     tap = lambda shown: seen.append(shown.last.current)  # noqa: E731
     host.display.taps.append(tap)
@@ -107,7 +107,7 @@ def accuracy(host: SimulatedHost) -> float:
 
 
 def rise_time(host: SimulatedHost) -> float:
-    """Return how long [s] a step of an ampere takes to within 5 %, from the order to the current, at the worst."""
+    """Return how long [s] a step of one ampere takes, from the command until the current stays within 5 %."""
     host.hold(0.0, 0.3)
     seen: list[float] = []
     tap = lambda shown: seen.append(shown.last.current)  # noqa: E731
@@ -118,7 +118,7 @@ def rise_time(host: SimulatedHost) -> float:
 
 
 def soak_limit(numbers: Mapping[str, float], params: DisplayParams = REFERENCE) -> Iterator[tuple[float, float]]:
-    """Yield for several sinks [K/W], a dead fan among them, the highest plate [degC] after a cut at both hot limits."""
+    """Yield sinks [K/W], one with a dead fan, and the plate's peak [degC] with each after a cut at both hot limits."""
     from itouch_thermal.chip.display import plain
 
     for resistance in (0.3, 0.5, 1.5, 20.0):
@@ -129,7 +129,7 @@ def soak_limit(numbers: Mapping[str, float], params: DisplayParams = REFERENCE) 
 def soak_peak(
     params: DisplayParams, plate: float, sink: float, *, room: float = 303.15, seconds: float = 120.0
 ) -> float:
-    """Return the highest temperature [K] of a plate after a cut at these temperatures [K] of plate and sink."""
+    """Return the plate's highest temperature [K] after a cut-off at these temperatures [K] of plate and sink."""
     twin = DisplayTwin(params)
     twin.set_environment(room, None)
     _, commands = ThermalDisplay.channels(params)
@@ -144,7 +144,7 @@ def soak_peak(
 
 
 def figures() -> Iterator[Figure]:
-    """Yield every figure; takes some seconds."""
+    """Yield every figure; this takes several seconds."""
     program = built()
     yield Figure("flash", program.flash, "bytes", FLASH)
     yield Figure("RAM without stack", program.ram, "bytes", RAM)
@@ -176,7 +176,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _rms(values: list[float]) -> float:
-    """Return the deviation from a straight line."""
+    """Return the rms deviation from a straight line."""
     n = len(values)
     mean = sum(values) / n
     slope = sum((i - (n - 1) / 2) * (v - mean) for i, v in enumerate(values)) / (n * (n * n - 1) / 12)

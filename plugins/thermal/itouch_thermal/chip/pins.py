@@ -1,4 +1,4 @@
-"""The display's electronics: what a plate's temperatures and flux are at the chip's pins."""
+"""The display's electronics: voltages at the chip's pins from a plate's temperatures and flux."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from itouch_thermal.chip.simulated import Circuit, circuit
 
-#: Inputs by what is at them, and the reference [V].
+#: Inputs by what is connected to them, and the reference [V].
 PLATE, SINK, FLUX, CURRENT, GUARD = range(5)
 INPUTS = {"plate": PLATE, "sink": SINK, "flux": FLUX, "current": CURRENT, "guard": GUARD}
 REFERENCE = 5.0
@@ -15,14 +15,14 @@ KELVIN = 273.15
 
 
 def thermistor(kelvin: float, numbers: Mapping[str, float]) -> float:
-    """Return the voltage [V] of a thermistor to ground with a resistor to the reference."""
+    """Return the voltage [V] of a thermistor to ground that a resistor connects to the reference."""
     ratio = math.exp(numbers["NTC_B_K"] * (1.0 / kelvin - 1.0 / 298.15))
     part = numbers["NTC_OHM_25"] * ratio
     return REFERENCE * part / (part + numbers["SERIES_OHM"])
 
 
 def amplified(flux: float, numbers: Mapping[str, float]) -> float:
-    """Return the voltage [V] of the film's amplifier at a flux [W/m2]; it ends at its supplies."""
+    """Return the voltage [V] of the film's amplifier at a flux [W/m2]; it saturates at its supplies."""
     return min(REFERENCE, max(0.0, 0.5 * REFERENCE + flux / numbers["FLUX_PER_V"]))
 
 
@@ -38,7 +38,7 @@ def at_pins(
 ) -> Circuit:
     """Return the circuit at these temperatures [K] and this flux [W/m2], with a module of ``seebeck`` [V/K].
 
-    ``values`` are other values of the circuit, such as ``supply`` [V] or ``resistance`` [ohm].
+    ``values`` are further values of the circuit, such as ``supply`` [V] or ``resistance`` [ohm].
     """
     volts = [0.0] * 5
     volts[PLATE], volts[SINK], volts[GUARD] = (thermistor(t, numbers) for t in (plate, sink, guard))

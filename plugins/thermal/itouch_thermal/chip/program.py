@@ -1,4 +1,4 @@
-"""The reference display's program and the simulated chip, compiled from the sources that come with this package."""
+"""The reference display's firmware and the simulated chip, compiled from the sources that come with this package."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pathlib import Path
 
 from itouch.plugin import DeviceError
 
-#: Programs that compiling needs, and the packages of Debian that bring them and the simulator.
+#: Programs needed to compile, and the Debian packages that contain them and the simulator.
 TOOLS = ("make", "cc", "avr-gcc", "avr-size")
 PACKAGES = "make gcc gcc-avr avr-libc arduino-core-avr libsimavr-dev libelf-dev"
 _HEADERS = ("/usr/include/simavr/sim_avr.h", "/usr/include/libelf.h")
@@ -25,7 +25,7 @@ _DEFINE = re.compile(r"^#define (\w+) (-?[\d.e+]+)[fUL]*(?: .*)?$", re.MULTILINE
 
 @dataclass(frozen=True, slots=True)
 class Built:
-    """What was compiled: the program, the simulated chip, and how much of the chip the program takes [bytes]."""
+    """The compiled files: the firmware, the simulated chip, and the flash and RAM that the firmware takes [bytes]."""
 
     program: Path
     chip: Path
@@ -34,21 +34,21 @@ class Built:
 
 
 def sources() -> Path:
-    """Return the folder of the sources, of the checkout or of the installed package."""
+    """Return the folder of the sources, in a checkout or in the installed package."""
     package = Path(__file__).parents[1]
     places = (package / "firmware", package.parent / "firmware")
     return next(place for place in places if (place / "Makefile").exists())
 
 
 def missing() -> list[str]:
-    """Return which of the tools and headers are not there."""
+    """Return the tools and headers that are missing."""
     tools = [tool for tool in TOOLS if shutil.which(tool) is None]
     return tools + [header for header in _HEADERS if not Path(header).exists()]
 
 
 @cache
 def config(changes: str = "") -> Mapping[str, float]:
-    """Return the numbers of ``config.h`` by name, with changes such as ``NTC_LAG_S=0.3,SINK_HOT_C=50``."""
+    """Return the constants of ``config.h`` by name, with changes such as ``NTC_LAG_S=0.3,SINK_HOT_C=50``."""
     text = (sources() / "itouch_display" / "config.h").read_text(encoding="utf-8")
     found = {name: float(value) for name, value in _DEFINE.findall(text)}
     for change in filter(None, changes.split(",")):
@@ -60,12 +60,12 @@ def config(changes: str = "") -> Mapping[str, float]:
 
 
 def built(*, arduino: bool = False) -> Built:
-    """Return the compiled program and chip; compiled once for these sources and kept in the user's cache.
+    """Return the compiled firmware and chip; compiled once for these sources and stored in the user's cache.
 
     Raises
     ------
     DeviceError
-        If a tool is missing or the sources do not compile; it says what to install.
+        If a tool is missing (the message says what to install) or the sources do not compile.
     """
     lacking = missing()
     if lacking:

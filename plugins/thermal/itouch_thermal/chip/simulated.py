@@ -1,4 +1,4 @@
-"""The simulated chip: volts at its inputs and bytes in, current and bytes out, fifty microseconds at a time."""
+"""The simulated chip: input voltages and bytes in, current and bytes out, in periods of 50 microseconds."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 from itouch.plugin import DeviceError
 from itouch_thermal.chip.program import Built
 
-#: Periods of the bridge in a millisecond; channels of the converter; ways to be reset.
+#: Periods of the bridge in a millisecond; channels of the converter; kinds of reset.
 SLOTS_PER_MS, CHANNELS, RESETS = 20, 8, ("brown-out", "reset", "power")
 
 
 class Circuit(ctypes.Structure):
-    """Bridge, filter and module at the pins: V, ohm, H, F, V/A; rms noise and ``volts`` of the inputs; thermal voltage.
+    """Bridge, filter and module at the pins: V, ohm, H, F, V/A; noise (rms) and ``volts`` of inputs; thermal voltage.
 
-    NaN in ``volts`` is the current's amplifier, which the simulated circuit feeds.
+    NaN in ``volts`` marks the current amplifier's input, which the simulated circuit drives.
     """
 
     _fields_ = (
@@ -32,7 +32,7 @@ class _Told(ctypes.Structure):
 
 
 class Run(NamedTuple):
-    """Means over a run: current [A], its square [A2], duty, how much the bridge was on; resets so far; bytes."""
+    """Means over a run: current [A], its square [A2], duty, share of time with the bridge on; resets so far; bytes."""
 
     current: float
     square: float
@@ -43,16 +43,16 @@ class Run(NamedTuple):
 
 
 class Chip:
-    """A chip with the program in it, at power-on.
+    """A chip with the program loaded, at power-on.
 
     Parameters
     ----------
     built
         Program and simulator.
     seed
-        Of the noise at the inputs.
+        Seed of the noise at the inputs.
     baud
-        Of the host.
+        The host's baud rate.
     """
 
     def __init__(self, built: Built, *, seed: int = 0, baud: float = 250000.0) -> None:
@@ -63,18 +63,18 @@ class Chip:
         self._told = _Told()
 
     def close(self) -> None:
-        """Throw it away."""
+        """Discard the chip."""
         chip, self._chip = self._chip, None
         if chip:
             self._library.chip_free(chip)
 
     def run(self, circuit: Circuit, heard: bytes = b"", *, slots: int = SLOTS_PER_MS) -> Run:
-        """Run for some periods of the bridge (50 us each) with the bytes that come in.
+        """Run for some periods of the bridge (50 us each) with the bytes received.
 
         Raises
         ------
         RuntimeError
-            If the chip has executed what is no instruction.
+            If the chip has executed an invalid instruction.
         """
         told = self._told
         count = self._library.chip_run(self._chip, slots, circuit, heard, len(heard), told)
@@ -88,20 +88,20 @@ class Chip:
         return Run(told.current, told.square, told.duty, told.enabled, int(told.resets), said)
 
     def reset(self, how: str) -> None:
-        """Reset it: "brown-out", "reset" or "power"; what its EEPROM holds stays."""
+        """Reset the chip: "brown-out", "reset" or "power"; its EEPROM keeps its contents."""
         self._library.chip_reset(self._chip, RESETS.index(how))
 
     def hang(self, *, interrupts: bool) -> None:
-        """Let its program go nowhere, with or without interrupts."""
+        """Let its program hang, with or without interrupts."""
         self._library.chip_hang(self._chip, int(interrupts))
 
     def stop_converter(self) -> None:
-        """Let its converter stand still."""
+        """Stop its analogue-to-digital converter."""
         self._library.chip_stop_converter(self._chip)
 
 
 def circuit(volts: Sequence[float] = (), **values: float) -> Circuit:
-    """Return a circuit; inputs that are not given are at half the reference, the fourth is the current's."""
+    """Return a circuit; inputs that are not given are at half the reference, and the fourth is the current's."""
     made = Circuit(12.0, 1.95, 200e-6, 235e-6, 0.75, 2.4e-3, 0.0)
     for name, value in values.items():
         setattr(made, name, value)

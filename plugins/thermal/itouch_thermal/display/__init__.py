@@ -1,4 +1,4 @@
-"""The thermal display: a Peltier plate under a flux sensor, its twin, and what a controller may know of it."""
+"""The thermal display: a Peltier plate under a flux sensor, its parameters, its twin, and its device plugin."""
 
 from itouch_thermal.display.params import Datasheet, DisplayParams, Mismatch
 

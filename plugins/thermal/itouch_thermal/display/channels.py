@@ -1,4 +1,4 @@
-"""The channels of the thermal display: what its sensors read, and what drives it."""
+"""The channels of the thermal display: its sensors' readings, and the commands that drive it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from itouch.plugin import (
 )
 from itouch_thermal.display.params import DisplayParams
 
-#: Readings of every display, the last one with the full scale of the usual sensor.
+#: Readings of every display; the last one has the full scale of the usual sensor.
 READS = (
     skin_temperature(),
     Channel(
@@ -24,7 +24,7 @@ READS = (
     sink_temperature(),
     heat_flux(full_scale=20e3),
 )
-#: Commands of a driver that holds a temperature: the temperature, and whether its output is on; off is safe.
+#: Commands of a driver that holds a temperature: the temperature, and whether its output is on (off is safe).
 TEMPERATURE_COMMAND = (
     temperature_target(),
     Channel("output", 1, "1", (0.0,), (1.0,), safe=(0.0,), role=Role.OUTPUT_SWITCH, doc="1 while the output is on"),
@@ -32,7 +32,7 @@ TEMPERATURE_COMMAND = (
 
 
 def channels(params: DisplayParams) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
-    """Return readings and commands with the sensor's full scale and the driver's limit of these parameters."""
+    """Return readings and commands, with the sensor's full scale and the driver's limit from the parameters."""
     reads = (*READS[:-1], heat_flux(full_scale=params.full_scale))
     if params.command == "current":
         return reads, (current(limit=params.max_current),)

@@ -1,7 +1,7 @@
-"""The column under the fingertip, tissue above and plate below, as modes ready to be stepped.
+"""The column under the fingertip, tissue above and plate below, as modes packed for stepping.
 
-Both halves are the solver's own layers.  A step takes the contact flux as linear in time, so that the heat that
-leaves the one half is the heat that enters the other to the last bit.
+Both halves are made of the solver's own layers.  A step takes the contact flux as linear in time, so that the heat that
+leaves one half is, to the last bit, the heat that enters the other.
 """
 
 from __future__ import annotations
@@ -22,15 +22,16 @@ from itouch_thermal.display.sideways import Sideways, fading, shares
 
 Array = NDArray[np.float64]
 
-#: Rates up to this many per step are kept: faster ones are over within the step.
+#: Modes with rates up to this many per step are kept: faster ones decay within the step.
 REACH = 4.0
-#: Rows of the packed tissue: decay, port, weight of the flux at the start and at the end of a step.
+#: Rows of the packed tissue: decay, port, weights of the flux at the start and at the end of a step.
 F_DECAY, F_PORT, F_BEGIN, F_END = range(4)
-#: Rows of the packed plate: the contact's flux at the start and at the end of a step, half the film's heat, the film's
-#: temperature, the plate's mean, air beside the contact, and what is under the finger more than in the plate's mean.
+#: Rows of the packed plate: decay, contact port, back port, weights of the contact flux at the start and at the end of
+#: a step, weight of the pumped heat, heat in the film's upper half, film temperature, plate's mean, weight of air
+#: beside the contact, and excess of the temperature under the finger over the plate's mean.
 P_DECAY, P_PORT, P_BACK, P_BEGIN, P_END, P_PUMP, P_HALF, P_SENSE, P_MEAN, P_SPILL, P_EXCESS, P_ROWS = range(12)
 
-#: Where the heat in half of the plate's first layer is looked at, from -1 to 1, and with what weights.
+#: Points, from -1 to 1, at which the heat in half of the plate's first layer is evaluated, and their weights.
 _NODES = np.polynomial.legendre.leggauss(6)
 
 
@@ -38,7 +39,7 @@ _NODES = np.polynomial.legendre.leggauss(6)
 class Column:
     """Packed halves for one step length: ``tissue`` (4, n) and ``plate`` (P_ROWS, m), and the tissue's resting surface.
 
-    ``rise`` (n,) is the steady tissue field with 1 K more at the skin; ``flat`` (m,) the even field of 1 K.
+    ``rise`` (n,) is the steady tissue field with 1 K more at the skin; ``flat`` (m,) the uniform plate field of 1 K.
     """
 
     period: float
@@ -51,7 +52,7 @@ class Column:
 
 
 def tissue_side(layers: Sequence[Layer], core: float, skin: float) -> Side:
-    """Return a fingertip at rest with a skin temperature [K], its back held at the core's [K]."""
+    """Return a fingertip at rest with a skin temperature [K], and its back held at the core's temperature [K]."""
     start = Initial(kind="steady", surface=skin)
     return Side(layers=tuple(layers), initial=start, back=Back(kind="temperature", temperature=core), arterial=core)
 
@@ -62,8 +63,8 @@ def column(
 ) -> Column:  # fmt: skip
     """Return the column for steps of ``period`` [s] with rates up to ``fastest`` [1/s].
 
-    Without ``sideways`` the finger covers the plate.  With it, the plate's last modes are those of `display.sideways`;
-    ports are those of the covered part, or of 1 if that changes: see `sideways.table`.
+    Without ``sideways`` the finger covers the plate.  With it, the plate's last modes are the fields of
+    `display.sideways`; the ports are those for its covered part, or of 1 if that may change: see `sideways.table`.
     """
     build = _column if building() else _cached_column
     return build(tissue, core, skin, plate, period, fastest, sideways)
@@ -97,9 +98,9 @@ _cached_column = lru_cache(maxsize=32)(_column)
 
 
 def ramp_weights(rates: Array, period: float) -> tuple[Array, Array]:
-    """Return what a flux that is linear over a step leaves in modes, per unit at its start and at its end [s].
+    """Return the weights [s] with which a flux linear over a step acts on modes, for its start and for its end.
 
-    ``rates`` (modes,) [1/s], ``period`` [s]; both results (modes,).
+    ``rates`` has shape (modes,) [1/s], ``period`` is in [s]; both results have shape (modes,).
     """
     x = np.maximum(rates * period, 1e-12)
     small = x < 1e-3
@@ -130,7 +131,7 @@ def _plate_rows(modes: Modes, layers: Sequence[Layer], period: float) -> Array:
 
 
 def _spread_rows(rows: Array, layers: Sequence[Layer], period: float, sideways: Sideways) -> Array:
-    """Return the rows of a plate with those of the fields behind them, by which heat spreads along it."""
+    """Return a plate's rows with those of the fields, by which heat spreads along the plate, appended."""
     depths, rates = rows.shape[1], fading(layers, sideways)
     begin, end = ramp_weights(rates, period)
     fields, capacity = np.zeros((P_ROWS, len(rates))), plate_capacity(layers)
@@ -138,7 +139,7 @@ def _spread_rows(rows: Array, layers: Sequence[Layer], period: float, sideways: 
     fields[[P_PORT, P_SENSE, P_EXCESS]] = 1.0
     fields[P_HALF] = 0.5 * (layers[0].thickness or 0.0) * layers[0].heat_capacity
     found = np.concatenate((rows, fields), axis=1)
-    # All heat is in the slowest mode, which is even to the last bit: the others take in other parts of what comes.
+    # All heat is in the slowest mode, uniform to the last bit: the other modes are for other parts of the field.
     found[P_BACK, 0], found[P_PUMP, 0] = found[P_PORT, 0], found[P_SPILL, 0]
     found[P_MEAN] = 0.0
     found[P_MEAN, 0] = 1.0 / (capacity * found[P_PORT, 0])

@@ -1,4 +1,4 @@
-"""The thermal display as a device: four sensors, one current, and a twin."""
+"""The thermal display as a device plugin: four sensors, one current, and a twin."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class ThermalDisplay(HardwareDisplay):
 
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
-        """Return the channels with the sensor's full scale and the driver's limit of these parameters."""
+        """Return the channels, with the sensor's full scale and the driver's limit from the parameters."""
         return channels(params)
 
     @classmethod

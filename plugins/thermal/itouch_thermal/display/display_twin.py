@@ -15,14 +15,14 @@ from itouch_thermal.display.sideways import FIELDS, Sideways, table
 from itouch_thermal.heat import FINGER
 from itouch_thermal.laws import law_of
 
-#: Shortest servo period [s] for which the delay line has room.
+#: Shortest servo period [s] for which the delay line is long enough.
 SHORTEST = 2e-4
-#: Temperature [K] from which the plate's modes count.
+#: Temperature [K] from which the plate's modes measure deviations.
 REFERENCE = 296.15
 
 
 class DisplayTwin(Twin):
-    """A plate, its module and a finger on it: distributed layers, bilinear module, lumped sink."""
+    """A plate, its module and a finger on it: distributed layers, a bilinear module, a lumped sink."""
 
     def __init__(self, params: DisplayParams) -> None:
         super().__init__(params)
@@ -38,7 +38,7 @@ class DisplayTwin(Twin):
         self._shares = table(self._column.plate.shape[1] - FIELDS - 1).copy()
 
     def set_environment(self, ambient: float, skin_temperature: float | None) -> None:
-        """Take the room's temperature, and the operator's finger where there is an operator."""
+        """Set the room's temperature [K], and the operator's skin temperature if there is an operator."""
         self._ambient = ambient
         if skin_temperature is not None:
             self.params = replace(self.params, skin_temperature=skin_temperature)
@@ -46,7 +46,7 @@ class DisplayTwin(Twin):
         self._column, _ = self._for(1e-3)
 
     def _for(self, period: float) -> tuple[Column, Array]:
-        """Return the column and constants for a step; built once each."""
+        """Return the column and the constants for a step of a period [s]; each is built once."""
         found = self._built.get(period)
         if found is None:
             p = self.params
@@ -54,12 +54,12 @@ class DisplayTwin(Twin):
                 p.tissue or FINGER, p.core, p.skin_temperature, p.plate, period, REACH / 1e-3,
                 Sideways(p.area, p.conductance / p.area),
             )  # fmt: skip
-            parts = replace(parts, tissue=parts.tissue.copy(), plate=parts.plate.copy())  # own ones: those are shared
+            parts = replace(parts, tissue=parts.tissue.copy(), plate=parts.plate.copy())  # the others are shared
             found = self._built[period] = (parts, constants(p, parts, self._ambient))
         return found
 
     def fields(self) -> tuple[Field, ...]:
-        """Return modes, delay line, sensors, energies and the generator's word."""
+        """Return the State: modes, delay line, sensors, energies, and the noise generator's word."""
         slots = 1 + round((self.params.delay + self.params.mismatch.delay) / SHORTEST)
         return (
             Field(
@@ -98,7 +98,7 @@ class DisplayTwin(Twin):
         )
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:
-        """Rest: finger in balance with the air, plate and sink at the room's usual temperature, no current."""
+        """Start at rest: finger in equilibrium with the air, plate and sink at the room's temperature, no current."""
         memory, p = state["memory"], self.params
         memory[:] = 0.0
         state["tissue"] = self._column.rise * (p.skin_temperature - self._column.rest)
@@ -113,7 +113,7 @@ class DisplayTwin(Twin):
         self._publish(state)
 
     def warm(self, state: Record, plate: float, sink: float) -> None:
-        """Bring a twin that was just reset to other temperatures [K] of its plate, even throughout, and of its sink."""
+        """Set other temperatures [K] of the plate, uniform throughout, and of its sink, on a twin just reset."""
         memory, shown = state["memory"], state["plate"]
         shown += self._column.flat * (plate - self._ambient)
         for index in (plant.PLATE, plant.BACK, plant.PLATE_LAG, plant.MEAN, plant.READ_PLATE):
@@ -128,7 +128,7 @@ class DisplayTwin(Twin):
         state["true_plate"][...] = memory[plant.PLATE]
 
     def bound_step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> Bound:
-        """Return the step on these views as one compiled call."""
+        """Bind the step to these views as one compiled call."""
         parts, numbers = self._for(period)
         by_current = self.params.command == "current"
         wanted = command["current"] if by_current else command["temperature_target"]
@@ -140,15 +140,15 @@ class DisplayTwin(Twin):
         )  # fmt: skip
 
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
-        """Advance by one period under the current that safety let through."""
+        """Advance by one period [s] under the command that safety has let through."""
         self.bound_step(state, command, touch, period)()
 
     def resistance(self, force: float) -> float:
-        """Return the true contact resistance [K m2/W] at a force [N] on the plate; infinite without force."""
+        """Return the true contact resistance [K m2/W] at a force [N] on the plate; infinite at zero force."""
         return plant.contact_resistance(self._law, self._finger, force)
 
     def bound_read(self, state: Record, reading: Record) -> Bound:
-        """Return the reading of these views as one compiled call."""
+        """Bind the reading of these views as one compiled call."""
         current = reading["actual_current"] if self.params.command == "temperature" else np.zeros(0)
         return Bound(
             plant.sense, state["memory"], reading["skin_temperature"], reading["skin_valid"],
@@ -156,7 +156,7 @@ class DisplayTwin(Twin):
         )  # fmt: skip
 
     def read(self, state: Record, reading: Record) -> bool | None:
-        """Give what the sensors say."""
+        """Write the sensors' readings."""
         self.bound_read(state, reading)()
         return True
 
@@ -202,7 +202,7 @@ def constants(p: DisplayParams, parts: Column, ambient: float = REFERENCE) -> Ar
 
 
 def _one(size: int, index: int, most: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the ranges of numbers of which one is an index from 0 to ``most`` and the others are free."""
+    """Return the ranges of numbers of which one is an index from 0 to ``most`` and the others are unlimited."""
     low, high = [-math.inf] * size, [math.inf] * size
     low[index], high[index] = 0.0, float(most)
     return tuple(low), tuple(high)

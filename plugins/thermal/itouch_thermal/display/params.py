@@ -1,4 +1,4 @@
-"""What ``<thermal:hardware>`` may hold: the display as its data sheets say, and how its twin differs from them."""
+"""The contents of ``<thermal:hardware>``: the display as in its data sheets, and how its twin differs from them."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from itouch_thermal.laws import KINDS, ForceLaw, PressureLaw, check_laws
 
 #: Copper-clad film sensor of the paper: thickness from 15e-6 K m2/W and k = 2.5 W/mK.
 FILM = Layer(name="flux sensor", thickness=37.5e-6, conductivity=2.5, density=8933.0, specific_heat=385.0)
-#: Area of the film [m2]: a sensor of its own, as large as a fingertip's contact under 0.1 N.  One as large as the
-#: finger would read less, by as much as a finger's area is less than what is thought.
+#: Area of the film [m2]: a separate sensor, as large as a fingertip's contact under 0.1 N.  One as large as the finger
+#: would read too little if the finger's true area is smaller than assumed.
 SENSOR_AREA = 5e-5
 ALUMINA = Layer(name="alumina", thickness=0.8e-3, conductivity=27.0, density=3800.0, specific_heat=880.0)
 
@@ -62,12 +62,12 @@ class Datasheet:
         self.module()
 
     def module(self) -> Module:
-        """Return the module's Seebeck coefficient, resistance and conductance.
+        """Return the module with the data sheet's Seebeck coefficient, resistance and conductance.
 
         Raises
         ------
         ValueError
-            If no module can be so.
+            If no module can have these values.
         """
         return Module.from_datasheet(
             voltage=self.voltage, current=self.current, difference=self.difference, hot=self.hot
@@ -79,7 +79,7 @@ class DisplayParams:
     """A Peltier module under an alumina plate with a flux film on top, on a heat sink.
 
     The finger covers ``contact_area`` of the plate's ``area`` at 1 N, and more or less with the force; the film
-    measures over ``sensor_area`` in the middle of it.  What crosses the contact beside the film enters the plate too.
+    measures over ``sensor_area`` in the middle of it.  Flux through the contact beside the film enters the plate, too.
     """
 
     seebeck: float = schema.quantity(
@@ -202,13 +202,13 @@ class DisplayParams:
                     raise ValueError(
                         f"{name} = {getattr(self, name)!r} m^2 is more than the plate's area of {self.area:g}"
                     )
-                object.__setattr__(self, name, self.area)  # a plate that is smaller than what is usual is all there is
+                object.__setattr__(self, name, self.area)  # a plate smaller than the usual area is covered whole
         given = self.contact_area, self.area_exponent
         if self.laws and isinstance(self.laws[0], PressureLaw) and given != SPREAD and given != self.laws[0].spread:
             raise ValueError(f"contact-area and <{self.laws[0].TAG}> say the same thing: remove one of them")
 
     def _take(self, module: Module) -> None:
-        """Take over what the data sheet gives; a value that the scene gives besides must be the same."""
+        """Set what the data sheet gives; a value that the scene gives besides must agree."""
         for name in ("seebeck", "resistance", "conductance"):
             value, given = getattr(module, name), getattr(self, name)
             if given != _MODULE[name] and abs(given - value) > 1e-9 * value:
@@ -217,23 +217,23 @@ class DisplayParams:
 
     @property
     def pad(self) -> tuple[float, float]:
-        """Contact area of the finger at 1 N [m2], and the exponent of the force in it: those of a law that has them."""
+        """Contact area of the finger at 1 N [m2], and exponent of the force in it; those of the law, if it has them."""
         if self.laws and isinstance(self.laws[0], PressureLaw):
             return self.laws[0].spread
         return self.contact_area, self.area_exponent
 
     @property
     def cover(self) -> float:
-        """The part of the plate that a finger covers at 1 N."""
+        """Share of the plate that a finger covers at 1 N."""
         return min(1.0, self.pad[0] / self.area)
 
     def seen(self, force: float) -> float:
-        """Return the part of the flux out of the finger that the sensor reads at a force [N]."""
+        """Return the share of the flux out of the finger that the sensor reads at a force [N]."""
         return min(1.0, min(self.area, contact_area(force, *self.pad)) / self.sensor_area)
 
     @property
     def flux_samples(self) -> int:
-        """How many samples are one reading of the flux over a wire: an input may average them."""
+        """Number of samples averaged in one reading of the flux over a wire."""
         return 1 if self.labjack is None else self.labjack.samples
 
     @property

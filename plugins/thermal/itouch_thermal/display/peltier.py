@@ -1,4 +1,4 @@
-"""A thermoelectric module: what a current pumps, what current a flux needs, and what a data sheet says of it.
+"""A thermoelectric module: the heat that a current pumps, the current for a given heat, and a data sheet's module.
 
 ``Q_c = S T_c I - I^2 R / 2 - K (T_h - T_c)`` and ``Q_h = Q_c + S (T_h - T_c) I + I^2 R``; temperatures in kelvin
 (Lineykin and Ben-Yaakov 2007).
@@ -16,13 +16,13 @@ from itouch.plugin.kernels import kernel
 def pumped_heat(
     seebeck: float, resistance: float, conductance: float, current: float, cold: float, hot: float
 ) -> float:
-    """Return the heat [W] taken in at the plate."""
+    """Return the heat [W] absorbed at the plate."""
     return seebeck * cold * current - 0.5 * current * current * resistance - conductance * (hot - cold)
 
 
 @kernel
 def current_for(seebeck: float, resistance: float, conductance: float, heat: float, cold: float, hot: float) -> float:
-    """Return the current [A] that takes in ``heat`` [W]: the smaller root; beyond the best, the best one."""
+    """Return the current [A] that absorbs ``heat`` [W]: the smaller root; the best current beyond the greatest heat."""
     pull = seebeck * cold
     root = pull * pull - 2.0 * resistance * (heat + conductance * (hot - cold))
     if root <= 0.0:

@@ -1,6 +1,6 @@
 """One step of the display's twin: finger, film, plate, module, sink, driver and sensors, on flat arrays.
 
-``memory`` holds all that is not modes; its entries are numbered here.  Fluxes are W/m2, positive out of the finger.
+``memory`` holds all state except modes; its indices are defined here.  Fluxes are in W/m2, positive out of the finger.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from itouch_thermal.display.column import (
 from itouch_thermal.display.peltier import pumped_heat
 from itouch_thermal.laws import press_factor
 
-#: Numbers of ``memory``.
+#: Indices in ``memory``.
 (
     FLUX, SKIN, PLATE, SINK, BACK, PUMP, PLATE_AIR, FINGER_AIR, TOUCHING, FLUX_LAG, PLATE_LAG, SINK_LAG,
     READ_FLUX, READ_PLATE, READ_SINK, READ_SKIN, READ_VALID,
     ENERGY_ELECTRIC, ENERGY_FINGER, ENERGY_AIR, ENERGY_ROOM, MEAN, CURRENT, SLOT, INTEGRAL, PRESSED, MEMORY,
 ) = range(27)  # fmt: skip
 
-#: Numbers of ``constants``.
+#: Indices in ``constants``.
 (
     C_PERIOD, C_REST, C_TISSUE_GAIN, C_PLATE_GAIN, C_TISSUE_SELF, C_SEEBECK, C_RESISTANCE, C_CONDUCTANCE,
     C_AREA, C_COVER, C_SENSOR, C_SINK_CAPACITY, C_SINK_RESISTANCE, C_FILM, C_FINGER_FILM,
@@ -47,8 +47,8 @@ from itouch_thermal.laws import press_factor
     C_CLEAR, C_REFERENCE, C_CEILING, C_SLOTS, C_GAIN, C_INTEGRAL, C_SLEW, CONSTANTS,
 ) = range(39)  # fmt: skip
 
-#: Numbers of ``finger``: force from which the whole pad touches [N], factor on the law, time constant of pressing [s],
-#: contact area at 1 N [m2] and the exponent of the force in it.
+#: Indices in ``finger``: force from which the whole pad touches [N], factor on the law, time constant of pressing [s],
+#: contact area at 1 N [m2], and exponent of the force in it.
 FULL_FORCE, FACTOR, PRESS, PAD, PAD_EXPONENT, FINGER = range(6)
 
 _resistance_at, _press_factor, _contact_area = kernel(resistance_at), kernel(press_factor), kernel(contact_area)
@@ -61,7 +61,7 @@ def _counted(value: float, step: float) -> float:
 
 @kernel
 def contact_resistance(law: Any, finger: Any, force: float) -> float:
-    """Return the true contact resistance [K m2/W] at a force [N] on the plate; infinite without force."""
+    """Return the true contact resistance [K m2/W] at a force [N] on the plate; infinite at zero force."""
     if force <= 0.0:
         return math.inf
     full = finger[FULL_FORCE]
@@ -75,22 +75,22 @@ def display_step(
     line: Any, words: Any, wanted: Any, output: Any, face: Any, ambient: float, flux: Any, skin: Any, surface: Any,
     beside: Any,
 ) -> int:  # fmt: skip
-    """Advance the twin by one step under what it was sent and what presses on it; return 0.
+    """Advance the twin by one step under its command and what presses on it; return 0.
 
     Parameters
     ----------
     c, tissue, plate, shares, memory, above, below, line, words, ambient
         As in `plant_step`.
     law, finger
-        The law of the contact resistance (`resistance_at`), and what a finger makes of it, shape (FINGER,).
+        The law of the contact resistance (see `resistance_at`), and the finger's numbers, shape (FINGER,).
     wanted, output
-        The command, shape (1,), and whether it is on (0.5 or more), shape (1,).
+        The command, shape (1,), and whether the output is on (0.5 or more), shape (1,).
     face
         Force on the face [N] and gap to the finger [m], shape (2,).
     flux, skin, surface
         The true flux out of the finger and temperatures of skin and face, shape (1,) each; written.
     beside
-        Heat that what is worn on the finger takes from it [W/m2], shape (1,).
+        Heat flux that a device worn on the finger takes from it [W/m2], shape (1,).
     """
     force = face[0]
     contact = contact_resistance(law, finger, force)
@@ -116,7 +116,7 @@ def plant_step(
     c: Any, tissue: Any, plate: Any, shares: Any, memory: Any, above: Any, below: Any, line: Any, words: Any,
     command: float, contact: float, under: float, gap: float, ambient: float, beside: float,
 ) -> None:  # fmt: skip
-    """Advance the plant by one step; docs/explanation/thermal-estimator.md has its equations.
+    """Advance the plant by one step; for its equations see docs/explanation/thermal-estimator.md.
 
     Parameters
     ----------
@@ -125,13 +125,13 @@ def plant_step(
     tissue, plate
         Packed column, shapes (4, n) and (P_ROWS, m).
     shares
-        What a contact gives to the plate's modes and how they show in it, by the part that it covers, shape (k, 2, m).
+        Weights of the contact on the plate's modes, and of the modes in the contact, by covered share, shape (k, 2, m).
     memory, above, below, line, words
-        What changes: shape (MEMORY,), mode coordinates (n,) and (m,), delayed currents (d,), generator word (1,).
+        State, changed in place: (MEMORY,), mode coordinates (n,) and (m,), delayed currents (d,), generator word (1,).
     command, contact, under, gap, ambient, beside
-        Current [A], or the temperature [K] of a driver that holds one (0: its output is off); resistance to the
-        finger [K m2/W] (infinite: apart), the part of the plate that it covers, or would cover, gap to the finger
-        [m], room [K]; what else takes heat from the finger during the whole step [W/m2].
+        Current [A], or the temperature [K] for a driver that holds one (0: its output is off); contact resistance
+        [K m2/W] (infinite: out of contact); share of the plate that the finger covers, or would cover; gap to the
+        finger [m]; room [K]; another flux out of the finger during the whole step [W/m2].
     """
     current = _drive(c, memory, line, command)
     touching = contact < np.inf
@@ -167,7 +167,7 @@ def plant_step(
     _account(c, memory, current, pumped, cover, entered, spill, ambient)
     memory[FLUX], memory[SKIN], memory[PLATE], memory[BACK], memory[MEAN] = end, skin, face, back, mean
     memory[PUMP], memory[PLATE_AIR], memory[FINGER_AIR] = pump, air, finger_air
-    # The film sees the flux at its middle: what entered less what its upper half kept.
+    # The film measures the flux at its middle: the flux that entered less the heat kept by its upper half.
     seen = air
     if touching:
         covered = min(1.0, under * c[C_AREA] / c[C_SENSOR])
@@ -178,7 +178,7 @@ def plant_step(
 
 @inlined
 def _relax_tissue(c: Any, tissue: Any, above: Any, begin: float, beside: float) -> float:
-    """Advance the tissue under the flux at the begin of a step, and what takes heat all the time; return the skin."""
+    """Advance the tissue under the flux at the start of a step and a constant loss; return the skin temperature [K]."""
     gain, skin = c[C_TISSUE_GAIN], c[C_REST]
     for i in range(above.shape[0]):
         above[i] = tissue[F_DECAY, i] * above[i] - gain * tissue[F_BEGIN, i] * begin
@@ -190,7 +190,7 @@ def _relax_tissue(c: Any, tissue: Any, above: Any, begin: float, beside: float) 
 
 @inlined
 def _end_tissue(c: Any, tissue: Any, above: Any, end: float) -> float:
-    """Add what the flux at the end of a step does to the tissue; return the skin."""
+    """Add the effect of the flux at the end of a step on the tissue; return the skin temperature [K]."""
     gain, skin = c[C_TISSUE_GAIN], c[C_REST]
     for i in range(above.shape[0]):
         above[i] -= gain * tissue[F_END, i] * end
@@ -202,10 +202,10 @@ def _end_tissue(c: Any, tissue: Any, above: Any, end: float) -> float:
 def _relax_plate(
     c: Any, plate: Any, low: Any, high: Any, part: float, below: Any, begin: float, spill: float, pump: float
 ) -> tuple[float, float, float]:
-    """Advance the plate under all of a step but the contact's flux at its end.
+    """Advance the plate under everything but the contact flux at the end of the step.
 
-    Return the heat in the film's upper half at the begin of the step, the face, and what the face answers to the flux
-    at the end; ``low`` and ``high`` (2, m) are the rows of the shares, ``part`` of the way from one to the other.
+    Return the heat in the film's upper half at the start of the step, the face temperature, and the face's response to
+    the flux at the end; ``low`` and ``high`` (2, m) are rows of the shares, between which ``part`` interpolates.
     """
     before = plate_self = 0.0
     face = c[C_REFERENCE]
@@ -225,9 +225,9 @@ def _relax_plate(
 def _end_plate(
     c: Any, plate: Any, low: Any, high: Any, part: float, below: Any, end: float
 ) -> tuple[float, float, float, float, float]:
-    """Add what the flux at the end of a step does to the plate.
+    """Add the effect of the flux at the end of a step on the plate.
 
-    Return face, back and film, the heat in the film's upper half, and the plate's mean.
+    Return the temperatures of face, back and film, the heat in the film's upper half, and the plate's mean temperature.
     """
     face = back = film = mean = c[C_REFERENCE]
     half = 0.0
@@ -247,10 +247,10 @@ def _end_plate(
 def _account(
     c: Any, memory: Any, current: float, pumped: float, cover: float, entered: float, spill: float, ambient: float
 ) -> None:  # fmt: skip
-    """Warm the sink, and add a step's heat to what went in electrically and out of finger, air and room.
+    """Warm the sink, and add a step's heat to the energies: electric, from finger and air, and to the room.
 
-    ``memory`` is as it was at the begin of the step; ``entered`` [W/m2] is what entered
-    the part ``cover`` of the plate, ``spill`` what air gave to the rest, spread over all of it.
+    ``memory`` is as at the start of the step; ``entered`` [W/m2] entered the share ``cover`` of the plate, ``spill`` is
+    the air's flux into the rest, averaged over the whole plate.
     """
     dt, hot = c[C_PERIOD], memory[SINK]
     electric = c[C_SEEBECK] * (hot - memory[BACK]) * current + current * current * c[C_RESISTANCE]
@@ -264,7 +264,7 @@ def _account(
 
 @kernel
 def _drive(c: Any, memory: Any, line: Any, command: float) -> float:
-    """Pass the command through the delay line and the driver."""
+    """Pass the command through the delay line and the driver; return the current [A]."""
     size = int(c[C_SLOTS])
     current = command
     if size > 0:
@@ -285,9 +285,9 @@ def _drive(c: Any, memory: Any, line: Any, command: float) -> float:
 
 @kernel
 def _hold(c: Any, memory: Any, target: float) -> float:
-    """Return the current of a driver that holds the plate at a temperature: proportional and integral action.
+    """Return the current of a driver that holds the plate at a temperature: a PI controller.
 
-    The integral stops while the current is at its limit and the error would drive it further.
+    The integral stops while the current is at its limit and the error would drive it further (anti-windup).
     """
     if target <= 0.0:
         memory[INTEGRAL] = 0.0
@@ -301,7 +301,7 @@ def _hold(c: Any, memory: Any, target: float) -> float:
 
 @kernel
 def _sense(c: Any, memory: Any, words: Any, seen: float, film: float, skin: float, gap: float) -> None:
-    """Pass the true values through the sensors."""
+    """Pass the true values through the sensors' models."""
     memory[FLUX_LAG] = c[C_FLUX_KEEP] * memory[FLUX_LAG] + (1.0 - c[C_FLUX_KEEP]) * seen
     memory[PLATE_LAG] = c[C_PLATE_KEEP] * memory[PLATE_LAG] + (1.0 - c[C_PLATE_KEEP]) * film
     memory[SINK_LAG] = c[C_SINK_KEEP] * memory[SINK_LAG] + (1.0 - c[C_SINK_KEEP]) * memory[SINK]
@@ -321,7 +321,7 @@ def _sense(c: Any, memory: Any, words: Any, seen: float, film: float, skin: floa
 
 @kernel
 def sense(memory: Any, skin: Any, valid: Any, plate: Any, sink: Any, flux: Any, current: Any) -> int:
-    """Show what the sensors read, each of shape (1,), and the current that flows where it is read; return 0."""
+    """Write the sensors' readings, each of shape (1,), and the present current if it is read; return 0."""
     skin[0], valid[0] = memory[READ_SKIN], memory[READ_VALID]
     plate[0], sink[0], flux[0] = memory[READ_PLATE], memory[READ_SINK], memory[READ_FLUX]
     for i in range(current.shape[0]):

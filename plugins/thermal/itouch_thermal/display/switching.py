@@ -1,4 +1,4 @@
-"""How long the plate needs, at the least, from one even temperature to another."""
+"""The least time that the plate needs from one uniform temperature to another."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.display.peltier import pumped_heat
 from itouch_thermal.heat import FINGER
 
-#: The plate has arrived when face and base stay this close to the new temperature [K].
+#: The plate has arrived when face and base stay this close [K] to the new temperature.
 CLOSE = 0.05
-#: Resolution [s], how much longer than the heat alone needs is tried, and how long the plate takes to even out [s].
+#: Resolution [s], longest time tried beyond what the heat alone needs [s], and time in which the plate evens out [s].
 STEP, EXTRA, SETTLING = 1e-3, 0.06, 0.04
-#: A switch that takes longer than this [s] is a matter of heat alone.
+#: A switch that takes longer than this [s] is limited by the heat alone.
 SLOW = 5.0
 
 
 def least_time(display: DisplayParams, begin: float, end: float, *, limit: float | None = None) -> float:
-    """Return the least time [s] to bring face and base from one even temperature [K] to another, without the delay.
+    """Return the least time [s] to bring face and base from one uniform temperature [K] to another, without the delay.
 
-    The greatest flux all the way and, at the end, the greatest the other way for as long as serves best: with one
-    slow and one fast mode that matter, time-optimal pumping changes sign once.
+    The greatest flux is applied all the way and, at the end, its opposite for the best duration: with one slow and one
+    fast mode that matter, time-optimal pumping changes sign once.
 
     Parameters
     ----------
     display
-        The plate, and the greatest flux that a controller asks.
+        The plate, and the greatest flux that a controller demands.
     begin, end
         Temperatures [K].
     limit
@@ -59,7 +59,7 @@ def least_time(display: DisplayParams, begin: float, end: float, *, limit: float
 
 
 def strongest(display: DisplayParams, ceiling: float) -> float:
-    """Return the greatest flux [W/m2] that a greatest current [A] pumps out of a plate as warm as the sink."""
+    """Return the greatest flux [W/m2] that currents up to ``ceiling`` [A] pump from a plate as warm as the sink."""
     cold = 296.15
     current = min(ceiling, display.seebeck * cold / display.resistance)
     heat = pumped_heat(display.seebeck, display.resistance, display.conductance, current, cold, cold)
@@ -67,7 +67,7 @@ def strongest(display: DisplayParams, ceiling: float) -> float:
 
 
 def _rises(display: DisplayParams, flux: float, count: int) -> tuple[Array, Array]:
-    """Return by how much face and base rise [K] in so many steps of a flux [W/m2], shape (count,)."""
+    """Return the rise [K] of face and base during ``count`` steps of a flux [W/m2], each of shape (count,)."""
     rows = column(FINGER, 310.15, 306.15, display.plate, STEP, REACH / STEP).plate
     modes = np.zeros(rows.shape[1])
     found = np.empty((2, count))
@@ -78,7 +78,7 @@ def _rises(display: DisplayParams, flux: float, count: int) -> tuple[Array, Arra
 
 
 def _pulse(rise: Array, forward: int, back: int) -> Array:
-    """Return the answer to ``forward`` steps of the greatest flux and ``back`` steps of its opposite."""
+    """Return the response to ``forward`` steps of the greatest flux and ``back`` steps of its opposite."""
     found = rise.copy()
     found[forward:] -= 2.0 * rise[: len(rise) - forward]
     found[forward + back :] += rise[: len(rise) - forward - back]

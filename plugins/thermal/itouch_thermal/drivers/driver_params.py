@@ -1,4 +1,4 @@
-"""What the elements of real hardware inside ``<thermal:hardware>`` may hold."""
+"""The elements of real hardware inside ``<thermal:hardware>``."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from typing import ClassVar
 
 from itouch.plugin import schema
 
-#: Temperatures [degC] that a plate or a sink can have: what is outside is a sensor that is open or short.
+#: Plausible temperatures [degC] of a plate or a sink: beyond them, its sensor is open or short.
 BELIEVED = (-20.0, 90.0)
-#: Speeds of the serial port of a rig that speaks the line protocol [baud].
+#: Allowed baud rates of a rig that speaks the line protocol.
 LINE_BAUD = (9600, 2_000_000)
-#: The slowest speed of a serial port [baud].
+#: Lowest baud rate of a serial port.
 SLOWEST = 9600
-#: Samples a second of an input that is averaged.
+#: Sampling rate of an averaged input [1/s].
 SAMPLING = 1000.0
-#: The greatest resolution index of an input that is averaged: the converter for the others knows no burst of samples.
+#: Greatest resolution index of an averaged input: the converter of higher ones cannot sample bursts.
 _FINEST_BURST = 8
 
 
@@ -45,7 +45,7 @@ class Mecom:
 
     @property
     def raises(self) -> bool:
-        """Whether the line's speed is raised for the session: behind a socket the port is not ours to raise."""
+        """Whether the line's speed is raised for the session: behind a socket the port is not ours to change."""
         return bool(self.session_baud) and "://" not in self.port
 
 
@@ -75,11 +75,11 @@ class FluxSensor:
             raise ValueError(f"sign = {self.sign!r} must be 1 or -1")
 
     def flux(self, voltage: float, temperature: float) -> float:
-        """Return the flux out of the finger [W/m2] of a voltage [V] with the sensor at a temperature [K]."""
+        """Return the flux out of the finger [W/m2] for a voltage [V] and a temperature of the sensor [K]."""
         return self.sign * (voltage - self.offset) / self._slope(temperature)
 
     def voltage(self, flux: float, temperature: float) -> float:
-        """Return the voltage [V] of a flux [W/m2] with the sensor at a temperature [K]."""
+        """Return the voltage [V] for a flux [W/m2] and a temperature of the sensor [K]."""
         return self.sign * flux * self._slope(temperature) + self.offset
 
     def _slope(self, temperature: float) -> float:
@@ -128,7 +128,7 @@ class LabJack:
 
     @property
     def samples(self) -> int:
-        """How many samples of the flux sensor's input are one reading."""
+        """Number of samples of the flux sensor's input in one reading."""
         return max(1, round(self.averaging * SAMPLING)) if self.flux_sensor is not None else 1
 
 

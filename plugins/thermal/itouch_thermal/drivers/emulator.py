@@ -1,4 +1,4 @@
-"""The display's wire: virtual controller, rig or T7 where the parameters say, with the display's twin behind them."""
+"""The display's emulator: a virtual controller, rig or T7 at the parameters' addresses, with the display's twin."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from itouch_thermal.chip.line import SimulatedLine
 from itouch_thermal.drivers.driver_params import FluxSensor, Infrared, LabJack, Mecom
 from itouch_thermal.drivers.virtual import Plate, VirtualLine, VirtualMecom, VirtualT7
 
-#: So long [s] the sensors' readings may be old.
+#: Longest age [s] of the sensors' readings, and with a simulated chip or an averaging T7.
 _UNSEEN, _UNSEEN_BY_CHIP = 2e-3, 5e-4
-#: From this current [A] on a simulated chip is driven: its loop never holds zero exactly.
+#: A simulated chip drives from this current [A] on: its control loop never holds exactly zero.
 _DRIVEN = 0.02
 
 
@@ -29,9 +29,9 @@ def _has_chip(params: Any) -> bool:
 
 
 class ModbusServer:
-    """A Modbus-TCP server that never waits; one thing answers all its connections, one request after the other.
+    """A non-blocking Modbus-TCP server; one device answers all connections, one request after the other.
 
-    What takes the device its time is answered after it, which passes ``speed`` times as fast as the host's.
+    Requests that take the device time are answered after that time, which runs ``speed`` times as fast as the host's.
     """
 
     def __init__(self, host: str, port: int, device: VirtualT7, speed: float = 1.0) -> None:
@@ -46,16 +46,16 @@ class ModbusServer:
 
     @property
     def port(self) -> int:
-        """The port that it listens on."""
+        """The port on which it listens."""
         port: int = self._listener.getsockname()[1]
         return port
 
     def handles(self) -> list[int]:
-        """Return the file descriptors on which something may come."""
+        """Return the file descriptors on which data may arrive."""
         return [self._listener.fileno(), *(line.fileno() for line in self._lines)]
 
     def serve(self) -> None:
-        """Take new connections and answer what has come."""
+        """Accept new connections and answer the requests that have arrived."""
         with contextlib.suppress(BlockingIOError):
             line, _ = self._listener.accept()
             line.setblocking(False)
@@ -74,7 +74,7 @@ class ModbusServer:
         self._answer()
 
     def patience(self) -> float:
-        """Return how long it is until the next answer is due [s]."""
+        """Return the time until the next answer is due [s]."""
         return max(0.0, self._waiting[0][0] - time.monotonic()) if self._waiting else math.inf
 
     def _hear(self, line: socket.socket, data: bytes) -> bool:
@@ -93,7 +93,7 @@ class ModbusServer:
         return True
 
     def _answer(self) -> None:
-        """Answer what is due."""
+        """Send the answers that are due."""
         while self._waiting and self._waiting[0][0] <= time.monotonic():
             _, line, head, request = self._waiting.popleft()
             answer = self._device.answer(request)
@@ -102,14 +102,14 @@ class ModbusServer:
                     line.sendall(head[:2] + struct.pack(">HH", 0, len(answer) + 1) + head[2:] + answer)
 
     def close(self) -> None:
-        """Hang up."""
+        """Close all connections."""
         for line in self._lines:
             line.close()
         self._listener.close()
 
 
 class DisplayEmulator(Emulator):
-    """What the parameters name, with errors and delays at will (`tec`, `line`, `t7`)."""
+    """The hardware named in the parameters; errors and delays can be injected into `tec`, `line` and `t7`."""
 
     def __init__(self, params: Any) -> None:
         super().__init__(params)
@@ -118,7 +118,7 @@ class DisplayEmulator(Emulator):
         self.chip = SimulatedLine(params, self.plate) if _has_chip(params) else None
         self.line = VirtualLine(self.plate) if params.line is not None and self.chip is None else None
         self.t7 = VirtualT7() if params.labjack is not None else None
-        #: In step, what a T7 averages must be seen in every period.
+        #: In step with the host, a T7 that averages must sample in every period.
         self.lives = self.chip is not None or (params.labjack is not None and params.labjack.samples > 1)
         self._terminal: Terminal | None = None
         self._server: ModbusServer | None = None
@@ -134,7 +134,7 @@ class DisplayEmulator(Emulator):
 
     @classmethod
     def elsewhere(cls, params: Any, folder: str) -> Any:
-        """Name serial ports in a folder and a free port of this machine for the instruments that are named."""
+        """Name serial ports in a folder, and a free port of this machine, for the instruments in the parameters."""
         moved: dict[str, Any] = {}
         for name in ("mecom", "line"):
             named = getattr(params, name)
@@ -145,7 +145,7 @@ class DisplayEmulator(Emulator):
         return replace(params, **moved)
 
     def open(self) -> str:
-        """Make the serial port and the server that the parameters name."""
+        """Create the serial port and the server named in the parameters; return what is where."""
         named, words = self.params.mecom or self.params.line, []
         if named is not None:
             self._terminal = Terminal(named.port, baud=named.baud * self.speed)
@@ -160,7 +160,7 @@ class DisplayEmulator(Emulator):
         return ", ".join(words) or "nothing: no hardware is named"
 
     def close(self) -> None:
-        """Take them away."""
+        """Remove them."""
         for part in (self._terminal, self._server):
             if part is not None:
                 part.close()
@@ -169,18 +169,21 @@ class DisplayEmulator(Emulator):
             self.chip.close()
 
     def patience(self) -> float:
-        """Return when serial line or server have something to say, and at most how long the twin may go unseen."""
+        """Return the time until the serial line or the server is due [s], at most the longest age of a reading."""
         longest = _UNSEEN_BY_CHIP if self.lives else _UNSEEN
         served = self._server.patience() if self._server is not None else math.inf
         return min(longest, served, self._terminal.due() if self._terminal is not None else math.inf)
 
     def handles(self) -> list[int]:
-        """Return the descriptors of serial port and server."""
+        """Return the file descriptors of the serial port and the server."""
         served = self._server.handles() if self._server is not None else []
         return [*served, *([self._terminal.fileno()] if self._terminal is not None else [])]
 
     def serve(self, now: float, reading: Record, command: Record) -> bool:
-        """Show the twin's sensors to the instruments, answer the host, and give the twin its current."""
+        """Show the twin's sensors to the instruments, answer the host, and give the twin its current.
+
+        Return whether the host drives the module.
+        """
         p = self.plate
         p.plate, p.sink = reading["plate_temperature"].item(), reading["sink_temperature"].item()
         p.flux = reading["heat_flux"].item()
@@ -212,7 +215,7 @@ class DisplayEmulator(Emulator):
         return driven
 
     def _in_step_with_host(self) -> bool:
-        """Tell whether host and controller have set the same speed: else neither understands the other."""
+        """Tell whether host and controller use the same baud rate: otherwise neither understands the other."""
         if self.tec is None or self._terminal is None:
             return False
         speed = self.tec.fast() or self.params.mecom.baud
@@ -230,6 +233,6 @@ class DisplayEmulator(Emulator):
 
 
 def _free_port() -> str:
-    """Return an address of this machine that nobody uses now."""
+    """Return an address of this machine with a port that is free now."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         return f"127.0.0.1:{free.getsockname()[1]}"

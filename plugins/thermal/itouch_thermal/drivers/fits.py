@@ -1,4 +1,4 @@
-"""Calibrating a display: the gain of its flux sensor, and the module from its answer to a step of current."""
+"""Calibrations of a display: the gain of its flux sensor, and its module from the response to a current step."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from itouch_thermal.display.channels import channels
 from itouch_thermal.display.display_twin import DisplayTwin
 
 Array = NDArray[np.float64]
-#: Parameters of the module that a step shows, the part by which they are varied, and how often the fit is improved.
+#: Parameters of the module seen in a step, the relative variation for their derivatives, and the number of iterations.
 MODULE, _VARIED, _ROUNDS = ("seebeck", "resistance", "conductance"), 0.01, 6
 _STEP = 1e-3
 _FAR = 3.0
-#: What is left over is doubted above so many times the sensors' noise, and so much of the swing; a parameter that is
-#: more than so many times the scene's, or less than its part.
+#: A residual above this many times the sensors' noise and this share of the swing is doubtful, as is a parameter above
+#: this many times the scene's value, or below its inverse.
 _NOISES, _OF_SWING, _OTHER = 4.0, 0.01, 2.0
 
 
 def without_sensor(params: Any) -> str:
-    """Return what is missing for the gain of the flux sensor: the sensor."""
+    """Return what is missing for the gain of the flux sensor: the sensor itself; empty if it is there."""
     if params.labjack is None or params.labjack.flux_sensor is None:
         return "there is no <thermal:flux-sensor> whose gain could be found"
     return ""
 
 
 def flux_gain(params: Any, samples: Array) -> Fitted:
-    """Return sensitivity and offset of the flux sensor from fluxes of a reference and what the display read then.
+    """Return the flux sensor's sensitivity and offset from a reference's fluxes and the display's readings.
 
-    ``samples`` (n, 2): reference [W/m2] and what the display read [W/m2].
+    ``samples``, shape (n, 2): the reference [W/m2], and the display's reading at that time [W/m2].
     """
     if lack := without_sensor(params):
         raise ValueError(lack)
@@ -51,18 +51,18 @@ def flux_gain(params: Any, samples: Array) -> Fitted:
 
 
 def step_response(params: Any, samples: Array) -> Fitted:
-    """Return the module's parameters at which the plant answers a current as was measured (Gauss-Newton).
+    """Return the module's parameters for which the plant responds to a current as measured (Gauss-Newton).
 
-    The plant is the display's twin without a finger; plate and sink begin at the temperature of the first sample.
+    The plant is the display's twin without a finger; plate and sink start at the plate temperature of the first sample.
 
-    ``samples`` (n, 4): time [s], current [A], plate and sink [K].
+    ``samples``, shape (n, 4): time [s], current [A], plate and sink [K].
     """
     times, currents, plate, sink = samples.T
     if len(times) < 20 or np.ptp(currents) < 0.1 or np.any(np.diff(times) <= 0.0):
         raise ValueError("a step response needs 20 samples or more at growing times, and a step of 0.1 A or more")
     measured = np.concatenate([plate, sink])
     start = np.array([getattr(params, name) for name in MODULE])
-    found = np.zeros(3)  # logarithms of the ratios to the start
+    found = np.zeros(3)  # logarithms of the ratios to the initial values
 
     def answer(ratios: Array) -> Array:
         values = dict(zip(MODULE, (float(v) for v in start * np.exp(ratios)), strict=True))
@@ -80,9 +80,9 @@ def step_response(params: Any, samples: Array) -> Fitted:
 
 
 def _doubts(params: Any, values: Mapping[str, float], residual: float, swing: float) -> Iterator[str]:
-    """Yield why a step may be of another display: it is not answered as measured, or only by quite another module.
+    """Yield reasons to doubt that a step is of this display: a bad fit, or only a very different module fits.
 
-    ``residual`` and ``swing`` are rms values [K]: of what is left over, and of what was measured.
+    ``residual`` and ``swing`` are rms values [K]: of the fit's residual, and of the measured change.
     """
     noise = math.hypot(params.plate_noise, params.sink_noise) / math.sqrt(2.0)
     if residual > max(_NOISES * noise, _OF_SWING * swing):
@@ -97,7 +97,7 @@ def _doubts(params: Any, values: Mapping[str, float], residual: float, swing: fl
 
 
 def _simulate(params: Any, times: Array, currents: Array, begin: float) -> Array:
-    """Return the plate's and the sink's readings of the twin at these times [K], shape (2 n,)."""
+    """Return the twin's readings of plate and sink at these times [K], shape (2 n,)."""
     quiet = replace(params, plate_noise=0.0, sink_noise=0.0, flux_noise=0.0, skin_noise=0.0)
     twin = DisplayTwin(quiet)
     twin.set_environment(begin, None)
@@ -105,7 +105,7 @@ def _simulate(params: Any, times: Array, currents: Array, begin: float) -> Array
     state = Record.of(twin.fields())
     reading, command = (Record.of(Field.of(c) for c in side) for side in (reads, commands))
     twin.reset(state, np.random.default_rng(0))
-    step = twin.bound_step(state, command, TwinInputs(ambient=begin), _STEP)  # bound once: there are many
+    step = twin.bound_step(state, command, TwinInputs(ambient=begin), _STEP)  # bound once, for many steps
     shown = np.zeros((2, len(times)))
     ticks = 0
     for index, (time, current) in enumerate(zip(times - times[0], currents, strict=True)):

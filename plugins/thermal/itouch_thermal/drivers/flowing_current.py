@@ -1,4 +1,4 @@
-"""The current that a controller says flows, beside what it was asked for: if they differ for long the session ends."""
+"""Compares the current that a controller reports with the one commanded: a lasting difference ends the session."""
 
 from __future__ import annotations
 
@@ -6,21 +6,22 @@ from collections import deque
 
 from itouch.plugin import DeviceError
 
-#: How far the current that flows may be from what was asked for [A], and as a part of it; for how many exchanges.
+#: Allowed difference [A] from the commanded current, and as a share of it; number of exchanges before it counts.
 ASIDE, PART, STRAYED = 0.3, 0.2, 25
-#: Among so many of the last orders: a current follows late, and where it is on its way is not known.
+#: Number of the latest commands that are compared: the current follows late, and may be at any point on its way.
 ASKED = 8
 
 
 class FlowingCurrent:
-    """Compares, exchange by exchange, the current that flows with what was asked for.
+    """Compares the flowing current with the commanded one, exchange by exchange.
 
     Parameters
     ----------
     source
-        Who gives the current, as a message begins.
+        The source of the current, as messages name it.
     less
-        Whether it may be less, for whatever cause: many rigs hold a current back by themselves, or do not measure it.
+        Whether the current may be smaller for any reason: many rigs reduce a current by themselves, or do not measure
+        it.
     """
 
     def __init__(self, source: str, *, less: bool = False) -> None:
@@ -28,16 +29,16 @@ class FlowingCurrent:
         self._asked: deque[float] = deque([0.0], maxlen=ASKED)
 
     def ask(self, current: float) -> None:
-        """Take note of an order [A]."""
+        """Record a commanded current [A]."""
         self._asked.append(current)
 
     def follows(self, flowing: float) -> None:
-        """Take note of what flows [A].
+        """Check the flowing current [A].
 
         Raises
         ------
         DeviceError
-            If it has not been what was asked for in a row of exchanges.
+            If it has differed from the commanded currents in too many exchanges in a row.
         """
         low, high = min(self._asked), max(self._asked)
         room = ASIDE + PART * max(abs(low), abs(high))

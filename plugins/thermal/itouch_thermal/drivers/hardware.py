@@ -1,4 +1,4 @@
-"""The display on real hardware: the part of the device that opens drivers and exchanges with them."""
+"""The display on real hardware: the part of the device that opens the drivers and exchanges with them."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from itouch_thermal.drivers.promises import SILENCE
 from itouch_thermal.drivers.rig import Rig, rig_of
 from itouch_thermal.drivers.tec import LONGEST_WATCHDOG
 
-#: Bytes of an order and its answer on the line of a rig of one's own, and what it takes besides [s].
+#: Bytes of a command and its answer on the line of a rig of one's own, and the rest of the exchange's time [s].
 _LINE_BYTES, _LINE_REST = 75, 5e-3
-#: Bytes of setting a current and reading three values of a controller, and what it takes besides [s], estimated.
+#: Bytes to set a current and read three values of a controller, and the rest of the exchange's time [s], estimated.
 _MECOM_BYTES, _MECOM_REST = 111, 4e-3
-#: What an averaging T7 takes besides its samples [s], estimated.
+#: Time of an averaging T7 beyond its samples [s], estimated.
 _MEAN_REST = 2e-3
-#: What stands in a reading of the skin as long as no thermometer has seen it [K]; it is marked as not valid.
+#: The skin's reading until a thermometer has seen the skin [K]; it is marked as not valid.
 _UNSEEN = 306.15
 
 
 class HardwareDisplay(Device):
     """Opens what ``<thermal:hardware>`` names: a current source, and sensors."""
 
-    #: A MeCom transaction takes 7 ms at 57600 baud, and an exchange has three.  A controller's next command is worth
-    #: waiting for: its readings are too slow to be missed meanwhile.
+    #: A MeCom transaction takes 7 ms at 57600 baud, and an exchange has three.  It is worth waiting for the next
+    #: command to a controller: its readings are too slow for anything to be missed meanwhile.
     timing = Timing(blocking=True, exchange_time=0.02, waits=0.012)
-    #: Serial ports and sockets of a process that died are free: another one can set the current to zero.
+    #: When a process dies, its serial ports and sockets are released: another process can set the current to zero.
     opening = Opening(second_opener=True)
     emulation = Emulation(Emulator=DisplayEmulator, fits=FITS)
 
     @classmethod
     def takes(cls, params: Any) -> float:
-        """Return the seconds of one exchange: 75 bytes on a line, what a controller takes, or a T7 to average."""
+        """Return how long one exchange takes [s]: 75 bytes on a line, a controller's exchange, or a T7's averaging."""
         seconds: float = cls.exchange_time
         if params.line is not None:
             seconds = round(_LINE_BYTES * 10.0 / params.line.baud + _LINE_REST, 3)
@@ -46,15 +46,15 @@ class HardwareDisplay(Device):
 
     @classmethod
     def wires(cls, params: Any) -> tuple[str, ...]:
-        """Return the port of what drives the module; an instrument that is only read may serve several displays."""
+        """Name the port of what drives the module; an instrument that is only read may serve several displays."""
         return tuple(part.port for part in (params.mecom, params.line) if part is not None)
 
     @classmethod
     def lets_go(cls, params: Any) -> float | None:
-        """Return after what silence the current ends by itself [s], at most: where opening it makes sure of that.
+        """Return the longest silence [s] until the current ends by itself; None if opening cannot make sure of one.
 
-        A controller's watchdog is armed and read back, our own program promises its in its greeting.  Of another
-        program nothing is known before it is asked.
+        A controller's watchdog is armed and read back; the reference firmware promises its own in its greeting.
+        Nothing is known of another program before it is greeted.
         """
         if params.mecom is not None:
             return LONGEST_WATCHDOG if params.mecom.watchdog else None
@@ -67,7 +67,7 @@ class HardwareDisplay(Device):
 
     @classmethod
     def discover(cls) -> tuple[Attached, ...]:
-        """Look for serial ports; what is behind them is only known when a scene names one."""
+        """Look for serial ports; only a scene can tell what is behind them."""
         try:
             import serialx
         except ImportError:
@@ -80,12 +80,12 @@ class HardwareDisplay(Device):
         )
 
     def open(self) -> None:
-        """Open the current source and the sensors, with no current.
+        """Open the current source and the sensors, with zero current.
 
         Raises
         ------
         DeviceError
-            If nothing is named, or something is missing or refuses.
+            If no hardware is named, or a part is missing or refuses.
         """
         if self.params.command != "current":
             raise DeviceError('real displays are driven by a current: write command="current"')
@@ -99,14 +99,14 @@ class HardwareDisplay(Device):
             raise
 
     def close(self) -> None:
-        """Set the current to zero and let go."""
+        """Set the current to zero and release the hardware."""
         rig, self._rig = self._rig, None
         if rig is None:
             return
         try:
             rig.close()
         except DeviceError:
-            if not self._lost:  # it was told already
+            if not self._lost:  # a read has raised it already
                 raise
 
     def write(self, command: Record) -> None:
@@ -114,7 +114,7 @@ class HardwareDisplay(Device):
         self._current = command["current"].item()
 
     def read(self, reading: Record) -> bool:
-        """Exchange: send the current, take what the sensors say.
+        """Exchange: send the current, read the sensors.
 
         Raises
         ------

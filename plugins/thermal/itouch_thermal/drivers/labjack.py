@@ -1,7 +1,7 @@
-"""A LabJack T7 over Modbus-TCP: voltages of its inputs, by the registers of its published map.
+"""A LabJack T7 over Modbus-TCP: voltages at its inputs, through the registers of its published map.
 
-An input that the T7 averages (its extended feature 3, by a burst of its own sampling clock) is asked for at the
-beginning of an exchange and fetched at the end, so that a controller's exchange goes on meanwhile.
+An input that the T7 averages (its extended feature 3, with a burst at its own sampling clock) is requested at the start
+of an exchange and fetched at its end, so that the controller's exchange takes place meanwhile.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from itouch_thermal.drivers.modbus import PORT, ModbusLine, ModbusRefusal
 
 __all__ = ["PORT", "LabJackDriver", "Sensors", "Wired"]
 
-#: Registers: the number of the product; range, negative input and resolution of the first analogue input.
+#: Registers: the product number; range, negative input and resolution of the first analogue input.
 PRODUCT = 60000
 RANGE, NEGATIVE, RESOLUTION = 40000, 41000, 41500
-#: Of an extended feature, two registers a channel: which, its result, number of samples, samples a second; 0 is none,
-#: 3 the average.  Resolution index of all that is sampled by the burst.
+#: Extended features, two registers per channel: index (0: none, 3: average), result, number of samples, samples per
+#: second.  And the resolution index of all burst sampling.
 EF_INDEX, EF_RESULT, EF_SAMPLES, EF_RATE, AVERAGE = 9000, 7000, 9300, 10200, 3
 STREAM_RESOLUTION = 4010
 SINGLE_ENDED = 199
 #: Span of the flux sensor's input [V].
 SPAN = 0.01
-#: A voltage beyond its span reads as this; a mean with one such sample is beyond its span, too.
+#: The T7's reading for a voltage beyond its span; a mean that includes such a sample is beyond its span, too.
 _OVERLOAD, _BEYOND = -9999.0, 2.0 * SPAN
-#: After so many exchanges, and where the line was lost, it is asked whether it still measures as it was told to.  A T7
-#: that does not average by itself must give one sample in this many: the noise is then at most twice what is written.
+#: After this many exchanges, or a lost connection, the T7's settings are checked.  A T7 that cannot average must
+#: deliver at least one sample in this many sampling periods: the noise is then at most twice the stated one.
 _LOOK, _FEW = 50, 4.0
 
 
 class Wired(Protocol):
-    """What is said of a T7: where it is, and the film and the thermometer at its inputs."""
+    """The parameters of a T7: its address, and the film and the thermometer at its inputs."""
 
     @property
     def host(self) -> str:
@@ -47,11 +47,11 @@ class Wired(Protocol):
 
     @property
     def averaging(self) -> float:
-        """How long the film's input is averaged [s]; 0: not at all."""
+        """How long the film's input is averaged [s]; 0: single samples."""
 
     @property
     def flux_sensor(self) -> FluxSensor | None:
-        """The film."""
+        """The flux film."""
 
     @property
     def infrared(self) -> Infrared | None:
@@ -59,14 +59,14 @@ class Wired(Protocol):
 
 
 class Sensors(NamedTuple):
-    """What the sensors at the T7 say: flux [W/m2], skin temperature [K]; NaN where there is none."""
+    """The readings of the sensors at the T7: flux [W/m2], skin temperature [K]; NaN if there is no sensor or finger."""
 
     flux: float
     skin: float
 
 
 class _Age(NamedTuple):
-    """How long ago [s] the middle of a measurement was, and the part of it that the T7 has it for by itself."""
+    """Age [s] of the middle of a measurement, and the part of a delay that lies inside the T7."""
 
     ago: float = 0.0
     inside: float = 0.0
@@ -78,13 +78,14 @@ class LabJackDriver:
     Raises
     ------
     DeviceError
-        If it does not answer or is another product.
+        If it does not answer, or is another product.
     """
 
     def __init__(self, params: Wired, trace: Trace | None = None, *, patience: float = 1.0) -> None:
         self._params, self._patience = params, patience
         self._samples = round(params.averaging * SAMPLING) if params.flux_sensor is not None else 0
-        #: Whether it averages by itself; how long its answers are on their way [s]; when and what was asked for.
+        #: Whether it averages by itself; transit time of its answers [s]; time of the pending request; number of
+        #: exchanges.
         self._averages, self._way, self._asked, self._count = False, 0.0, -1.0, 0
         self._skin_volts, self._flux_age, self._skin_age, self._looked = math.nan, _Age(), _Age(), 0.0
         self._line = ModbusLine("LabJack", params.host, trace, patience=patience)
@@ -113,7 +114,7 @@ class LabJackDriver:
         self._line.write(RESOLUTION + channel, struct.pack(">H", self._params.resolution))
 
     def _average(self, channel: int) -> None:
-        """Let the T7 average an input; one that cannot is asked for single samples, as fast as it answers."""
+        """Let the T7 average an input; if it cannot, check that it answers single samples fast enough."""
         line, at = self._line, 2 * channel
         try:
             line.write(EF_INDEX + at, struct.pack(">I", 0))
@@ -138,12 +139,12 @@ class LabJackDriver:
             )
 
     def begin(self) -> None:
-        """Begin to measure what takes its time; the next `exchange` ends it.
+        """Start the measurements that take time; the next `exchange` completes them.
 
         Raises
         ------
         DeviceError
-            If the T7 does not answer, or has started anew.
+            If the T7 does not answer, or has restarted.
         """
         flux, infrared = self._params.flux_sensor, self._params.infrared
         if flux is None or not self._averages:
@@ -163,7 +164,7 @@ class LabJackDriver:
         self._asked = time.monotonic()
 
     def exchange(self, plate: float) -> Sensors:
-        """Measure; the flux sensor is at the plate's temperature [K].
+        """Measure; ``plate`` is the flux sensor's temperature [K].
 
         Raises
         ------
@@ -189,12 +190,12 @@ class LabJackDriver:
         return Sensors(found, seen)
 
     def stamp(self, stamps: Stamps) -> None:
-        """Say when the readings of the last exchange were measured: a mean in the middle of its samples."""
+        """Stamp the readings of the last exchange with their times: for a mean, the middle of its samples."""
         stamps.measured("heat_flux", ago=self._flux_age.ago, inside=self._flux_age.inside)
         stamps.measured("skin_temperature", "skin_valid", ago=self._skin_age.ago)
 
     def _singles(self) -> tuple[float, float]:
-        """Return single samples of the film's input and of the thermometer's [V], in one request."""
+        """Return single samples of the film's and the thermometer's inputs [V], read in one request."""
         flux, infrared = self._params.flux_sensor, self._params.infrared
         channels = [sensor.channel for sensor in (flux, infrared) if sensor is not None]
         if not channels:
@@ -211,12 +212,12 @@ class LabJackDriver:
         )
 
     def _watch(self) -> None:
-        """See that the film's input has the range that it was given: a T7 that has started anew measures otherwise.
+        """Check that the film's input still has its range: a T7 that has restarted measures differently.
 
         Raises
         ------
         DeviceError
-            If it has not: against ground, and in steps of the wrong range, a film's voltage says nothing.
+            If it has not: measured against ground, or in steps of the wrong range, the film's voltage is meaningless.
         """
         flux, self._count = self._params.flux_sensor, self._count + 1
         if flux is None or (self._count % _LOOK and self._lines == self._line.connections):
@@ -229,19 +230,19 @@ class LabJackDriver:
             )
 
     def _mean(self, flux: FluxSensor) -> tuple[float, float]:
-        """Return the mean that the T7 has taken since `begin` [V], and what the thermometer said before."""
+        """Return the mean that the T7 has taken since `begin` [V], and the thermometer's voltage read before it [V]."""
         if self._asked < 0.0:
             self.begin()
         voltage, first = self._line.answer()
         now, window = time.monotonic(), self._params.averaging
-        # It has sampled since the request came to it; a second request ended just now.
+        # The T7 has sampled since the request reached it; the burst of a repeated request has ended just now.
         since = now - self._asked - self._way if first else window + self._way
         self._flux_age = _Age(max(0.0, since - window), 0.5 * (self._samples - 1) / SAMPLING)
         self._skin_age, self._asked = _Age(now - self._looked), -1.0
         return voltage, self._skin_volts
 
     def _mean_of_singles(self, flux: FluxSensor) -> tuple[float, float]:
-        """Return the mean of single samples over the same time [V], as many as the T7 answers in it."""
+        """Return the mean of as many single samples as the T7 delivers in that time [V], and the thermometer's [V]."""
         line, infrared = self._line, self._params.infrared
         skin = line.floats(2 * infrared.channel)[0] if infrared is not None else math.nan
         self._looked = begin = time.monotonic()
@@ -255,11 +256,11 @@ class LabJackDriver:
         return total / count, skin
 
     def listen(self, channel: int) -> None:
-        """Make an input ready for a voltage up to 10 V against ground."""
+        """Configure an input for voltages up to 10 V against ground."""
         self._configure(channel, 10.0, SINGLE_ENDED)
 
     def volts(self, channel: int) -> float:
-        """Return the voltage of one input [V].
+        """Return the voltage at an input [V].
 
         Raises
         ------
@@ -272,5 +273,5 @@ class LabJackDriver:
         return found
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._line.close()

@@ -1,15 +1,15 @@
-"""The line protocol for rigs of one's own: a command line, an answer line, each with a check sum.
+"""The line protocol for rigs of one's own: a command line, an answer line, each with a checksum.
 
-Version 2 seals a line with a CRC-16 of four hexadecimal digits; a rig tells its limits when it is greeted, and answers
-with the number of the order and with its state:
+Version 2 ends a line with a CRC-16 in four hexadecimal digits; a rig states its limits in its greeting, and answers
+with the command's number and its own state:
 
     ``?``             ``N itouch-line 2 NAME amps=A plate=LOW:HIGH sink=HIGH silence=S reset=WHY cut=WHY``
     ``I NR AMPS``     ``R NR PLATE SINK FLUX SKIN AMPS STATE``
-    ``C``             ``N ...``: a cut-off is released, if what caused it is over
+    ``C``             ``N ...``: releases a cut-off, if its cause is over
 
 Version 1 has the exclusive or of the bytes before ``*`` in two digits, ``I AMPS`` and ``R PLATE SINK FLUX SKIN AMPS``.
-Temperatures are in degrees Celsius, fluxes in W/m2; ``nan`` where there is no sensor; ``E WORDS`` refuses.  Without an
-``I`` for 0.2 s the rig takes its current to zero by itself.
+Temperatures are in degrees Celsius, fluxes in W/m2; ``nan`` stands for a missing sensor; ``E WORDS`` is a refusal.
+Without an ``I`` for 0.2 s the rig sets its current to zero by itself.
 """
 
 from __future__ import annotations
@@ -28,29 +28,29 @@ from itouch_thermal.drivers.serialport import SerialLine
 
 GREETING = "itouch-line 1"
 GREETING_2 = "itouch-line 2"
-#: The word that refuses; more may follow.
+#: The first word of a refusal; more may follow.
 REFUSED = "E"
-#: How long [s] an answer may take beside its way, for how many such times a line is sent again, and how often at most;
-#: the rig's own watchdog [s].
+#: How long [s] an answer may take beyond its transit, for how many such times a line is repeated, and how often at
+#: most; the rig's own watchdog [s].
 PATIENCE, SILENT, TRIES, WATCHDOG = 0.06, 3, 8, 0.2
-#: After how long [s] an order is sent again at the earliest where its number tells answers apart, and after how many
-#: times what answers take: several lost ones must not make a reading too old, nor may a slow rig be overrun.  Behind a
-#: line that is no answer so long a silence [s] is the end.
+#: A numbered command is repeated after this time [s] at the earliest, and after this many usual answer times: lost ones
+#: must not make a reading too old, nor may a slow rig be overrun.  After a damaged line, wait only this long [s] for
+#: more.
 QUICK, USUAL, BEHIND = 0.02, 2.0, 0.01
-#: How much of a new answer's time goes into the usual one.
+#: Weight of a new answer time in the usual one.
 _NEWEST = 0.25
-#: Bytes of the longest order and its answer.
+#: Bytes of the longest command and its answer.
 _BYTES = 80
-#: How long [s] a rig may take to start: opening its port resets many boards, whose boot loader waits first.
+#: How long [s] a rig may take to start: opening its port resets many boards, and their boot loaders wait first.
 START = 2.5
 KELVIN = 273.15
 _NUMBER = re.compile(r"[-+]?([0-9]{1,9}(\.[0-9]+)?|nan)", re.IGNORECASE | re.ASCII)
-#: Words behind an order's number: five numbers, and of version 2 the state.
+#: Number of values in an answer; in version 2 the state follows them.
 _NUMBERS = 5
 
 
 class LineReading(NamedTuple):
-    """What a rig measures: temperatures [K], flux [W/m2] and current [A]; NaN where it has no sensor."""
+    """A rig's measurements: temperatures [K], flux [W/m2] and current [A]; NaN without a sensor."""
 
     plate: float
     sink: float
@@ -60,7 +60,7 @@ class LineReading(NamedTuple):
 
 
 def crc(text: bytes) -> int:
-    """Return the CRC-16 of version 2: polynomial 0x1021, begins with 0xFFFF."""
+    """Return the CRC-16 of version 2: polynomial 0x1021, initial value 0xFFFF."""
     found = 0xFFFF
     for byte in text:
         found ^= byte << 8
@@ -70,7 +70,7 @@ def crc(text: bytes) -> int:
 
 
 def seal(text: str) -> bytes:
-    """Return a line with its check sum and end, as version 1 has it."""
+    """Return a line with the checksum of version 1 and its end."""
     check = 0
     for byte in text.encode():
         check ^= byte
@@ -78,17 +78,17 @@ def seal(text: str) -> bytes:
 
 
 def seal_2(text: str) -> bytes:
-    """Return a line with its check sum and end, as version 2 has it."""
+    """Return a line with the checksum of version 2 and its end."""
     return f"{text}*{crc(text.encode()):04X}\n".encode()
 
 
 def unseal(line: bytes) -> str | None:
-    """Return a line's text, or None if its check sum, of version 1, is wrong."""
+    """Return a line's text, or None if its checksum of version 1 is wrong."""
     return _unseal(line, 2, seal)
 
 
 def unseal_2(line: bytes) -> str | None:
-    """Return a line's text, or None if its check sum, of version 2, is wrong."""
+    """Return a line's text, or None if its checksum of version 2 is wrong."""
     return _unseal(line, 4, seal_2)
 
 
@@ -100,25 +100,25 @@ def _unseal(line: bytes, digits: int, sealed: Callable[[str], bytes]) -> str | N
 
 
 def _says(text: str, words: str) -> bool:
-    """Tell whether a text is these words, or begins with them."""
+    """Tell whether a text is, or begins with, these words."""
     return text == words or text.startswith(f"{words} ")
 
 
 class LineDriver:
-    """An open rig, of either version.
+    """An open rig, of either protocol version.
 
     Parameters
     ----------
     params
-        Where it is.
+        The port and its settings.
     trace
-        Where to write what goes over the wire.
+        Where to log the lines that go over the wire.
     patience
-        Factor on how long it waits for answers.
+        Factor on every waiting time for an answer.
     limits
-        The limits in force for the device by name, SI: what the rig promises must fit them.
+        The limits in force for the device, by name, in SI: the rig's promises must satisfy them.
     release
-        Release a cut-off first.
+        Whether to release a cut-off first.
 
     Raises
     ------
@@ -138,14 +138,14 @@ class LineDriver:
         self._patience, self._way = patience, 0.0 if "://" in params.port else _BYTES * 10.0 / params.baud
         self._line = SerialLine(params.port, params.baud, end=b"\n", trace=trace, patience=max(1.0, patience))
         self._number, self._version = 0, 1
-        #: How many answers to lines that were sent may still come.
+        #: Number of answers that may still come to lines sent.
         self._owed = 0
-        #: How long answers take [s], as the last ones did.
+        #: Usual time that answers take [s], from the latest ones.
         self._usual = 0.0
-        #: How long the last answer was on the wire [s]; behind a socket nobody knows.
+        #: Transit time of the last answer on the wire [s]; unknown, 0, behind a socket.
         self.wire = 0.0
         self._byte = 0.0 if "://" in params.port else 10.0 / params.baud
-        #: What a rig of version 2 has promised; None: it speaks version 1.
+        #: The promises of a rig of version 2; None: it speaks version 1.
         self.promises: Promises | None = None
         self._flowing = FlowingCurrent(f"the rig on {params.port}", less=True)
         try:
@@ -162,7 +162,7 @@ class LineDriver:
             raise
 
     def _greet(self) -> str:
-        """Ask who is there until the rig has started; version 1's question is understood by both."""
+        """Send the greeting until the rig has started; both versions understand version 1's greeting."""
         limit = time.monotonic() + START
         while True:
             try:
@@ -172,7 +172,7 @@ class LineDriver:
                 if time.monotonic() >= limit:
                     raise
         if _says(found, GREETING_2):
-            self._version = 2  # whichever check sum it has: what it promises is to be looked at
+            self._version = 2  # whichever checksum it has: its promises must be checked
         elif not _says(found, GREETING):
             raise DeviceError(f"on {self._line.port} answers '{found}', not '{GREETING}' or '{GREETING_2}'")
         return found
@@ -191,8 +191,8 @@ class LineDriver:
         return f"has cut itself off: {CAUSES.get(cause, cause)}{then}"
 
     def _body(self, answer: bytes) -> str | None:
-        """Return the text of an answer that is whole; a greeting may have either check sum."""
-        answer = answer.lstrip(b"\r\n\0")  # a port that is opened may say zeros
+        """Return the text of an intact answer; a greeting may have either checksum."""
+        answer = answer.lstrip(b"\r\n\0")  # opening a port may produce zeros
         if self._version == 2:
             return unseal_2(answer)
         body = unseal(answer)
@@ -201,7 +201,7 @@ class LineDriver:
         return body
 
     def _ask(self, text: str, wanted: str) -> str:
-        """Send a line until its answer comes, and return what stands behind ``wanted`` in that.
+        """Send a line until its answer comes, and return the part of the answer after ``wanted``.
 
         Raises
         ------
@@ -232,10 +232,10 @@ class LineDriver:
         raise _SilentError(f"the rig on {self._line.port} did not answer '{text}', sent again and again")
 
     def _hear_out(self, quiet: float, longest: float) -> None:
-        """Let pass the answers to a line that was sent again, which without numbers would be taken for the next one's.
+        """Let the late answers to a repeated line pass: without numbers, they would be taken for the next line's.
 
-        They have come when all are counted, or nothing was said for ``quiet`` seconds; a line that never ends to talk
-        holds up an order for ``longest`` seconds.
+        They have all come once they are counted, or after ``quiet`` seconds of silence; a line that never falls silent
+        delays a command by ``longest`` seconds at most.
         """
         limit = time.monotonic() + longest
         while self._owed:
@@ -249,7 +249,7 @@ class LineDriver:
                 self._arrived(answer)
 
     def _arrived(self, answer: bytes) -> None:
-        """Count an answer, or what may have been one before it was damaged."""
+        """Count an answer, also one that may have been damaged."""
         body = self._body(answer)
         said = answer.lstrip(b"\r\n\0")[:1] in b"NRE" or b"*" in answer if body is None else body[:1] in "NRE"
         self._owed = max(0, self._owed - said)
@@ -257,9 +257,9 @@ class LineDriver:
     def _answer(self, wanted: str, wait: float) -> str | None:
         """Return the answer, or a refusal, that comes within ``wait`` seconds, or None.
 
-        What else is said is passed over: what an adaptor echoes, words of a program that talks, an answer to an earlier
-        order.  Behind what is damaged, which may have been the answer, little is waited for; not behind words without a
-        check sum, which a program may say when it has heard the order and is still measuring.
+        Everything else is skipped: an adaptor's echo, a talkative program's words, an answer to an earlier command.
+        After a damaged line, which may have been the answer, the wait is cut short; not so after words without a
+        checksum, which a program may print while it is still measuring.
         """
         limit = time.monotonic() + wait
         while True:
@@ -272,17 +272,17 @@ class LineDriver:
                 if b"*" in answer or answer.lstrip(b"\r\n\0").startswith(wanted[:1].encode()):
                     limit = min(limit, time.monotonic() + self._patience * (BEHIND + self._way))
             elif _says(body, wanted) or _says(body, REFUSED):
-                self.wire = (len(answer) + 1) * self._byte  # with its end
+                self.wire = (len(answer) + 1) * self._byte  # including its end
                 return body
 
     def exchange(self, current: float) -> LineReading:
-        """Set the current [A], and measure.
+        """Set the current [A], and read the measurements.
 
         Raises
         ------
         DeviceError
-            If it does not answer, refuses, answers nonsense, has lost a sensor, has cut itself off, or gives more
-            current than was asked for.
+            If the rig does not answer, refuses, answers nonsense, has lost a sensor, has cut itself off, or gives more
+            current than commanded.
         """
         self._flowing.ask(current)
         said = self._order(f"{current:.5f}")
@@ -299,22 +299,22 @@ class LineDriver:
         plate, sink, flux, skin, actual = (float(word) for word in words)
         low, high = BELIEVED
         if not low <= skin <= high:
-            skin = math.nan  # a thermometer that is open or short sees no finger
+            skin = math.nan  # open or short: no finger
         if not (low <= plate <= high and low <= sink <= high and math.isfinite(actual)):
             raise DeviceError(f"the rig on {self._line.port} has lost its plate's or sink's sensor")
         self._flowing.follows(actual)
         return LineReading(plate + KELVIN, sink + KELVIN, flux, skin + KELVIN, actual)
 
     def _order(self, amps: str) -> list[str]:
-        """Send a current; return the words of the answer behind its number."""
+        """Send a current; return the words of the answer after its number."""
         if self._version == 1:
             return self._ask(f"I {amps}", "R").split()
         self._number = (self._number + 1) % 256
         return self._ask(f"I {self._number} {amps}", f"R {self._number}").split()
 
     def close(self) -> None:
-        """Set the current to zero, then let go of the line."""
-        self._owed = 0  # whichever order is answered: zero waits for nothing
+        """Set the current to zero, then release the line."""
+        self._owed = 0  # setting zero waits for no late answers
         try:
             self._order("0")
         finally:
@@ -322,4 +322,4 @@ class LineDriver:
 
 
 class _SilentError(DeviceError):
-    """No answer."""
+    """No answer came."""

@@ -1,7 +1,7 @@
-"""MeCom, the protocol of Meerstetter's TEC controllers: frames of ASCII hexadecimal with a check sum.
+"""MeCom, the protocol of Meerstetter's TEC controllers: frames of ASCII hexadecimal with a checksum.
 
 A request is ``#``, address (2 digits), sequence number (4), payload, CRC-16 (4) and CR; an answer begins with ``!`` and
-has the same sequence number.  A write is acknowledged without payload, with the request's own CRC once more.
+has the same sequence number.  A write is acknowledged without a payload, and with the request's own CRC.
 """
 
 from __future__ import annotations
@@ -14,30 +14,30 @@ from time import monotonic, sleep
 from itouch.plugin import DeviceError, Trace
 from itouch_thermal.drivers.serialport import SerialLine
 
-#: How long [s] an answer may take, and how often a request is sent that nobody answers; how often at most, if answers
-#: come damaged.
+#: How long [s] an answer may take, and how often a request without an answer is sent; how often at most if answers come
+#: damaged.
 PATIENCE, TRIES, DAMAGED = 0.06, 3, 8
-#: Where a lost answer would hold up a loop: how often a request is sent again sooner, after how long [s] at the
-#: earliest, and after how many times what answers take, so that a slow controller is not overrun.  (All have one
-#: number: whichever answer comes first counts, the others are late.)
+#: If a loop is waiting: how many repetitions come sooner, after how long [s] at the earliest, and after how many usual
+#: answer times, so that a slow controller is not overrun.  (All have the same number: the first answer counts, the
+#: others are late.)
 SOONER, QUICK, USUAL = 4, 0.02, 2.0
-#: How much of a new answer's time goes into the usual one.
+#: Weight of a new answer time in the usual one.
 _NEWEST = 0.25
-#: The address that every controller answers to, with its own.
+#: The address to which every controller answers, stating its own.
 ANY = 0
-#: After so long a silence [s] a raised line has its own speed again: 5 s, and some more.
+#: After this long a silence [s] a raised line is back at its own speed: 5 s, with a margin.
 FALLEN = 5.5
 ERRORS = {
     1: "command not available", 2: "device is busy", 3: "general communication error", 4: "format error",
     5: "no such parameter", 6: "parameter is read only", 7: "value out of range", 8: "no such instance",
     9: "parameter general failure",
 }  # fmt: skip
-#: The controller is busy; it has no such channel.
+#: Error codes: the controller is busy; it has no such channel.
 BUSY, NO_INSTANCE = 2, 8
-#: Refusals that pass: it is busy, or what it heard was damaged on the way (a general communication error, a format
-#: error).  Such a request is made again.
+#: Temporary refusals: it is busy, or the request arrived damaged (a general communication error, a format error).  Such
+#: a request is repeated.
 _PASSING = (BUSY, 3, 4)
-#: Refusals that mean that a parameter, or a command, is not there.
+#: Refusals that mean that a parameter or a command does not exist.
 UNKNOWN = (1, 5)
 
 
@@ -56,7 +56,7 @@ class MecomRefusal(MecomError):  # noqa: N818
 
 
 def crc16(data: bytes) -> int:
-    """Return the CRC-16 with polynomial 0x1021 and start 0."""
+    """Return the CRC-16 with polynomial 0x1021 and initial value 0."""
     crc = 0
     for byte in data:
         crc ^= byte << 8
@@ -66,7 +66,7 @@ def crc16(data: bytes) -> int:
 
 
 def _named(request: str) -> str:
-    """Return a request with the number of its parameter, as the maker's papers have it."""
+    """Return a request with its parameter's number in decimal, as in the maker's documentation."""
     part = {"VS": request[2:6], "?V": request[3:7]}.get(request[:2], "")
     if not part or request.startswith("?VX"):
         return f"'{request}'"
@@ -74,7 +74,7 @@ def _named(request: str) -> str:
 
 
 class MecomClient:
-    """Requests to one controller; each is sent again, with the same number, if its answer is missing or damaged."""
+    """Requests to one controller; a request is repeated with the same number if its answer is missing or damaged."""
 
     def __init__(
         self, port: str, baud: int = 57600, address: int = 2, *, patience: float = 1.0, trace: Trace | None = None
@@ -82,33 +82,33 @@ class MecomClient:
         self._line = SerialLine(port, baud, end=b"\r", trace=trace, patience=max(1.0, patience))
         self._address, self._sequence, self._patience = address, 0, patience
         self._slow = baud
-        #: The line's speed now.
+        #: The line's present speed [baud].
         self.baud = baud
-        #: Whether a loop waits for the answers; how long they take [s], as the last ones did.
+        #: Whether a loop is waiting for the answers; and the usual time that they take [s], from the latest ones.
         self.hurry, self._usual = False, 0.0
         self._spoilt = False
-        #: The address of another controller that has answered to this one's requests; -1: none has.
+        #: The address of another controller that has answered requests to this one; -1: none.
         self._other = -1
 
     def close(self) -> None:
-        """Give the line its own speed back, and let go of it."""
+        """Return the line to its own speed, and release it."""
         try:
             if self.baud != self._slow:
-                with contextlib.suppress(DeviceError):  # a port that is gone, too: what came before is to be told
+                with contextlib.suppress(DeviceError):  # even if the port is gone: an earlier error counts
                     self._ask(f"CS{self._slow:08X}")
         finally:
             self._line.close()
 
     def hasten(self, baud: int) -> bool:
-        """Raise the line's speed, until it is silent for 5 s; tell whether the controller can do that.
+        """Raise the line's speed, which falls back after 5 s of silence; tell whether the controller can do this.
 
-        One that was left at this speed by a program that died is met there.  Where the line does not carry this speed
-        the controller gets its own back.
+        A controller that a dead program has left at this speed is found there.  If the line does not carry the speed,
+        the controller is returned to its own.
 
         Raises
         ------
         DeviceError
-            If it answers at neither speed, or the port cannot be so fast.
+            If it answers at neither speed, or the port does not support the speed.
         """
         if baud == self._slow:
             return False
@@ -132,14 +132,14 @@ class MecomClient:
         return self.baud == baud
 
     def _slowed(self, baud: int) -> None:
-        """Meet a controller at its own speed again that has raised its line to what the line does not carry.
+        """Reach a controller at its own speed again after raising it to one that the line does not carry.
 
         Raises
         ------
         MecomError
             If it does not come back.
         """
-        with contextlib.suppress(MecomError):  # it may hear this and only its answer be damaged
+        with contextlib.suppress(MecomError):  # it may receive this although its answer is damaged
             self._ask(f"CS{self._slow:08X}", tries=1)
         self._set(self._slow)
         with contextlib.suppress(MecomError):
@@ -161,7 +161,7 @@ class MecomClient:
         self.baud = baud
 
     def identity(self) -> str:
-        """Return what the controller says that it is."""
+        """Return the controller's identification string."""
         return self._ask("?IF").strip()
 
     def read_float(self, parameter: int, instance: int = 1) -> float:
@@ -213,15 +213,15 @@ class MecomClient:
     def _ask(self, payload: str, tries: int = TRIES) -> str:
         """Send a request and return the payload of its answer.
 
-        In a hurry the line's own speed is tried, too: the controller may have fallen back to it.  Where it does not
-        answer there either, the line keeps the speed that it had, at which a later request may be heard.
+        If a loop is waiting, the line's own speed is tried, too: the controller may have fallen back to it.  If it does
+        not answer there either, the raised speed is restored, at which a later request may be received.
 
         Raises
         ------
         MecomRefusal
             If the controller refuses.
         MecomError
-            If no good answer comes.
+            If no intact answer comes.
         """
         self._sequence = self._sequence + 1 & 0xFFFF
         body = f"#{self._address:02X}{self._sequence:04X}{payload}".encode()
@@ -236,7 +236,7 @@ class MecomClient:
         while turn < turns:
             if turn == first and refusal is not None:
                 break  # it is at this speed
-            if turn == first:  # it has started anew, or has heard nothing for long: then its line is slow again
+            if turn == first:  # after a restart or a long silence its line is slow again
                 self._set(self._slow)
             self._line.clear()
             self._line.send(request)
@@ -245,7 +245,7 @@ class MecomClient:
             end = monotonic() + self._patience * (quick if sooner else PATIENCE)
             answer = self._answer(crc, end)
             if answer is None and self._spoilt and spoilt < DAMAGED - tries:
-                spoilt += 1  # it is there and answers: that was no silence
+                spoilt += 1  # a damaged answer is not a silence
                 continue
             turn += 1
             if answer is None:
@@ -257,7 +257,7 @@ class MecomClient:
             refusal = MecomRefusal(code, payload)
             if code not in _PASSING:
                 break
-            if code == BUSY and 1 < turn < turns:  # all tries at once would find it as busy
+            if code == BUSY and 1 < turn < turns:  # immediate repetitions would find it busy, too
                 sleep(max(0.0, end - monotonic()))
         if refusal is not None:
             raise refusal
@@ -268,9 +268,9 @@ class MecomClient:
         raise MecomError(f"the TEC controller on {self._line.port} did not answer {turns} times{other}")
 
     def _answer(self, sent: int, limit: float) -> str | None:
-        """Return the payload of the next good answer to this request before ``limit``, or None.
+        """Return the payload of the next intact answer to this request before ``limit``, or None.
 
-        What others say on the line meanwhile is not for us, and gains nobody time.
+        Other traffic on the line is skipped, and does not extend the wait.
         """
         self._spoilt = False
         while True:
@@ -279,7 +279,7 @@ class MecomClient:
                 return None
             start = message.rfind(b"!")
             if start < 0:
-                continue  # an adaptor's echo, or words of whoever talks on the line
+                continue  # an adaptor's echo, or other traffic
             body, check = message[start:-4], message[-4:]
             try:
                 address, number, crc = int(body[1:3], 16), int(body[3:7], 16), int(check, 16)
@@ -290,7 +290,7 @@ class MecomClient:
                 continue  # an answer that came too late
             if self._address not in (ANY, address):
                 self._other = address
-                continue  # another controller's, to another host: it counts its requests from 1, too
+                continue  # another controller's, to another host with the same numbers
             payload = body[7:].decode("ascii", "replace")
             good = crc == crc16(body) or (
                 not payload and crc == sent

@@ -1,4 +1,4 @@
-"""Numbers at the registers of a Modbus-TCP device, some of them asked for now and fetched later."""
+"""Numbers in the registers of a Modbus-TCP device; a request can also be sent now and its answer fetched later."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from typing import Any
 from itouch.plugin import DeviceError, Trace
 
 PORT = 502
-#: How long [s] an answer may take, for how many such times a request is made again, and how often at most.
+#: How long [s] an answer may take, for how many such times a request is repeated, and how often at most.
 PATIENCE, SILENT, TRIES = 0.2, 2, 8
-#: After how long [s] a request is made again at the earliest, and after how many times what answers take: a reading
-#: must not be too old because one answer got lost.  How often that soon.
+#: Time [s] after which a request is repeated at the earliest, and how many usual answer times: a reading must not get
+#: too old because an answer was lost.  And the number of such early repetitions.
 QUICK, USUAL, SOONER = 0.025, 3.0, 3
-#: How much of a new answer's time goes into the usual one.
+#: Weight of a new answer time in the usual one.
 _NEWEST = 0.25
-#: Modbus exceptions that pass (5 acknowledge, 6 busy), and how often a request is made then.
+#: Temporary Modbus exceptions (5 acknowledge, 6 busy), and how often a request is then sent.
 _BUSY, _TRIES = (5, 6), 3
 _READ, _WRITE, _REFUSED = 3, 16, 0x80
-#: Bytes of an answer before its data: number, protocol, length, unit, function, count or exception.
+#: Bytes of an answer up to its data: number, protocol, length, unit, function, count or exception.
 _HEAD = 9
 
 
 class ModbusRefusal(DeviceError):  # noqa: N818
-    """The device has answered that it does not do what it was asked for."""
+    """The device has refused a request."""
 
 
 class ModbusLine:
-    """A connection to a device of which all numbers are 32 bits wide, high word first.
+    """A connection to a device whose numbers are all 32 bits wide, high word first.
 
     Raises
     ------
@@ -50,28 +50,28 @@ class ModbusLine:
         client: Any = ModbusTcpClient
         self._patience = PATIENCE * patience
         self._client: Any = client(address, port=int(port or PORT), timeout=PATIENCE * patience, retries=0)
-        #: How long answers take [s], as the last ones did; None before the first.
+        #: Usual time that answers take [s], from the latest ones; None before the first.
         self._usual: float | None = None
         self._number, self._asked_for = 0, -1
-        #: How often a connection was made.
+        #: Number of connections made so far.
         self.connections = 0
         if not self._connect():
             self._client.close()
             raise DeviceError(f"no {name} answers at {host}: check its address and power")
 
     def _connect(self) -> bool:
-        """Connect, if there is no connection; tell whether there is one."""
+        """Connect if not connected; return whether it is connected."""
         before = self._client.connected
         found = bool(self._client.connect())
         self.connections += found and not before
         return found
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._client.close()
 
     def floats(self, address: int, count: int = 1) -> list[float]:
-        """Return numbers at a register and the next ones.
+        """Return the floating-point numbers at a register and the following ones.
 
         Raises
         ------
@@ -81,26 +81,26 @@ class ModbusLine:
         return list(struct.unpack(f">{count}f", self._read(address, count)))
 
     def whole(self, address: int) -> int:
-        """Return the whole number at a register; raises as `floats` does."""
+        """Return the unsigned integer at a register; raises as `floats` does."""
         found: int = struct.unpack(">I", self._read(address, 1))[0]
         return found
 
     def write(self, address: int, data: bytes) -> None:
-        """Write words to a register and the next ones; raises as `floats` does."""
+        """Write words to a register and the following ones; raises as `floats` does."""
         words = list(struct.unpack(f">{len(data) // 2}H", data))
         if self._trace:
             self._trace.sent(b"write %d " % address + data.hex().encode())
         self._asked(address, _WRITE, lambda: self._client.write_registers(address, words))
 
     def ask(self, address: int) -> None:
-        """Ask for one number whose answer takes its time; `answer` fetches it, and nothing else is asked before.
+        """Request one number whose answer takes time; `answer` must fetch it before any other request.
 
         Raises
         ------
         DeviceError
             If there is no connection.
         """
-        if self._asked_for >= 0:  # nobody has fetched the last answer: it must not be taken for this one
+        if self._asked_for >= 0:  # the last answer was not fetched: it must not be mistaken for this one
             self._client.close()
         self._number, self._asked_for = (self._number + 1) % 0x10000, address
         if self._trace:
@@ -113,14 +113,14 @@ class ModbusLine:
                 self._client.send(request)
                 return
             except (self._failure, OSError) as error:
-                self._client.close()  # it has hung up since the last answer
+                self._client.close()  # it has closed the connection since the last answer
                 if last:
                     raise self._silent(error) from error
 
     def answer(self) -> tuple[float, bool]:
-        """Return the number that was asked for, and whether that first request has brought it.
+        """Return the number requested by `ask`, and whether that first request has delivered it.
 
-        After a silence, or an answer that says that the device is busy, it is asked for anew.
+        After a silence, or an answer that the device is busy, the number is requested again.
 
         Raises
         ------
@@ -136,18 +136,18 @@ class ModbusLine:
             raise ModbusRefusal(f"the {self._name} at {self._host} refuses register {address}: exception {data[0]}")
         if len(data) != 4:
             if len(data) != 1:
-                self._client.close()  # what was asked for may still come: on another connection it does not
+                self._client.close()  # a late answer cannot come on a new connection
             return self.floats(address)[0], False
         if self._trace:
             self._trace.received(data)
         return float(struct.unpack(">f", data)[0]), True
 
     def _fetched(self) -> bytes:
-        """Return the data of the answer to the last request: four bytes, an exception's one, or what came of it."""
+        """Return the last answer's data: four bytes, an exception's one byte, or what has arrived of them."""
         limit = time.monotonic() + self._patience
         while True:
             head = self._client.recv(_HEAD)
-            if len(head) != _HEAD or time.monotonic() > limit:  # answers without an end are no answer
+            if len(head) != _HEAD or time.monotonic() > limit:  # never wait for ever
                 return b""
             number, protocol, length, _, function, size = struct.unpack(">HHHBBB", head)
             if protocol or not 3 <= length <= 260:
@@ -167,7 +167,7 @@ class ModbusLine:
         return raw
 
     def _asked(self, address: int, function: int, ask: Callable[[], Any]) -> Any:
-        """Return the answer to a request, which is made again if that does not come, is damaged or says busy."""
+        """Return the answer to a request, repeating it if the answer is missing, is damaged, or says busy."""
         begin, busy, said = time.monotonic(), 0, ""
         for turn in range(TRIES):
             try:
@@ -187,13 +187,13 @@ class ModbusLine:
                     self._usual = took if self._usual is None else self._usual + _NEWEST * (took - self._usual)
                     return answer
                 said = f"it answers {answer}"
-            self._client.close()  # what was asked for may still come: on another connection it does not
+            self._client.close()  # a late answer cannot come on a new connection
             if time.monotonic() - begin >= SILENT * self._patience:
                 break
         raise self._silent(said)
 
     def _once(self, ask: Callable[[], Any], *, soon: bool) -> Any:
-        """Ask once; ``soon``: wait for no longer than answers usually take, and then some."""
+        """Send a request once; if ``soon``, wait only a few times as long as answers usually take."""
         known = self._usual if soon else None
         settings = self._client.comm_params
         if not self._connect():

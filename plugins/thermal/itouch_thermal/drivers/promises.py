@@ -1,4 +1,4 @@
-"""What a rig of one's own promises when it is greeted, and whether that fits the limits in force for the device."""
+"""The promises in the greeting of a rig of one's own, and whether they satisfy the limits in force for the device."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 from itouch.plugin import DeviceError
 
 KELVIN = 273.15
-#: Plate and sink [degC] that nothing may pass: a rig that cuts itself off beyond them protects nobody.
+#: Absolute limits of plate and sink [degC]: a rig that cuts itself off only beyond them protects nobody.
 PLATE_ABSOLUTE, SINK_ABSOLUTE = (8.0, 45.0), 58.0
-#: A rig must go to zero by itself within this time [s] without an order.
+#: A rig must set its current to zero by itself within this time [s] without a command.
 SILENCE = 0.5
 
-#: Why a rig has cut itself off, in words.
+#: Causes of a cut-off, in words.
 CAUSES = {
     "plate-hot": "its plate was too hot",
     "plate-cold": "its plate was too cold",
@@ -31,7 +31,7 @@ CAUSES = {
 
 @dataclass(frozen=True, slots=True)
 class Promises:
-    """Greatest current [A], plate and sink [degC] at which it cuts itself off, its watchdog [s], and its past."""
+    """Greatest current [A], cut-off temperatures of plate and sink [degC], watchdog [s]; last reset and cut-off."""
 
     amps: float
     plate: tuple[float, float]
@@ -42,12 +42,12 @@ class Promises:
 
     @classmethod
     def read(cls, greeting: str) -> Promises:
-        """Read them from a greeting.
+        """Parse them from a greeting.
 
         Raises
         ------
         DeviceError
-            If a word is missing or no number.
+            If a word is missing or not a number, or a limit is impossible.
         """
         words = dict(word.split("=", 1) for word in greeting.split() if "=" in word)
         try:
@@ -69,7 +69,7 @@ class Promises:
 
 
 def not_kept(promises: Promises, limits: Mapping[str, Any]) -> list[str]:
-    """Return in words what a rig promises too little of, for these limits in force (SI)."""
+    """Return, in words, which promises do not satisfy these limits in force (SI)."""
     low, high = promises.plate
     problems = []
     if low < PLATE_ABSOLUTE[0] or high > PLATE_ABSOLUTE[1]:

@@ -1,4 +1,4 @@
-"""Put together from its elements: which driver drives the module, which reads the sensors of a display."""
+"""The drivers of a display as its elements name them: one drives the module, one may read the sensors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from itouch_thermal.drivers.tec import TecDriver, TecReading
 
 @dataclass(slots=True)
 class Measured:
-    """Readings of a display: temperatures [K], flux [W/m2], current [A]; NaN where there is no sensor."""
+    """Readings of a display: temperatures [K], flux [W/m2], current [A]; NaN without a sensor."""
 
     plate: float
     sink: float
@@ -26,7 +26,7 @@ class Measured:
 
 
 class Rig:
-    """Open drivers: a controller or a rig of one's own, and a LabJack if there is one."""
+    """Open drivers: a controller or a rig of one's own, and a LabJack if one is named."""
 
     def __init__(
         self, params: Any, trace: Trace | None = None, *, patience: float = 1.0, limits: Mapping[str, Any] | None = None
@@ -48,7 +48,7 @@ class Rig:
                 raise
 
     def exchange(self, current: float, stamps: Stamps | None = None) -> Measured:
-        """Set the current [A], and measure; ``stamps`` is told what was when.
+        """Set the current [A], and measure; the times of both are written to ``stamps``.
 
         Raises
         ------
@@ -73,7 +73,7 @@ class Rig:
         return Measured(read.plate, read.sink, flux, skin, read.current)
 
     def close(self) -> None:
-        """Set the current to zero, and let go of everything."""
+        """Set the current to zero, and release everything."""
         try:
             self._source.close()
         finally:
@@ -84,7 +84,7 @@ class Rig:
 def rig_of(
     params: Any, trace: Trace | None = None, *, patience: float = 1.0, limits: Mapping[str, Any] | None = None
 ) -> Rig:
-    """Open what the parameters name.
+    """Open the hardware named in the parameters.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A serial line that ends its messages with one byte, behind serialx; every wait has an end."""
+"""A serial line whose messages end with one byte, through serialx; every wait is bounded."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any
 from itouch.plugin import DeviceError, Trace
 from itouch.plugin.wire_claims import share
 
-#: The longest wait for a byte [s]: how late the end of a patience can be noticed.
+#: Longest wait for a byte [s], and so the greatest lateness in noticing that a wait is over.
 _POLL = 0.01
-#: What to do about a port that cannot be opened, by the number of the error.
+#: Advice about a port that cannot be opened, by error number.
 _ADVICE = {
     errno.ENOENT: ": look at its plug", errno.EBUSY: ": another program has it; end that first",
     errno.ENOTTY: ": it is no serial port",
 }  # fmt: skip
-#: Most bytes that are taken at once; what is there is given without waiting for more.
+#: Most bytes read at once; bytes that are there are returned without waiting for more.
 _PIECE = 4096
 
 
@@ -36,9 +36,9 @@ class SerialLine:
         except ImportError as error:
             raise DeviceError("serial ports need a package more: pip install 'itouch-py[thermal-hardware]'") from error
         self.port, self._end, self._trace, self._waiting = port, end, trace, b""
-        self._refused = serialx.SerialException  # what a port can't be set to; it is no OSError
+        self._refused = serialx.SerialException  # for settings that the port does not support; not an OSError
         try:
-            # Not exclusive: a second opener must be able to set the current to zero beside a process that hangs.
+            # Not exclusive: if a process hangs, a second opener must be able to set the current to zero.
             self._serial: Any = serialx.serial_for_url(
                 port, baud, read_timeout=_POLL, write_timeout=0.5 * patience, exclusive=False
             )
@@ -56,16 +56,16 @@ class SerialLine:
                 raise
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Release the port."""
         self._serial.close()
 
     def set_baud(self, baud: int) -> None:
-        """Change the line's speed; what has not gone yet goes first.
+        """Change the line's speed, after sending what is still in the buffer.
 
         Raises
         ------
         DeviceError
-            If the port is gone, or cannot be so fast.
+            If the port is gone, or does not support the speed.
         """
         try:
             self._serial.flush()
@@ -74,7 +74,7 @@ class SerialLine:
             raise DeviceError(f"serial port '{self.port}' does not take {baud} baud: {error}") from error
 
     def send(self, message: bytes) -> None:
-        """Send a message with its end.
+        """Send a message, which includes its end.
 
         Raises
         ------
@@ -89,7 +89,7 @@ class SerialLine:
             raise DeviceError(f"serial port '{self.port}' is gone: {error}") from error
 
     def clear(self) -> None:
-        """Drop what has come and was not read."""
+        """Discard received bytes that were not read."""
         self._waiting = b""
         try:
             self._serial.reset_read_buffer()
@@ -97,7 +97,7 @@ class SerialLine:
             raise DeviceError(f"serial port '{self.port}' is gone: {error}") from error
 
     def receive(self, wait: float) -> bytes | None:
-        """Return the next message without its end, or None if none is whole within ``wait`` seconds.
+        """Return the next message without its end, or None if none is complete within ``wait`` seconds.
 
         Raises
         ------

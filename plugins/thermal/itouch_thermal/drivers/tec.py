@@ -1,7 +1,7 @@
-"""A Meerstetter TEC controller as the display's current source; live parameters, so that its flash does not wear.
+"""A Meerstetter TEC controller as the display's current source, driven by live parameters, which spare its flash.
 
-The controller protects the plate by itself when nobody talks to it any more: at start its watchdog, its limits of
-current and its error thresholds are armed and read back.  What differs is written once, and stays in its flash.
+The controller protects the plate by itself when the host falls silent: at the start, its watchdog, current limits and
+error thresholds are armed and read back.  Values that differ are written once, and stay in its flash.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ LOW_ERROR, HIGH_ERROR, OBJECT_RATE, OBSERVE = 4010, 4011, 6301, 6302
 LIVE_ENABLE, LIVE_CURRENT, LIVE_VOLTAGE = 50000, 50001, 50002
 STATES = {0: "init", 1: "ready", 2: "run", 3: "error", 4: "bootloader", 5: "will reset soon"}
 KELVIN = 273.15
-#: What the controller must not exceed by itself: plate [degC], and its watchdog [s], which is set to that.
+#: Limits that the controller must enforce by itself: plate [degC], and its watchdog [s], which is set to this.
 PLATE, LONGEST_WATCHDOG = (8.0, 45.0), 0.5
-#: The greatest current [A] that is asked for if nothing else is said, and the error threshold as a multiple of it.
+#: Default for the greatest current [A] that will be commanded, and the error threshold as a multiple of it.
 CEILING, THRESHOLD = 16.0, 1.25
-#: A live voltage [V] of less is none: the controller has lost what it was told.
+#: Below this live voltage [V] the controller has lost its settings.
 NO_VOLTAGE = 0.01
 
 
 class TecReading(NamedTuple):
-    """What the controller measures: temperatures [K] and current [A]."""
+    """The controller's measurements: temperatures [K] and current [A]."""
 
     plate: float
     sink: float
@@ -46,11 +46,11 @@ class TecDriver:
     Parameters
     ----------
     params
-        Where it is.
+        The port and its settings.
     trace, patience
         As for every driver.
     ceiling
-        Greatest current [A] that will be asked for: the controller is told to give no more.
+        Greatest current [A] that will be commanded: the controller is limited to it.
     """
 
     def __init__(
@@ -60,9 +60,9 @@ class TecDriver:
         self._instance, self._count, self._sink, self._bulk = params.instance, 0, 0.0, True
         self._flowing = FlowingCurrent("the TEC controller")
         self._watched, self._enabled = params.watchdog, False
-        #: Under which instance the status stands: a controller of two channels may have one for both.
+        #: Instance of the status: a controller with two channels may have one status for both.
         self._status = params.instance
-        #: What this controller does not know of the protection that it should have.
+        #: Protective parameters that this controller does not have.
         self.missing: list[int] = []
         try:
             if params.raises:
@@ -70,13 +70,13 @@ class TecDriver:
             self._start(ceiling)
         except BaseException:
             if self._enabled:
-                with contextlib.suppress(DeviceError):  # what came before is to be told
+                with contextlib.suppress(DeviceError):  # the first error is the one to report
                     self._client.write_int(LIVE_ENABLE, 0, self._instance)
             self._client.close()
             raise
 
     def _start(self, ceiling: float) -> None:
-        """Check that it is well, arm what protects the plate, and hand its output over to live parameters."""
+        """Check the controller's state, arm its protection of the plate, and switch its output to live parameters."""
         self.identity = self._client.identity()
         self._status = self._place(STATUS)
         self._check(self._client.read_int(STATUS, self._status))
@@ -102,10 +102,10 @@ class TecDriver:
         self._enabled = True  # even if its answer is lost
         client.write_int(LIVE_ENABLE, 1, instance)
         self._sink = _temperature(client.read_raw(SINK_TEMPERATURE, instance), "sink")
-        client.hurry = True  # from now on a loop waits
+        client.hurry = True  # from now on a loop is waiting
 
     def _place(self, parameter: int) -> int:
-        """Return the instance of a parameter that may be there once for all channels, under 1."""
+        """Return the instance of a parameter, which may exist only once for all channels, as instance 1."""
         if self._instance > 1:
             try:
                 self._client.read_raw(parameter, self._instance)
@@ -115,7 +115,7 @@ class TecDriver:
         return self._instance
 
     def _open_voltage(self) -> None:
-        """Allow the live voltage its limit: it is 0 V after a start, and then no current flows."""
+        """Set the live voltage to its limit: after a start it is 0 V, and no current would flow."""
         try:
             voltage = self._client.read_float(VOLTAGE_LIMIT, self._instance)
             if not voltage > NO_VOLTAGE:
@@ -128,7 +128,7 @@ class TecDriver:
             self._note(VOLTAGE_LIMIT, refusal)
 
     def _note(self, parameter: int, refusal: MecomRefusal) -> None:
-        """Remember a parameter that is not there; any other refusal is an error."""
+        """Record a parameter that does not exist; raise any other refusal."""
         if refusal.code not in UNKNOWN:
             raise refusal
         self.missing.append(parameter)
@@ -178,16 +178,16 @@ class TecDriver:
             raise DeviceError(f"the TEC controller is not ready: it says '{STATES.get(state, state)}'")
 
     def exchange(self, current: float, stamps: Stamps | None = None) -> TecReading:
-        """Set the current [A], and measure.
+        """Set the current [A], and read the measurements.
 
         Raises
         ------
         DeviceError
-            If the controller does not answer, refuses, is in error, has started anew, or gives another current.
+            If the controller does not answer, refuses, is in error, has restarted, or gives another current.
         """
         self._client.write_float(LIVE_CURRENT, current, self._instance)
         if stamps is not None:
-            stamps.left(ago=16 * self._byte())  # it had the command when it began to acknowledge
+            stamps.left(ago=16 * self._byte())  # it had received the command when it began to acknowledge
         self._flowing.ask(current)
         slow = (SINK_TEMPERATURE, STATUS, LIVE_ENABLE, LIVE_VOLTAGE)[self._count % 4]
         self._count += 1
@@ -205,22 +205,22 @@ class TecDriver:
         return TecReading(_temperature(plate, "plate"), self._sink, flowing)
 
     def _byte(self) -> float:
-        """Return how long a byte takes on the line [s]."""
+        """Return the duration of a byte on the line [s]."""
         return 10.0 / self._client.baud
 
     def _values(self, parameters: tuple[int, ...]) -> list[bytes]:
-        """Return parameters in one request, or one by one where the controller knows no such request."""
+        """Return parameters in one request, or one by one if the controller does not know that request."""
         if self._bulk:
             try:
                 return self._client.read_several(parameters, self._instance)
             except MecomRefusal as refusal:
                 if refusal.code == BUSY:
                     raise
-                self._bulk = False  # where it is a parameter that is refused, that is told by itself
+                self._bulk = False  # a refused parameter shows when read by itself
         return [self._client.read_raw(parameter, self._instance) for parameter in parameters]
 
     def _slowly(self, parameter: int, data: bytes) -> None:
-        """Look at what need not be looked at in every exchange."""
+        """Handle a value that is not read in every exchange."""
         if parameter == SINK_TEMPERATURE:
             self._sink = _temperature(data, "sink")
         elif parameter == STATUS:
@@ -228,7 +228,7 @@ class TecDriver:
         elif parameter == LIVE_ENABLE:
             if _int(data) != 1:
                 self._restarted()
-        elif not _float(data) > NO_VOLTAGE:  # another than was written may be all that it can give
+        elif not _float(data) > NO_VOLTAGE:  # a lower value may be all that it can give
             self._restarted()
 
     @staticmethod
@@ -238,23 +238,23 @@ class TecDriver:
         )
 
     def close(self) -> None:
-        """Set the current to zero and the output off, then let go of the line."""
+        """Set the current to zero and switch the output off, then release the line."""
         try:
             try:
                 self._client.write_float(LIVE_CURRENT, 0.0, self._instance)
-            finally:  # one that refuses the first may obey the second
+            finally:  # even if it refuses the first
                 self._client.write_int(LIVE_ENABLE, 0, self._instance)
         finally:
             self._client.close()
 
 
 def _temperature(data: bytes, part: str) -> float:
-    """Return a temperature [K].
+    """Convert a temperature to [K].
 
     Raises
     ------
     DeviceError
-        If it is none that a plate or a sink can have.
+        If it is implausible for a plate or a sink.
     """
     value = _float(data)
     if not BELIEVED[0] <= value <= BELIEVED[1]:
@@ -266,7 +266,7 @@ def _temperature(data: bytes, part: str) -> float:
 
 
 def _rounded(value: float) -> float:
-    """Return by how much a value may differ that was written in single precision."""
+    """Return the tolerance for a value that was written in single precision."""
     return 1e-6 * abs(value)
 
 

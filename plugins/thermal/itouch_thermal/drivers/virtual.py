@@ -1,7 +1,7 @@
 """Virtual counterparts of the drivers: a TEC controller, a rig of one's own, and a T7, each without any transport.
 
-Each keeps the physical values that it would measure; whoever owns the physics sets them.  The faults are counts of
-answers that go wrong.
+Each holds the physical values that it would measure, set by the owner of the physics.  The faults are counts of answers
+that go wrong.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from itouch_thermal.drivers.mecom import crc16
 
 @dataclass(slots=True)
 class Plate:
-    """What the sensors of a display would say [K, W/m2, A], and the current that is commanded."""
+    """Values of a display's sensors [K, W/m2, A], and the commanded current."""
 
     plate: float = 296.15
     sink: float = 296.15
@@ -28,7 +28,7 @@ class Plate:
 
 @dataclass(slots=True)
 class Lapses:
-    """Answers that get lost, are damaged, say that the device is busy, or come with the number of the one before."""
+    """Numbers of answers to lose, to damage, to replace by "busy", or to send with the previous request's number."""
 
     lost: int = 0
     damaged: int = 0
@@ -36,29 +36,29 @@ class Lapses:
     late: int = 0
 
     def take(self, name: str) -> bool:
-        """Tell whether this answer shall go wrong so."""
+        """Tell whether this answer shall go wrong in this way, and count it down."""
         left: int = getattr(self, name)
         if left > 0:
             setattr(self, name, left - 1)
         return left > 0
 
 
-#: What a controller comes with from its factory.
+#: Factory settings of a controller.
 _FACTORY = {
     2020: 0.0, 2021: 0.0, 2030: 10.0, 2031: 19.0, 2032: 12.0, 2033: 22.8, 2060: 0.0, 4010: 13.0, 4011: 65.0,
     50001: 0.0, 50002: 0.0,
 }  # fmt: skip
 
 
-#: So long [s] a raised speed outlives the last request.
+#: A raised speed lasts this long [s] after the last request.
 SILENCE = 5.0
 
 
 @dataclass(slots=True)
 class VirtualMecom:
-    """A TEC controller: parameters, status, live current; ``flash`` counts what would wear its flash.
+    """A TEC controller: parameters, status, live current; ``flash`` counts writes that would wear its flash.
 
-    ``now`` [s] is what its watchdog goes by, ``resistance`` [ohm] its module's, ``bulk`` whether it knows ``?VX``.
+    ``now`` [s] is the time for its watchdog, ``resistance`` [ohm] its module's, ``bulk`` whether it knows ``?VX``.
     """
 
     plate: Plate
@@ -73,14 +73,14 @@ class VirtualMecom:
     now: float = 0.0
     resistance: float = 1.86
     bulk: bool = True
-    #: The speed that the host has raised the line to, 0: none; whether it can do that at all.
+    #: The speed to which the host has raised the line, 0: not raised; and whether the controller can do that.
     raised: int = 0
     can_hasten: bool = True
     _heard: float = 0.0
     _text: bytes = b""
 
     def take(self, data: bytes) -> bytes:
-        """Take bytes from the host and return the controller's."""
+        """Take bytes from the host and return the controller's answer."""
         self._text += data
         out = b""
         while b"\r" in self._text:
@@ -89,19 +89,19 @@ class VirtualMecom:
         return out
 
     def driven(self) -> bool:
-        """Tell whether the host has taken the output over."""
+        """Tell whether the host drives the output; trip the watchdog if the host was silent for too long."""
         if self.floats[tec.WATCHDOG] > 0.0 and self.now - self._heard > self.floats[tec.WATCHDOG] and self._armed():
             self.error = 183
         return self._armed()
 
     def restart(self) -> None:
-        """Start anew, as after a loss of its supply."""
+        """Restart, as after a loss of its supply."""
         self.error, self.integers[50000] = 0, 0
         self.floats[50001] = self.floats[50002] = 0.0
         self.raised = 0
 
     def fast(self) -> int:
-        """Return the speed that its line was raised to; 0: it has its own, for so long it has heard nothing."""
+        """Return the speed to which the line is raised; 0: its own, also after a long silence."""
         if self.now - self._heard > SILENCE:
             self.raised = 0
         return self.raised
@@ -111,7 +111,7 @@ class VirtualMecom:
         return live and self.integers[50000] == 1 and not self.error
 
     def output(self) -> float:
-        """Return the current that flows [A]: what is asked for, as far as limits and voltage let it."""
+        """Return the current that flows [A]: the commanded one, within the limits and the voltage."""
         if not self.driven():
             return 0.0
         most = min(self.floats[tec.CURRENT_LIMIT], self.floats[tec.LIVE_VOLTAGE] / self.resistance)
@@ -194,7 +194,7 @@ class VirtualLine:
     _text: bytes = b""
 
     def take(self, data: bytes, now: float) -> bytes:
-        """Take bytes from the host and return the rig's."""
+        """Take bytes from the host and return the rig's answer."""
         self._text += data
         out = b""
         while b"\n" in self._text:
@@ -207,7 +207,7 @@ class VirtualLine:
         return out
 
     def output(self, now: float) -> float:
-        """Return the current that flows [A]; none if nobody has asked for it lately."""
+        """Return the current that flows [A]; zero if no command has come lately."""
         if now - self._fed > lineport.WATCHDOG:
             self.current = 0.0
         return self.current
@@ -229,16 +229,16 @@ class VirtualLine:
         return "R " + " ".join(f"{value:.4f}" for value in values)
 
 
-#: For how long [s] what an input has seen is remembered: the longest burst of samples.
+#: How long [s] an input's past voltages are stored: the longest burst of samples.
 _REMEMBERED = 0.18
 
 
 @dataclass(slots=True)
 class VirtualT7:
-    """A LabJack T7: Modbus-TCP requests in, answers out; ``volts`` are what its inputs measure.
+    """A LabJack T7: Modbus-TCP requests in, answers out; ``volts`` are the voltages at its inputs.
 
-    ``averages``: whether it knows the extended feature that averages a burst of samples of an input.  What an input has
-    seen until now is told with `see`.
+    ``averages``: whether it has the extended feature that averages a burst of samples of an input.  The input's past
+    voltages are recorded with `see`.
     """
 
     volts: dict[int, float] = field(default_factory=dict)
@@ -249,7 +249,7 @@ class VirtualT7:
     _seen: dict[int, deque[tuple[float, float]]] = field(default_factory=dict)
 
     def see(self, now: float) -> None:
-        """Take the voltages of now [s] as what the inputs see from now on."""
+        """Record the present voltages of the inputs at a time [s]."""
         for channel, volts in self.volts.items():
             seen = self._seen.setdefault(channel, deque())
             if not seen or now > seen[-1][0]:
@@ -258,17 +258,17 @@ class VirtualT7:
                 seen.popleft()
 
     def restart(self) -> None:
-        """Start anew, as after a loss of its supply: nothing that was set is kept."""
+        """Restart, as after a loss of its supply: all settings are lost."""
         self.words.clear()
 
     def takes(self, request: bytes) -> float:
-        """Return how long it samples for the answer to a request [s]."""
+        """Return how long it samples to answer a request [s]."""
         channel = self._averaged(request)
         count, rate = self._burst(channel) if channel is not None else (0, 1.0)
         return count / rate if rate > 0.0 and count / rate <= _REMEMBERED else 0.0
 
     def answer(self, request: bytes) -> bytes | None:
-        """Answer one Modbus message without its header (function code and data); None: not at all."""
+        """Answer one Modbus message without its header (function code and data); None: no answer."""
         if self.lapses.take("lost"):
             return None
         function = request[0]
@@ -299,7 +299,7 @@ class VirtualT7:
         return labjack.EF_RESULT <= address < labjack.EF_RATE + 2 * 150
 
     def _averaged(self, request: bytes) -> int | None:
-        """Return the channel whose average a request asks for, None: it asks for something else."""
+        """Return the channel whose average a request reads; None if it reads something else."""
         if not self.averages or len(request) != 5 or request[0] not in (3, 4):
             return None
         address, count = (int(number) for number in struct.unpack(">HH", request[1:5]))
@@ -312,13 +312,13 @@ class VirtualT7:
         return self.words.get(address, 0) << 16 | self.words.get(address + 1, 0)
 
     def _burst(self, channel: int) -> tuple[int, float]:
-        """Return how many samples a burst has, and how many a second."""
+        """Return the number of samples of a burst, and their rate [1/s]."""
         count = self._word(labjack.EF_SAMPLES + 2 * channel) or 200
         rate: float = struct.unpack(">f", struct.pack(">I", self._word(labjack.EF_RATE + 2 * channel)))[0]
         return count, rate
 
     def _mean(self, channel: int) -> float | None:
-        """Return the mean of the burst of samples that ends now [V]; None: there is no such burst."""
+        """Return the mean of the burst of samples that ends now [V]; None if there is no such burst."""
         count, rate = self._burst(channel)
         if not rate > 0.0 or count / rate > _REMEMBERED or channel not in self._seen:
             return None

@@ -1,4 +1,4 @@
-"""An instrumented sample: a flux film on it, a force sensor under it, and a thermometer that looks at the finger."""
+"""An instrumented sample: a flux film on top, a force sensor below, and a thermometer that looks at the finger."""
 
 from itouch_thermal.film.touch_film import TouchFilm
 

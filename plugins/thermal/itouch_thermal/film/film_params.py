@@ -1,4 +1,4 @@
-"""What ``<touch-film:hardware>`` may hold: the sensors' calibration sheets, and the twin's sample and finger."""
+"""The contents of ``<touch-film:hardware>``: the sensors' calibrations, and the twin's sample and finger."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from itouch.plugin import schema
 from itouch_thermal.drivers.driver_params import FluxSensor, Infrared
 from itouch_thermal.laws import KINDS, ForceLaw, check_laws
 
-#: The sample of the twin where none is given: the paper's wood.
+#: The twin's default sample: the paper's wood.
 WOOD = Layer(name="wood", thickness=0.02, conductivity=0.11, density=415.0, specific_heat=2720.0)
 
 
@@ -51,7 +51,7 @@ class T7:
 
     @property
     def averaging(self) -> float:
-        """How long the film's input is averaged [s]: not at all, since a touch is recorded sample by sample."""
+        """How long the film's input is averaged [s]: 0, since a touch is recorded sample by sample."""
         return 0.0
 
 
@@ -143,12 +143,12 @@ class FilmParams:
 
     @property
     def has_thermometer(self) -> bool:
-        """Whether the film has a thermometer: an instrument's is given, or there is only the twin's."""
+        """Whether the film has a thermometer: the instrument names one, or there is only the twin, which has one."""
         return self.labjack is None or self.labjack.thermometer is not None
 
     @property
     def film(self) -> Layer:
-        """The film as a layer of some thickness with this capacity and resistance."""
+        """The film as a layer of nominal thickness with this heat capacity and resistance."""
         thick = 37.5e-6
         return Layer(
             name="flux sensor", thickness=thick, conductivity=thick / self.film_resistance, density=1000.0,
@@ -157,5 +157,5 @@ class FilmParams:
 
     @property
     def duration(self) -> float:
-        """How long the twin's finger moves [s]."""
+        """Duration of the twin's motion [s]."""
         return self.touches * (self.hold + self.pause)

@@ -1,4 +1,4 @@
-"""An instrumented sample as a device: it reads, and commands nothing."""
+"""An instrumented sample as a device plugin: it has readings, and no commands."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from itouch_thermal.drivers.labjack import LabJackDriver
 from itouch_thermal.film.film_params import FilmParams
 from itouch_thermal.film.twin import FilmTwin
 
-#: What stands in a reading of the skin as long as no thermometer has seen it [K]; it is marked as not valid.
+#: The skin's reading until a thermometer has seen the skin [K]; it is marked as not valid.
 _UNSEEN = 306.15
 
 
 class TouchFilm(Device):
-    """A sample under a flux film on a force sensor: what a real touch is measured with."""
+    """A sample under a flux film, on a force sensor, with which real touches are measured."""
 
     Params = FilmParams
     Twin: ClassVar[type[FilmTwin]] = FilmTwin
@@ -50,13 +50,13 @@ class TouchFilm(Device):
 
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
-        """Return the channels with the film's full scale; its temperature only where a thermometer is given."""
+        """Return the channels, with the film's full scale; the film's temperature only if it has a thermometer."""
         others = cls.reads[1:] if params.has_thermometer else cls.reads[2:]
         return (heat_flux(full_scale=params.full_scale), *others), ()
 
     @classmethod
     def duration(cls, bound: Any) -> float:
-        """Return how long the twin's finger touches [s]."""
+        """Return the duration of the twin's touches [s]."""
         return float(bound.duration)
 
     def open(self) -> None:
@@ -83,13 +83,13 @@ class TouchFilm(Device):
             raise
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         driver, self._driver = self._driver, None
         if driver is not None:
             driver.close()
 
     def read(self, reading: Record) -> bool | None:
-        """Measure.
+        """Read all sensors.
 
         Raises
         ------
@@ -99,7 +99,7 @@ class TouchFilm(Device):
         if self._driver is None:
             raise DeviceError("the film is not open")
         given = self.params.labjack
-        # Without a thermometer the sensitivity is that of the calibration.
+        # Without a thermometer, the film's sensitivity at its calibration temperature is used.
         film = given.flux_sensor.reference
         if given.thermometer is not None:
             film = given.thermometer.zero + given.thermometer.slope * self._driver.volts(given.thermometer.channel)

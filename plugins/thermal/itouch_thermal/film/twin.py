@@ -1,4 +1,4 @@
-"""The twin of an instrumented sample: finger, film and sample as the exact solver steps them, and four sensors."""
+"""The twin of an instrumented sample: finger, film and sample, stepped by the live solver, and four sensors."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from itouch_thermal.film.film_params import WOOD, FilmParams
 from itouch_thermal.heat import FINGER, finger_side
 from itouch_thermal.laws import law_of, press_factor
 
-#: Numbers of ``memory``: time in the phase, whether it touches, touches begun, force wanted, last flux and face, what
-#: the lagging sensors show, and time since the start.
+#: Indices in ``memory``: time in the phase, whether it touches, number of touches begun, force of this touch, last flux
+#: and face temperature, states of the lagging sensors, time since the start, and present force.
 TIME, TOUCHING, COUNT, WANTED, FLUX, FACE, FLUX_LAG, FILM_LAG, CLOCK, FORCE, MEMORY = range(11)
-#: Time constant with which the finger's force comes up [s].
+#: Time constant with which the finger's force rises [s].
 _RISE = 0.02
 
 
 def sample_side(params: FilmParams, ambient: float) -> Side:
-    """Return the sample under its film at rest at the room's temperature [K]."""
+    """Return the sample under its film, at rest at the room's temperature [K]."""
     return Side(
         layers=(params.film, *(params.sample or (WOOD,))),
         initial=Initial(kind="uniform", temperature=ambient),
@@ -32,7 +32,7 @@ def sample_side(params: FilmParams, ambient: float) -> Side:
 
 
 class FilmTwin(Twin):
-    """A finger that touches a sample again and again, with pauses."""
+    """A finger that touches a sample repeatedly, with pauses."""
 
     params: Any
 
@@ -43,12 +43,12 @@ class FilmTwin(Twin):
         self._built: dict[float, tuple[Array, Array, Array, Array]] = {}
 
     def set_environment(self, ambient: float, skin_temperature: float | None) -> None:
-        """Take the room's temperature; the finger is the twin's own."""
+        """Set the room's temperature [K]; the finger is the twin's own."""
         self._ambient = ambient
         self._built.clear()
 
     def _for(self, period: float) -> tuple[Array, Array, Array, Array]:
-        """Return both models and their states at rest for a step; built once each."""
+        """Return both models and their states at rest for a step of a period [s]; built once each."""
         from contact_heat import live
 
         if period not in self._built:
@@ -62,7 +62,7 @@ class FilmTwin(Twin):
         return self._built[period]
 
     def fields(self) -> tuple[Field, ...]:
-        """Return modes, phase and sensors."""
+        """Return the State: modes, phase and sensors."""
         _, _, skin, body = self._for(1e-3)
         return (
             Field("true_flux", unit="W/m^2", role=Role.HEAT_FLUX, doc="true flux out of the finger", show="no"),
@@ -74,7 +74,7 @@ class FilmTwin(Twin):
         )
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:
-        """Rest."""
+        """Start at rest."""
         state["begun"] = 0
         state["true_flux"] = 0.0
         state["memory"][:] = 0.0
@@ -82,7 +82,7 @@ class FilmTwin(Twin):
         state["noise"] = rng.integers(0, 1 << 63)
 
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
-        """Advance by one period."""
+        """Advance by one period [s]."""
         from contact_heat import live
 
         p, memory = self.params, state["memory"]
@@ -107,7 +107,7 @@ class FilmTwin(Twin):
             force, flux = 0.0, 0.0
             into = p.recovery * (self._ambient - face)
         now = float(live.surface_temperature(below, body))
-        # The film sees the flux at its middle: what entered less what its upper half kept.
+        # The film measures the flux at its middle: the flux that entered less the heat kept by its upper half.
         seen = into - 0.5 * p.film_capacity * (now - face) / period
         memory[FLUX], memory[FACE], memory[FORCE] = flux, now, force
         memory[FLUX_LAG] += _share(period, p.flux_lag) * (seen - memory[FLUX_LAG])
@@ -131,7 +131,7 @@ class FilmTwin(Twin):
         return touching
 
     def read(self, state: Record, reading: Record) -> bool | None:
-        """Give what the sensors say; a look draws new noise."""
+        """Write the sensors' readings; every call draws new noise."""
         p, memory = self.params, state["memory"]
         drifted = p.flux_bias + p.flux_drift * memory[CLOCK].item()
         flux = memory[FLUX_LAG].item() + drifted + p.flux_noise * gaussian(state, "noise")

@@ -1,1 +1,1 @@
-"""Who touches, and what: a finger's and a sample's thermal parameters from recorded touches, with intervals."""
+"""Identification: the thermal parameters of a finger and a sample from recorded touches, with intervals."""

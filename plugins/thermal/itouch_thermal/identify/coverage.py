@@ -1,6 +1,6 @@
-"""How often the intervals of ``identify`` hold the truth: random fingers, touches with noise, and a bound beside each.
+"""How often the intervals of ``identify`` contain the truth: random fingers, touches with noise, Cramer-Rao bounds.
 
-A finger is drawn from what is assumed of fingers, and touches a film on a sample at a few forces.
+Each finger is drawn from the prior distribution of fingers, and touches a film on a sample with a few forces.
 """
 
 from __future__ import annotations
@@ -18,22 +18,21 @@ from itouch_thermal.identify.fit import TOLD, Problem
 from itouch_thermal.identify.forward import Forward, Known
 from itouch_thermal.rendering.materials import material
 
-#: Temperatures of skin and room [K], rms of one sample [W/m2], forces [N], depth of a known sample [m].
+#: Temperatures of skin and room [K], rms noise of one sample [W/m2], forces [N], depth of a known sample [m].
 SKIN, ROOM, NOISE, FORCES, DEPTH = 306.15, 296.15, 20.0, (0.5, 1.0, 2.0), 0.02
 #: Times of the samples [s]: 4 s at 500 Hz.
 TIMES: Array = np.arange(1, 2001, dtype=np.float64) * 2e-3
-#: What part of the intervals must hold the truth, and how sure one must be that it does not (standard deviations).
+#: Range for the share of intervals that contain the truth, and confidence of the verdict (standard deviations).
 LEAST, MOST, SURE = 0.93, 0.97, 1.96
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One value over all fingers.
+    """The results for one value over all fingers.
 
-    ``error`` is the rms difference from the truth and ``bound`` the least that it can be (Cramer-Rao with what is
-    assumed beforehand, its mean square over the same fingers), both in standard deviations of what is assumed;
-    ``told`` is for what part of the fingers the data tell it, and ``median`` the middle of errors over their bounds,
-    0.674 where they are normal.
+    ``error`` is the rms difference from the truth, and ``bound`` the least that it can be (Cramer-Rao with the prior,
+    the rms over the same fingers), both in standard deviations of the prior; ``told`` is the share of fingers for which
+    the data determine the value; ``median`` is the median of errors over their bounds, 0.674 if they are normal.
     """
 
     name: str
@@ -46,25 +45,25 @@ class Row:
 
     @property
     def coverage(self) -> float:
-        """Part of the fingers whose interval holds the truth."""
+        """Share of the fingers whose interval contains the truth."""
         return self.covered / self.fingers
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Between what the true part lies, by Wilson's score."""
+        """Confidence interval of the true share, by Wilson's score."""
         n, p, z = self.fingers, self.coverage, SURE
         middle, half = p + z * z / (2 * n), z * math.sqrt(p * (1.0 - p) / n + z * z / (4.0 * n * n))
         return (middle - half) / (1.0 + z * z / n), (middle + half) / (1.0 + z * z / n)
 
     @property
     def holds(self) -> bool:
-        """Whether the part is within what must be; with few fingers: whether it may be."""
+        """Whether the share is within the required range; with few fingers: whether it may be."""
         low, high = self.interval
         return LEAST <= self.coverage <= MOST or (low <= LEAST <= high or low <= MOST <= high)
 
 
 def touched(sample: str) -> Known:
-    """Return what is known of touches of a sample, a material's name; empty: it is not known."""
+    """Return what is known of touches of a sample, named by its material; empty: unknown material."""
     layer = material(sample)[1].layer(DEPTH) if sample else None
     return Known(SKIN, ROOM, FilmParams().film, FORCES, DEPTH, layer)
 
@@ -77,13 +76,13 @@ def campaign(
     Parameters
     ----------
     fingers, seed
-        How many, and the seed of all that is random.
+        Number of fingers, and seed of all random numbers.
     sample
-        The material that is touched; empty: its effusivity is looked for.
+        The material that is touched; empty: unknown, so that its effusivity is estimated.
     other
-        Data of finite differences with noise after Laplace, in place of the closed form with normal noise.
+        Whether the data are from finite differences with Laplace noise, instead of the closed form with normal noise.
     each
-        Called with the number of fingers that are done.
+        Called with the number of fingers done.
     """
     rng, of = np.random.default_rng(seed), touched(sample)
     names = Problem(of, TIMES, np.zeros((len(FORCES), len(TIMES))), NOISE)

@@ -1,7 +1,7 @@
-"""What a film on a sample reads in a touch, by finite volumes and implicit steps.
+"""The readings of a film on a sample in a touch, by finite volumes and implicit time steps.
 
-A solver that shares nothing with the closed form by which touches are fitted: for the question of what a fit says of
-data that another model made.
+It shares nothing with the closed form by which touches are fitted, so that a fit can be tested on the data of another
+model.
 """
 
 from __future__ import annotations
@@ -14,18 +14,19 @@ from contact_heat.layers import Layer
 from itouch_thermal.display.column import Array
 from itouch_thermal.identify.forward import Known, Values, tissue
 
-#: Implicit step [s], and how many make one of the rows that are kept; cells of film, of a tissue layer, of a sample.
+#: Implicit time step [s]; numbers of cells of film, of a tissue layer, of a sample.
 STEP, FILM, TISSUE, SAMPLE = 5e-4, 6, 48, 120
-#: How much wider the last cell of a layer is than the one at the contact; what a thick sample is taken for [m, m2/s].
+#: Ratio of a layer's last cell to the one at the contact; depth and diffusivity assumed for an unknown sample [m,
+#: m2/s].
 GROWTH, DEEP, DIFFUSIVITY = 30.0, 0.1, 1e-5
-#: Film on the back of a sample [W/m2K].
+#: Heat transfer coefficient at the back of a sample [W/m2K].
 BACK = 10.0
-#: Steps that are taken one by one before whole rows of them are.
+#: Number of steps whose outputs are computed at once.
 _BLOCK = 64
 
 
 def readings(known: Known, values: Values, times: Array) -> Array:
-    """Return the film's readings [W/m2] at times [s], shape (touches, times); the time of pressing is not in it."""
+    """Return the film's readings [W/m2] at times [s], shape (touches, times); without the skin's flattening."""
     return np.stack([_touch(known, values, force, times) for force in known.forces])
 
 
@@ -45,9 +46,9 @@ def _cells(layer: Layer, count: int, growth: float) -> Array:
 
 
 def _below(known: Known, values: Values) -> list[tuple[Layer, int, float]]:
-    """Return film and sample with their cells, from the contact on."""
+    """Return the layers of film and sample from the contact on, with number and growth of their cells."""
     sample = known.sample
-    if sample is None:  # only its effusivity counts
+    if sample is None:  # only its effusivity matters
         conductivity = values.effusivity * math.sqrt(DIFFUSIVITY)
         sample = Layer(thickness=DEEP, conductivity=conductivity, density=conductivity / DIFFUSIVITY / 2000.0,
                        specific_heat=2000.0)  # fmt: skip
@@ -56,7 +57,7 @@ def _below(known: Known, values: Values) -> list[tuple[Layer, int, float]]:
 
 
 def _side(layers: list[tuple[Layer, int, float]]) -> tuple[Array, Array, Array]:
-    """Return half the resistance [K m2/W], heat capacity [J/m2K] and blood [W/m2K] of cells from the contact on."""
+    """Return half the resistance [K m2/W], heat capacity [J/m2K] and perfusion [W/m2K] of cells from the contact on."""
     half, capacity, blood = [], [], []
     for layer, count, growth in layers:
         width = _cells(layer, count, growth)
@@ -67,10 +68,10 @@ def _side(layers: list[tuple[Layer, int, float]]) -> tuple[Array, Array, Array]:
 
 
 def _system(known: Known, values: Values, resistance: float) -> tuple[Array, Array, int]:
-    """Return the matrix [1/s] of the cells and the film's reading, how far they are from their end, and its index.
+    """Return the matrix [1/s] of cells and film reading, the initial state, and the index of the reading.
 
-    The cells are those of the finger from its core to the skin, then film and sample; the last entry is the reading
-    with its lag, and the one after it is 1, which makes the sources part of the matrix.
+    The cells are those of the finger from its core to the skin, then film and sample; the entry after them is the
+    lagged reading, and the last entry is 1, which includes the sources in the matrix.
     """
     skin = _side([(layer, TISSUE, GROWTH) for layer in tissue(values)])
     body = _side(_below(known, values))
@@ -103,7 +104,7 @@ def _system(known: Known, values: Values, resistance: float) -> tuple[Array, Arr
 
 
 def _rest(known: Known, values: Values, link: Array, blood: Array, core: float, last: float) -> Array:
-    """Return the finger's cells [K] at rest in air, whose skin has its temperature, from the core outwards."""
+    """Return the finger's cells [K] at rest in air, from the core outwards, for the known skin temperature."""
     matrix = np.diag(blood + 0.0)
     for i, g in enumerate(link):
         matrix[i, i] += g
@@ -118,7 +119,7 @@ def _rest(known: Known, values: Values, link: Array, blood: Array, core: float, 
 
 
 def _rows(matrix: Array, start: Array, pick: int, count: int) -> Array:
-    """Return one entry of the state after 0 to ``count`` steps: two implicit stages each, L-stable, second order."""
+    """Return one entry of the state after 0 to ``count`` steps, each of two implicit stages: L-stable, second order."""
     gamma, one = 1.0 - math.sqrt(0.5), np.eye(len(start))
     stage = np.linalg.inv(one - gamma * STEP * matrix) @ (STEP * matrix)
     step = one + (1.0 - gamma) * stage + gamma * stage @ (one + (1.0 - gamma) * stage)

@@ -70,7 +70,7 @@ def _shown(name: str, value: float) -> str:
 
 
 def table(problem: Problem, fit: Fit) -> str:
-    """Return values, intervals, and what cannot be told."""
+    """Return a table of values and intervals, and of which values the data do not determine."""
     lines = [f"{'value':<12}{'':>12}{'95 % from':>14}{'to':>14}  unit"]
     for name, found in fit.found.items():
         unit = "degC" if UNITS[name] == "K" else problem.unit(name)
@@ -81,7 +81,7 @@ def table(problem: Problem, fit: Fit) -> str:
 
 
 def document(loaded: Loaded, problem: Problem, fit: Fit) -> dict[str, object]:
-    """Return what is stored of a participant."""
+    """Return the JSON document to be stored for a participant."""
     rows = {
         name: {
             "value": found.value, "low": found.low, "high": found.high, "unit": problem.unit(name), "told": found.told,
@@ -101,7 +101,7 @@ def document(loaded: Loaded, problem: Problem, fit: Fit) -> dict[str, object]:
 
 
 def heat_text(loaded: Loaded, problem: Problem, fit: Fit) -> str:
-    """Return a document with a ``<thermal:heat>`` that has this finger, for the probe ``finger``."""
+    """Return a scene document with this finger as a ``<thermal:heat>`` for the probe ``finger``."""
     from itouch_thermal.identify.forward import resistance_at, tissue
 
     values = fit.values

@@ -1,9 +1,9 @@
-"""The most probable values of a finger and a sample, their intervals, and which cannot be told from the data.
+"""The most probable values of a finger and a sample, their intervals, and which values the data do not determine.
 
-Values are logarithms where they are positive.  What is assumed beforehand is a normal distribution of each (`ASSUMED`:
-what fingers and sensors are like); the result is the least of the sum of squares of data and assumptions.  Its interval
-is what is probable along the epidermis' thickness, of which thin and thick may both meet the data (`posterior`).
-A value whose interval the data hardly narrow cannot be told apart from others.
+Positive values are fitted as logarithms.  The prior is a normal distribution of each value (`ASSUMED`: what fingers and
+sensors are like); the result minimises the sum of squares of data and prior.  The intervals are those of the posterior
+along the epidermis's thickness, since a thin and a thick one may both fit the data (`posterior`).  A value whose
+interval the data hardly narrow cannot be told from its prior.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from itouch_thermal.display.column import Array
 from itouch_thermal.identify.forward import Forward, Known, Values, binned, inside
 from itouch_thermal.identify.posterior import Mixture
 
-#: Middle and standard deviation of each value beforehand; of the logarithm where the third is True.
+#: The prior of each value: mean and standard deviation; of the logarithm if the third is True.
 ASSUMED: dict[str, tuple[float, float, bool]] = {
     "resistance": (1.5e-3, 0.6, True),
     "exponent": (0.3, 0.2, False),
@@ -37,20 +37,21 @@ UNITS = {
     "epidermis": "m", "core": "K",
     "perfusion": "W/(m3*K)", "lag": "s", "gain": "", "late": "s", "offset": "W/m2",
 }  # fmt: skip
-#: A value is told apart if the data narrow its interval to this part.
+#: The data determine a value if they narrow its interval to less than this fraction.
 TOLD = 0.7
-#: What an interval holds, and its half width where it is normal, in standard deviations.
+#: Probability of an interval, and its half width if it is normal, in standard deviations.
 HELD, HALF = 0.95, 1.959964
 _STEPS, _MOVE = 100, 1e-3
-#: Longest step towards the least point, in any coordinate: a longer one leaps over valleys into false ones.
+#: Longest step towards the minimum, in any coordinate: a longer one may jump into another valley.
 _LONGEST = 1.0
-#: A sum of squares so many standard deviations too large, or a value so far from what is assumed, is tried again.
+#: Other starts are tried if the sum of squares is so many standard deviations too large, or a value so far from its
+#: prior.
 _UNLIKELY, _FAR = 1.5, 2.8
-#: Where the epidermis' thickness is walked along: from what is assumed, and from the point in its own deviations.
+#: Thicknesses of the epidermis along which to walk: relative to the prior, and to the minimum in its own deviations.
 _WALKED, _NEAR = (-3.2, -2.4, -1.6, -0.8, 0.0, 0.8, 1.6, 2.4, 3.2), (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
-#: By how much the sum of squares must be less in another valley.
+#: By how much the sum of squares must be smaller for another valley to be taken.
 _GAIN = 1e-2
-#: Starts for resistance, epidermis and effusivity, in standard deviations of what is assumed.
+#: Starts for resistance, epidermis and effusivity, in standard deviations of the prior.
 _STARTS = (
     (0.0, 0.0, 1.5), (0.0, -1.5, 0.0), (0.0, 1.5, 1.5), (0.0, 1.5, 0.0), (1.5, -1.5, 1.5), (-1.5, 0.0, 0.0),
     (1.5, 0.0, 0.0), (0.0, 0.0, -1.5), (-1.5, 1.5, -1.5), (1.5, 1.5, 0.8),
@@ -59,7 +60,7 @@ _STARTS = (
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A value with its interval, and by how much the data have narrowed it (1: not at all)."""
+    """A value with its interval, and the width of that relative to the prior's (1: the data say nothing)."""
 
     value: float
     low: float
@@ -68,15 +69,15 @@ class Found:
 
     @property
     def told(self) -> bool:
-        """Whether the data tell it."""
+        """Whether the data determine it."""
         return self.narrowed < TOLD
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """All values, the point in the space of the fit with its covariance, and how well the data are met.
+    """All values, the point in the space of the fit with its covariance, and how well the data are fitted.
 
-    ``misfit`` is the sum of squares of the data over the number of data: 1 where the noise is as stated.
+    ``misfit`` is the sum of squares of the data over their number: 1 if the noise is as stated.
     """
 
     found: dict[str, Found]
@@ -92,15 +93,15 @@ class Problem:
     Parameters
     ----------
     known
-        Temperatures, film, forces; without a sample its effusivity is looked for.
+        Temperatures, film, forces; without a sample, its effusivity is estimated.
     times, readings
-        Times [s], shape (n,), and what the film read [W/m2] without its reading at rest, shape (touches, n).
+        Times [s], shape (n,), and the film's readings [W/m2] less its reading at rest, shape (touches, n).
     noise
-        Rms of one sample [W/m2].
+        Rms noise of one sample [W/m2].
     edges
         Bounds of the bins over which samples are averaged [s].
     lag
-        Time constant of the film by its calibration [s], the middle of what is assumed of it; None: not known.
+        Calibrated time constant of the film [s], the mean of its prior; None: unknown.
     """
 
     def __init__(
@@ -119,7 +120,7 @@ class Problem:
         several = len({round(float(np.log(force)) / 0.2) for force in forces})
         left_out |= {"exponent", "curve"} if spread < 0.05 else {"curve"} if several < 3 else set()
         self.names = tuple(name for name in self.assumed if name not in left_out)
-        #: Force at which the resistance is told [N]: without an exponent the mean of those at which it was found.
+        #: Force for which the resistance is stated [N]: without an exponent, the mean of those of the touches.
         self.force = 1.0 if "exponent" in self.names else float(np.exp(np.log(forces).mean()))
 
     def unit(self, name: str) -> str:
@@ -127,9 +128,9 @@ class Problem:
         return f"{UNITS[name]} at {self.force:.3g} N" if name == "resistance" else UNITS[name]
 
     def values(self, point: Array) -> Values:
-        """Return the values at a point of the space of the fit, which counts deviations from what is assumed.
+        """Return the values at a point of the space of the fit, whose coordinates are deviations from the prior's mean.
 
-        ``point`` (n,), one coordinate for each name, in standard deviations [1].
+        ``point`` (n,) has one coordinate for each name, in standard deviations [1].
         """
         changed = {}
         for name, u in zip(self.names, point.tolist(), strict=True):
@@ -138,7 +139,7 @@ class Problem:
         return replace(Values(), **{name: 0.0 for name in ("exponent", "curve") if name not in changed} | changed)
 
     def point(self, values: Values) -> Array:
-        """Return the point of values."""
+        """Return the point that corresponds to some values."""
         found = []
         for name in self.names:
             middle, deviation, log = self.assumed[name]
@@ -147,7 +148,7 @@ class Problem:
         return np.array(found)
 
     def residual(self, point: Array) -> Array:
-        """Return what the data are off, in standard deviations, shape (data,).
+        """Return the errors of the data, in standard deviations, shape (data,).
 
         ``point`` (n,) as in `values`, in standard deviations [1].
         """
@@ -155,7 +156,7 @@ class Problem:
         return np.asarray(((shown - self.data) / self.deviation).ravel())
 
     def slopes(self, point: Array, free: Sequence[int]) -> Array:
-        """Return the change of the residual with each free coordinate, shape (data, free).
+        """Return the derivatives of the residual with respect to the free coordinates, shape (data, free).
 
         ``point`` (n,) as in `values`, in standard deviations [1].
         """
@@ -167,7 +168,7 @@ class Problem:
         return np.stack(columns, axis=1)
 
     def solve(self, start: Array | None = None, fixed: dict[int, float] | None = None) -> tuple[Array, float]:
-        """Return the least point and its cost: squares of data and assumptions; some coordinates may be fixed.
+        """Return the minimum and its cost, the squares of data and prior; some coordinates may be fixed.
 
         ``start`` and the point (n,) as in `values`, in standard deviations [1].
         """
@@ -199,13 +200,13 @@ class Problem:
         return point, cost
 
     def bound(self, values: Values) -> dict[str, float]:
-        """Return the least standard deviation that any estimate can have (Cramer-Rao), in units of the fit."""
+        """Return the least standard deviation of any estimate (Cramer-Rao), in units of the fit."""
         slopes = self.slopes(self.point(values), range(len(self.names)))
         covariance = np.linalg.inv(slopes.T @ slopes + np.eye(len(self.names)))
         return dict(zip(self.names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
 
     def best(self) -> Array:
-        """Return the least point of several starts: the sum of squares may have more than one valley."""
+        """Return the lowest minimum from several starts: the sum of squares may have more than one valley."""
         start, cost = self.solve()
         count = self.data.size
         likely = count + _UNLIKELY * math.sqrt(2.0 * count)
@@ -241,7 +242,7 @@ class Problem:
         return Fit(found, values, point, covariance, float(off @ off) / len(off))
 
     def _mixture(self, point: Array) -> tuple[Mixture, Array]:
-        """Return what is probable along the epidermis' thickness, and the point, or a better one if one is met."""
+        """Return the posterior along the epidermis's thickness, and the minimum, or a better one met on the walk."""
         along = self.names.index("epidermis")
         free = [k for k in range(len(point)) if k != along]
         slopes = self.slopes(point, range(len(point)))
@@ -269,16 +270,16 @@ class Problem:
         return Mixture.of(along, nodes, level, middles, deviations), best
 
     def _cost(self, point: Array) -> float:
-        """Return the sum of squares of data and assumptions."""
+        """Return the sum of squares of data and prior."""
         off = self.residual(point)
         return float(off @ off + point @ point)
 
     def profile(
         self, name: str, fit: Fit, at: Sequence[float] = (-2.0, -1.0, 0.0, 1.0, 2.0)
     ) -> list[tuple[float, float]]:
-        """Return the likelihood's profile of a value: the value, and by how much the data alone are worse off there.
+        """Return a value's likelihood profile: pairs of the value and the increase of the data's sum of squares there.
 
-        The others are fitted anew at each; where the profile is flat over what is assumed, the data do not tell it.
+        The others are fitted anew for each; if the profile is flat over the prior, the data do not determine the value.
         """
         k, rows = self.names.index(name), []
         best = math.inf
@@ -291,13 +292,13 @@ class Problem:
 
 
 def edges_for(times: Array, *, bins: int = 30, first: float = 0.05) -> Array:
-    """Return bounds of bins that grow with the time and hold samples, from 0.05 s to the end.
+    """Return edges of bins that grow with time and all contain samples, from ``first`` to the end.
 
-    ``times`` (n,) [s], evenly spaced; the bounds (bins + 1,) or fewer [s].
+    ``times`` (n,) [s] must be evenly spaced; the edges are (bins + 1,) or fewer [s].
     """
     period = float(times[1] - times[0])
     wanted = np.geomspace(max(first, float(times[0])), float(times[-1]) + period, bins + 1)
-    # Bounds lie half a period before samples, so that a bin's samples are evenly around its middle.
+    # Edges lie half a period before samples, so that a bin's samples are spaced evenly about its middle.
     index = np.unique(np.searchsorted(times, wanted - 1e-9))
     index = index[index < len(times)]
     bounds = times[index] - 0.5 * period

@@ -1,4 +1,4 @@
-"""What a film on a sample reads in a touch, in closed form: quick enough for thousands of fits."""
+"""The readings of a film on a sample in a touch, in closed form: fast enough for thousands of fits."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from itouch_thermal.heat import FINGER
 
 Complex = NDArray[np.complex128]
 
-#: Nodes of the contour: the inverse is right to some 1e-9.
+#: Nodes of the contour: the inverse is accurate to some 1e-9.
 _Z, _WEIGHTS = talbot(16)
-#: Film on the back of a sample [W/m2K]; `s` that stands for a field at rest [1/s].
+#: Heat transfer coefficient at a sample's back [W/m2K]; value of `s` that represents a field at rest [1/s].
 _BACK, _REST = 10.0, 1e-9
-#: Impedances that are kept.
+#: Number of cached impedances.
 _KEPT = 8
 
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What is known of touches: temperatures [K], film, sample, forces [N] of the touches.
+    """What is known of the touches: temperatures [K], film, sample, forces [N].
 
-    ``delay`` [s] is the time constant with which the skin is pressed flat: some time after it a touch is as if it had
-    begun so much later with its last resistance.
+    ``delay`` [s] is the time constant with which the skin flattens: some time later, the touch looks as if it had begun
+    that much later with its final resistance.
     """
 
     skin: float
@@ -43,9 +43,9 @@ class Known:
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """What is looked for; ``effusivity`` [W s^1/2/m2K] only where the sample is not known.
+    """The values to estimate; ``effusivity`` [W s^1/2/m2K] only if the sample is not known.
 
-    ``late`` [s] is by how much a touch begins later than known, which a skin that is pressed flat does.
+    ``late`` [s] is the delay of a touch's start beyond the known one, as caused by the flattening of the skin.
     """
 
     resistance: float = 2e-3
@@ -62,7 +62,7 @@ class Values:
 
 
 class Forward:
-    """Readings of touches at given times; shape (touches, times)."""
+    """Computes the readings of touches at given times, shape (touches, times)."""
 
     def __init__(self, known: Known, times: Array) -> None:
         self.known = known
@@ -71,7 +71,7 @@ class Forward:
         self._kept: dict[tuple[float, ...], tuple[Complex, ...]] = {}
 
     def _once(self, key: tuple[float, ...], make: Callable[[], tuple[Complex, ...]]) -> tuple[Complex, ...]:
-        """Return impedances; those of the last few values are kept, as most steps of a fit change only some."""
+        """Return impedances, cached for the last few values, as most steps of a fit change only some of them."""
         if key not in self._kept:
             if len(self._kept) >= _KEPT:
                 del self._kept[next(iter(self._kept))]
@@ -98,7 +98,7 @@ class Forward:
 
 
 def resistance_at(values: Values, force: float) -> float:
-    """Return the contact resistance [K m2/W] at a force [N]; its exponent may change with the force."""
+    """Return the contact resistance [K m2/W] at a force [N]; its exponent may vary with the force."""
     return float(values.resistance * force ** -(values.exponent + values.curve * np.log(force)))
 
 
@@ -112,7 +112,7 @@ def tissue(values: Values) -> tuple[Layer, ...]:
 
 
 def _finger(s: Complex, values: Values) -> Complex:
-    """Return the impedance of the finger at its skin; its back is held."""
+    """Return the impedance of the finger at its skin; its back is held at a temperature."""
     found: Complex = np.zeros(s.shape, dtype=np.complex128)
     for layer in reversed(tissue(values)):
         found = _through(s, layer, found)[0]
@@ -120,10 +120,10 @@ def _finger(s: Complex, values: Values) -> Complex:
 
 
 def _body(s: Complex, known: Known, values: Values) -> tuple[Complex, Complex]:
-    """Return the impedance of film and sample, and what part of the flux at their face crosses the film's middle."""
+    """Return the impedance of film and sample, and the share of the flux into them that crosses the film's middle."""
     sample = known.sample
     if sample is None:
-        # Only the effusivity of what is thick counts: any conductivity with it will do.
+        # Only the effusivity of a thick sample matters: any conductivity with that effusivity will do.
         below: Complex = np.asarray(1.0 / (values.effusivity * np.sqrt(s)), dtype=np.complex128)
     else:
         below = _through(s, sample, np.full_like(s, 1.0 / _BACK))[0]
@@ -142,7 +142,7 @@ def _halved(film: Layer) -> Layer:
 
 
 def _through(s: Complex, layer: Layer, below: Complex) -> tuple[Complex, Complex]:
-    """Return the impedance above a layer on an impedance, and what part of the flux into it leaves it below."""
+    """Return the impedance at the top of a layer on an impedance, and the share of its flux that leaves below."""
     q = np.sqrt((layer.heat_capacity * s + layer.perfusion) / layer.conductivity)
     own = 1.0 / (layer.conductivity * q)
     far = np.exp(-2.0 * q * (layer.thickness or 0.0))
@@ -153,9 +153,9 @@ def _through(s: Complex, layer: Layer, below: Complex) -> tuple[Complex, Complex
 
 
 def binned(times: Array, rows: Array, edges: Array) -> tuple[Array, Array]:
-    """Return means of rows (touches, samples) between edges (bins + 1,) and how many samples each has.
+    """Return the means of rows (touches, samples) in bins between edges (bins + 1,), and each bin's number of samples.
 
-    ``times`` (samples,) and ``edges`` [s]; means in the unit of the rows.
+    ``times`` (samples,) and ``edges`` are in [s]; the means are in the unit of the rows.
     """
     index = np.searchsorted(edges, times, side="right") - 1
     count = np.array([(index == k).sum() for k in range(len(edges) - 1)], dtype=np.float64)
@@ -164,9 +164,9 @@ def binned(times: Array, rows: Array, edges: Array) -> tuple[Array, Array]:
 
 
 def inside(edges: Array) -> tuple[Array, Any]:
-    """Return two times in each bin whose mean is the mean over the bin, and a function that takes those means.
+    """Return two times in each bin at which the mean approximates the bin's mean, and a function that takes it.
 
-    ``edges`` (bins + 1,) [s], the times (2 bins,) [s].
+    ``edges`` is (bins + 1,) [s], the times are (2 bins,) [s].
     """
     middle, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
     points = np.stack((middle - half / np.sqrt(3.0), middle + half / np.sqrt(3.0)), axis=1).ravel()

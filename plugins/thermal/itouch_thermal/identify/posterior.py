@@ -1,8 +1,9 @@
-"""The distribution of all values given the data, where it may have more than one valley or a bent one.
+"""The posterior distribution of all values, which may have several valleys or a curved one.
 
-Along one coordinate, the epidermis' thickness, thin and thick may both meet the data; the others are normal once it is
-given.  So it is walked along: at each place the others are fitted, and what their distribution holds there is its
-weight.  The mixture's quantiles are the intervals (the nested approximation of Rue, Martino and Chopin 2009).
+Along one coordinate, the epidermis's thickness, a thin and a thick one may both fit the data; given it, the others are
+normal.  So the fit walks along it: at each node the others are fitted, and the probability of their distribution there
+is the node's weight.  The mixture's quantiles are the intervals (the nested approximation of Rue, Martino and Chopin
+2009).
 """
 
 from __future__ import annotations
@@ -14,16 +15,16 @@ import numpy as np
 
 from itouch_thermal.display.column import Array
 
-#: Places between two nodes, and steps of the bisection for a quantile.
+#: Points between two nodes, and bisection steps for a quantile.
 _FINE, _HALVINGS = 12, 60
 _erf = np.vectorize(math.erf)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mixture:
-    """Normal distributions of all coordinates at places along one of them; shapes (p,), (p, n), (p, n).
+    """Normal distributions of all coordinates at points along one of them; shapes (p,), (p, n), (p, n).
 
-    ``weight`` sums to 1; the walked coordinate itself is as wide as the places are apart.
+    ``weight`` sums to 1; the width of the walked coordinate itself is the distance between points.
     """
 
     weight: Array
@@ -32,16 +33,16 @@ class Mixture:
 
     @classmethod
     def of(cls, along: int, places: Array, level: Array, middle: Array, deviation: Array) -> Mixture:
-        """Return the mixture of a walk.
+        """Build the mixture from a walk.
 
         Parameters
         ----------
         along
-            Which coordinate is walked along.
+            The coordinate along which the walk goes.
         places, level
-            Nodes, ascending, and the logarithm of what the distribution holds at each, shape (nodes,).
+            Nodes, in ascending order, and the logarithm of the probability at each, shape (nodes,).
         middle, deviation
-            Of all coordinates at the nodes, in their units, shape (nodes, n).
+            Mean and standard deviation of all coordinates at the nodes, in their units, shape (nodes, n).
         """
         fine = np.concatenate(
             [np.linspace(a, b, _FINE, endpoint=False) for a, b in zip(places[:-1], places[1:], strict=True)]
@@ -56,7 +57,7 @@ class Mixture:
         return cls(np.asarray(weight / weight.sum()), rows[0], rows[1])
 
     def quantile(self, part: float) -> Array:
-        """Return where a part of the distribution of each coordinate lies below, shape (n,)."""
+        """Return the quantile of each coordinate's distribution for a probability, shape (n,)."""
         low = (self.middle - 9.0 * self.deviation).min(axis=0)
         high = (self.middle + 9.0 * self.deviation).max(axis=0)
         for _ in range(_HALVINGS):
@@ -69,7 +70,7 @@ class Mixture:
 
 
 def _bent(fine: Array, places: Array, level: Array) -> Array:
-    """Return values between nodes by cubics whose slopes are those of parabolas through three nodes."""
+    """Interpolate between nodes by cubics with the slopes of parabolas through three nodes."""
     slope = np.gradient(level, places)
     k = np.clip(np.searchsorted(places, fine, side="right") - 1, 0, len(places) - 2)
     wide = places[k + 1] - places[k]

@@ -1,4 +1,4 @@
-"""Reading touches that ``measure touch --raw`` wrote."""
+"""Reads the touches written by ``measure touch --raw``."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from itouch_thermal.film.film_params import FilmParams
 from itouch_thermal.identify.fit import Problem, edges_for
 from itouch_thermal.identify.forward import Known
 
-#: Depth of a known sample [m]; fewest samples of a touch, and the greatest file [bytes].
+#: Depth of a known sample [m]; least number of samples of a touch, and greatest file size [bytes].
 DEPTH, FEWEST, LARGEST = 0.02, 50, 32 << 20
-#: A skin that is pressed flat is as a later touch after so many of its time constants.
+#: After this many time constants of the skin's flattening, a touch looks like one that began later.
 _SETTLED = 16.0
-#: What a head must have, and what it may have, with what is believed.
+#: Entries that a header must have, and that it may have, with their plausible ranges.
 _HEAD = {
     "skin [degC]": (0.0, 50.0), "room [degC]": (-20.0, 60.0), "force [N]": (0.01, 1000.0),
     "capacity [J/m2K]": (0.0, 1e4),
@@ -29,7 +29,7 @@ _MAY = {_LAG: (0.0, 2.0), _RESISTANCE: (1e-7, 1e-2)}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loaded:
-    """Touches on common times [s], shape (n,), with readings [W/m2] of shape (touches, n)."""
+    """Touches at common times [s], shape (n,), with readings [W/m2], shape (touches, n)."""
 
     known: Known
     times: Array
@@ -40,12 +40,12 @@ class Loaded:
 
 
 def load(paths: list[Path]) -> Loaded:
-    """Read files, and all of folders.
+    """Read files, and all files of folders.
 
     Raises
     ------
     ValueError
-        Naming the file and what is wrong with it.
+        If a file is wrong; the message names it and what is wrong.
     """
     files = [file for path in paths for file in (sorted(path.glob("*.csv")) if path.is_dir() else [path])]
     if not files:
@@ -77,7 +77,7 @@ def load(paths: list[Path]) -> Loaded:
 
 
 def _mean_of(heads: list[dict[str, str]], key: str) -> float | None:
-    """Return the mean of a number of the heads; None if one does not have it, or 0, which is not known."""
+    """Return the mean of a number in the headers; None if one lacks it, or has 0, which means unknown."""
     found = [float(head.get(key, "0")) for head in heads]
     return float(np.mean(found)) if min(found) > 0.0 else None
 
@@ -107,7 +107,7 @@ def _one(file: Path) -> tuple[dict[str, str], Array, Array]:
 
 
 def _rows(file: Path, lines: list[str]) -> tuple[Array, Array]:
-    """Return times [s] and readings [W/m2] of a file."""
+    """Return the times [s] and readings [W/m2] in a file."""
     try:
         rows = list(csv.reader(line for line in lines if not line.startswith("#")))
     except csv.Error as error:
@@ -127,12 +127,12 @@ def _rows(file: Path, lines: list[str]) -> tuple[Array, Array]:
 
 
 def problem_of(loaded: Loaded, sample: str, *, press: float, noise: float) -> Problem:
-    """Return what is to be fitted.
+    """Return the fit's problem for touches.
 
     Raises
     ------
     ValueError
-        If the material is unknown, a number is out of range, or too little is left of the touches.
+        If the material is unknown, a number is out of range, or the touches are too short.
     """
     from itouch_thermal.rendering.materials import material
 

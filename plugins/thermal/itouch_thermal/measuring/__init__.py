@@ -1,1 +1,1 @@
-"""Measuring real touches: sampling an instrumented sample, taking the sensors out, averaging, writing a curve."""
+"""Measuring real touches: sample an instrumented sample, correct for its sensors, average, and write a curve."""

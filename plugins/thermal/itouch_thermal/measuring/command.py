@@ -66,7 +66,7 @@ def _arguments(touch: argparse.ArgumentParser) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """What the options say, each looked at before anything is measured."""
+    """The parsed options, each checked before anything is measured."""
 
     wanted: Wanted
     longest: float | None
@@ -77,14 +77,14 @@ class _Asked:
 
 
 def _asked(options: argparse.Namespace) -> _Asked:
-    """Return what the options say.
+    """Check and return the options.
 
     Raises
     ------
     ValueError
-        If one is wrong, naming it, what it may be, and what was given.
+        If one is wrong; the message names it, the value given and what is allowed.
     OSError
-        If the folder for raw touches can't be made.
+        If the folder for raw touches can't be created.
     """
     duration = _quantity(options, "duration", "s", 0.05, 3600.0)
     wanted = Wanted(
@@ -157,12 +157,12 @@ def _touch(options: argparse.Namespace) -> int:
 
 
 def _room(touch: Touched, found: Sampled) -> float:
-    """Return the room's temperature [K]: what the film had before a touch, without a thermometer the scene's."""
+    """Return the room's temperature [K]: the film's before a touch, or the scene's without a film thermometer."""
     return touch.rest if np.isfinite(touch.rest) else found.room
 
 
 def noise_words(mean: Average) -> str:
-    """Say what the correction does to the noise of one touch."""
+    """Return a sentence on how the correction amplifies the noise of one touch."""
     at = [k for k in (int(np.searchsorted(mean.times, t - 1e-9)) for t in (0.1, 1.0)) if k < len(mean.times)]
     parts = [
         f"{mean.flux_gain[k]:.2f} x the film's and {mean.film_gain[k]:.0f} W/m2 a kelvin of its thermometer's "
@@ -175,7 +175,7 @@ def noise_words(mean: Average) -> str:
 def curve_text(
     mean: Average, good: list[Touched], bad: list[str], found: Sampled, wanted: Wanted, options: argparse.Namespace
 ) -> str:  # fmt: skip
-    """Return the curve as CSV with a head that says how it came about."""
+    """Return the curve as CSV with a header that documents its origin."""
     sensors = found.source.sensors
     skin = [touch.skin - 273.15 for touch in good]
     by = "by the film before" if found.source.film else "as the scene has it"
@@ -201,7 +201,7 @@ def curve_text(
 
 
 def _write_raw(folder: Path, good: list[Touched], options: argparse.Namespace, found: Sampled) -> None:
-    """Write touches as they were read, with what `identify` must know in the head."""
+    """Write touches as they were read, with what `identify` needs in the header."""
     source, sensors = found.source, found.source.sensors
     for k, touch in enumerate(good):
         head = [

@@ -1,9 +1,9 @@
-"""Taking the sensors' own dynamics out of a touch, and what that does to their noise.
+"""Corrects a touch for the dynamics of its sensors, and computes how this amplifies their noise.
 
-A film shows the flux at its middle with a lag: ``y + tau dy/dt`` is what crosses its middle.  What leaves the finger
-is more by what the film's upper half stores, ``C/2 dT/dt`` with its temperature, whose lag is taken out alike.
+A film shows the flux through its middle with a lag: that flux is ``y + tau dy/dt``.  The flux out of the finger exceeds
+it by the heat stored in the film's upper half, ``C/2 dT/dt`` with the film's temperature, whose lag is corrected alike.
 Values and slopes come from a parabola through the samples around each time; its half width grows with the time since
-the touch began, as does the time in which a touch changes.
+the touch began, as does the time scale on which a touch changes.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ import numpy as np
 from itouch_thermal.display.column import Array
 from itouch_thermal.measuring.touches import Touched
 
-#: Half width of the parabola as a part of the time, and samples that it needs at least on either side.
+#: Half width of the parabola relative to the time, and least number of samples on either side.
 WIDTH, LEAST = 0.2, 3
 
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """Calibration: lags of film and thermometer [s], heat capacity of the film [J/m2K]; 0: nothing is corrected.
+    """Calibration: lags of film and thermometer [s], heat capacity of the film [J/m2K]; 0: no correction.
 
-    ``resistance`` [m2K/W] is the film's from face to face; 0: not known.
+    ``resistance`` [m2K/W] is the film's, from face to face; 0: unknown.
     """
 
     lag: float = 0.0
@@ -34,9 +34,9 @@ class Sensors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corrected:
-    """Flux out of the finger [W/m2] at times [s], and by how much each sensor's noise is multiplied; shape (rows,).
+    """Flux out of the finger [W/m2] at times [s], and the amplification of each sensor's noise; shape (rows,).
 
-    ``flux_gain`` is that of the flux film, ``film_gain`` the flux [W/m2] a kelvin of the thermometer's noise.
+    ``flux_gain`` is the flux film's, ``film_gain`` the flux [W/m2] per kelvin of the thermometer's noise.
     """
 
     times: Array
@@ -46,17 +46,17 @@ class Corrected:
 
 
 def output_times(last: float, every: float = 0.01) -> Array:
-    """Return the times [s] of a curve."""
+    """Return the times [s] of a curve's rows."""
     return np.asarray(np.arange(1, int(last / every + 1e-9) + 1, dtype=np.float64) * every)
 
 
 def correct(touch: Touched, sensors: Sensors, times: Array) -> Corrected:
-    """Return what left the finger at times [s] since the start of the touch.
+    """Return the flux out of the finger at times [s] since the start of the touch.
 
-    ``times`` (rows,); see `Corrected` for what is returned.
+    ``times`` has shape (rows,); see `Corrected` for the result.
     """
     found, gains = np.empty(len(times)), np.empty((2, len(times)))
-    period = float(np.median(np.diff(touch.times)))  # a reading may have been held
+    period = float(np.median(np.diff(touch.times)))  # the median, as a reading may have been held
     half = 0.5 * sensors.capacity
     for k, time in enumerate(times.tolist()):
         width = max(WIDTH * time, LEAST * period)
@@ -65,7 +65,7 @@ def correct(touch: Touched, sensors: Sensors, times: Array) -> Corrected:
         value, slope, bend = _parabola(touch.times[low:high] - time)
         flux = value + sensors.lag * slope
         found[k], gains[:, k] = flux @ touch.flux[low:high], (np.sqrt(flux @ flux), 0.0)
-        if half > 0.0:  # otherwise there may be no thermometer
+        if half > 0.0:  # if not, there may be no thermometer
             film = half * (slope + 2.0 * sensors.film_lag * bend)
             found[k] += film @ (touch.film[low:high] - touch.rest)
             gains[1, k] = np.sqrt(film @ film)
@@ -73,7 +73,7 @@ def correct(touch: Touched, sensors: Sensors, times: Array) -> Corrected:
 
 
 def _parabola(at: Array) -> tuple[Array, Array, Array]:
-    """Return the weights of samples at times [s] around 0 for value, slope and half the second derivative at 0."""
+    """Return the weights of samples at times [s] for the value, slope and half second derivative at time 0."""
     scale = max(float(np.abs(at).max()), 1e-12)
     u = at / scale
     base = np.stack((np.ones_like(u), u, u * u))
@@ -94,12 +94,12 @@ class Average:
 
 
 def average(touches: list[Touched], sensors: Sensors, every: float = 0.01) -> Average:
-    """Return the mean of touches, each corrected by itself.
+    """Return the mean of touches, each corrected separately.
 
     Raises
     ------
     ValueError
-        If there is none.
+        If there are no touches.
     """
     if not touches:
         raise ValueError("no touch is left to be averaged")

@@ -1,4 +1,4 @@
-"""Prompts for an operator on a terminal: when to press, to hold and to lift."""
+"""Prompts for an operator at a terminal: when to press, to hold and to lift."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from itouch_thermal.measuring.touches import BASE, LASTS, TOUCHED, Wanted, press
 
 
 class Prompts:
-    """Tells the operator what to do, and ends the measurement once enough touches were as wanted."""
+    """Tells the operator what to do, and ends the measurement after enough good touches."""
 
     def __init__(self, wanted: Wanted, repeat: int) -> None:
         self._wanted, self._repeat = wanted, repeat
         self._done, self._told = 0, ""
-        #: Since when nothing touches [s], since when the force has been low, and times and forces of a touch.
+        #: Time since which nothing has touched [s], time since which the force has been low, times and forces of this
+        #: touch.
         self._free: float | None = None
         self._low: float | None = None
         self._touch: list[tuple[float, float]] = []
 
     def __call__(self, time: float, force: float) -> bool:
-        """Take note of a force; return whether all touches are over."""
+        """Record a force; return whether all touches are done."""
         free = self._free = time if self._free is None else self._free
         if force > TOUCHED:
             self._low = None
@@ -44,11 +45,11 @@ class Prompts:
         return f"touch {self._done + 1} of {self._repeat}: press with {self._wanted.force:g} N"
 
     def _over(self, time: float, free: float) -> None:
-        """Count a touch that is over, or say why it does not count."""
+        """Count a touch that has ended, or say why it does not count."""
         at, force = np.array(self._touch).T
         self._touch, self._low = [], None
         if at[-1] - at[0] < LASTS:
-            return  # as short as that it is none
+            return  # too short to be a touch
         self._free = time
         why = self._wanted.why_not_held(float(at[0]) - free, float(at[-1] - at[0]), pressed(at - at[0], force))
         if why:

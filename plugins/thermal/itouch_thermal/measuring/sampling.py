@@ -1,4 +1,4 @@
-"""Running a scene with an instrumented sample, and sampling its channels by what they mean."""
+"""Runs a scene with an instrumented sample, and samples the channels by their roles."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from itouch.plugin.commands import framework
 from itouch_thermal.measuring.correct import Sensors
 from itouch_thermal.measuring.touches import Record
 
-#: Told at each sample: seconds, force [N].
+#: Called at each sample with the time [s] and the force [N]; true ends the measurement.
 Watch = Callable[[float, float], bool]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """Where the readings of a scene stand in its State; empty: there is none."""
+    """The State fields of a scene's readings; empty if there is no such reading."""
 
     flux: str
     force: str
@@ -35,7 +35,7 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """What the command line says of the film: its lag [s] and heat capacity [J/m2K]; None: as the scene has it."""
+    """What the command line says about the film: lag [s] and heat capacity [J/m2K]; None: the scene's."""
 
     lag: float | None = None
     capacity: float | None = None
@@ -43,7 +43,7 @@ class Given:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sampled:
-    """What was read, from what, in a room of a temperature [K], and why it ended before its time; empty: it did not."""
+    """The readings, their source, the room's temperature [K], and why the run ended early; empty if it did not."""
 
     record: Record
     source: Source
@@ -52,7 +52,7 @@ class Sampled:
 
 
 def find(model: Any) -> Source:
-    """Return the channels of a scene: the first heat flux, the first contact force, and the temperatures beside.
+    """Return the channels of a scene: the first heat flux, the first contact force, and the temperatures.
 
     Raises
     ------
@@ -85,12 +85,12 @@ def find(model: Any) -> Source:
 
 
 def calibrated(source: Source, given: Given) -> Source:
-    """Return a source with what is given of its film in place of what the scene says.
+    """Return a source in which the given values of the film replace those of the scene.
 
     Raises
     ------
     ValueError
-        If stored heat is to be taken out, and nothing reads the film's temperature.
+        If stored heat is to be corrected, and no device reads the film's temperature.
     """
     sensors = source.sensors
     if given.capacity is not None and given.capacity > 0.0 and not source.film:
@@ -107,9 +107,9 @@ def sample(
     scene: str, *, seed: int = 0, rig: str | None = None, twin: str | None = None, longest: float | None = None,
     watch: Watch | None = None, given: Given = Given(),
 ) -> Sampled:  # fmt: skip
-    """Run a scene until its own motion ends, so many seconds have passed, or ``watch`` returns True.
+    """Run a scene until its own motion ends, ``longest`` seconds have passed, or ``watch`` returns True.
 
-    What was read until a device failed, or somebody pressed Ctrl-C, is kept.
+    Readings until a device fails, or until Ctrl-C, are kept.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def sample(
 def _follow(
     session: Any, source: Source, longest: float | None, watch: Watch | None, rows: list[tuple[float, ...]]
 ) -> None:
-    """Tick, and add to the rows whenever the film was read anew: a reading that is held is none."""
+    """Tick, and append a row at every new reading of the film; a held reading does not count."""
     state, period = session.state, session.model.period
     flux, force = state[source.flux], state[source.force]
     film = state[source.film] if source.film else None

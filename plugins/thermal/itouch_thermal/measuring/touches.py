@@ -1,4 +1,4 @@
-"""Touches in a record of flux, film temperature, force and skin: where each begins, and which are worth averaging."""
+"""Finds the touches in a record of flux, film temperature, force and skin, and which of them are fit for averaging."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ import numpy as np
 
 from itouch_thermal.display.column import Array
 
-#: Force that is a touch [N], and for how long it must last [s].
+#: Force that counts as a touch [N], and the least time that it must last [s].
 TOUCHED, LASTS = 0.05, 0.02
-#: Before a touch so much is looked at [s], up to so shortly before it.
+#: Length of the rest before a touch that is evaluated [s], and how long before the touch it ends [s].
 BASE, CLEAR = 1.0, 0.02
-#: So many samples tell how quickly the force comes up.
+#: Number of samples from which the rise of the force is estimated.
 RISE = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Record:
-    """Samples at times [s]: flux [W/m2], film [K], force [N], skin [K]; NaN where it is not seen; shape (n,)."""
+    """Samples at times [s]: flux [W/m2], film [K], force [N], skin [K]; NaN if not read; shape (n,)."""
 
     times: Array
     flux: Array
@@ -28,17 +28,17 @@ class Record:
 
     @property
     def period(self) -> float:
-        """Usual time between two samples [s]; there must be two."""
+        """Median time between two samples [s]; there must be two."""
         return float(np.median(np.diff(self.times)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Touched:
-    """One touch at times from its start on; flux without what was read at rest.
+    """One touch from its start on; the flux is less the reading at rest.
 
-    ``times`` [s], ``flux`` [W/m2], ``film`` [K], ``force`` [N]; ``begin`` [s] in the record, ``skin`` and ``rest`` [K]
-    are skin and film before it (NaN: not read), ``offset`` [W/m2] what the film read at rest, ``slope`` [K/s] by how
-    much the film changed then, ``rested`` [s] how long nothing had touched.
+    ``times`` [s], ``flux`` [W/m2], ``film`` [K], ``force`` [N]; ``begin`` [s] in the record; ``skin`` and ``rest`` [K]
+    are the skin's and the film's temperature before it (NaN: not read), ``offset`` [W/m2] is the film's reading at
+    rest, ``slope`` [K/s] the rate of change of its temperature then, ``rested`` [s] the time since the last touch.
     """
 
     times: Array
@@ -54,20 +54,20 @@ class Touched:
 
     @property
     def pressed(self) -> float:
-        """Mean force [N] once it is up."""
+        """Mean force [N] after its rise."""
         return pressed(self.times, self.force)
 
 
 def pressed(times: Array, force: Array) -> float:
-    """Return the mean force [N] of a touch once it is up; times [s] from its start on.
+    """Return the mean force [N] of a touch after its rise; times [s] from its start on.
 
-    ``times`` and ``force`` [N] of shape (n,).
+    ``times`` and ``force`` [N] have shape (n,).
     """
     return float(force[times > min(0.2, 0.5 * float(times[-1]))].mean())
 
 
 def touches(record: Record) -> list[Touched]:
-    """Return the touches of a record, also those that had no second of rest before them, as ``rested`` says."""
+    """Return all touches of a record, also those without a second of rest before them (see ``rested``)."""
     if len(record.times) < 2:
         return []
     found, period = [], record.period
@@ -87,7 +87,7 @@ def touches(record: Record) -> list[Touched]:
 
 
 def _one(record: Record, first: int, end: int, free: int) -> Touched:
-    """Return the touch whose first sample over the threshold is ``first``; nothing touched from ``free`` on."""
+    """Return the touch whose first sample above the threshold is ``first``; nothing has touched since ``free``."""
     at = record.times
     begin = _begin(record, first)
     low, high = np.searchsorted(at, (at[first] - BASE - 1e-9, at[first] - CLEAR - 1e-9))
@@ -103,25 +103,25 @@ def _one(record: Record, first: int, end: int, free: int) -> Touched:
 
 
 def _begin(record: Record, first: int) -> float:
-    """Return when a touch began [s]: its force came up from 0 on a straight line, whose slope the next samples tell."""
+    """Return when a touch began [s]: its force rose from 0 on a straight line through the next samples."""
     if first == 0:
         return float(record.times[0])
     before, force = float(record.force[first - 1]), record.force[first : first + RISE]
-    # Up to where it is all but up: a force that stays shows its noise, and no slope.
+    # Up to 95 % of the rise: the slope of a steady force would only be noise.
     top = int(np.argmax(force >= before + 0.95 * (force.max() - before)))
     rise = max((float(force[top]) - before) / (top + 1), 1e-9)
     return float(record.times[first]) - min(float(RISE), float(force[0]) / rise) * record.period
 
 
 def _mean(values: Array) -> float:
-    """Return the mean of what is not NaN; NaN if nothing is left."""
+    """Return the mean of the finite values; NaN if there are none."""
     seen = values[np.isfinite(values)]
     return float(seen.mean()) if len(seen) else float("nan")
 
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What a touch must be: force [N] within a part, duration [s], film at rest [K/s], skin [K], flux [W/m2]."""
+    """Requirements on a touch: force [N] and tolerance, duration [s], film drift [K/s], skin [K], full scale [W/m2]."""
 
     force: float
     duration: float
@@ -131,7 +131,7 @@ class Wanted:
     full_scale: float = 20e3
 
     def why_not_held(self, rested: float, lasted: float, held: float) -> str:
-        """Return why a touch after a rest [s], of a length [s] and a mean force [N] is rejected; empty: it is not."""
+        """Return why a touch with this rest [s], length [s] and mean force [N] is rejected; empty if it is not."""
         if rested < BASE - 1e-6:
             return f"there were {rested:.2f} s of rest before it, not {BASE:g} s"
         if lasted < self.duration:
@@ -141,7 +141,7 @@ class Wanted:
         return ""
 
     def why_not(self, touch: Touched, usual_skin: float) -> str:
-        """Return why a touch is rejected; empty: it is not."""
+        """Return why a touch is rejected; empty if it is not."""
         if why := self.why_not_held(touch.rested, float(touch.times[-1]), touch.pressed):
             return why
         if abs(touch.slope) > self.drift:
@@ -154,7 +154,7 @@ class Wanted:
 
 
 def sort_out(found: list[Touched], wanted: Wanted) -> tuple[list[Touched], list[str]]:
-    """Return the touches to be averaged, and why each other one is not."""
+    """Return the touches to be averaged, and why each of the others is not."""
     skins = [touch.skin for touch in found if np.isfinite(touch.skin) and touch.rested >= BASE - 1e-6]
     usual = float(np.median(skins)) if skins else float("nan")
     good, bad = [], []

@@ -1,1 +1,1 @@
-"""The paper's figures and claims, as the paper did them, with our own method beside."""
+"""The paper's figures and claims, reproduced with the paper's method, beside our own."""

@@ -1,4 +1,4 @@
-"""What a claim is: a quoted place, our set-up, what was computed, and a verdict that follows from stated bounds."""
+"""The structure of a claim: a quoted place, our set-up, computed numbers, and a verdict that follows from bounds."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ class Check(NamedTuple):
 
     @property
     def met(self) -> bool:
-        """Whether it does; what is no number does not."""
+        """Whether it does; NaN does not."""
         return self.low <= self.value <= self.high
 
     @property
     def measured(self) -> str:
-        """Return the number in words."""
+        """The number in words."""
         return f"{self.what} {self.value:.3g}{self.unit}"
 
     @property
     def bound(self) -> str:
-        """Return the bound in words, the same for all checks of one kind."""
+        """The bound in words, the same for all checks of one kind."""
         if self.low == float("-inf"):
             return f"≤ {self.high:g}{self.unit}"
         if self.high == float("inf"):
@@ -43,7 +43,7 @@ class Check(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A claim of the paper: where, in which words, in which set-up it is checked, and by what numbers."""
+    """A claim of the paper: its place, its words, the set-up in which it is checked, and the numbers that decide."""
 
     place: str
     words: str
@@ -53,14 +53,14 @@ class Claim:
 
     @property
     def verdict(self) -> str:
-        """Return what follows: all numbers within their bounds, some, none, or there are no numbers."""
+        """The verdict: all numbers are within their bounds, some are, none is, or there are no numbers."""
         if not self.checks:
             return UNKNOWN
         met = sum(check.met for check in self.checks)
         return HOLDS if met == len(self.checks) else PARTLY if met else FAILS
 
     def row(self) -> str:
-        """Return the row of the table."""
+        """Return the claim's row of the table."""
         measured = "; ".join(check.measured for check in self.checks)
         said = "; ".join(part for part in (measured, self.note) if part)
         bounds: list[str] = []
@@ -70,7 +70,7 @@ class Claim:
         return f"| {self.place} | {self.words} | {self.setup} | {said} | {'; '.join(bounds) or '-'} | {self.verdict} |"
 
 
-#: What makes a claim; the same words come from the same function in every set-up.
+#: A function that makes a claim.
 Maker = Callable[[Work], Claim]
 
 

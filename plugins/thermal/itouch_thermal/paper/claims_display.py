@@ -17,18 +17,18 @@ from itouch_thermal.rendering.closedloop import BAND, PERIOD, Case, Run, desired
 from itouch_thermal.rendering.materials import material
 from itouch_thermal.rendering.score import FLOOR
 
-#: Materials whose replay the paper shows; the Weber fraction of flux that observers have [1].
+#: Materials whose replay the paper shows; the observers' Weber fraction of flux [1].
 TRACKED, WEBER = ("aluminium", "wood", "polystyrene"), 0.43
 
 
 def tracking_error(run: Run) -> float:
-    """Return the rms of what the sensor read from what was desired, from 0.1 s on, of max(|desired|, 200 W/m2) [%]."""
+    """Return the rms difference of reading and desired flux from 0.1 s on, relative to max(|desired|, 200 W/m2) [%]."""
     apart = (run.sensed - run.desired)[99:] / np.maximum(np.abs(run.desired[99:]), FLOOR)
     return 100.0 * math.sqrt(float(apart @ apart) / len(apart))
 
 
 def start_temperatures(work: Work) -> Claim:
-    """Check: equation 3 gives every material its temperature."""
+    """Check: equation 3 gives a start temperature for every material."""
     low, high = (edge - 273.15 for edge in BAND)
     checks = over(MATERIALS, lambda n: work.setup.wanted(n) - 273.15, low, high, " °C")
     return Claim("II-C", "Setting the module's start temperature by eq. 3 could render every material",
@@ -62,7 +62,7 @@ def slow_module(work: Work) -> Claim:
 
 
 def initial_flow(work: Work) -> Claim:
-    """Check: the initial flow is like the real one."""
+    """Check: the initial flux is like the real one."""
     checks = over(TRACKED, lambda n: at(work.published(n).flux, 0.02) / at(work.real(n).flux, 0.02), 0.8, 1.25, "")
     return Claim("II-D", "By eq. 3 the initial rendered flow is similar to the real one",
                  f"true flux over the real one 20 ms after the touch, R = {work.setup.resistance:g}", checks,
@@ -77,7 +77,7 @@ def far_better(work: Work) -> Claim:
 
 
 def follows(name: str) -> Maker:
-    """Return what checks the replay of a material."""
+    """Return the function that checks the replay of a material."""
 
     def claim(work: Work) -> Claim:
         error = tracking_error(work.published(name))
@@ -92,13 +92,13 @@ def follows(name: str) -> Maker:
 
 
 def tracking_error_true(run: Run) -> float:
-    """Return the same of the true flux [%]."""
+    """Return the same error for the true flux [%]."""
     apart = (run.flux - run.desired)[99:] / np.maximum(np.abs(run.desired[99:]), FLOOR)
     return 100.0 * math.sqrt(float(apart @ apart) / len(apart))
 
 
 def oscillates(work: Work) -> Claim:
-    """Check: it oscillates for insulators."""
+    """Check: the loop oscillates for insulators."""
     metal, foam = (tracking_error(work.published(n)) for n in ("aluminium", "polystyrene"))
     tight = tracking_error(work.published("polystyrene", TIGHT))
     checks = (
@@ -109,7 +109,7 @@ def oscillates(work: Work) -> Claim:
 
 
 def switching(work: Work) -> Claim:
-    """Check: do not switch materials too fast."""
+    """Check: materials must not be switched too fast."""
     display = work.setup.module
     warm, cold = work.setup.start("polystyrene"), work.setup.start("aluminium")
     needed = plate_capacity(display.plate) * abs(warm - cold) / display.flux_limit
@@ -128,7 +128,7 @@ def confused(work: Work) -> Claim:
 
 
 def told_apart(work: Work) -> Claim:
-    """Check: most materials are told apart."""
+    """Check: most materials can be told apart."""
     flux = [float(desired_course(Case(material(n)[1])).flux[999]) for n in MATERIALS]
     ratios = [a / b for k, a in enumerate(flux) for b in flux[k + 1 :]]
     part = 100.0 * sum(ratio > 1.0 + WEBER for ratio in ratios) / len(ratios)
@@ -138,7 +138,7 @@ def told_apart(work: Work) -> Claim:
 
 
 def two_days(_work: Work) -> Claim:
-    """Check: a device takes two days."""
+    """Check: integrating a device takes two days."""
     return Claim("IV", "The integration of the table took no more than two days", "-", (),
                  "nobody has been timed; `itouch-py new-plugin` writes a device with its twin and tests")  # fmt: skip
 
@@ -150,7 +150,7 @@ DISPLAY: tuple[Maker, ...] = (
 
 
 def session_claims(report: dict[str, Any] | None) -> list[Claim]:
-    """Return the claims of section V that a session of the four materials shows; without a report none is checked."""
+    """Return the claims of section V that a session with the four materials shows; unchecked without a report."""
     where = "`scenes/four_materials.xml` on twins"
     contacts = [] if report is None else [c for c in report["contacts"] if c["end_s"] is not None]
     table = {} if report is None else report["table"]
@@ -182,7 +182,7 @@ def session_claims(report: dict[str, Any] | None) -> list[Claim]:
 
 
 def session_report() -> dict[str, Any] | None:
-    """Return the report of a session of the shipped four materials, or None where they are not installed."""
+    """Return the report of a session of the shipped four materials; None if they are not installed."""
     import tempfile
     from pathlib import Path
 

@@ -18,14 +18,14 @@ from itouch_thermal.rendering.closedloop import AMBIENT, PERIOD, Case, desired_c
 from itouch_thermal.rendering.materials import material
 
 INF = float("inf")
-#: A contact that is better than a finger's: what the film does is seen apart from the resistance [K m2/W].
+#: A contact better than a finger's, with which the film's effect shows apart from the resistance [K m2/W].
 TIGHT = 1e-4
 
 
 def at(flux: Array, time: float, period: float = PERIOD) -> float:
     """Return the flux at a time [s].
 
-    ``flux`` (steps,) [W/m2], the first one at the end of the first ``period`` [s].
+    ``flux`` (steps,) [W/m2] begins at the end of the first ``period`` [s].
     """
     return float(flux[round(time / period) - 1])
 
@@ -81,7 +81,7 @@ def pressure(work: Work) -> Claim:
 
 
 def rise(work: Work) -> Claim:
-    """Check: flow increases quickly, then decreases."""
+    """Check: the flux increases quickly, then decreases."""
 
     def peak(name: str) -> float:
         return float((np.argmax(work.real(name).reading) + 1) * PERIOD)
@@ -97,7 +97,7 @@ def rise(work: Work) -> Claim:
 
 
 def order(work: Work) -> Claim:
-    """Check: the four materials are in order."""
+    """Check: the four materials are in order of conduction."""
     fluxes = [work.real(n).reading[299:] for n in MATERIALS]
     pairs = zip(MATERIALS, MATERIALS[1:], fluxes, fluxes[1:], strict=False)
     checks = tuple(Check(f"{a} over {b}", float((x / y).min()), 1.0, INF) for a, b, x, y in pairs)
@@ -106,7 +106,7 @@ def order(work: Work) -> Claim:
 
 
 def faster(work: Work) -> Claim:
-    """Check: the more insulating, the faster it falls."""
+    """Check: the more insulating the material, the faster the flux falls."""
     part = {n: at(work.real(n).film, 2.0) / at(work.real(n).film, 0.3) for n in MATERIALS}
     checks = tuple(
         Check(f"{b} of {a}", part[b] / part[a], -INF, 0.95) for a, b in zip(MATERIALS, MATERIALS[1:], strict=False)
@@ -117,7 +117,7 @@ def faster(work: Work) -> Claim:
 
 
 def surface(work: Work) -> Claim:
-    """Check: quicker surface heating is why."""
+    """Check: the reason is faster heating of the surface."""
     faces = {n: at(work.real(n).face, 1.0) - AMBIENT for n in MATERIALS}
     checks = tuple(
         Check(f"{b} over {a}", faces[b] / faces[a], 1.05, INF) for a, b in zip(MATERIALS, MATERIALS[1:], strict=False)
@@ -126,7 +126,7 @@ def surface(work: Work) -> Claim:
 
 
 def correlated(work: Work) -> Claim:
-    """Check: the surface temperature of the finger goes with the flux."""
+    """Check: the finger's surface temperature is correlated with the flux."""
     courses = [desired_course(_case(work, name, 3.0)) for name in MATERIALS]
 
     def correlation(time: float) -> float:
@@ -140,7 +140,7 @@ def correlated(work: Work) -> Claim:
 
 
 def temperatures(work: Work) -> Claim:
-    """Check: other temperatures of material or finger change the flow, so that a recording is of little use."""
+    """Check: other temperatures of material or finger change the flux, so that a recording is of little use."""
     case = _case(work, "aluminium", 1.0)
     plain = at(desired_course(case).flux, 1.0)
     others = {
@@ -157,7 +157,7 @@ def temperatures(work: Work) -> Claim:
 
 
 def any_situation(work: Work) -> Claim:
-    """Check: the model gives the flow at other temperatures without a measurement."""
+    """Check: the model gives the flux at other temperatures without a measurement."""
     from contact_heat.differences import solve_differences
     from contact_heat.exact import solve
 
@@ -179,7 +179,7 @@ def _case(work: Work, name: str, seconds: float) -> Case:
 
 
 def two_steps(work: Work) -> Claim:
-    """Check: first the temperature, then the material."""
+    """Check: first the temperature is felt, then the material."""
     early = [at(work.filmed(n, TIGHT), 1e-3) for n in MATERIALS]
     late = [at(work.filmed(n, TIGHT), 1.0) for n in MATERIALS]
     checks = (
@@ -191,7 +191,7 @@ def two_steps(work: Work) -> Claim:
 
 
 def wet(work: Work) -> Claim:
-    """Check: the film's numbers."""
+    """Check: the film's resistance."""
     at_one = at(work.filmed("polystyrene", TIGHT, 400 / 37.5, 1.0), 1.0) / at(work.filmed("polystyrene", TIGHT), 1.0)
     resist = work.setup.film / 2.5
     return Claim("II-B", "The film resists by 15e-6 K m²/W", "thickness over the 2.5 W/mK of section II-E",
@@ -205,7 +205,7 @@ def accurate_model(work: Work) -> Claim:
     found = []
     for name, curve in work.curves.items():
         if name in MATERIALS:
-            # A lab's curve is what left the finger: `measure touch` has taken lag and stored heat out.
+            # A lab's curve is the flux out of the finger: `measure touch` corrects for lag and stored heat.
             times, flux = work.scheme_flux(name)
             seen = (times >= 0.3) & (times <= curve.times[-1])
             if seen.any():
@@ -244,7 +244,7 @@ def classic(work: Work) -> Claim:
 
 
 def splitting(work: Work) -> Claim:
-    """Check: the split solves it."""
+    """Check: the split solves this."""
     from contact_heat.differences import solve_differences
     from contact_heat.exact import solve
 

@@ -1,4 +1,4 @@
-"""Figures as pictures and tables: legible at the width of a column, nothing over the curves."""
+"""Figures as pictures and tables: legible at the width of a column, with nothing over the curves."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from itouch_thermal.paper.figures import CURRENT, Figure, Line, Panel
 from itouch_thermal.paper.sketches import SKETCHES
 
-#: Width of a column and height of a panel [inch], dots an inch.
+#: Width of a column and height of a panel [inch], dots per inch.
 WIDTH, HEIGHT, DPI = 3.5, 2.55, 220
 _STYLE: dict[Any, Any] = {
     "font.size": 8.0, "axes.titlesize": 8.5, "axes.labelsize": 8.0, "xtick.labelsize": 7.5, "ytick.labelsize": 7.5,
@@ -18,7 +18,7 @@ _STYLE: dict[Any, Any] = {
 
 
 def draw(figure: Figure, out: Path, seconds: float) -> None:
-    """Draw a figure as SVG and PNG into a folder; curves up to so many seconds."""
+    """Draw a figure as SVG and PNG into a folder, with curves up to ``seconds``."""
     try:
         import matplotlib
     except ImportError as missing:
@@ -52,7 +52,7 @@ def _panel(axes: Any, panel: Panel, seconds: float) -> None:
     if any(line.right for line in panel.lines):
         other = axes.twinx()
         other.set_ylabel(CURRENT)
-        axes.set_zorder(other.get_zorder() + 1)  # the flux lies over the current
+        axes.set_zorder(other.get_zorder() + 1)  # the flux is drawn over the current
         axes.patch.set_visible(False)
     for line in panel.lines:
         where = other if line.right else axes
@@ -79,7 +79,7 @@ def _panel(axes: Any, panel: Panel, seconds: float) -> None:
 
 
 def _shown(panel: Panel, seconds: float) -> float:
-    """Return up to when a panel goes [s]: a touch that begins at 1 s is shown for as long as the others."""
+    """Return the end of a panel's time axis [s]: a touch that begins at 1 s is shown for as long as the others."""
     first = panel.lines[0].times
     return seconds + (1.0 if first[0] == 0.0 and len(first) > 1 and first[1] == 1.0 else 0.0)
 
@@ -94,7 +94,7 @@ def _sketch(plt: Any, figure: Figure) -> Any:
 
 
 def write_curves(figure: Figure, folder: Path) -> int:
-    """Write every curve of a figure as a CSV file with a head; return how many."""
+    """Write every curve of a figure as a CSV file with a header; return the number of files."""
     count = 0
     for k, panel in enumerate(figure.panels):
         for line in panel.lines:
@@ -105,7 +105,7 @@ def write_curves(figure: Figure, folder: Path) -> int:
 
 
 def _slug(name: str) -> str:
-    """Return a name as a part of a file's; a sign in front stays, so that -8 K is not 8 K."""
+    """Return a name as a part of a file name; a leading sign stays, so that -8 K differs from 8 K."""
     return re.sub(r"[^a-z0-9+-]+", " ", name.lower()).strip().replace(" ", "-")
 
 

@@ -1,4 +1,4 @@
-"""What stands in the paper's figures: curves, axes, and what we do otherwise than the paper."""
+"""The contents of the paper's figures: curves, axes, and where we differ from the paper."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from itouch_thermal.paper.setup import MATERIALS, halfspaces, sample
 from itouch_thermal.paper.work import COARSE, SPACING, Work
 from itouch_thermal.rendering.closedloop import PERIOD, Run
 
-#: The paper draws metal and polystyrene red in its figures 5 and 7, wood blue in 6.
+#: The paper draws metal and polystyrene red in its figures 5 and 7, and wood blue in figure 6.
 DESIRED = {"aluminium": "#d1251f", "wood": "#1f4fd1", "polystyrene": "#d1251f"}
 COLORS = {"aluminium": "#3f4348", "pyrex": "#00758f", "wood": "#8a4b12", "polystyrene": "#b8327a"}
-#: Plate temperatures of figure 3 above the room's [K], and dashes that tell them apart without colour.
+#: Plate temperatures of figure 3 relative to the room's [K], and dashes that distinguish them without colour.
 OFFSETS = (-8, -4, 0, 4, 8, 12, 16)
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
 FLUX, CURRENT = "heat flux [W/m²]", "current [A]"
@@ -26,7 +26,7 @@ FLUX, CURRENT = "heat flux [W/m²]", "current [A]"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
-    """A curve: times [s] and values, shape (rows,); on the right-hand axis if it is not what the panel is of."""
+    """A curve: times [s] and values, shape (rows,); on the right-hand axis if it is not of the panel's quantity."""
 
     name: str
     times: Array
@@ -51,7 +51,7 @@ class Panel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Figure:
-    """A figure of the paper: what it shows, what is otherwise here, and either panels or a drawing."""
+    """A figure of the paper: what it shows, how ours differs, and panels (without any, a drawing)."""
 
     number: int
     caption: str
@@ -60,11 +60,11 @@ class Figure:
 
     @property
     def stem(self) -> str:
-        """Return the name of its files."""
+        """The stem of its file names."""
         return f"figure{self.number:02d}"
 
 
-#: The paper's figures that are not here, and why.
+#: The paper's figures that are left out, and why.
 LEFT_OUT = {
     12: "a photograph of the positioning table, which we do not have; `itouch-py inspect SCENE --picture FILE` draws "
     "ours",
@@ -73,14 +73,14 @@ LEFT_OUT = {
 
 
 def times(values: Array, period: float = PERIOD, begin: float = 0.0) -> Array:
-    """Return the times [s] of values at the ends of the periods, shape (rows,)."""
+    """Return the times [s] of values at the ends of periods, shape (rows,)."""
     return np.asarray(begin + np.arange(1, len(values) + 1) * period, dtype=np.float64)
 
 
 def _lab(
     work: Work, names: tuple[str, ...], begin: float, model: Callable[[str], tuple[Array, Array]] | None = None
 ) -> tuple[Line, ...]:  # fmt: skip
-    """Return a lab's own curves of materials, dotted, and the model's flux out of the finger, which they are."""
+    """Return a lab's curves of materials, dotted, and the model's flux out of the finger for comparison, dashed."""
     found = []
     for name, curve in work.curves.items():
         if name in names:
@@ -100,7 +100,7 @@ def _touches(work: Work, begin: float = 1.0) -> tuple[Line, ...]:
 
 
 def figure2(work: Work) -> Figure:
-    """Return the flux of real touches through the film."""
+    """Return figure 2: the flux of real touches through the film."""
     panel = Panel("Flux through the film on four materials", (*_touches(work), *_lab(work, MATERIALS, 1.0)))
     caption = "Flux through the film on four materials, simulated; the touch begins at 1 s."
     told = (
@@ -114,7 +114,7 @@ def figure2(work: Work) -> Figure:
 
 
 def figure3(work: Work) -> Figure:
-    """Return the flux on a plate that is left alone at various start temperatures."""
+    """Return figure 3: the flux on an undriven plate at various start temperatures."""
     shades = ("#0b3c8c", "#2c7fb8", "#5aa6a0", "#6b6b6b", "#c98a1b", "#d1541f", "#8f1020")
     lines = []
     for k, offset in enumerate(OFFSETS):
@@ -129,7 +129,7 @@ def figure3(work: Work) -> Figure:
 
 
 def figure4(work: Work) -> Figure:
-    """Return the sensor's reading on the bare module after a step of current."""
+    """Return figure 4: the sensor's reading on the bare module after a step of current."""
     bare, touched = work.step(), work.step(touched=True)
     told = (
         "The sensor on the bare module sees only what the air brings (10 W/m²K) and what the film itself stores.",
@@ -158,7 +158,7 @@ def _tracked(work: Work, title: str, name: str, run: Run, *, sensed: bool) -> Pa
 
 
 def tracking(number: int, name: str) -> Callable[[Work], Figure]:
-    """Return what makes the figure of a material's replay."""
+    """Return the function that makes the figure of a material's replay."""
 
     def figure(work: Work) -> Figure:
         start = work.setup.start(name) - 273.15
@@ -182,7 +182,7 @@ def tracking(number: int, name: str) -> Callable[[Work], Figure]:
 
 
 def parts(work: Work, name: str = "wood", resistance: float | None = None, step: float = COARSE) -> tuple[Array, ...]:
-    """Return times [s], whole flux, problem 1 and problem 2 [W/m2] of the paper's decomposition, with the film."""
+    """Return times [s], total flux, problem 1 and problem 2 [W/m2] of the paper's decomposition, with the film."""
     from contact_heat.differences import solve_differences
     from itouch_thermal.paper.setup import finger
 
@@ -195,7 +195,7 @@ def parts(work: Work, name: str = "wood", resistance: float | None = None, step:
 
 
 def figure9(work: Work) -> Figure:
-    """Return the decomposition of a contact."""
+    """Return figure 9: the decomposition of a contact."""
     at, whole, first, second = parts(work)
     lines = (
         Line("whole", at, whole, "black"),
@@ -215,7 +215,7 @@ def figure9(work: Work) -> Figure:
 
 
 def figure11(work: Work) -> Figure:
-    """Return the simulated fluxes by the paper's own scheme, and figure 2 beside them."""
+    """Return figure 11: the fluxes simulated by the paper's own scheme, with figure 2 for comparison."""
     lines = []
     for name in MATERIALS:
         at, flux = work.scheme(name)
@@ -240,7 +240,7 @@ def _drawn(number: int, caption: str, *told: str) -> Callable[[Work], Figure]:
     return lambda work: Figure(number, caption, told)
 
 
-#: What makes each figure, by its number.
+#: The function that makes each figure, by its number.
 FIGURES: dict[int, Callable[[Work], Figure]] = {
     1: _drawn(1, "Set-up of a real touch: sample, film, finger and force "
                  "sensor.", "A sketch: the paper has a photograph."),

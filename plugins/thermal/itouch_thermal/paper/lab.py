@@ -1,4 +1,4 @@
-"""A lab's own curves, to be laid over the figures."""
+"""A lab's own curves, to be drawn over the figures."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from pathlib import Path
 from itouch_thermal.flux.curve import LARGEST_FILE, Curve, decode_curve
 from itouch_thermal.paper.setup import MATERIALS
 
-#: The figures over which curves are laid.
+#: The figures over which such curves are drawn.
 SHOWN = frozenset((2, 5, 6, 7, 11))
 
 
 def left_out(folder: Path, figures: Iterable[int]) -> list[str]:
-    """Return what of a folder is not shown in figures, in words: files of other names, or all where none shows any."""
+    """Return messages on what is not shown: files of other names, or everything if none of the figures shows curves."""
     others = sorted(path.name for path in folder.glob("*.csv") if path.stem not in MATERIALS)
     said = [f"--measured: the paper has no {', '.join(others)}; shown are {', '.join(MATERIALS)}"] if others else []
     if not SHOWN.intersection(figures):
@@ -22,12 +22,12 @@ def left_out(folder: Path, figures: Iterable[int]) -> list[str]:
 
 
 def read_curves(folder: Path) -> dict[str, Curve]:
-    """Return the curves of a folder that are named after a material, such as ``wood.csv``.
+    """Return the curves in a folder whose files are named after a material, such as ``wood.csv``.
 
     Raises
     ------
     ValueError
-        If there is no such folder or file, naming what is looked for; or a file is no curve, with its line.
+        If there is no such folder or file (the message names those expected), or a file is not a curve (with its line).
     """
     wanted = ", ".join(f"{name}.csv" for name in MATERIALS)
     if not folder.is_dir():

@@ -1,4 +1,4 @@
-"""``claims.md``: the set-up, what is otherwise than in the paper, the claims with their verdicts, and the figures."""
+"""``claims.md``: the set-up, the differences from the paper, the claims with their verdicts, and the figures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itouch_thermal.paper.claim import VERDICTS, Claim
 from itouch_thermal.paper.figures import LEFT_OUT, Figure
 from itouch_thermal.paper.setup import Setup
 
-#: The module that figures 3 to 7 are of.
+#: The module of figures 3 to 7.
 _MODULE = Setup().module
 
 INTRODUCTION = (
@@ -21,7 +21,7 @@ INTRODUCTION = (
     "(`--measured FOLDER`, dotted; dashed the model's flux out of the finger, which they show)."
 )
 
-#: What the paper had, as far as it says, and what stands for it here.
+#: The paper's set-up as far as it is stated, and what represents it here.
 DIFFERENCES: tuple[tuple[str, str, str], ...] = (
     ("finger", "people's; epidermis 0.7 mm, blood; nothing else stated", "three layers: epidermis 0.7 mm, "
      "dermis 1.5 mm, subcutis 4.4 mm; blood 5 kW/m³K below the epidermis; core 37 °C"),
@@ -50,7 +50,7 @@ DIFFERENCES: tuple[tuple[str, str, str], ...] = (
     ("materials' fluxes", "computed before the session", "computed while it is touched, for the skin as it is"),
 )  # fmt: skip
 
-#: What the text of the paper has wrong or leaves open, and how it is read here.
+#: What the paper's text has wrong or leaves open, and how it is read here.
 READ_AS = (
     "Equation 7: `T_s0` must be the contact temperature.",
     "Equation 9: `j_1` is `j_contact`, and j is the flux into the body; for the finger it is -j.",
@@ -63,7 +63,7 @@ READ_AS = (
 
 
 def page(claims: Sequence[Claim], figures: Sequence[Figure]) -> str:
-    """Return the page."""
+    """Return the page as Markdown."""
     lines = ["# The paper's figures and claims", "", INTRODUCTION, ""]
     lines += ["## What is otherwise than in the paper", "", "| what | paper | here |", "|---|---|---|"]
     lines += [f"| {' | '.join(row)} |" for row in DIFFERENCES]

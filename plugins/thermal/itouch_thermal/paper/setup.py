@@ -1,4 +1,4 @@
-"""The paper's set-up as a preset: what is touched, through which film, and how the display is driven."""
+"""The paper's set-up as a preset: the samples, the film, and how the display is driven."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ SKIN = 306.15
 class Setup:
     """A real touch and its replay: the film [m], the contact [K m2/W, s], and the published loop.
 
-    ``film`` is the thickness of the flux sensor on sample and module, 0 for none; ``press`` the time constant with
-    which the finger is pressed on; ``lag`` and ``noise`` [W/m2] are the sensor's; ``plate_effusivity`` is the
-    beta_p of equation 3, which in the paper is the module's ceramic.
+    ``film`` is the thickness of the flux sensor on sample and module, 0 for none; ``press`` the time constant of
+    pressing the finger on; ``lag`` and ``noise`` [W/m2] are the sensor's; ``plate_effusivity`` is the beta_p of
+    equation 3, which in the paper is that of the module's ceramic.
     """
 
     film: float = FILM.thickness or 0.0
@@ -51,15 +51,15 @@ class Setup:
         return equation_three(beta, self.plate_effusivity, FINGER[0].effusivity, AMBIENT, SKIN)
 
     def start(self, name: str) -> float:
-        """Return the nearest one [K] that the plate may have."""
+        """Return the start temperature [K] nearest to it that the plate may have."""
         return within(BAND, self.wanted(name))
 
 
 class Measured(NamedTuple):
     """A touch of an instrumented sample at the ends of the periods.
 
-    The flux that leaves the finger, the flux at the film's middle, what the sensor reads [W/m2], and the temperature
-    of the sample's face [K].
+    Flux out of the finger, flux at the film's middle, the sensor's reading [W/m2], and the temperature of the sample's
+    face [K].
     """
 
     flux: Array
@@ -69,7 +69,7 @@ class Measured(NamedTuple):
 
 
 def sample(name: str, film: float = 0.0, room: float = AMBIENT) -> Side:
-    """Return 20 mm of a material in a room [K], with a film [m] on it if that is more than 0."""
+    """Return 20 mm of a material in a room [K], under a film [m] if that is more than 0."""
     between = (replace(FILM, thickness=film),) if film > 0.0 else ()
     return Side(
         layers=(*between, material(name)[1].layer(DEPTH)),
@@ -79,13 +79,13 @@ def sample(name: str, film: float = 0.0, room: float = AMBIENT) -> Side:
 
 
 def finger(perfusion: float = 1.0, skin: float = SKIN) -> Side:
-    """Return the nominal finger with a skin [K], its perfusion multiplied."""
+    """Return the nominal finger with a skin temperature [K] and a factor on its perfusion."""
     layers = tuple(replace(layer, perfusion=layer.perfusion * perfusion) for layer in FINGER)
     return finger_side(layers, CORE, skin, AMBIENT)
 
 
 def touch(name: str, resistance: float, seconds: float, *, film: float = 0.0, period: float = PERIOD) -> Array:
-    """Return the flux [W/m2] out of a finger that touches a sample at once through a constant resistance."""
+    """Return the flux [W/m2] out of a finger that touches a sample at t = 0 through a constant resistance."""
     from contact_heat.stepper import Stepper
 
     stepper = Stepper(Contact(finger=finger(), object=sample(name, film)), period)
@@ -93,7 +93,7 @@ def touch(name: str, resistance: float, seconds: float, *, film: float = 0.0, pe
 
 
 def measure(name: str, setup: Setup, *, films: float = 1.0) -> Measured:
-    """Return a touch of a sample under so many films: the paper's section II-B, simulated."""
+    """Return a touch of a sample under ``films`` films: the paper's section II-B, simulated."""
     from contact_heat import live
 
     ours, other = finger(), sample(name, films * setup.film)
@@ -105,16 +105,16 @@ def measure(name: str, setup: Setup, *, films: float = 1.0) -> Measured:
         resistance = setup.resistance * press_factor((i + 1) * PERIOD, setup.press)
         flux[i] = live.contact_step(above, skin, below, body, resistance)
         face[i] = live.surface_temperature(below, body)
-    # The film is thin: what its upper half keeps follows from the temperature of its face.
+    # The film is thin: the heat that its upper half stores follows from the temperature of its face.
     kept = 0.5 * films * setup.film * FILM.heat_capacity * np.diff(face, prepend=AMBIENT) / PERIOD
     film = 0.5 * (flux + np.concatenate(([flux[0]], flux[:-1]))) - kept
     return Measured(flux, film, lagged(film, setup.lag), face)
 
 
 def lagged(flux: Array, lag: float, period: float = PERIOD) -> Array:
-    """Return what a sensor with a time constant [s] shows.
+    """Return the reading of a sensor with a time constant [s].
 
-    ``flux`` and what is returned (steps,) [W/m2], ``period`` [s].
+    ``flux`` and the reading have shape (steps,) [W/m2]; ``period`` is in [s].
     """
     if lag <= 0.0:
         return flux.copy()
@@ -126,7 +126,7 @@ def lagged(flux: Array, lag: float, period: float = PERIOD) -> Array:
 
 
 def halfspaces(times: Array, resistance: float, ours: float, other: float) -> Array:
-    """Return the flux [W/m2] of two half-spaces with these effusivities, for resistance 0 that of equation 2.
+    """Return the flux [W/m2] between two half-spaces with these effusivities; for resistance 0, that of equation 2.
 
     ``times`` (n,) [s], ``resistance`` [K m2/W], effusivities [W s^0.5/m2K].
     """

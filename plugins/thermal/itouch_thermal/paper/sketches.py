@@ -55,7 +55,7 @@ def _box(axes: Any, x: float, y: float, width: float, height: float, label: str)
 
 
 def _arrow(axes: Any, *points: tuple[float, float]) -> None:
-    """Draw straight pieces, the last with a head."""
+    """Draw straight segments, the last one with an arrowhead."""
     for a, b in zip(points[:-2], points[1:-1], strict=True):
         axes.plot((a[0], b[0]), (a[1], b[1]), color="black", linewidth=0.8)
     axes.annotate(

@@ -1,4 +1,4 @@
-"""The runs that figures and claims are made of: each is made once, when it is first asked for."""
+"""The simulations behind figures and claims; each is run once, when first needed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from itouch_thermal.rendering.materials import material
 
 Found = TypeVar("Found")
 
-#: Distance between the rows of a run by the paper's scheme [s], and of its nodes [m]: on metal steps are short.
+#: Time between rows of a run of the paper's scheme [s]; its node spacing [m], and on metals, where steps are short; the
+#: effusivity above which a material counts as metal.
 COARSE, SPACING, SPACING_METAL, METAL = 0.01, 1e-4, 2e-4, 1e4
 
 
@@ -43,13 +44,13 @@ class Work:
         return self._once(("real", name, films), lambda: measure(name, self.setup, films=films))
 
     def bare(self, name: str, resistance: float, seconds: float = 10.0, period: float = PERIOD) -> Array:
-        """Return the flux of a touch of the sample without a film."""
+        """Return the flux of a touch of a sample without a film."""
         return self._once(
             ("bare", name, resistance, seconds, period), lambda: touch(name, resistance, seconds, period=period)
         )
 
     def filmed(self, name: str, resistance: float, films: float = 1.0, seconds: float = 10.0) -> Array:
-        """Return the flux of a touch at once of the sample under so many films."""
+        """Return the flux of a touch at t = 0 of a sample under ``films`` films."""
         film = films * self.setup.film
         return self._once(
             ("film", name, resistance, film, seconds), lambda: touch(name, resistance, seconds, film=film)
@@ -60,7 +61,7 @@ class Work:
         return self._once(("published", name, resistance), lambda: self._replay(name, "paper", resistance))
 
     def open(self, name: str) -> Run:
-        """Return the touch of a plate that is held at the temperature of equation 3."""
+        """Return the touch of a plate that is held at the temperature from equation 3."""
         return self._once(("open", name), lambda: self._replay(name, "hold", None))
 
     def _replay(self, name: str, controller: str, resistance: float | None) -> Run:
@@ -75,7 +76,7 @@ class Work:
         )  # fmt: skip
 
     def free(self, offset: float) -> Run:
-        """Return the touch of a plate that starts so much [K] above the room and is then left alone."""
+        """Return the touch of a plate that starts ``offset`` [K] above the room and is then not driven."""
         return self._once(("free", offset), lambda: self._free(offset))
 
     def _free(self, offset: float) -> Run:
@@ -97,9 +98,9 @@ class Work:
         return simulate(case, desired_course(case), setup.module, "model", seed=1)
 
     def step(self, current: float = 1.0, seconds: float = 20.0, *, touched: bool = False) -> Array:
-        """Return what the sensor on the module reads after a step of current [A] at 1 s, W/m2 a period.
+        """Return the reading of the sensor on the module [W/m2] with a current step [A] at 1 s, one value per period.
 
-        With ``touched`` it is the true flux out of a resting finger, less that without the current.
+        With ``touched``, return the true flux out of a resting finger instead, less that without the current.
         """
         return self._once(("step", current, seconds, touched), lambda: _step(self.setup, current, seconds, touched))
 

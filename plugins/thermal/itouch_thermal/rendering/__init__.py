@@ -1,1 +1,1 @@
-"""How well the display renders: contacts in closed loop on the twin, without a scene, and what bounds them."""
+"""How well the display renders: contacts in closed loop on the twin, without a scene, and bounds on the result."""

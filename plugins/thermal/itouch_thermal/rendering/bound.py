@@ -1,4 +1,4 @@
-"""The clairvoyant bound: the best start temperature and pump for a contact that is known from start to end."""
+"""The clairvoyant bound: the best start temperature and pumped flux for a contact known from start to end."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ from itouch_thermal.rendering.closedloop import (
 )
 from itouch_thermal.rendering.score import FLOOR, index
 
-#: Grid of the optimisation [s], and knots of the pump.
+#: Time step of the optimisation [s], and number of knots of the pumped flux.
 STEP, KNOTS = 5e-3, 60
-#: A band that costs even a clairvoyant more than this [%] limits the rendering.
+#: A temperature band that costs even a clairvoyant controller more than this rms error [%] limits the rendering.
 LIMITED = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """The least rms error [%], and what limits the rendering: an end of the plate's band, or its rate."""
+    """The least rms error [%], and what limits the rendering: an end of the plate's band, its rate, or None."""
 
     rms_pct: float
     limited: str | None
 
 
 def bound(case: Case, course: Course, display: DisplayParams, plants: Iterable[Mismatch] = ()) -> Bound:
-    """Return the best that the nominal plant can do, and whether the plate's band limits it or one of ``plants``.
+    """Return the best that the nominal plant can achieve, and which of the plate's limits hinders it or ``plants``.
 
-    Bounded least squares in the plate's start temperature and the knots of the pumped flux, which may begin with the
-    contact.  The face's temperature follows from the flux that is wanted: where its band is in the way, the flux is
-    the greatest that the band permits.  Needs scipy.
+    Bounded least squares in the plate's start temperature and the knots of the pumped flux, which may start with the
+    contact.  The face's temperature follows from the desired flux: where the band does not allow it, the flux is the
+    greatest that the band permits.  Needs SciPy.
     """
     ends = [_within_band(case, course, display, *off) for off in _contacts(plants)]
     worst, limited = max(ends)
@@ -56,7 +56,7 @@ def bound(case: Case, course: Course, display: DisplayParams, plants: Iterable[M
 
 
 def _fastest(case: Case, course: Course, contacts: Iterable[tuple[float, float]]) -> float:
-    """Return the greatest rate [K/s] that the face would have from 0.1 s on, as a mean over half a second."""
+    """Return the greatest rate [K/s] that the face would need from 0.1 s on, as a mean over half a second."""
     count, over = round(case.seconds / PERIOD), round(RATE_OVER / PERIOD)
     press = np.array([press_factor((i + 1) * PERIOD, case.press) for i in range(count)])
     rates = [0.0]
@@ -68,14 +68,14 @@ def _fastest(case: Case, course: Course, contacts: Iterable[tuple[float, float]]
 
 
 def _contacts(plants: Iterable[Mismatch]) -> list[tuple[float, float]]:
-    """Return by what parts contact resistance and finger differ; the nominal contact first."""
+    """Return the relative differences of contact resistance and finger; the nominal contact first."""
     return list(dict.fromkeys([(0.0, 0.0), *((p.contact_resistance, p.finger_effusivity) for p in plants)]))
 
 
 def _within_band(
     case: Case, course: Course, display: DisplayParams, resistance_off: float, finger_off: float
 ) -> tuple[float, str]:
-    """Return the rms error [%] of a contact that is right wherever the face may be, and the end that is in the way."""
+    """Return the rms error [%] of a contact that is exact within the face's band, and the end that is in the way."""
     parts = column(FINGER, CORE, case.skin, display.plate, PERIOD, REACH / 1e-3)
     rows, gain = parts.tissue, 1.0 / (1.0 + finger_off)
     own = gain * float(rows[F_PORT] @ rows[F_END])
@@ -99,7 +99,7 @@ def _within_band(
 
 
 def _pumped(case: Case, course: Course, display: DisplayParams) -> float:
-    """Return the least rms error [%] that start temperature and pump leave."""
+    """Return the least rms error [%] over start temperature and pumped flux."""
     try:
         from scipy.optimize import lsq_linear
     except ImportError as missing:
@@ -130,7 +130,7 @@ def _pumped(case: Case, course: Course, display: DisplayParams) -> float:
 
 
 class _Drive:
-    """Steps the column under a given pump and history of resistances."""
+    """Steps the column under a given pumped flux and history of resistances."""
 
     def __init__(self, tissue: Array, plate: Array, resistance: Array) -> None:
         self.tissue, self.plate, self.resistance = tissue, plate, resistance

@@ -1,4 +1,4 @@
-"""One contact in closed loop: the display's twin under a controller, with the desired flux of the ideal contact."""
+"""One contact in closed loop: the display's twin under a controller, with the ideal contact's flux as desired."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from itouch_thermal.flux.proportional import proportional_integral
 from itouch_thermal.flux.start import MARGIN, Touched, Trial, equation_three, start_temperature, within
 from itouch_thermal.heat import FINGER, ThermalMaterial, finger_side, object_side
 
-#: Period of the loop [s], temperatures of core and room [K], depth of the object [m], and the band of the plate [K].
+#: Loop period [s], temperatures of core and room [K], depth of the object [m], and the plate's temperature band [K].
 PERIOD = 1e-3
 CORE, AMBIENT, DEPTH = 310.15, 296.15, 0.02
 BAND = (288.15, 313.15)
-#: Seconds that the plate has to reach its start temperature.
+#: Time that the plate has to reach its start temperature [s].
 BEFORE = 3.0
 #: Gains of `paper`: the best pair of the grid of ``bench display --grid``.
 GAINS = (40.0, 800.0)
-#: Greatest rate of the plate in a touch [K/s] as a mean over so many seconds, and the part of it that is used.
+#: Greatest rate of the plate in a touch [K/s], as a mean over this time [s], and the share of it that is used.
 RATE, RATE_OVER, RATE_USED = 10.0, 0.5, 0.9
-#: Time [s] in which `paper` and `hold` come to the start temperature, and in which they stop at a limit.
+#: Time constants [s] with which `paper` and `hold` approach the start temperature, and stop at a limit.
 APPROACH, STOPPING = 0.25, 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What is touched and how: temperatures [K], resistance [K m2/W], seconds; ``press`` is a time constant [s].
+    """The touch: temperatures [K], resistance [K m2/W], duration [s]; ``press`` is a time constant [s].
 
     With ``press`` the resistance falls as ``R / (1 - exp(-t / press))``; the plant's press is ``press * press_off``.
     """
@@ -51,7 +51,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """What a contact should be: flux [W/m2] and skin [K] at the ends of the periods; longer than the contact."""
+    """The ideal contact: flux [W/m2] and skin [K] at the ends of the periods; it extends beyond the contact."""
 
     flux: Array
     skin: Array
@@ -59,9 +59,9 @@ class Course:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """What a contact was at the ends of the periods.
+    """The course of a contact at the ends of the periods.
 
-    True flux [W/m2], skin and plate face [K], flux asked of the pump, current [A], and what the flux sensor read.
+    True flux [W/m2], skin and plate face [K], flux demanded of the pump, current [A], and the flux sensor's reading.
     """
 
     flux: Array
@@ -76,7 +76,7 @@ class Run:
 
 
 def desired_course(case: Case) -> Course:
-    """Return the ideal finger's contact with the bare object, and as much beyond as a controller looks ahead."""
+    """Return the ideal finger's contact with the bare object, extended by as much as a controller looks ahead."""
     from contact_heat import live
 
     side = finger_side(FINGER, CORE, case.skin, case.skin)
@@ -97,7 +97,7 @@ def desired_course(case: Case) -> Course:
 
 
 def press_factor(time: float, press: float) -> float:
-    """Return by how much the resistance is higher while the finger is being pressed on."""
+    """Return the factor on the resistance while the finger is being pressed on."""
     return 1.0 if press == 0.0 else 1.0 / -math.expm1(-time / press)
 
 
@@ -110,17 +110,17 @@ def simulate(
     Parameters
     ----------
     case, course
-        What is touched, and what it should feel like.
+        The touch, and its ideal course.
     display, believed
-        The plant, and what the controller thinks it is; default: the plant without its mismatch.
+        The plant, and the controller's model of it; default: the plant without its mismatch.
     controller
         ``hold``, ``paper`` or ``model``; ``free`` brings the plate to its start and then sends no current.
     seed
-        Of the noise.
+        Seed of the noise.
     hold, stream
-        Periods between two commands, and between two readings.
+        Number of periods between two commands, and between two readings.
     gains
-        Of ``paper``.
+        Gains of ``paper``.
     start
         Start temperature [K]; default: the controller's own.
     """
@@ -187,7 +187,7 @@ class _Brain:
         return within(BAND, wanted)
 
     def take(self, reading: Record, new: bool, i: int) -> None:
-        """Take in a reading, or only that time has passed."""
+        """Process a reading, or only the passing of time."""
         if new:
             names = ("heat_flux", "plate_temperature", "sink_temperature")
             self.reading = (reading[names[0]].item(), reading[names[1]].item(), reading[names[2]].item())
@@ -221,12 +221,12 @@ class _Brain:
         return float(min(p.max_current, max(-p.max_current, wanted)))
 
     def _bounded(self, pump: float, flux: float, plate: float, hold: int) -> float:
-        """Return the pumped flux that neither takes the plate out of its band nor past its greatest rate."""
+        """Limit a pumped flux so that the plate neither leaves its band nor exceeds its greatest rate."""
         self.passed.append(plate)
         before = self.passed[max(0, len(self.passed) - round(RATE_OVER / PERIOD / hold))]
         swing = RATE * RATE_OVER * RATE_USED
         low, high = max(BAND[0] + MARGIN, before - swing), min(BAND[1] - MARGIN, before + swing)
-        flux *= self.display.cover  # what the pump must carry at least to keep the plate where it is
+        flux *= self.display.cover  # the least pumped flux that holds the plate's temperature
         stiff = plate_capacity(self.display.plate) / max(STOPPING, 2.0 * hold * PERIOD)
         return min(flux + stiff * (plate - low), max(flux + stiff * (plate - high), pump))
 

@@ -1,6 +1,6 @@
 """Materials that the bench knows by name: conductivity [W/mK], specific heat [J/kgK], density [kg/m3].
 
-The first four are those of the paper; the others are rounded handbook values at room temperature.
+The first four are the paper's; the others are rounded handbook values at room temperature.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from itouch_thermal.library import library
 #: Effusivity [W s^1/2 / m2K] below which a material counts as a foam.
 FOAM = 300.0
 
-#: What the numbers are and where they may be.
+#: Names of the three numbers, and their allowed ranges.
 _NAMES = "conductivity", "specific heat", "density"
 _RANGES = (1e-3, 5e3), (10.0, 2e4), (0.1, 3e4)
-#: Effusivity and volumetric heat capacity [J/m3K] of made-up materials.
+#: Ranges of effusivity and volumetric heat capacity [J/m3K] of made-up materials.
 _DRAWN = (20.0, 24000.0), (1.5e4, 4e6)
 
 _VALUES: dict[str, tuple[float, float, float]] = {
@@ -48,14 +48,14 @@ _VALUES: dict[str, tuple[float, float, float]] = {
 
 
 def material(text: str) -> tuple[str, ThermalMaterial]:
-    """Return a material by name, of this table or the shipped library, or one written out in SI.
+    """Return a material by its name in this table or the shipped library, or one written out in SI.
 
-    Written out it is ``NAME:CONDUCTIVITY:SPECIFIC-HEAT:DENSITY``.
+    The written-out form is ``NAME:CONDUCTIVITY:SPECIFIC-HEAT:DENSITY``.
 
     Raises
     ------
     ValueError
-        If the name is unknown or the numbers are none.
+        If the name is unknown, or the numbers are not valid.
     """
     name, *numbers = text.split(":")
     values = _VALUES.get(name) or _shipped(name)
@@ -77,7 +77,7 @@ def material(text: str) -> tuple[str, ThermalMaterial]:
 
 
 def _shipped(name: str) -> tuple[float, float, float] | None:
-    """Return conductivity, specific heat and density of a material of the shipped library."""
+    """Return conductivity, specific heat and density of a material in the shipped library; None if it is not there."""
     for found in library():
         if found.name == name:
             return found.layer.conductivity, found.layer.specific_heat, found.layer.density
@@ -85,7 +85,7 @@ def _shipped(name: str) -> tuple[float, float, float] | None:
 
 
 def made_up(count: int, seed: int) -> list[tuple[str, ThermalMaterial]]:
-    """Return materials that nobody has: effusivity and heat capacity drawn evenly on logarithmic scales."""
+    """Return random materials: effusivity and heat capacity drawn uniformly on logarithmic scales."""
     draw, found = np.random.default_rng(seed), list[tuple[str, ThermalMaterial]]()
     while len(found) < count:
         effusivity, capacity = (math.exp(draw.uniform(math.log(low), math.log(high))) for low, high in _DRAWN)

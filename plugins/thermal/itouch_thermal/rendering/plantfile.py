@@ -11,15 +11,15 @@ from itouch_thermal.display.params import DisplayParams
 def read_plant(path: str, resistance: float) -> DisplayParams:
     """Return the plant that a file describes, for contacts of an expected resistance [K m2/W].
 
-    A contact resistance that the file gives is the plant's true one; without one the plant has the expected one.
-    Finger and press are those of the contact.
+    A contact resistance in the file is the plant's true one; without one, the plant has the expected one.  The finger
+    and the press are those of the contact.
 
     Raises
     ------
     itouch.SceneError
-        If the file is no scene or rig.
+        If the file is not a scene or rig.
     ValueError
-        If it has no thermal display or several.
+        If it has no thermal display, or several.
     """
     found = {
         device.name: part.params

@@ -1,14 +1,14 @@
-"""The plants on which the display is measured: nominal, and sixteen corners of what may differ."""
+"""The plants on which the display is measured: the nominal one, and sixteen corners of its possible mismatches."""
 
 from __future__ import annotations
 
 from itouch_thermal.display.params import Mismatch
 
-#: Part by which each parameter is off in a corner, and the offset of the plate's sensor [K].
+#: Relative deviation of each parameter in a corner, and offset of the plate's sensor [K].
 PART, OFFSET = 0.1, 0.05
 
-#: Signs of contact resistance, Seebeck, legs, electrical resistance, plate, finger, sensor lag, offset: a fraction
-#: of a two-level design in eight factors of which any three are seen in all combinations.
+#: Signs of contact resistance, Seebeck, legs, electrical resistance, plate, finger, sensor lag, offset: a fractional
+#: two-level design in eight factors, of which any three occur in all combinations.
 SIGNS: tuple[tuple[int, ...], ...] = tuple(
     (a, b, c, d, b * c * d, a * c * d, a * b * c, a * b * d)
     for a in (-1, 1) for b in (-1, 1) for c in (-1, 1) for d in (-1, 1)
@@ -17,7 +17,7 @@ SEEDS: tuple[int, ...] = (1, 2, 3)
 
 
 def corners(*, exact_finger: bool = False) -> tuple[Mismatch, ...]:
-    """Return the sixteen corners; with ``exact_finger`` its effusivity is as modelled."""
+    """Return the sixteen corners; with ``exact_finger`` the finger's effusivity is as modelled."""
     found = []
     for r, s, k, e, p, f, lag, offset in SIGNS:
         found.append(

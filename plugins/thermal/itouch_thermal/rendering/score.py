@@ -10,14 +10,14 @@ import numpy as np
 from itouch_thermal.display.column import Array
 from itouch_thermal.rendering.closedloop import PERIOD, Run
 
-#: Errors are relative to the desired flux, but to at least this [W/m2]: the finger's own loss at rest.
+#: Errors are relative to the desired flux, but at least to this [W/m2]: the finger's own loss at rest.
 FLOOR = 200.0
 #: Relative change of the flux that is noticed three times out of four.
 WEBER = 0.43
 
 
 def errors(run: Run) -> Array:
-    """Return the flux error in parts of max(|desired|, FLOOR)."""
+    """Return the flux error relative to max(|desired|, FLOOR)."""
     return np.asarray((run.flux - run.desired) / np.maximum(np.abs(run.desired), FLOOR))
 
 
@@ -37,7 +37,7 @@ def skin_error(run: Run, after: float = 0.0) -> float:
 
 
 def told_apart(run: Run) -> float:
-    """Return the probability that rendered is told from real in two-alternative forced choice.
+    """Return the probability that rendered is told from real in a two-alternative forced choice.
 
     Signal detection with the heat of the first second as the cue; 0.5 is chance.
     """
@@ -49,7 +49,7 @@ def told_apart(run: Run) -> float:
 
 
 def summary(runs: Sequence[Run]) -> dict[str, float]:
-    """Return the row's figures: the worst of the runs, and the median of the rms."""
+    """Return a row's figures: the worst of the runs, and the median of the rms error."""
     absolute = [float(np.sqrt(np.mean((r.flux - r.desired)[index(0.1) :] ** 2))) for r in runs]
     return {
         "rms_pct": max(rms(r) for r in runs),

@@ -1,9 +1,9 @@
-"""Heat that spreads sideways under a finger that covers a part of the plate: an axisymmetric model of finger and plate.
+"""Heat that spreads sideways under a finger on a part of the plate: an axisymmetric model of finger and plate.
 
-Finite volumes on rings, implicit in time, of what a touch changes: everything begins at rest, and the contact begins
-with a difference of temperature.  In one dimension heat spreads at once over the whole plate, and not at all in the
-finger: the same solver does that, too, so that their difference is spreading alone.  The twin of the display lets heat
-spread in the plate (`display.sideways`); what it leaves out is the finger.
+Finite volumes on rings, implicit in time, for the changes that a touch causes: everything begins at rest, with a
+temperature difference across the contact.  In one dimension heat spreads over the whole plate at once, and not at all
+in the finger; the same solver can do that, too, so that the difference between both is due to spreading alone.  The
+display's twin lets heat spread in the plate (`display.sideways`); it neglects spreading in the finger.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from itouch_thermal.heat import FINGER
 
 #: Radius of a fingertip [m].
 TIP = 8e-3
-#: Temperature of the room [K], and steps of the twin [s].
+#: Temperature of the room [K], and time step of the twin [s].
 ROOM, _TWIN_STEP = 296.15, 1e-3
-#: A factor on the conduction along the plate that makes its temperature even.
+#: Factor on the conduction along the plate that makes its temperature uniform.
 EVEN = 1e5
-#: Steps [s] and until when each is used; cells from the middle to the contact's edge, to the tip's, to the plate's.
+#: Time steps [s], each with the end of its use; numbers of rings to the contact's edge, to the tip's, to the plate's.
 _STEPS = ((2e-3, 0.2), (2e-2, math.inf))
 _RINGS = (12, 6, 12)
-#: Cells of a layer of the plate up to a thickness [m], of a thick one with its growth, and of all tissue with theirs.
+#: Numbers of cells of a plate layer up to a thickness [m], of a thick one with growth, and of all tissue with growth.
 _CELLS, _THICK, _TISSUE = ((1e-4, 2), (1e-3, 6)), (18, 1.4), (26, 1.28)
 
 
@@ -39,8 +39,8 @@ _CELLS, _THICK, _TISSUE = ((1e-4, 2), (1e-3, 6)), (18, 1.4), (26, 1.28)
 class Touched:
     """A touch whose heat spreads: area [m2] and resistance [K m2/W] of the contact, the display and its layers.
 
-    ``air`` [W/m2K] is the film through which skin gives heat to a room that is as warm as the plate at the start.
-    ``along_plate`` and ``along_finger`` are factors on what is conducted sideways: 1 as it is, 0 not at all.
+    ``air`` [W/m2K] is the film through which the skin loses heat to a room at the plate's initial temperature.
+    ``along_plate`` and ``along_finger`` are factors on the sideways conduction: 1 as it is, 0 none.
     """
 
     contact_area: float
@@ -62,19 +62,19 @@ class Touched:
 
 
 def one_dimensional(touched: Touched) -> Touched:
-    """Return the same touch in one dimension: even along the plate at once, and the finger in columns."""
+    """Return the same touch in one dimension: a plate that is uniform at once, and a finger of separate columns."""
     return replace(touched, along_plate=EVEN, along_finger=0.0)
 
 
 def flux(touched: Touched, times: Array) -> Array:
-    """Return the mean flux through the contact [W/m2] per kelvin that skin and plate differ at the start.
+    """Return the mean flux through the contact [W/m2] per kelvin of initial difference between skin and plate.
 
     Parameters
     ----------
     touched
-        What is touched, and how.
+        The touch.
     times
-        Ascending times since the touch began [s], shape (n,).
+        Times since the touch began [s], in ascending order, shape (n,).
     """
     grid = _Grid.of(touched)
     matrix, source, look, driven = _system(touched, grid)
@@ -92,7 +92,7 @@ def flux(touched: Touched, times: Array) -> Array:
 
 
 def _stages(matrix: Array, step: float) -> tuple[Array, Array]:
-    """Return what a step makes of the state and of a constant source: two implicit stages, L-stable, second order."""
+    """Return the matrices of a step for state and constant source: two implicit stages, L-stable, second order."""
     gamma, one = 1.0 - math.sqrt(0.5), np.eye(len(matrix))
     inverse = np.linalg.inv(one - gamma * step * matrix)
     k_state, k_source = inverse @ matrix, inverse
@@ -106,7 +106,7 @@ def _stages(matrix: Array, step: float) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Grid:
-    """Rings and the cells of a column: areas [m2], radii of edges and middles [m]; layers with their thickness [m]."""
+    """Rings' edges [m], indices of the contact's and the tip's edge, cells of plate and tissue with thickness [m]."""
 
     edges: Array
     contact: int
@@ -139,7 +139,7 @@ class _Grid:
 
 
 def _towards(begin: float, end_: float, count: int, *, end: bool) -> Array:
-    """Return edges that crowd towards one end, which is that of the contact [m]."""
+    """Return ring edges [m] that become dense towards the end that belongs to the contact."""
     part: Array = np.linspace(0.0, 1.0, count + 1, dtype=np.float64)
     part = 1.0 - (1.0 - part) ** 1.6 if end else part**1.6
     found: Array = begin + (end_ - begin) * part
@@ -147,7 +147,7 @@ def _towards(begin: float, end_: float, count: int, *, end: bool) -> Array:
 
 
 def _widths(layer: Layer) -> list[float]:
-    """Return the thickness of each cell of a layer of the plate [m], from the face down."""
+    """Return the thickness of each cell in a layer of the plate [m], from the face down."""
     thickness = layer.thickness or 0.0
     count, growth = next(((n, 1.0) for most, n in _CELLS if thickness <= most), _THICK)
     widths = growth ** np.arange(count)
@@ -155,7 +155,7 @@ def _widths(layer: Layer) -> list[float]:
 
 
 def _tissue() -> list[tuple[Layer, float]]:
-    """Return the cells of the tissue from the skin inwards: thin at the skin, each in the layer of its middle."""
+    """Return the tissue's cells from the skin inwards: thin at the skin, each of the layer at its middle."""
     depth = sum(layer.thickness or 0.0 for layer in FINGER)
     count, growth = _TISSUE
     widths = growth ** np.arange(count)
@@ -169,9 +169,9 @@ def _tissue() -> list[tuple[Layer, float]]:
 
 
 def _system(touched: Touched, grid: _Grid) -> tuple[Array, Array, Array, float]:
-    """Return matrix [1/s] and source [K/s] of the cells, and the contact's mean flux: what makes it, and at the start.
+    """Return matrix [1/s] and source [K/s] of the cells, and weights of the contact's mean flux and its initial value.
 
-    Cells are those of the plate ring by ring from the face down, then those of the finger from the skin in.
+    The cells are those of the plate, ring by ring from the face down, then those of the finger from the skin inwards.
     """
     areas, rings, tip = grid.areas, len(grid.areas), grid.tip
     np_, nt = len(grid.plate), len(grid.tissue)
@@ -201,7 +201,7 @@ def _system(touched: Touched, grid: _Grid) -> tuple[Array, Array, Array, float]:
     for i in range(grid.contact):
         below, above, link = i * np_, base + i * nt, float(areas[i]) / whole
         book.join(below, above, link)
-        source[below], source[above] = link, touched.air * float(areas[i]) - link  # what air took, the plate takes now
+        source[below], source[above] = link, touched.air * float(areas[i]) - link  # the plate replaces the air
         look[below], look[above] = -link / total, link / total
     matrix = -book.matrix / book.capacity[:, None]
     return matrix, source / book.capacity, look, 1.0 / whole
@@ -215,14 +215,14 @@ class _Book:
     capacity: Array
 
     def join(self, one: int, other: int, link: float) -> None:
-        """Let heat pass between two cells."""
+        """Connect two cells by a conductance [W/K]."""
         self.matrix[one, one] += link
         self.matrix[other, other] += link
         self.matrix[one, other] -= link
         self.matrix[other, one] -= link
 
     def stack(self, column: Sequence[int], cells: Sequence[tuple[Layer, float]], area: float) -> None:
-        """Lay the cells of one ring on one another, with their blood."""
+        """Stack the cells of one ring, with their perfusion."""
         for index, (layer, width) in zip(column, cells, strict=True):
             self.capacity[index] = area * width * layer.heat_capacity
             self.matrix[index, index] += area * width * layer.perfusion
@@ -235,7 +235,7 @@ class _Book:
     def sideways(
         self, base: int, rings: int, cells: Sequence[tuple[Layer, float]], edges: Array, factor: float
     ) -> None:
-        """Let heat pass between rings."""
+        """Connect neighbouring rings."""
         if factor <= 0.0:
             return
         middles = 0.5 * (edges[1:] + edges[:-1])
@@ -248,9 +248,9 @@ class _Book:
 
 
 def flux_of_twin(touched: Touched, times: Array) -> Array:
-    """Return what `flux` does of the display's twin under a finger that presses with 1 N, shape (n,).
+    """Return the same as `flux`, for the display's twin under a finger that presses with 1 N, shape (n,).
 
-    ``times`` (n,) [s], the flux in [W/m2].
+    ``times`` has shape (n,) [s]; the flux is in [W/m2].
     """
     display = replace(
         touched.display, contact_area=touched.contact_area, area_exponent=0.0, contact_resistance=touched.resistance
@@ -267,30 +267,30 @@ def flux_of_twin(touched: Touched, times: Array) -> Array:
 
 
 def error(touched: Touched, times: Array, *, even: bool = True) -> Array:
-    """Return by what part a simpler flux is greater than that of heat that spreads in finger and plate, shape (n,).
+    """Return the relative excess of a simpler flux over that of heat spreading in finger and plate, shape (n,).
 
-    It is that of one dimension, in which the plate is ``even`` at once, or that of the display's twin, in which heat
-    spreads in the plate, and not in the finger.
+    The simpler flux is that of one dimension, with a plate that is ``even`` at once, or that of the display's twin, in
+    which heat spreads in the plate but not in the finger.
 
-    ``times`` (n,) [s]; the part has no unit.
+    ``times`` has shape (n,) [s]; the result has no unit.
     """
     if even:
         return np.asarray(flux(one_dimensional(touched), times) / flux(touched, times) - 1.0)
-    # The twin's skin gives heat to the air as it does at rest.
+    # The skin's loss to the air is that of the twin's finger at rest.
     loss = resting_loss(touched.display)
     return np.asarray(flux_of_twin(touched, times) / flux(replace(touched, air=loss), times) - 1.0)
 
 
 def resting_loss(display: DisplayParams) -> float:
-    """Return the film [W/m2K] through which the twin's skin at rest gives its heat to a room at 23 degC."""
+    """Return the film [W/m2K] through which the twin's skin at rest loses its heat to a room at 23 degC."""
     rest = tissue_side(display.tissue or FINGER, display.core, display.skin_temperature)
     return -float(initial_profile(rest).flux_at(0.0)) / (display.skin_temperature - ROOM)
 
 
 def passed(times: Array, off: Array, bound: float) -> float | None:
-    """Return from when on [s] an error is beyond a bound for the first time; None: it never is.
+    """Return the first time [s] at which an error exceeds a bound; None if it never does.
 
-    ``times`` (n,) [s], ``off`` (n,) in the unit of the bound.
+    ``times`` has shape (n,) [s], ``off`` (n,) in the unit of the bound.
     """
     beyond = np.flatnonzero(np.abs(off) > bound)
     return float(times[beyond[0]]) if len(beyond) else None

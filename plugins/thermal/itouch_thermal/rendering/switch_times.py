@@ -1,4 +1,4 @@
-"""How long the plate takes from one start temperature to another, in closed loop and at the least."""
+"""How long the plate takes from one start temperature to another: in closed loop, and at least."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from itouch_thermal.rendering.closedloop import AMBIENT, BAND, CORE, PERIOD
 
 
 def least_time_of_plant(display: DisplayParams, begin: float, end: float) -> float:
-    """Return the least time [s] in which a plant brings face and base from one even temperature [K] to another.
+    """Return the least time [s] in which a plant brings face and base from one uniform temperature [K] to another.
 
-    ``display.switching.least_time`` is that of the data sheet's plate at a greatest flux; this one knows the plant's
-    own module, its warming sink and its mismatches.  The greatest flux all the way and, at the end, the greatest the
-    other way for as long as serves best: with one slow and one fast mode that matter, time-optimal pumping changes
-    sign once.  The greatest flux is the one that may be asked or, if that is less, what the plant's own module carries
-    at its greatest current.
+    ``display.switching.least_time`` is for the data sheet's plate at a greatest flux; this function knows the plant's
+    own module, its warming sink and its mismatches.  The greatest flux is applied all the way and, at the end, its
+    opposite for the best duration: with one slow and one fast mode that matter, time-optimal pumping changes sign once.
+    The greatest flux is the one that may be demanded or, if that is less, the one that the plant's own module pumps at
+    its greatest current.
     """
     off = display.mismatch
     parts = column(FINGER, CORE, 306.15, display.plate, PERIOD, REACH / 1e-3)
@@ -61,7 +61,7 @@ def least_time_of_plant(display: DisplayParams, begin: float, end: float) -> flo
 
 
 class _Drive:
-    """The greatest flux that a plant's module carries, and how its sink warms."""
+    """The greatest flux that a plant's module pumps, and the warming of its sink."""
 
     def __init__(self, display: DisplayParams) -> None:
         off, p = display.mismatch, display
@@ -70,7 +70,7 @@ class _Drive:
         self.legs = p.conductance * (1.0 + off.conductance)
 
     def greatest(self, way: float, back: float, sink: float) -> tuple[float, float]:
-        """Return the greatest flux [W/m2] one way (1: out of the plate) and the sink's temperature [K] a period on."""
+        """Return the greatest flux [W/m2] in one direction (1: out of the plate) and the sink [K] a period later."""
         p, (seebeck, resistance) = self.display, self.module
         current = current_for(seebeck, resistance, self.legs, way * p.flux_limit * p.area, back, sink)
         current = min(p.max_current, max(-p.max_current, current))
@@ -84,7 +84,7 @@ def _arrival(
     rows: Array, lighter: float, drive: _Drive, modes: Array, sink: float, way: float, begin: float, end: float,
     back: int,
 ) -> float:  # fmt: skip
-    """Return the periods until face and base stay at their end, when the pump turns round for ``back`` periods."""
+    """Return the periods until face and base stay at ``end`` if the pump is reversed for ``back`` periods."""
     last = 0
     for i in range(back + 40):
         flux = 0.0
@@ -98,7 +98,7 @@ def _arrival(
 
 
 def switching_time(display: DisplayParams, begin: float, end: float, *, seed: int = 1) -> float:
-    """Return the time [s] that `model` takes on a plant from the command until face and base have arrived."""
+    """Return the time [s] that `model` needs on a plant from the command until face and base have arrived."""
     twin, believed = DisplayTwin(display), replace(display, mismatch=Mismatch())
     state = Record.of(twin.fields())
     twin.reset(state, np.random.default_rng(seed))

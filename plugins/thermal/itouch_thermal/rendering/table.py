@@ -1,4 +1,4 @@
-"""What the display is promised to reach, row by row, measured; ``itouch-py bench display --table`` prints it."""
+"""The display's promised performance, measured row by row; ``itouch-py bench display --table`` prints it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from itouch_thermal.rendering.plants import SEEDS, corners
 from itouch_thermal.rendering.score import summary
 from itouch_thermal.rendering.switch_times import least_time_of_plant, switching_time
 
-#: Contact resistances [K m2/W], press [s] and object temperatures [K] of the rows.
+#: Contact resistances [K m2/W], time constant of pressing [s] and object temperatures [K] of the rows.
 USUAL, LITTLE, PRESS = 2e-3, 1e-4, 0.05
 COLD, ROOM, HOT = 289.15, 296.15, 311.15
 #: Object temperatures [K] that the plate cannot render.
@@ -38,7 +38,7 @@ Material = tuple[str, ThermalMaterial]
 
 
 class Line(NamedTuple):
-    """A measured figure: the case, which figure of it, value and limit, and the material or plant that is worst."""
+    """A measured figure: the case, the figure's name, value and limit, and the material or plant that is worst."""
 
     case: str
     figure: str
@@ -48,13 +48,13 @@ class Line(NamedTuple):
 
     @property
     def holds(self) -> bool | None:
-        """Whether the limit is kept; None without one."""
+        """Whether the limit is kept; None if there is none."""
         return None if self.limit is None else self.value <= self.limit
 
 
 @dataclass(slots=True)
 class Extremes:
-    """How far plate, current, pumped flux and plate rate went in any run."""
+    """Extremes of plate temperature, current, pumped flux and plate rate over all runs."""
 
     low: float = np.inf
     high: float = -np.inf
@@ -63,7 +63,7 @@ class Extremes:
     rate: float = 0.0
 
     def take(self, run: Run) -> None:
-        """Take in a run."""
+        """Include a run."""
         over = round(RATE_OVER / PERIOD)
         self.low, self.high = min(self.low, float(run.plate.min())), max(self.high, float(run.plate.max()))
         self.current = max(self.current, float(np.abs(run.current).max()))
@@ -85,7 +85,7 @@ class Table:
     _courses: dict[Case, tuple[Course, float]] = field(default_factory=dict)
 
     def lines(self) -> Iterator[Line]:
-        """Measure all rows, in the order of the promise."""
+        """Measure all rows, in the order of the promises."""
         temperatures = (ROOM,) if self.quick else (COLD, ROOM, HOT)
         yield from self._rendering("worst", self.worst(), temperatures, USUAL, (0.8, 3.0), (1.5, 0.8, 6.0, 2.5))
         yield from self._nominal(temperatures)
@@ -108,7 +108,7 @@ class Table:
         return [(replace(self.display, mismatch=off), seed) for off in listed for seed in seeds]
 
     def nominal(self, off: Mismatch | None = None) -> list[tuple[DisplayParams, int]]:
-        """Return the plant of the data sheets, or one that is off, with its seeds."""
+        """Return the plant of the data sheets, or one with a mismatch, with its seeds."""
         plant = replace(self.display, mismatch=off or Mismatch())
         return [(plant, seed) for seed in (SEEDS[:1] if self.quick else SEEDS)]
 
@@ -116,7 +116,7 @@ class Table:
         self, case: Case, plants: Sequence[tuple[DisplayParams, int]], controller: str = "model", *, hold: int = 1,
         stream: int = 1,
     ) -> list[Run]:  # fmt: skip
-        """Run a case on plants."""
+        """Run a case on several plants."""
         key = replace(case, press_off=1.0)
         if key not in self._courses:
             course = desired_course(case)
@@ -137,7 +137,7 @@ class Table:
         return Case(what, temperature, resistance=resistance, seconds=self.seconds)
 
     def _within(self, case: Case, plants: Sequence[tuple[DisplayParams, int]]) -> bool:
-        """Tell whether the bound lets the case be rendered on the plants."""
+        """Tell whether the plate's band and rate allow the case to be rendered on the plants."""
         course = desired_course(case)
         return bound(case, course, self.display, [plant.mismatch for plant, _ in plants]).limited is None
 
@@ -240,7 +240,7 @@ class Table:
                 )  # fmt: skip
 
     def _limits(self) -> Iterator[Line]:
-        """Measure how far any run went, also with objects that are out of range."""
+        """Measure the extremes of all runs, including objects out of range."""
         metal = material("aluminium")[1]
         for temperature in OUTSIDE:
             for controller in ("model", "paper", "hold"):

@@ -1,4 +1,4 @@
-"""A Falcon that is only simulated, from its mechanics to its bytes: what the driver is tested against."""
+"""A simulated Falcon, from its mechanics to its bytes, against which the driver is tested."""
 
 from itouch_usb_arm.virtual.backend import VirtualBackend
 from itouch_usb_arm.virtual.faults import Faults

@@ -1,4 +1,4 @@
-"""The virtual arm as a pyusb backend: everything of pyusb is real, on every operating system."""
+"""The virtual arm as a pyusb backend, on every operating system; all other parts of pyusb are the real ones."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from itouch_usb_arm.virtual.virtual_falcon import StalledError, UnpluggedError, 
 
 
 class VirtualBackend(usb.backend.IBackend):
-    """A bus on which there is one virtual arm; ``denied`` says that the user may not open it."""
+    """A bus with one virtual arm; if ``denied``, the user may not open it."""
 
     def __init__(self, arm: VirtualFalcon, *, denied: bool = False) -> None:
         self.arm, self.denied = arm, denied
@@ -29,7 +29,7 @@ class VirtualBackend(usb.backend.IBackend):
             yield self.arm
 
     def get_parent(self, dev: Any) -> None:
-        """Return that there is no hub."""
+        """Return None: the arm is not behind a hub."""
 
     def get_device_descriptor(self, dev: Any) -> Any:
         """Return the device descriptor."""
@@ -73,10 +73,10 @@ class VirtualBackend(usb.backend.IBackend):
         return dev
 
     def close_device(self, dev_handle: Any) -> None:
-        """Close it."""
+        """Close the arm."""
 
     def get_configuration(self, dev_handle: Any) -> int:
-        """Return the configuration that is set."""
+        """Return the active configuration."""
         self._present()
         return self.arm.configuration
 
@@ -90,17 +90,17 @@ class VirtualBackend(usb.backend.IBackend):
         self._present()
 
     def release_interface(self, dev_handle: Any, intf: int) -> None:
-        """Release it."""
+        """Release the interface."""
         self._present()
 
     def clear_halt(self, dev_handle: Any, ep: int) -> None:
-        """Undo a stall."""
+        """Clear a stall."""
         self._present()
 
     def ctrl_transfer(
         self, dev_handle: Any, bmRequestType: int, bRequest: int, wValue: int, wIndex: int, data: Any, timeout: int
     ) -> int:
-        """Do a control transfer."""
+        """Perform a control transfer."""
         setup = struct.pack("<BBHHH", bmRequestType, bRequest, wValue, wIndex, len(data))
         try:
             answer = control(self.arm, setup)
@@ -120,7 +120,7 @@ class VirtualBackend(usb.backend.IBackend):
         return len(data)
 
     def bulk_read(self, dev_handle: Any, ep: int, intf: int, buff: Any, timeout: int) -> int:
-        """Wait for a packet of the chip."""
+        """Wait for a packet from the serial chip."""
         time = self.arm.time
         end = time.now() + timeout / 1e3
         while True:

@@ -1,4 +1,4 @@
-"""The USB descriptors of the virtual arm: an FT232R with the arm's numbers, full speed, two bulk endpoints."""
+"""The USB descriptors of the virtual arm: an FT232R with the arm's USB ids, full speed, two bulk endpoints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faults of the virtual arm that can be injected: lost, late and damaged answers."""
+"""Faults to inject into the virtual arm: lost, late and damaged answers."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class Faults:
-    """What shall go wrong; the counts go down as it does.
+    """The faults that shall occur; each count goes down by one when its fault occurs.
 
     Attributes
     ----------
     drop, bad, stray, wrong
-        Answers that lose a byte, have one that no frame has, come after a stray byte, or have a wrong letter in a
-        number.
+        Number of answers that lose a byte, have a byte that is invalid in a frame, follow stray bytes, or have a wrong
+        but valid letter in a number.
     refuse
-        Transfers that stall their endpoint.
+        Number of transfers that stall their endpoint.
     mute
-        Answers that never come.
+        Number of answers that never come.
     late
         Delay of the next answer [s].
     unplug_after
-        Bytes of answers until the plug is pulled; None: it stays.
+        Bytes of answers until the plug is pulled; None: it is not.
     boot_echo
-        Byte of the upload whose echo is wrong; None: none.
+        Byte of the upload whose echo is wrong; None: no byte.
     unhomed
-        Whether homing never ends.
+        Whether homing never completes.
     deaf
-        Whether the boot loader does not answer: the arm has no power.
+        Whether the boot loader does not answer, as if the arm had no power.
     """
 
     drop: int = 0

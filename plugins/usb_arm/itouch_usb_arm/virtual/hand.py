@@ -1,4 +1,4 @@
-"""The operator's hand on the virtual arm: a spring and a damper that lead the grip along a path."""
+"""The operator's hand on the virtual arm: a spring and damper that lead the grip along a path."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Path = Callable[[float], Sequence[float]]
 
 
 class Pusher(Protocol):
-    """Whatever pushes the grip."""
+    """Anything that pushes the grip."""
 
     def force(self, now: float, position: Vector, velocity: Vector) -> Vector:
         """Return its force on the grip [N]."""
@@ -33,7 +33,7 @@ class Rest:
 
 @dataclass(slots=True)
 class Hand:
-    """A hand with stiffness [N/m] and damping [N s/m] that follows a path; ``pull`` overrides the path."""
+    """A hand with stiffness [N/m] and damping [N s/m] that follows a path; ``pull``, a position [m], overrides it."""
 
     path: Path = field(default_factory=Rest)
     stiffness: float = 300.0

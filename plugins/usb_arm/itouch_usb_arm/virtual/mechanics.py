@@ -9,22 +9,22 @@ from itouch_usb_arm import kinematics
 from itouch_usb_arm.kinematics import CENTRE, Matrix, Vector
 from itouch_usb_arm.virtual.hand import Hand, Pusher
 
-#: Longest step of the integration [s], and longest time that is caught up on at once.
+#: Longest integration step [s], and longest time [s] that one call catches up on.
 STEP, CATCH_UP = 1e-3, 0.25
-#: The workspace that the end stops leave: depth along z and distance from the axis [m].
+#: The workspace inside the end stops: range of z, and greatest distance from the z axis [m].
 LOW, HIGH, RADIUS = 0.072, 0.178, 0.060
 
 
 @dataclass(slots=True)
 class Mechanics:
-    """A delta arm in a hand.
+    """A delta arm held by a hand.
 
     Attributes
     ----------
     mass, inertia, drag
-        Of the grip with the finger in it [kg], of a leg about its motor [kg m2], and friction at the grip [N s/m].
+        Mass of grip and finger [kg], inertia of a leg about its motor [kg m2], friction at the grip [N s/m].
     counts_per_torque
-        The true force scale [counts/(N m)], which a driver does not know.
+        The true force scale [counts/(N m)], unknown to the driver.
     """
 
     mass: float = 0.12
@@ -38,7 +38,7 @@ class Mechanics:
     _now: float | None = None
 
     def advance(self, now: float) -> None:
-        """Move on to a time [s]."""
+        """Advance to a time [s]."""
         if self._now is None:
             self._now = now
         self._now = max(self._now, now - CATCH_UP)
@@ -48,7 +48,7 @@ class Mechanics:
             self._now += step
 
     def counts(self) -> tuple[int, int, int]:
-        """Return the encoders as they would read if homed."""
+        """Return the encoder counts that a homed arm would have here."""
         one, two, three = (round(count) for count in kinematics.counts_of(kinematics.inverse(self.position)))
         return one, two, three
 

@@ -1,4 +1,4 @@
-"""Standard USB requests and the serial chip's, as the setup packet of a control transfer brings them."""
+"""Control transfers of the virtual arm: standard USB requests and those of the serial chip, from setup packets."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _VENDOR_OUT, _VENDOR_IN = 0x40, 0xC0
 
 
 def control(arm: VirtualFalcon, setup: bytes) -> bytes:
-    """Do what a setup packet of eight bytes asks for and return the data stage of an IN request.
+    """Execute the request in a setup packet of eight bytes; return the data stage of an IN request.
 
     Raises
     ------

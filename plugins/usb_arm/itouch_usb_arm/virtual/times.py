@@ -1,4 +1,4 @@
-"""Clocks of the virtual arm's emulator: the host's, or one that only goes on when somebody waits."""
+"""Clocks of the virtual arm: the host's, or a virtual one that advances only when somebody waits or reads it."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Protocol
 
 
 class Time(Protocol):
-    """What the emulator asks of time."""
+    """The clock that the virtual arm uses."""
 
     def now(self) -> float:
         """Return the time [s]."""
         ...
 
     def sleep(self, seconds: float) -> None:
-        """Wait."""
+        """Wait for a time [s]."""
         ...
 
 
@@ -29,14 +29,14 @@ class HostTime:
         return time.monotonic() * self._speed
 
     def sleep(self, seconds: float) -> None:
-        """Wait [s]."""
+        """Wait for a time [s] of this clock."""
         time.sleep(max(0.0, seconds / self._speed))
 
 
 class VirtualTime:
-    """Goes on by what is slept, and by a little at each look, so that no loop can stand still in it."""
+    """Advances by the time that is slept, and a little at each reading, so that no polling loop runs for ever."""
 
-    #: What looking at the clock takes [s].
+    #: By how much reading the clock advances it [s].
     LOOK = 1e-6
 
     def __init__(self) -> None:
@@ -48,5 +48,5 @@ class VirtualTime:
         return self._now
 
     def sleep(self, seconds: float) -> None:
-        """Let time go on [s]."""
+        """Advance the time [s]."""
         self._now += max(0.0, seconds)

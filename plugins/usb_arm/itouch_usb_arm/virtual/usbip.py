@@ -1,7 +1,7 @@
 """The virtual arm as a USB/IP server: any machine with a USB/IP client sees a Falcon on its bus.
 
-The protocol (Linux kernel, Documentation/usb/usbip_protocol): a list of devices, an import, then one 48-byte header
-a transfer, all big-endian.  One thread serves any number of connections; one at a time has the arm.
+The protocol (Linux kernel, Documentation/usb/usbip_protocol): a list of devices, an import, then one 48-byte header per
+transfer, all big-endian.  One thread serves any number of connections; one at a time can import the arm.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ _SUBMIT, _UNLINK, _SUBMITTED, _UNLINKED = 1, 2, 3, 4
 _OP, _HEADER = struct.Struct(">HHI"), struct.Struct(">5I5i8s")
 _STALL, _RESET, _GONE = -32, -104, -19
 _FULL_SPEED = 2
-#: How long the server waits when nothing is due, and at least [s]; greatest transfer it takes.
+#: How long [s] the server waits when nothing is due, and at least; greatest transfer [bytes] that it accepts.
 _IDLE, _SHORT, _MOST = 0.05, 1e-4, 1 << 16
 
 
 class _Waiting(NamedTuple):
-    """A read of the host that no packet has answered yet."""
+    """A read request of the host that has not been answered yet."""
 
     sequence: int
     length: int
@@ -45,14 +45,14 @@ class _Host:
         self.waiting: deque[_Waiting] = deque()
 
     def take(self, size: int) -> bytes:
-        """Remove the first bytes that came."""
+        """Remove and return the first bytes received."""
         data = bytes(self.received[:size])
         del self.received[:size]
         return data
 
 
 class UsbipServer:
-    """Offers one virtual arm; ``address`` is (host, port), port 0 chooses a free one; ``listen`` opens it."""
+    """Offers one virtual arm; ``address`` is (host, port), port 0 chooses a free one; ``listen`` makes the socket."""
 
     def __init__(
         self, arm: VirtualFalcon, address: tuple[str, int] = ("127.0.0.1", 3240),
@@ -66,12 +66,12 @@ class UsbipServer:
 
     @property
     def address(self) -> tuple[str, int]:
-        """Where it listens."""
+        """The address on which it listens."""
         host, port = self._listener.getsockname()[:2]
         return host, port
 
     def handles(self) -> list[int]:
-        """Return the file descriptors on which something may come."""
+        """Return the file descriptors on which data may arrive."""
         return [self._listener.fileno(), *(host.line.fileno() for host in self._hosts)]
 
     def close(self) -> None:
@@ -82,12 +82,12 @@ class UsbipServer:
         self._listener.close()
 
     def serve(self, stop: Callable[[], bool]) -> None:
-        """Serve until ``stop`` says so; it is asked many times a second."""
+        """Serve until ``stop`` returns true; it is called many times a second."""
         while not stop():
             self.step()
 
     def step(self, *, wait: bool = True) -> None:
-        """Do what is due; ``wait``: for the next thing, if nothing is."""
+        """Do what is due; with ``wait``, wait for the next event if nothing is."""
         for key, _ in self._selector.select(self.patience() if wait else 0.0):
             if key.data is None:
                 self._accept()
@@ -97,7 +97,7 @@ class UsbipServer:
             self._give(host)
 
     def patience(self) -> float:
-        """Return for how long [s] nothing is due, if no host asks for anything."""
+        """Return for how long [s] nothing will be due, unless a host sends a request."""
         if not any(host.waiting for host in self._hosts):
             return _IDLE
         return min(_IDLE, max(_SHORT, self.arm.next_packet - self.arm.time.now()))
@@ -127,11 +127,11 @@ class UsbipServer:
                 return
             while self._work(host):
                 pass
-        except (OSError, UnpluggedError, ValueError):  # the host went away, the arm did, or what came is no USB/IP
+        except (OSError, UnpluggedError, ValueError):  # the host or the arm is gone, or this is not USB/IP
             self._drop(host)
 
     def _work(self, host: _Host) -> bool:
-        """Do one request if all of it is here; tell whether there was one."""
+        """Handle one request if it has arrived completely; tell whether one was handled."""
         return self._transfer(host) if host.imported else self._operation(host)
 
     def _operation(self, host: _Host) -> bool:
@@ -205,7 +205,7 @@ class UsbipServer:
             self._done(host, sequence, _STALL, b"", 0)
 
     def _give(self, host: _Host) -> None:
-        """Answer reads with the packets that are due."""
+        """Answer read requests with the packets that are due."""
         try:
             while host.waiting:
                 try:
@@ -226,7 +226,7 @@ class UsbipServer:
             self._drop(host)
 
     def _unlink(self, host: _Host, sequence: int, target: int) -> None:
-        """Take back a read; what the arm would have said stays in its chip."""
+        """Cancel a read request; the data that it would have got stays in the chip."""
         found = next((waiting for waiting in host.waiting if waiting.sequence == target), None)
         if found is not None:
             host.waiting.remove(found)

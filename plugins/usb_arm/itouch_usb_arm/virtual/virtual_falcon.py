@@ -1,7 +1,7 @@
-"""The virtual arm without any transport: control requests, bytes out, bytes in, and faults at will.
+"""The virtual arm without any transport: control requests, bytes in both directions, and injected faults.
 
-It is a serial chip with a latency timer, a boot loader that echoes, a firmware that answers frames, and the arm's
-mechanics.  Times are those of the `Time` that is given; nothing here waits.
+It consists of a serial chip with a latency timer, a boot loader that echoes, a firmware that answers frames, and the
+arm's mechanics.  Its clock is the `Time` it is given; nothing here waits.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from itouch_usb_arm.virtual.mechanics import Mechanics
 from itouch_usb_arm.virtual.times import HostTime, Time
 from itouch_usb_arm.wire import Buttons, Leds, Numbers, Scanner, encode
 
-#: Modem status bytes that go before the data of each packet.
+#: The modem status bytes that begin each packet.
 MODEM_STATUS = b"\x01\x60"
-#: What the firmware needs to answer [s].
+#: How long the firmware takes to answer [s].
 _THINKING = 50e-6
-#: A leg is homed once it was beyond this count and has come back; where the hand pulls the grip for that [m].
+#: A leg is homed once it has passed this count and come back by so many; the hand pulls the grip here for that [m].
 _MARK, _BACK, _PULLED = 700, 100, (0.0, 0.0, 0.172)
 
 
@@ -41,13 +41,13 @@ class VirtualFalcon:
     Parameters
     ----------
     running
-        Whether the firmware already runs; it does not after power-on.
+        Whether the firmware is already running; after power-on it is not.
     homed
-        Whether all axes are homed already.
+        Whether all axes are already homed.
     hand
-        Who holds the grip; by default a hand that rests and that homes the arm when it is asked to.
+        The hand on the grip; by default one that rests, and homes the arm when asked to.
     mechanics
-        What moves; by default a grip in that hand.
+        The moving parts; by default a grip in that hand.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class VirtualFalcon:
         self.buttons, self.leds = Buttons.NONE, Leds.OFF
         self.attached = True
         self.configuration = 0
-        #: Frames that the firmware took, newest last: motors and info bits.
+        #: Frames that the firmware has received, newest last: motor commands and info bits.
         self.commands: deque[Numbers] = deque(maxlen=10_000)
         self._random = random.Random(seed)
         self._power_on(running)
@@ -94,29 +94,29 @@ class VirtualFalcon:
 
     @property
     def position(self) -> Vector:
-        """Where the grip truly is now [m]."""
+        """The grip's true position now [m]."""
         self.mechanics.advance(self.time.now())
         return self.mechanics.position
 
     def encoders(self) -> tuple[int, int, int]:
-        """Return what the encoders count; an axis that is not homed counts from anywhere."""
+        """Return the encoder counts; an axis that is not homed has an arbitrary offset."""
         one, two, three = (c + o for c, o in zip(self.mechanics.counts(), self._offsets, strict=True))
         return one, two, three
 
     def unplug(self) -> None:
-        """Pull the plug: the power goes too."""
+        """Pull the plug, which also cuts the power."""
         self.attached, self.configuration = False, 0
         self._power_on(False)
 
     def plug(self, *, running: bool = False) -> None:
-        """Plug it in; ``running``: only the USB plug was pulled, the power stayed."""
+        """Plug it in; with ``running``, only the USB plug had been pulled and the power stayed on."""
         self.attached = True
         self._power_on(running)
 
-    # --- the three calls of an adaptor ---------------------------------------------------------------------------
+    # --- the three calls that a transport makes ------------------------------------------------------------------
 
     def control(self, request: int, value: int) -> None:
-        """Take a request to the serial chip."""
+        """Handle a request to the serial chip."""
         self._present()
         if request == link.RESET:
             if value in (0, link.PURGE_RECEIVED):
@@ -151,7 +151,7 @@ class VirtualFalcon:
             self._upload(data)
 
     def bulk_in(self) -> bytes | None:
-        """Return the next packet: status and data; None as long as the chip has nothing to say."""
+        """Return the next packet, status and data; None as long as the chip has nothing to send."""
         self._present()
         if self._refuses():
             raise StalledError("IN")
@@ -172,7 +172,7 @@ class VirtualFalcon:
 
     @property
     def next_packet(self) -> float:
-        """When the latency timer ends next [s]."""
+        """When the latency timer next expires [s]."""
         return self._tick
 
     # --- inside ---------------------------------------------------------------------------------------------------
@@ -221,7 +221,7 @@ class VirtualFalcon:
             self._scanner.clear()
 
     def _answer(self, data: bytes, delay: float = 0.0) -> None:
-        """Put bytes on the serial line, at its speed."""
+        """Put bytes on the serial line, at its baud rate."""
         per_byte = {link.BAUD_9600: 10 / 9600, link.BAUD_142857: 10 / 142_857}.get(self._baud, 10 / 1.5e6)
         now = self.time.now()
         when = max(self._free, now + delay)
@@ -231,7 +231,7 @@ class VirtualFalcon:
         self._free = when
 
     def _run(self, numbers: Numbers) -> None:
-        """Take a command, home, and answer."""
+        """Execute a command frame: set the motors, home, and answer."""
         now = self.time.now()
         self.mechanics.advance(now)
         self.commands.append(numbers)
@@ -242,7 +242,7 @@ class VirtualFalcon:
         self._reply(encode(self.encoders(), int(self.buttons) | homed))
 
     def _home(self, homing: bool) -> None:
-        """Home the legs that were pulled out and came back; without the homing bit all is forgotten."""
+        """Home the legs that were pulled out and have come back; without the homing bit, forget all homing."""
         if not homing:
             if any(self._homed):
                 self._offsets = [self._random.randint(-3000, 3000) for _ in range(3)]
@@ -284,7 +284,7 @@ class VirtualFalcon:
 
 
 def _complete(data: bytearray) -> bool:
-    """Tell whether a boot stream has come to its end."""
+    """Tell whether a boot stream is complete."""
     if data[:2] != KEY:
         return False
     at = 22
