@@ -38,7 +38,13 @@ class XyzTableTwin(Twin):
                 unit="mixed",
                 doc="position [m], velocity [m/s] and last goal [m] of the axes, one row each",
             ),
-            Field("sensed", "f8", 6, unit="N", doc="force and torque that the plate's sensor feels"),
+            Field(
+                "sensed",
+                "f8",
+                6,
+                unit="mixed",
+                doc="position [m] and force [N], as its encoders and its force sensor give them",
+            ),
             Field("noise", "u8", 1, unit="1", doc="word of the noise generator"),
         )
 
