@@ -1,4 +1,4 @@
-"""A whole tick as one compiled call: the joined plan, the clock before and after it, and counting."""
+"""A whole tick as one compiled call: the joined plan, the clock readings before and after it, and the tick counts."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itouch.compiling import kernel
 from itouch.joining import host_time, run_chain
 from itouch.loop.timing import count
 
-#: What is left to Python: the tick, or what is in ``left``, where the plan has stopped.
+#: Codes for what is left to Python: the whole tick, or its rest from where the plan has stopped, which is in ``left``.
 PYTHON, STOPPED = 1, 2
 
 
@@ -16,22 +16,27 @@ PYTHON, STOPPED = 1, 2
 def advance(
     chain: int, tick: Any, ready: Any, sampled: int, stamps: Any, told: Any, counts: Any, greatest: Any, left: Any
 ) -> int:  # fmt: skip
-    """Run a plan's only chain, count the tick and how long it took; scalars have shape (1,).
+    """Run a plan's only chain, count the tick, and record how long it took; scalars have shape (1,).
 
     Parameters
     ----------
     chain
-        Where the chain stands.
+        Address of what describes the chain (`Chain.place`).
     tick, ready
-        Of State: which tick it is, and whether the rig is calibrated; before it is, ticks are Python's.
+        Fields of State: the number of the tick, and whether the rig is calibrated; until it is, Python runs the ticks.
     sampled
-        Every so many ticks are left to Python, which times their parts.
+        One tick in this many is left to Python, which times its parts.
     stamps
-        Host seconds: the first at the start, the last at the end; written.
+        Host time [s], the first entry at the start of the tick and the last at its end; written.
     told, counts, greatest
-        How many ticks there were, their histograms and greatest times.
+        The number of ticks timed, their histograms, and the greatest times; written.
     left
-        Where the plan has stopped, if a step has left something to Python.
+        Where the plan has stopped, if a step has left something to Python; written.
+
+    Returns
+    -------
+    int
+        0: the tick is done; else PYTHON or STOPPED.
     """
     if ready[0] == 0 or tick[0] % sampled == 0:
         return PYTHON

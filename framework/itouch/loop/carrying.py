@@ -1,7 +1,4 @@
-"""The steps of one probe in a tick as calls that join; their arithmetic is in ``render`` and ``surface``.
-
-The arithmetic is in ``render`` and ``surface``.
-"""
+"""The steps of one probe in a tick as calls that join; their arithmetic is in ``render`` and ``surface``."""
 
 from __future__ import annotations
 
@@ -21,7 +18,7 @@ from itouch.monitors.surface_kernels import pace
 
 Floats = NDArray[np.float64]
 
-#: Leaves the step to Python.
+#: Code that leaves the step to Python.
 PYTHON = 1
 #: A surface that is further away than this is as good as none [m].
 FURTHEST = 1.0
@@ -29,13 +26,13 @@ FURTHEST = 1.0
 
 @kernel
 def placed(fixed: Any) -> int:
-    """Ask for Python while frames may move; ``fixed`` has shape (1,)."""
+    """Leave the step to Python while frames may move; ``fixed`` has shape (1,)."""
     return 0 if fixed[0] != 0 else PYTHON
 
 
 @kernel
 def follow(c: Floats, tracker: Floats, figures: Floats, afresh: Any, tick: Any) -> int:
-    """Take the tracker's place as the HIP; ``afresh`` (1,): without a velocity, once.
+    """Take the tracker's position as the HIP; where ``afresh`` (1,) is set, this once without a velocity.
 
     ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) of `render`; ``tracker`` (7,) [m; quaternion]; ``tick`` (1,).
     """
@@ -49,7 +46,7 @@ def touch(
     c: Floats, poses: Floats, twists: Floats, damping: Floats, figures: Floats, result: Floats, primary: Any,
     nearest: Any,
 ) -> int:  # fmt: skip
-    """Make the contact force of what was found; ``primary`` and ``nearest`` have shape (1,), written.
+    """Compute the contact force from what the contact search found; ``primary`` and ``nearest`` (1,) are written.
 
     ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) of `render`; ``poses`` (objects, 7) [m; quaternion], ``twists``
     (objects, 6) [m/s, rad/s], ``damping`` (objects,) [N s/m], ``result`` (RESULT_SIZE,) of the contact.
@@ -63,7 +60,7 @@ def look_beside(
     world: Floats, mesh: Any, poses: Floats, primary: Any, point: Floats, normal: Floats, reach: float, found: Any,
     away: Any,
 ) -> int:  # fmt: skip
-    """Find what begins beside the place that is touched, within reach [m]; ``found`` and ``away`` (1,) are written."""
+    """Find which object begins beside the touched place, within reach [m]; ``found`` and ``away`` (1,) are written."""
     found[0], away[0] = -1, np.inf
     if primary[0] >= 0:
         other, distance = beside(world, mesh, poses, primary[0], point, normal, reach)
@@ -74,7 +71,7 @@ def look_beside(
 
 @kernel
 def only_virtual(figures: Floats, felt: Floats) -> int:
-    """Say with what force (1,) the contact is felt where nothing but the virtual one can be.
+    """Write the felt force (1,) of a probe without a surface: the virtual one, as there is no other.
 
     ``figures`` (FIGURES,) of `render`; ``felt`` [N].
     """
@@ -84,9 +81,9 @@ def only_virtual(figures: Floats, felt: Floats) -> int:
 
 @kernel
 def led(withdrawn: Any, kept: Floats) -> int:
-    """Ask for Python while something else leads the surface: T4.
+    """Leave the step to Python while safety, not the modality, leads the surface (T4).
 
-    ``withdrawn`` (1,) holds a code; ``kept`` (MEMORY,) is what the tick remembers of the surface, with the units of
+    ``withdrawn`` (1,) holds a code; ``kept`` (MEMORY,) is the memory of the surface, with the units of
     `itouch.loop.surface.memory`.
     """
     return PYTHON if withdrawn[0] != 0 or kept[memory.MISSED] == memory.WITHDRAWN else 0
@@ -97,12 +94,12 @@ def look_below(
     c: Floats, world: Floats, mesh: Any, poses: Floats, twists: Floats, table: Floats, figures: Floats, kept: Floats,
     load: Floats, below: Any, down: Floats, normal: Floats, start: Floats,
 ) -> int:  # fmt: skip
-    """Find the virtual surface below the finger, for who carries one to it; ``below`` (1,) is written: whose it is.
+    """Find the virtual surface below the finger, for the modality that carries one to it; ``below`` (1,): its object.
 
     ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) of `render`, ``kept`` (MEMORY,) of the surface; ``world``
     (objects, WORLD_WIDTH), ``poses`` (objects, 7) [m; quaternion], ``twists`` (objects, 6) [m/s, rad/s]; ``table`` (7,)
-    and ``load`` (6,): what the device reads of its pose [m; quaternion] and of the force on it [N, N m]; ``down``,
-    ``normal`` and ``start`` (3,) as in `ground.find`.
+    and ``load`` (6,): the device's readings of its pose [m; quaternion] and of the force on it [N, N m]; ``down``,
+    ``normal`` and ``start`` (3,) as in `ground.find`.  ``below``, ``figures`` and ``kept`` are written.
     """
     below[0] = ground.find(c, world, mesh, poses, twists, figures, kept, down, normal, start)
     plate.foresee(c, table, figures, kept, load[2])
@@ -115,25 +112,25 @@ def carried(
     present: Any, distance: Any, gap: Any, coming: Any, missed: Any, yields: Any, primary: Any, there: Any,
     rising: Floats, tick: Any, period: float,
 ) -> int:  # fmt: skip
-    """Take over how a modality carries a surface to the finger; all but arrays of the probe have shape (1,).
+    """Take over what a modality says of the surface that it carries; all but arrays of the probe have shape (1,).
 
     Parameters
     ----------
     c, figures, kept
         Constants (CONSTANTS,) and figures (FIGURES,) of the probe, see `render`; memory (MEMORY,) of the surface.
     table, sent, load
-        What the device reads of its pose (7,), where it was sent last (7,) [m; quaternion], and what it reads of the
+        The device's reading of its pose (7,), the pose sent to it last (7,) [m; quaternion], and its reading of the
         force on it (6,) [N, N m]; a finger that presses makes the third number negative.
     goal
         The device's command (7,), lowered where the surface would press harder than it may.
     renders, present, distance, gap, coming, missed, yields
-        What the modality says, see `itouch.plugin.Carries`: 0 or 1, lengths [m].  What is not a number is left to
-        Python.  How near the surface is, is what is said or what the device's own pose says, whichever is nearer: a
-        limit of speed near a finger hangs on it.
+        What the modality says, see `itouch.plugin.Carries`: 0 or 1, lengths [m].  If one is not a number, the step is
+        left to Python.  Of the distance that the modality says and that by the device's own pose, the shorter counts,
+        because a speed limit near the finger depends on it.
     primary, tick, period
         Index of the touched object, -1: none; the tick and its length [s].
     there, rising
-        Written: whether the surface renders the contact, and how fast it rises [m/s].
+        Written: whether what touches the finger is the surface, and how fast it rises [m/s].
     """
     if math.isnan(distance[0]) or math.isnan(gap[0]) or math.isnan(renders[0]) or math.isnan(present[0]):
         return PYTHON
@@ -161,7 +158,7 @@ def close_in(
     figures: Floats, radius: float, tracking: float, near: float, close: float, far: float, closing: Floats,
     clamped: Any,
 ) -> int:  # fmt: skip
-    """Choose how fast the surface may approach the finger [m/s]; where it may not, that is counted as a limit.
+    """Choose how fast the surface may approach the finger [m/s]; where it may not at all, count a limited command.
 
     ``figures`` (FIGURES,) of `render`, ``closing`` (1,) and ``clamped`` (1,) are written; ``radius`` [m], the other
     numbers as in `carried.pace`.
@@ -186,7 +183,7 @@ def push(c: Floats, figures: Floats, kept: Floats, sent: Floats, wrench: Floats,
 
 @kernel
 def quiet(nearest: Any, near: Any, current: Any, primary: Any, separated: Any, moves: bool) -> int:
-    """Ask for Python if there is an event to tell, or a contact that is about to end; all arrays have shape (1,)."""
+    """Leave the step to Python if there is an event to tell or a contact about to end; all arrays have shape (1,)."""
     if nearest[0] != near[0]:
         return PYTHON
     if current[0] < 0:
@@ -196,17 +193,17 @@ def quiet(nearest: Any, near: Any, current: Any, primary: Any, separated: Any, m
 
 @kernel
 def original(replaced: Any) -> int:
-    """Ask for Python where another twin has taken the place of the one that is compiled; shape (1,)."""
+    """Leave the step to Python where another twin has replaced the compiled one; ``replaced`` has shape (1,)."""
     return PYTHON if replaced[0] != 0 else 0
 
 
 @kernel
 def turn(tick: Any, every: int) -> int:
-    """Leave out what is done in every so many ticks only; ``tick`` has shape (1,)."""
+    """Skip the rest of the step except in one tick of ``every``; ``tick`` has shape (1,)."""
     return 0 if tick[0] % every == 0 else SKIP
 
 
 @kernel
 def due(tick: Any, every: int) -> int:
-    """Ask for Python in every so many ticks; ``tick`` has shape (1,)."""
+    """Leave the step to Python in one tick of ``every``; ``tick`` has shape (1,)."""
     return PYTHON if tick[0] % every == 0 else 0

@@ -1,11 +1,11 @@
-"""Virtual and wall clock: the only place that knows host time; State counts ticks, seconds are derived."""
+"""Virtual and wall clock: the only place that knows host time; State counts ticks, from which seconds are derived."""
 
 from __future__ import annotations
 
 import time
 from typing import Protocol
 
-#: See ``asleep``: how often it looks at most, and within what time [s] two clocks count as read at once.
+#: For ``asleep``: how often it tries at most, and within what time [s] two clocks count as read at once.
 _TRIES, _AT_ONCE = 5, 1e-3
 
 
@@ -37,7 +37,7 @@ class VirtualClock:
 class WallClock:
     """Waits for absolute deadlines: sleeps, then spins through the last part.
 
-    What is late is caught up with; whoever does not want that calls ``start`` again.
+    A late loop catches up; to give up the missed periods instead, call ``start`` again.
     """
 
     pace = "real"
@@ -62,12 +62,12 @@ class WallClock:
 
 
 def now() -> float:
-    """Return host seconds for durations."""
+    """Return host time [s], for durations."""
     return time.perf_counter()
 
 
 def asleep() -> float:
-    """Return for how long [s] this machine has slept since it was started: the other clocks stand still meanwhile.
+    """Return for how long [s] this machine has been suspended since it was started, as the other clocks do not count.
 
     0 where the system does not tell.
     """
@@ -75,7 +75,7 @@ def asleep() -> float:
     if boot is None:
         return 0.0
     found = 0.0
-    for _ in range(_TRIES):  # between the two this thread may have waited for a processor
+    for _ in range(_TRIES):  # this thread may have waited for a processor between the two readings
         before = time.monotonic()
         found = time.clock_gettime(boot) - before
         if time.monotonic() - before < _AT_ONCE:
@@ -84,5 +84,5 @@ def asleep() -> float:
 
 
 def processor_time() -> float:
-    """Return for how long [s] this thread has had a processor: what was taken from it in between doesn't count."""
+    """Return for how long [s] this thread has had a processor; the time in which it was preempted doesn't count."""
     return time.thread_time()

@@ -1,4 +1,4 @@
-"""What the parts of an engine may know of the whole, as a protocol: no more than this."""
+"""What the parts of an engine may know of the whole engine, and no more, as a protocol."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Running(Protocol):
         """Advance by one servo period."""
 
     def leave_out(self, seconds: float, *, running: bool = False) -> int:
-        """Let time go on that no tick stands for; return how many periods that is."""
+        """Account for time that no tick stands for; return how many periods it is."""
 
     def make_safe(self, fault: DeviceFaultError) -> None:
         """Make every device safe because of a fault."""

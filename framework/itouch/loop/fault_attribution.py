@@ -17,7 +17,7 @@ from itouch.world.plugin_errors import said
 def modality_fault(
     model: Model, instance: Modality, method: str, tick: int, error: BaseException
 ) -> DeviceFaultError:  # fmt: skip
-    """Return the fault of a modality that has raised: it stands at the device that it commands, or at the first."""
+    """Return the fault of a modality that has raised, put down to the first device that it commands, or of the rig."""
     failed = next(m for m in model.modalities if m.instance is instance)
     devices = [command.partition(".")[0] for command in failed.commands] or list(model.devices)
     cause = f"has lost its modality '{failed.name}', which failed in {method}: {said(error)}"
@@ -25,7 +25,7 @@ def modality_fault(
 
 
 def foreign_write(model: Model, listed: Sequence[ModalityModel], field: str, tick: int) -> DeviceFaultError:
-    """Return the fault of modalities of which one has written a field that is not its own, past the views it got."""
+    """Return the fault of modalities of which one has written a field that is not its own, bypassing its views."""
     devices = [command.partition(".")[0] for one in listed for command in one.commands] or list(model.devices)
     names = " or ".join(f"'{one.name}'" for one in listed)
     cause = f"has lost its modality {names}, which wrote '{field}': that is not its own, and was put back"
@@ -33,9 +33,9 @@ def foreign_write(model: Model, listed: Sequence[ModalityModel], field: str, tic
 
 
 def broken_off(model: Model, tick: int, error: BaseException, replaced: tuple[str, ...] = ()) -> DeviceFaultError:
-    """Return the fault of a tick that something has ended which is no fault of a device, such as Ctrl-C.
+    """Return the fault of a tick that was cut short by something other than a device's fault, such as Ctrl-C.
 
-    ``replaced``: what was found, and put back, that a plugin has done to Python itself.
+    ``replaced``: names of what a plugin had replaced in Python itself, which was put back.
     """
     notes = "".join(f", {note}" for note in getattr(error, "__notes__", ()))
     told = interpreter.blamed(replaced)
@@ -44,19 +44,22 @@ def broken_off(model: Model, tick: int, error: BaseException, replaced: tuple[st
 
 
 def changed_python(model: Model, tick: int, replaced: tuple[str, ...]) -> DeviceFaultError:
-    """Return the fault of a plugin that has put something else in the place of functions of Python itself."""
+    """Return the fault of a plugin that has replaced functions of Python itself."""
     cause = f"was stopped because {interpreter.blamed(replaced)}"
     return DeviceFaultError(next(iter(model.devices), ""), tick, Trip.MODALITY_ERROR, cause)
 
 
 def with_replaced(fault: DeviceFaultError, replaced: tuple[str, ...]) -> DeviceFaultError:
-    """Return a fault that tells, too, what a plugin had done to Python itself; nothing: the fault as it is."""
+    """Return a fault that also tells what a plugin had replaced in Python itself, or the same fault if nothing."""
     told = interpreter.blamed(replaced)
     return DeviceFaultError(fault.device, fault.tick, fault.trip, f"{fault.cause}; {told}") if told else fault
 
 
 def ended_by(fault: DeviceFaultError | None, raised: BaseException) -> BaseException:
-    """Return what is to be told of the end of a run: the fault for which all was made safe, if it was for one."""
+    """Return the error that tells how a run ended: the fault for which all was made safe, if there was one.
+
+    An ``ItouchError`` is returned as it is, for it explains itself.
+    """
     if fault is None or issubclass(type(raised), ItouchError):
         return raised
     fault.__cause__ = raised
@@ -64,7 +67,7 @@ def ended_by(fault: DeviceFaultError | None, raised: BaseException) -> BaseExcep
 
 
 def with_writer(model: Model, state: Record, fault: DeviceFaultError) -> DeviceFaultError:
-    """Return a fault that names who has written a command that is not a number; other faults as they are."""
+    """Return a fault that names the modality that wrote a command that is not a number; other faults as they are."""
     device = model.devices.get(fault.device)
     if fault.trip is not Trip.NOT_A_NUMBER or device is None:
         return fault

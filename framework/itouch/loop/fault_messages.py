@@ -1,16 +1,16 @@
-"""A fault of the report in words: what happened, and what followed from it, and only that."""
+"""A fault of the report in words: what happened, and what followed from it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-#: Faults of what is kept of a session: no device has failed, and none is made safe by them.
+#: Faults in keeping a session's data: no device has failed, and none is made safe because of them.
 LOSSES = frozenset({"recording", "saving"})
 
 
 def is_loss(fault: Mapping[str, Any]) -> bool:
-    """Tell whether a fault is a loss of what is kept, not of a device."""
+    """Tell whether a fault is a loss of a session's data, not of a device."""
     return fault.get("trip") in LOSSES
 
 
@@ -42,7 +42,7 @@ def outcome(fault: Mapping[str, Any]) -> list[str]:
 
 
 def advice(fault: Mapping[str, Any]) -> str:
-    """Return what to do about a loss that has just been met."""
+    """Return what to do about a loss that has just happened."""
     if fault.get("ends"):
         return "the session ends now, as its scene asks; what was written before is whole"
     if fault.get("trip") == "saving":
@@ -56,7 +56,7 @@ def advice(fault: Mapping[str, Any]) -> str:
 
 
 def told(fault: Mapping[str, Any]) -> str:
-    """Return a loss in one paragraph, for whoever watches the session now."""
+    """Return a loss in one paragraph, for those who are watching the session."""
     names = {"recording": "RECORDING LOST", "saving": "SAVING FAILED"}
     head = names.get(str(fault.get("trip")), "LOST")
     return f"{head} at {float(fault.get('time_s', 0.0)):.3f} s: {what(fault)}\n  = help: {advice(fault)}"

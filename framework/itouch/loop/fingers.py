@@ -1,4 +1,4 @@
-"""Which devices act on which finger: by what tracks it, whatever probes it has."""
+"""Which devices act on which finger; a finger is what one device tracks, however many probes it has."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from itouch.safety import Finger
 
 
 def fingers(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator[tuple[Finger, list[Runner]]]:
-    """Yield each finger on which something acts, with the devices that do.
+    """Yield each finger on which devices act, together with these devices.
 
-    What is mounted on a device that tracks or acts on a finger, through whatever else, is on that finger.  A display
-    that no such device carries, and no probe names, is taken to be on every finger.
+    A device that is mounted, directly or through others, on one that tracks or acts on a finger is on that finger.  A
+    display that no such device carries and that no probe names is taken to be on every finger.
     """
     trackers = list(dict.fromkeys(rig.tracker.model.name for rig in rigs))
     named = {one.model.name for rig in rigs for one in (rig.arm, rig.table) if one is not None}
@@ -38,15 +38,15 @@ def fingers(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator
 
 
 def _carriers(runners: Mapping[str, Runner], name: str) -> Iterator[str]:
-    """Yield what carries a device, what carries that, and so on."""
+    """Yield the device that carries this one, the device that carries that, and so on."""
     while name := runners[name].model.carrier:
         yield name
 
 
 def join_fingers(rigs: Sequence[ProbeRig]) -> None:
-    """Let all probes that one device tracks touch one finger: the twin's, where one of them has an operator.
+    """Let all probes that one device tracks act on one finger: the operator twin's, where one of them has an operator.
 
-    A probe with an operator of its own follows nobody.
+    A probe with an operator of its own does not join another's.
     """
     led: list[Runner] = []
     for rig in rigs:
@@ -63,7 +63,7 @@ def _finger(
     listed = list({one.model.name: one for one in devices}.values())
     finger = Finger(name, listed, nearing)
     for near in nearing.values():
-        rise(near, 0.0)  # so that no tick is the first to call it
+        rise(near, 0.0)  # called once now, so that no tick has to compile it
     for arm in listed:
         if arm in finger.arms:
             arm.leave_room = partial(finger.leave, arm)

@@ -1,4 +1,4 @@
-"""Rigid transforms on plain floats, for the tick: three products of Python floats are faster than an array."""
+"""Rigid transforms on plain floats, for the tick: a few products of Python floats are faster than NumPy arrays."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class Frame(NamedTuple):
 
     @property
     def origin(self) -> Vector:
-        """Where the frame stands in its parent."""
+        """The frame's origin in its parent."""
         return self.x, self.y, self.z
 
     def point(self, p: Sequence[float]) -> Vector:
-        """Take a point out of this frame."""
+        """Return a point of this frame in the parent's coordinates."""
         a, b, c = p
         r = self.r
         return (
@@ -33,7 +33,7 @@ class Frame(NamedTuple):
         )
 
     def vector(self, v: Sequence[float]) -> Vector:
-        """Turn a direction out of this frame."""
+        """Return a direction of this frame in the parent's coordinates."""
         a, b, c = v
         r = self.r
         return (
@@ -43,11 +43,11 @@ class Frame(NamedTuple):
         )
 
     def into(self, p: Sequence[float]) -> Vector:
-        """Take a point into this frame."""
+        """Return a point of the parent in this frame's coordinates."""
         return self.vector_into((p[0] - self.x, p[1] - self.y, p[2] - self.z))
 
     def vector_into(self, v: Sequence[float]) -> Vector:
-        """Turn a direction into this frame."""
+        """Return a direction of the parent in this frame's coordinates."""
         a, b, c = v
         r = self.r
         return (
@@ -57,7 +57,7 @@ class Frame(NamedTuple):
         )
 
     def compose(self, other: Frame) -> Frame:
-        """Return the frame of ``other``, which is given in this one."""
+        """Return ``other``, which is given in this frame, as a frame in this one's parent."""
         x, y, z = self.point((other.x, other.y, other.z))
         a, b = self.r, other.r
         product = tuple(

@@ -1,7 +1,7 @@
-"""What code in this process may have done to Python itself, for everybody: seen, put back, told by name.
+"""Functions of Python itself that code in this process has replaced: noticed, put back, and named.
 
-The safe sequence is Python.  A plugin that has put something else in the place of ``len`` would stop it in its middle;
-so before it is carried out, all is put back as it was when this module was loaded, which is before any plugin is.
+The safe sequence is Python.  A plugin that has replaced ``len`` would stop it halfway; so before it is carried out,
+everything is put back as it was when this module was loaded, which is before any plugin is.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any
 
 from itouch.schema.terminal import PlainStream
 
-#: What programs replace by something that does the same and more, as a notebook does: that harms nobody.
+#: What programs such as notebooks replace by something that does the same and more, which is harmless.
 _WRAPPED = frozenset(
     ("print", "open", "input", "help", "exit", "quit", "copyright", "credits", "license", "breakpoint", "__import__")
 )
@@ -32,13 +32,13 @@ _OWN["__build_class__"] = _THERE["__build_class__"]
 _WRAPS = {name: _THERE[name] for name in _WRAPPED if name in _THERE}
 _taken, _MISSING, _callable = itemgetter(*_OWN), KeyError, callable
 _FUNCTIONS = _taken(_THERE)
-#: Any error, where even the name of that may be gone.
+#: Any error, under a name that a plugin cannot have replaced among the built-ins.
 ANY_ERROR = BaseException
 _DEEP = sys.getrecursionlimit()
 
 
 def changed() -> bool:
-    """Tell whether something else stands in the place of one of Python's own functions."""
+    """Tell whether one of Python's own functions has been replaced."""
     try:
         return bool(_taken(_THERE) != _FUNCTIONS)
     except _MISSING:
@@ -46,9 +46,9 @@ def changed() -> bool:
 
 
 def put_back() -> tuple[str, ...]:
-    """Put Python's own functions back, and a limit of recursion that was lowered; return the names of what was not so.
+    """Put back Python's own functions, and a recursion limit that was lowered; return the names of what had changed.
 
-    Until that is done nothing here uses one of them.
+    Until they are back, nothing here uses one of them.
     """
     was = _THERE.copy()
     _THERE.update(_OWN)
@@ -63,7 +63,7 @@ def put_back() -> tuple[str, ...]:
 
 
 def blamed(names: tuple[str, ...]) -> str:
-    """Return what is to be said of things that were put back; empty: nothing was."""
+    """Return the sentence about what was put back; empty if nothing was."""
     if not names:
         return ""
     how = "replaced or closed" if any(name.startswith(("file ", "sys.std")) for name in names) else "replaced"
@@ -72,19 +72,19 @@ def blamed(names: tuple[str, ...]) -> str:
     return f"a plugin had {how} {listed}{more} of Python for the whole program; that was put back"
 
 
-#: The modules and classes whose functions the end of a session needs.
+#: The modules and classes whose functions are needed to end a session.
 _NEEDED: tuple[ModuleType | type, ...] = (
     json, json.encoder, json.JSONEncoder, os, io, shutil, struct, tempfile, zipfile, zipfile.ZipFile, zlib
 )  # fmt: skip
-#: What a program replaces on purpose, to refuse those who would end it.
+#: What a program replaces on purpose, to refuse to be ended.
 _ENDINGS = ("_exit", "execv", "execve")
 _STREAMS = (("stdout", 1), ("stderr", 2))
 
 
 class LoadedModules:
-    """What the end of a session needs of its process, as it is now: modules, their functions, and standard streams.
+    """What ending a session needs of its process, as it is now: modules, their functions, and standard streams.
 
-    What a plugin has taken away of them or replaced by then is put back.
+    What a plugin has removed or replaced by then is put back.
     """
 
     def __init__(self) -> None:
@@ -92,14 +92,15 @@ class LoadedModules:
         self._contents = [(owner, dict(filter(_is_function, vars(owner).items()))) for owner in _NEEDED]
         self._wraps = {name: _THERE[name] for name in _WRAPS if name in _THERE}
         numbered = [(name, getattr(sys, name), number) for name, number in _STREAMS]
-        self._streams = [one for one in numbered if one[1] is not None]  # who starts it may have given none
-        begun_with = (sys.__stdin__, sys.__stdout__, sys.__stderr__)  # other files may have the number of none
+        self._streams = [one for one in numbered if one[1] is not None]  # the process may have been started without it
+        begun_with = (sys.__stdin__, sys.__stdout__, sys.__stderr__)  # a missing one's number may be another file's
         self._files = [_File(number) for number, stream in enumerate(begun_with) if stream is not None]
 
     def put_back(self) -> tuple[str, ...]:
-        """Put all back; return the names of what was closed, or of functions for which none stood any more.
+        """Put all back; return the names of files and streams that were closed, and of functions that were gone.
 
-        Those for which another one stood are not named: it may have done the same and more, which harms nobody.
+        A function in whose place there was another one is put back but not named: that one may have done the same and
+        more, which is harmless.
         """
         sys.modules.update(self._modules)
         _THERE.update(self._wraps)
@@ -123,7 +124,7 @@ class LoadedModules:
 
 
 class _File:
-    """A file of the process by its number, kept open under another one until it is put back."""
+    """A file of the process by its number (descriptor), kept open under a second number until it is put back."""
 
     def __init__(self, number: int) -> None:
         self.number, self._kept, self._which = number, -1, self._identity(number)
@@ -139,13 +140,13 @@ class _File:
         return found.st_dev, found.st_ino
 
     def put_back(self) -> bool:
-        """Open it again if it was closed, and tell whether it was; what was closed as well leads nowhere now."""
+        """Open it again if it was closed, and tell whether it was; onto the null device if its copy was closed, too."""
         if self._which is None:
             return False
         there, closed = self._identity(self._kept) == self._which, self._identity(self.number) is None
         if closed:
             source = self._kept if there else os.open(os.devnull, os.O_RDWR)
-            if source != self.number:  # the lowest number that is free may be its own
+            if source != self.number:  # os.open takes the lowest free number, which may be its own
                 os.dup2(source, self.number)
         if there:
             os.close(self._kept)
@@ -158,7 +159,7 @@ def _is_function(entry: tuple[str, Any]) -> bool:
 
 
 def _reopened(stream: Any, number: int) -> Any:
-    """Return a standard stream that somebody has closed, open again: itself, if it only stands before another one."""
+    """Return a closed standard stream, opened again: the same object if it only wraps another stream."""
     fresh = open(number, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - to the end of the program
     if isinstance(stream, PlainStream):
         stream.inner = fresh

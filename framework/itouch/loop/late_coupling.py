@@ -1,13 +1,13 @@
-"""Virtual coupling of an arm behind a wire: only as stiff as what it feels and gives is young.
+"""Virtual coupling of an arm behind a wire: the older the pose and the force, the softer the coupling.
 
 A sampled spring K that acts on where the finger was a time d ago adds energy as a damper of -K d would: with the hand's
 and the device's damping b it is passive up to K <= (b - B) / (T / 2 + d), where B is the damping that is rendered and T
 the servo period (Colgate and Schenkel 1997 for d = 0; Gil et al. 2009, "Stability boundary for haptic rendering", for
-a delay).  `world.coupling` keeps to that with d = 0, which holds for a device that is read and written in every tick.
-Behind a wire d is how old the pose is and for how long the newest command has acted, and both are known only when they
-pass: without it a finger that rests on a surface begins to whirl around its place.
+a delay).  `world.coupling` keeps to that bound with d = 0, which is right for a device that is read and written in
+every tick.  Behind a wire, d is the age of the pose plus the time for which the newest command has acted, and both are
+known only while running: without this correction a finger that rests on a surface begins to circle around its place.
 
-What is remembered stands in State, so that a restored or a replayed session renders the same.
+What must be remembered is in State, so that a restored or a replayed session renders the same.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from itouch.world import Model
 
 Floats = NDArray[np.float64]
 
-#: Over how long the delay is averaged [s]: some periods of a finger that begins to vibrate.  It is the mean delay that
-#: adds energy; a single late exchange does nothing.
+#: Over how long the delay is averaged [s]: a few periods of a finger that begins to vibrate.  It is the mean delay that
+#: adds energy; a single late exchange does no harm.
 MEAN = 0.25
-#: Greatest change of the stiffness in a tick, as a part of it: some 0.04 N of a press of 2 N.
+#: Greatest relative change of the stiffness in a tick: some 0.04 N of a press of 2 N.
 CHANGE = 0.02
-#: Longest time [s] that counts as a delay: older readings stop the device (W1).
+#: Longest time [s] that is counted as a delay: older readings stop the device (W1).
 LONGEST = 0.1
 
 
 @kernel
 def allowed(stiffness: float, damping: float, relied: float, late: float) -> tuple[float, float]:
-    """Return stiffness [N/m] and damping [N s/m] that are passive at a delay; damping is lowered before stiffness.
+    """Return the stiffness [N/m] and damping [N s/m] that are passive at a delay; damping is lowered before stiffness.
 
-    ``relied``: damping of hand and device [N s/m]; ``late``: half a period and the delay [s].
+    ``relied``: damping of hand and device that is relied on [N s/m]; ``late``: half a period plus the delay [s].
     """
     damping = min(damping, max(0.0, relied - stiffness * late))
     return min(stiffness, (relied - damping) / late), damping
@@ -48,27 +48,28 @@ def ease(
     tick: Any, measured: Any, left: Any, status: Any, delay: Any, lost: Any, lost_object: Any, touched: Any,
     coupling: Floats, relied: float, period: float, stiffness: Floats, damping: Floats,
 ) -> int:  # fmt: skip
-    """Write the coupling with each object as the delay allows it; what is not said has shape (1,).
+    """Write the coupling with each object as the delay allows it; arrays have shape (1,) unless said otherwise.
 
     Parameters
     ----------
     tick, measured, left, status
-        The tick; that in which the pose was measured, that in which the arm's newest command left; the arm's status.
+        This tick; the tick in which the pose was measured; the one in which the arm's newest command left; the arm's
+        status.
     delay
         Of pose and command together [s], smoothed; written.
     lost, lost_object
-        The greatest part of its stiffness [1] that a touched object was rendered without, and which; written.
+        The greatest part of its stiffness [1] that a touched object was rendered without, and its index; written.
     touched
-        The object that was touched in the last tick, -1: none.
+        Index of the object that was touched in the last tick, -1: none.
     coupling
         Stiffness and damping of the objects without a delay, shape (objects, 2) [N/m, N s/m].
     relied, period
-        Damping of hand and device [N s/m]; length of a tick [s].
+        Damping of hand and device that is relied on [N s/m]; length of a tick [s].
     stiffness, damping
         Written, shape (objects,).
     """
     age = max(0, tick[0] - measured[0])
-    acts = left[0] > 0 and status[0] == ENABLED  # what is disabled gets no commands, and is no later for that
+    acts = left[0] > 0 and status[0] == ENABLED  # a disabled arm gets no commands; that does not make it later
     held = max(0, tick[0] - left[0]) if acts else age
     more = min((age + held) * period, LONGEST) - delay[0]
     more *= period / MEAN
@@ -82,12 +83,12 @@ def ease(
     return 0
 
 
-#: The part of a stiffness [1] from which on it is said that it was not rendered.
+#: The lost part of a stiffness [1] from which on the report has a notice of it.
 SAID = 0.05
 
 
 def late_couplings(model: Model, state: Record) -> tuple[str, ...]:
-    """Return a sentence for each probe to which an object was rendered softer, because its arm is late."""
+    """Return a sentence for each probe to which an object was rendered softer because its arm is late."""
     found = []
     for probe in model.probes:
         name = f"{probe.name}.coupling"

@@ -1,4 +1,4 @@
-"""Time that no tick stands for: a late loop has left it out, or nothing ran, and hardware has gone on in it."""
+"""Time that no tick stands for: a late loop left it out, or nothing ran; hardware went on meanwhile."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itouch.loop.events import Events
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
 
-#: After how long [s] of it nothing is known of how fast a finger moves; until then it is thought to go on.
+#: Left-out time [s] from which on a finger's velocity is taken to be unknown; for less it is taken to go on.
 MOVES_ON = 0.05
 
 
@@ -16,21 +16,25 @@ def leave_out(
     period: float, runners: Sequence[Runner], rigs: Sequence[ProbeRig], events: Events, seconds: float, tick: int,
     running: bool,
 ) -> int:  # fmt: skip
-    """Let it pass for budgets, for the velocities of fingers, and for what modalities know of fingers and displays.
+    """Count left-out time in the monitors of devices, and tell touchers and modalities of it.
+
+    Touchers and modalities are told only with hardware in the rig: no finger's velocity is taken across the gap then.
 
     Parameters
     ----------
     period
         Of a tick [s].
+    runners, rigs, events
+        The devices and probes of the engine, and what calls its modalities.
     seconds, tick
         How long it was [s], and the tick that comes next.
     running
-        Whether a loop that was late has left it out: the monitors of twins count it as well then.
+        Whether a loop that was late has left it out: then the monitors of twins count it as well.
 
     Returns
     -------
     int
-        How many periods were left out; 0: it was none, and nothing has changed.
+        How many periods were left out; 0: it was at most one, and nothing has changed.
 
     Raises
     ------

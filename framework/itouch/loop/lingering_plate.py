@@ -1,4 +1,4 @@
-"""The notice of a plate that was felt after the contact in which it had been pressed, out of State."""
+"""The notice of a plate that was still felt after the contact in which it was pressed had ended, from State."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from itouch.world import Model
 
 
 def lingering_plates(model: Model, state: Record) -> tuple[str, ...]:
-    """Return a sentence for each probe that felt its plate after the END of a contact: the longest time."""
+    """Return a sentence for each probe that felt its plate after the END of a contact, with the longest such time."""
     found = []
     for probe in model.probes:
         name = f"{probe.name}.surface"
         if not probe.scene.surface_to:
             continue
-        # the END comes in the tick after that time, and the plate's force is known a tick late
+        # END comes in the tick after SEPARATION_TIME, and the plate's force is known a tick late
         after = state[f"{name}.lingered"].item() - SEPARATION_TIME - 2.0 * model.period
         if after > 0.5 * model.period:
             found.append(

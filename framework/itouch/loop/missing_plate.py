@@ -1,4 +1,4 @@
-"""The notice of a plate that was not where its calibrated height says, out of State."""
+"""The notice of a plate that was not where its calibrated height says, from State."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from itouch.world import Model
 
 
 def missed_plates(model: Model, state: Record) -> tuple[str, ...]:
-    """Return a sentence for each probe whose plate was not felt where it should be: its first time."""
+    """Return a sentence for each probe whose plate was not felt where it should be, or was felt where it should not.
+
+    It tells of the first time.
+    """
     found = []
     for probe in model.probes:
         name = f"{probe.name}.surface"

@@ -46,16 +46,16 @@ class Objects:
         self._warm_up()
 
     def reset(self) -> None:
-        """Set the bodies to their start."""
+        """Set the rigid bodies to their start."""
         if self._physics is not None:
             self._physics.start(self._body_state)
 
     def restore(self) -> None:
-        """Find the frames of devices anew."""
+        """Forget the frames of devices, so that they are found anew."""
         self._placed.clear()
 
     def _warm_up(self) -> None:
-        """Compile now, not in the first tick."""
+        """Compile the kernels now, not in the first tick."""
         poses, twists = np.array(self._start), self._twists.copy()
         if len(self._motions.scripts):
             move_scripted(self._motions.scripts, self._motions.pieces, 0.0, poses, twists)
@@ -75,7 +75,7 @@ class Objects:
 
     @property
     def done(self) -> bool:
-        """Whether every script that ends has ended."""
+        """Whether all scripts with an end have ended."""
         return int(self._ticks) >= self._end
 
     def update(self, tick: int, moving: bool) -> None:
@@ -95,7 +95,7 @@ class Objects:
             carry(index, frame, reading, offset, self._period, self._smooth, tick == 0, self._poses, self._twists)
 
     def advance(self, moving: bool) -> None:
-        """Step the rigid bodies to the next tick, pushed by all probes; they rest until all is ready."""
+        """Step the rigid bodies to the next tick, pushed by all probes; they stay at rest unless ``moving``."""
         if self._physics is None or not moving:
             return
         self._forces[:] = 0.0
@@ -105,7 +105,7 @@ class Objects:
 
 
 def frame_of(runner: Runner, runners: Mapping[str, Runner]) -> Frame:
-    """Return the frame of a device in the world, through what carries it."""
+    """Return the frame of a device in the world, through the devices that carry it."""
     frame = runner.base_frame()
     if not runner.model.carrier:
         return frame
@@ -116,6 +116,6 @@ def frame_of(runner: Runner, runners: Mapping[str, Runner]) -> Frame:
 
 
 def _place_of(carrier: Runner) -> NDArray[np.float64]:
-    """Return the view of where a device's end is, shape (7,); of one that does not say it, that it stays at rest."""
+    """Return the view of the pose of a device's end, shape (7,); the rest pose for a device that reads no pose."""
     rest = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     return rest if carrier.model.reading(Role.TRACKED_POSE) is None else carrier.read_as(Role.TRACKED_POSE)

@@ -15,11 +15,11 @@ from itouch.world import Model
 
 
 class LatchedError(DeviceError):
-    """A device that a trip has stopped was to be enabled; it must be re-armed."""
+    """A device that a trip has stopped was to be enabled; it must be re-armed first."""
 
 
 class OperatorCommands:
-    """The operator's acts on the devices of one engine."""
+    """The operator's commands to the devices of one engine."""
 
     def __init__(
         self,
@@ -34,14 +34,14 @@ class OperatorCommands:
         self.hold = HoldToRun(state, list(runners.values()), model.period, asked=model.scene.safety.hold_to_run)
 
     def enable(self, *, opens: bool = True) -> None:
-        """Connect all devices at once, and let commands through; ``opens``: those that are CLOSED, too.
+        """Connect all devices at once, and let commands through; ``opens``: also open those that are CLOSED.
 
         Raises
         ------
         LatchedError
-            If a trip is latched: it outlives saving, restoring and closing.  Nothing was opened.
+            If a trip is latched: it outlives saving, restoring and closing.  No device was opened.
         DeviceError
-            With everything that failed; devices that are optional may be missing.
+            With everything that failed; optional devices may be missing.
         """
         tick = self._tick.item()
         latched = self.latched_faults()
@@ -66,12 +66,12 @@ class OperatorCommands:
 
     @property
     def latched(self) -> list[Runner]:
-        """The devices that are stopped by a trip and were not given up: only re-arming lets them act again."""
+        """The devices stopped by a trip that only re-arming releases; no twins, and no optional device that is lost."""
         stopped = [one for one in self._runners.values() if one.trip is not Trip.NONE and not one.model.twin]
         return [one for one in stopped if not (one.model.optional and one.trip in LOSSES)]
 
     def latched_faults(self) -> list[DeviceFaultError]:
-        """Return the trips that are latched, as the faults that they were."""
+        """Return the latched trips as the faults that caused them."""
         return [
             DeviceFaultError(one.model.name, one.tripped, one.trip, f"was stopped by {one.trip.label}")
             for one in self.latched
@@ -86,7 +86,13 @@ class OperatorCommands:
         }  # fmt: skip
 
     def _require_sight(self, wanted: Iterable[Runner]) -> None:
-        """Open nothing if something acts on a finger that nobody can tell of."""
+        """Refuse to enable devices that act on a finger whose place no device can tell.
+
+        Raises
+        ------
+        DeviceError
+            If there are any.
+        """
         if told := [f"device '{one.model.name}' can't be enabled: {one.blind}" for one in wanted if one.blind]:
             raise DeviceError("\n".join(told))
 
@@ -125,9 +131,9 @@ class OperatorCommands:
             self._statistics.faults[-1]["rearmed_s"] = tick * self._model.period
 
     def _open_latched(self, tick: int) -> list[str]:
-        """Open what a trip has stopped and a restored session found closed, so that it can be asked how it is.
+        """Open what a trip has stopped and a restored session found closed, so that its readings can be checked.
 
-        The same of what has a dead-man's switch, so that it can be asked whether somebody holds it.
+        Open also what has a dead-man's switch, so that it can tell whether somebody holds it.  Return what failed.
         """
         latched = self.latched
         asked = [one for one in self._runners.values() if one in latched or one.model.reading(Role.DEADMAN) is not None]
@@ -135,7 +141,7 @@ class OperatorCommands:
         return [f"device '{name}': {why}" for name, why in connect(closed, tick).items()]
 
     def reconnect(self, device: str) -> None:
-        """Close a device and open it anew; it is OPEN then, and enabled by re-arming.
+        """Close a device and open it anew; it is then OPEN, and re-arming enables it.
 
         Raises
         ------
@@ -168,7 +174,7 @@ class OperatorCommands:
         runner.twin.write_plan(runner.twin_state, slot, injection)
 
     def injected(self, *, lately: bool = False) -> list[dict[str, Any]]:
-        """Return the injected faults that have begun; ``lately``: those that last, or ended a second ago at most."""
+        """Return the injected faults that have begun; ``lately``: only those that last or ended within a second."""
         now, rate = self._tick.item(), self._model.scene.rates.servo
         earliest = now - rate if lately else -1.0
         found = []

@@ -1,4 +1,4 @@
-"""Pacing of the loop: when the next tick begins, when the run is over, what an overrun does."""
+"""Pacing of the loop: when the next tick begins, when the run is over, what happens after an overrun."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from itouch.loop.runner import DeviceFaultError
 from itouch.platforms import waits
 from itouch.safety import Trip
 
-#: How many periods late is too late: with servo-overrun="stop" the run ends, else it goes on from now.
+#: From how many periods on the loop is too late to catch up: with servo-overrun="stop" the run ends, else it goes on
+#: from now.
 HOPELESS = 20
-#: For how long [s] the machine must have slept for that to be told: the clocks that say so are not read at once.
+#: For how long [s] the machine must have been suspended for that to count: two clocks tell it, not read at once.
 SLEPT = 0.2
 
 
@@ -23,13 +24,13 @@ class Pacing:
     def __init__(self, engine: Running) -> None:
         self._engine = engine
         self._stopping = False
-        #: For how long [s] the machine had slept when that was looked at last.
+        #: For how long [s] the machine had been suspended by the last check.
         self._slept = asleep()
-        #: Host seconds spent running.
+        #: Host time spent running [s].
         self.wall = 0.0
 
     def stop(self) -> None:
-        """End the run that is under way after its tick; may be called from a signal handler."""
+        """End the current run after its tick; may be called from a signal handler."""
         self._stopping = True
 
     def run(
@@ -55,12 +56,12 @@ class Pacing:
             self._stopping = False
 
     def check(self, seconds: float | None, until: Callable[[], bool] | None) -> None:
-        """Check what a run is asked for.
+        """Check the arguments of a run.
 
         Raises
         ------
         ValueError
-            If there is neither a time nor a scripted motion.
+            If the time is not a finite number of at least 0, or there is neither a time nor a scripted motion.
         """
         if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
             raise ValueError(f"seconds = {seconds!r} must be a finite number, at least 0")
@@ -77,7 +78,7 @@ class Pacing:
             if scripted and engine.done:
                 return
             late = engine.times.late = engine.clock.wait() if real else 0.0
-            if late > HOPELESS * engine.model.period:  # what is read now is of now, not of a period after the last
+            if late > HOPELESS * engine.model.period:  # more than a period has passed since the last reading
                 engine.leave_out(late, running=True)
             if real:
                 self._mind_sleep()
@@ -96,12 +97,12 @@ class Pacing:
                 return
 
     def _mind_sleep(self) -> None:
-        """Stop hardware if the machine has slept: neither lateness nor the age of a reading shows that.
+        """Stop hardware if the machine has been suspended: neither lateness nor the age of a reading shows that.
 
         Raises
         ------
         DeviceFaultError
-            If it has, and hardware is enabled.
+            If it has been, and hardware is enabled.
         """
         engine, before = self._engine, self._slept
         self._slept = asleep()
@@ -119,9 +120,15 @@ class Pacing:
             raise fault
 
     def _watch_pace(self, late: float, begin: float, waited: int) -> None:
-        """Note a tick, which began so late [s], and what it made the processor and the loop wait for.
+        """Record a tick's timing, and what an overrun asks for.
 
-        ``begin`` [s] and ``waited``: what the thread had had of a processor, and how often it had waited, before it.
+        ``late``: how late it began [s]; ``begin`` [s] and ``waited``: processor time of the thread, and how often it
+        had waited by itself, when it began.
+
+        Raises
+        ------
+        DeviceFaultError
+            If the loop cannot keep up while devices are enabled, and servo-overrun="stop".
         """
         engine = self._engine
         culprit = engine.times.pace(
@@ -136,6 +143,6 @@ class Pacing:
             fault = DeviceFaultError(next(iter(engine.model.devices)), engine.ticks, Trip.OVERRUN, cause)
             engine.make_safe(fault)
             raise fault
-        if late > HOPELESS * engine.model.period:  # a burst of ticks would not undo what was missed
+        if late > HOPELESS * engine.model.period:  # a burst of ticks would not make up for what was missed
             engine.times.skip(round(late / engine.model.period))
             engine.clock.start(engine.model.period)

@@ -1,7 +1,7 @@
 """Joined supervision of arms and carried surfaces near the finger, and of all that acts on one finger together.
 
-What is unusual is left to Python.  An arm whose share changes is looked at again there; what was found of a surface
-stands in its post's ``said``, and Python tells it.
+What is unusual is left to Python.  It looks again at an arm whose share changes; what was found of a surface stands in
+its post's ``said``, and Python acts on it.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from itouch.twin.frame_rotation import turned_in
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-#: Leaves the step to Python.
+#: Code that leaves the step to Python.
 PYTHON = 1
 
 
 class Post(NamedTuple):
-    """A device with the monitor that looks at it, each of shape (1,): status, left-out ticks, last look, share."""
+    """What of a device and its monitor is used here, each of shape (1,): status, left-out ticks, last look, share."""
 
     status: Numbers
     missed: Numbers
@@ -49,9 +49,10 @@ class Post(NamedTuple):
 class Carried(NamedTuple):
     """A surface and the finger over it.
 
-    ``pose`` (7,) or (0,): where it reads to be; ``strayed`` (1,): how far it is from its command [m]; ``finger`` (3,)
-    and ``top`` (1,): finger and top of the surface in the world; ``frame``: the numbers among which the frame of the
-    device stands.  ``touch`` (2,): room for what a look says; ``touched`` and ``felt`` (1,): what others are told.
+    ``pose`` (7,) or (0,): its reading of its pose; ``strayed`` (1,): how far it is from its command [m]; ``finger``
+    (3,) and ``top`` (1,): finger and top of the surface in the world [m]; ``frame``: the constants of the probe, which
+    hold the frame of the device.  ``touch`` (2,): room for the result of a look; ``touched`` and ``felt`` (1,): what
+    other monitors are told.
     """
 
     pose: Floats
@@ -68,9 +69,9 @@ class Carried(NamedTuple):
 def arm(
     post: Post, pushing: Pushing, wrench: Floats, velocity: Floats, figure: Floats, tick: Any, enabled: int
 ) -> int:  # fmt: skip
-    """Watch an arm: the wrench sent last (6,), and the velocity of the finger (3,).
+    """Watch an arm; ``figure`` (1,) is written.
 
-    The wrench is in [N, N m], the velocity in [m/s]; ``figure`` (1,) is written.
+    ``wrench`` (6,): sent last [N, N m]; ``velocity`` (3,): of the finger [m/s].
     """
     if post.status[0] != enabled:
         return SKIP
@@ -87,9 +88,9 @@ def surface(
 ) -> int:  # fmt: skip
     """Watch a carried surface, and count how far it is from its command once scripts go on.
 
-    ``calibrates``: a touch-off finds its height; ``radius``: of the finger [m].  ``said`` (1,) is written for Python:
-    the share of the drive that is allowed, 0 to 1, or the code of a trip; ``tick`` and ``ready`` have shape (1,), and
-    ``tracking`` (bins,) counts distances.
+    ``calibrates``: a touch-off finds its height; ``radius``: of the finger [m]; ``tracking``: histogram of the
+    distances; ``tick`` and ``ready`` have shape (1,).  ``said`` (1,) is written for Python: the share of the drive that
+    is allowed, 0 to 1, or minus the code of a trip.
     """
     if post.status[0] != enabled:
         return SKIP
@@ -117,8 +118,8 @@ def together(
     """Leave an arm the force [N] that a surface does not take, and run the clock of T4.
 
     ``load``, ``allowed``, ``memory``, ``status``, ``touched``: of the surface; ``nearing``: of the finger; ``touch``:
-    the force that counts [N]; ``force``: of all together [N]; ``room`` (n,): what is left for each of at most one arm.
-    What is told to Python is in ``said``.
+    the least force that counts [N]; ``force``: the greatest of all together [N]; ``room`` (n,), n at most 1: the force
+    left for the arm, written.  ``said`` (1,) is written for Python.
     """
     pressed = felt(load)
     more = rise(nearing, pressed)
@@ -133,9 +134,9 @@ def together(
 
 @kernel
 def shown(status: Any, enabled: int, touched: Any, force: Floats, its_touched: Any, its_force: Floats) -> int:
-    """Tell what a device carries whether it is touched, and with what force, each of shape (1,).
+    """Tell the device that this one carries whether it is touched, and with what force [N]; arrays have shape (1,).
 
-    Forces in [N]; ``its_touched`` and ``its_force`` are written.
+    ``its_touched`` and ``its_force`` are written.
     """
     if status[0] == enabled:
         its_touched[0], its_force[0] = touched[0], force[0]
@@ -145,7 +146,7 @@ def shown(status: Any, enabled: int, touched: Any, force: Floats, its_touched: A
 def bound_supervision(
     runner: Runner, rig: ProbeRig, carried: Sequence[Runner], state: Record, tracking: Counts
 ) -> tuple[Bound, ...]:  # fmt: skip
-    """Return the supervision of an arm, or of a table, where one finger is, as compiled calls; none: it is Python."""
+    """Return the supervision of an arm or a table of one finger as compiled calls; none: it is left to Python."""
     panel = runner.device_monitors
     placed = [post for post in panel.installed if post.monitor.placed]
     if len(placed) != 1 or not all(post.own for post in panel.installed):
@@ -175,7 +176,7 @@ def bound_supervision(
 
 
 def bound_together(finger: Finger, state: Record, period: float) -> Bound | None:
-    """Return what ``Finger.check`` does as a compiled call, of one surface and at most one arm and one plate."""
+    """Return ``Finger.check`` as a compiled call, for one surface and at most one arm and one plate; None: Python's."""
     if not finger.simple or finger.worn:
         return None
     table = finger.tables[0]

@@ -1,7 +1,7 @@
 """The plan of a tick: its steps in order, built once from the scene, run one after the other, each of them timed.
 
-This is the whole of a tick.  Who wants to know what happens in which order reads ``build``, or asks
-``itouch-py inspect SCENE --plan``.  Safety's steps stand behind each read and before each write because the plan is
+This is the whole of a tick.  To see what happens in which order, read ``build``, or run
+``itouch-py inspect SCENE --plan``.  Safety's steps stand after each read and before each write because the plan is
 built so; nothing that a plugin declares can move them.
 """
 
@@ -32,7 +32,7 @@ Stamps = NDArray[np.float64]
 
 
 class PlanError(ItouchError):
-    """Steps that can't stand in one plan."""
+    """Steps that can't be in one plan."""
 
 
 class Plan:
@@ -42,14 +42,14 @@ class Plan:
         names = tuple(fields)
         self.steps = tuple(step.fitted(names) for step in listed)
         self.names = tuple(step.name for step in self.steps)
-        #: Each command, and what is sent of it, with the one step that writes it.
+        #: Field of each command, requested and sent -> the one step that writes it.
         self.writers = dict(_writers(self.steps, [f for f in names if ".command." in f or ".sent." in f]))
         self._pieces = tuple(_pieces(self.steps))
         self._works = tuple(piece.work for piece in self._pieces)
 
     @property
     def pieces(self) -> tuple[tuple[str, ...], ...]:
-        """The names of the steps, those together that are one call from Python."""
+        """The names of the steps, grouped by the call from Python that runs them."""
         return tuple(tuple(step.name for step in piece.steps) for piece in self._pieces)
 
     @property
@@ -59,12 +59,12 @@ class Plan:
 
     @property
     def whole(self) -> Chain | None:
-        """The chain of all steps, where they are one call."""
+        """The chain of all steps, if a single call runs them all."""
         piece = self._pieces[0] if len(self._pieces) == 1 else None
         return piece.chain if isinstance(piece, _Joined) else None
 
     def go_on(self, found: int, tick: int, ready: bool) -> None:
-        """Go on with a tick whose only chain has stopped, as ``Chain.run`` says it."""
+        """Go on with a tick whose only chain has stopped; ``found`` is what ``Chain.run`` returned."""
         piece = self._pieces[0]
         if isinstance(piece, _Joined):
             piece.go_on(found, tick, ready)
@@ -87,7 +87,7 @@ class _Alone:
         self.steps, self.work, self._mark = (step,), step.work, 1 + first
 
     def run_timed(self, tick: int, ready: bool, stamps: Stamps) -> None:
-        """Run the step, and note when it was over."""
+        """Run the step, and stamp its end."""
         self.work(tick, ready)
         stamps[self._mark] = now()
 
@@ -104,16 +104,16 @@ class _Joined:
         self._answers = [step.answer for step in listed]
 
     def work(self, tick: int, ready: bool) -> None:
-        """Run the steps; what one leaves to Python is done before the next one."""
+        """Run the steps; what one leaves to Python is done before the next one runs."""
         self.go_on(self._run(), tick, ready)
 
     def go_on(self, found: int, tick: int, ready: bool) -> None:
-        """Do what a step has left to Python, and run those after it; ``found``: as ``Chain.run`` says it."""
+        """Do what a step has left to Python, and run those after it; ``found`` is what ``Chain.run`` returned."""
         while found >= 0:
             found = self._run(self._answered(found, tick, ready))
 
     def run_timed(self, tick: int, ready: bool, stamps: Stamps) -> None:
-        """Run the steps, and note when each was over, by the same clock."""
+        """Run the steps, and stamp the end of each by the same clock."""
         found = self.chain.run_timed(stamps, self._mark)
         while found >= 0:
             begin = self._answered(found, tick, ready)
@@ -131,7 +131,7 @@ class _Joined:
 
 
 def _pieces(listed: Sequence[Step]) -> Iterator[_Alone | _Joined]:
-    """Yield the steps, with those joined that are compiled and stand in a row."""
+    """Yield the steps, consecutive compiled ones joined."""
     join, index = can_join(), 0
     while index < len(listed):
         last = index
@@ -164,7 +164,7 @@ def _writers(listed: Sequence[Step], commands: Sequence[str]) -> Iterator[tuple[
 def _supervision(
     model: Model, state: Record, runners: Mapping[str, Runner], rigs: Sequence[ProbeRig], tracking: Counts
 ) -> Iterator[Step]:  # fmt: skip
-    """Yield what checks devices where the finger is, then what acts on one finger together."""
+    """Yield the steps that check devices by where the finger is, then those that limit what acts on one finger."""
     for runner in runners.values():
         if any(monitor.placed for monitor in runner.model.monitors):
             mine = [rig for rig in rigs if runner is rig.table or rig.moves(runner)]
@@ -178,7 +178,7 @@ def _rendering(
     model: Model, state: Record, rigs: Sequence[ProbeRig], events: Events, views: Mapping[str, Record],
     supervised: Sequence[Step],
 ) -> Iterator[Step]:  # fmt: skip
-    """Yield what is between contact and the commands' limits: surfaces, forces, what is supervised, other modalities.
+    """Yield the steps between contact and the commands' limits: surfaces, forces, supervision, other modalities.
 
     What modalities say of the surfaces that they bring is taken over, and limited.
     """
@@ -206,7 +206,7 @@ def _fenced(
     listed: Sequence[ModalityModel], model: Model, views: Mapping[str, Record], around: Sequence[Fence],
     where: str = "", looks: Sequence[Fence] | None = None,
 ) -> Iterator[Step]:  # fmt: skip
-    """Yield modalities between what remembers and what puts back all that is not theirs."""
+    """Yield modalities between the steps that remember and that restore all fields which are not theirs."""
     if listed:
         yield steps.fence(around, where)
         yield from (steps.modality(model, one, views[one.name], around) for one in listed)
@@ -219,7 +219,7 @@ def build(
 ) -> Plan:  # fmt: skip
     """Return the plan of a scene: read, contact, supervision, events, modalities, write; then the twins move on.
 
-    What is supervised was taken before any modality could write it.
+    The steps of supervision take their views before any modality can write.
     """
     listed: list[Step] = []
     for runner in runners.values():

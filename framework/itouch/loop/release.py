@@ -1,4 +1,4 @@
-"""Release of devices and outputs at the end of a session: each step is done whatever those before raised."""
+"""Release of devices and outputs at the end of a session: each step is carried out, whatever earlier ones raised."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from itouch.world.plugin_errors import said
 
 
 def in_turn(*steps: Callable[[], object]) -> None:
-    """Do every step; what was raised first is raised when all are done, what came later stands in its notes."""
+    """Do every step; the first error is raised when all are done, with the later ones as its notes."""
     first: BaseException | None = None
     for step in steps:
         try:
@@ -33,7 +33,7 @@ def released(runner: Runner) -> None:
     Raises
     ------
     DeviceError
-        Naming the device, if it raises whatever else.
+        Naming the device, if it raises anything but KeyboardInterrupt.
     """
     try:
         runner.close()
@@ -45,7 +45,7 @@ def released(runner: Runner) -> None:
 
 
 def raise_unless_failing(step: Callable[[], None]) -> None:
-    """Do a step; if it raises a ``DeviceError`` while another error is under way, that one goes on, with a note."""
+    """Do a step; a ``DeviceError`` that it raises while another error is under way becomes a note of that one."""
     under_way = sys.exception()
     try:
         step()

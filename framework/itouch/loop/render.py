@@ -1,10 +1,10 @@
 """A probe's HIP and velocity, contact force with damping, and contact area by Hertz's law, compiled.
 
-``follow`` takes the tracker's reading to the HIP, ``itouch.contact.step`` finds the proxy, ``touch`` makes the contact
-force of it.  (They are apart, because a caller compiles again all that it calls.)
+``follow`` turns the tracker's reading into the HIP, ``itouch.contact.step`` finds the proxy, ``touch`` computes the
+contact force from it.  (They are separate kernels because a caller compiles again all that it calls.)
 
 The proxy's spring force comes from the contact engine; damping is added here, where time is known.  What a carried
-plate renders of it, and what is left for the arm, is ``itouch.loop.surface``.
+plate renders of the force, and what is left for the arm, is decided in ``itouch.loop.surface``.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ FIGURES = 34
 
 # --- constants of a probe ----------------------------------------------------------------------------------------
 TRACKER, ARM, TABLE = 0, 12, 24  # frames in the world: origin, then rotation matrix
-OFFSET = 36  # of the plate's top on what the table carries
+OFFSET = 36  # of the plate's top from the point whose pose the table reads
 RADIUS, NEAR, CLEARANCE, PERIOD, SMOOTH, PLATE_LIMIT, PAD = 39, 40, 41, 42, 43, 44, 45
-FORCE_LIMIT, PAD_STIFFNESS = 46, 47  # on the finger [N]; of its pad [N/m]
+FORCE_LIMIT, PAD_STIFFNESS = 46, 47  # greatest force on the finger [N]; stiffness of its pad [N/m]
 HAS_LOAD, HAS_TABLE = 48, 49  # whether a table reads the force on it; whether there is one
 PLATE_COSINE = 50  # of the steepest slope that a plate renders [1]
 CONSTANTS = 51
@@ -39,7 +39,7 @@ CONSTANTS = 51
 
 @kernel
 def follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
-    """Take the tracker's position as the HIP, and filter its velocity.
+    """Take the tracker's position as the HIP, and filter its velocity; ``first``: the velocity stays as it is.
 
     ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) as above; ``tracker`` (7,) [m; quaternion], of which only the
     position is read.
@@ -55,9 +55,9 @@ def follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
 
 @kernel
 def _push(c: Floats, damping: Floats, figures: Floats, result: Floats) -> None:
-    """Write the contact force: the spring's, with damping along the normal that may weaken it, but never pull.
+    """Write the contact force: the spring's, with damping along the normal, which may weaken it but never make it pull.
 
-    What the surface's effects put on top of that comes last; an attraction pulls without contact too.
+    The force of the surface's effects is added last; an attraction may pull, also without contact.
     """
     primary = int(result[at.RESULT_PRIMARY])
     if primary < 0:
@@ -85,7 +85,7 @@ def _push(c: Floats, damping: Floats, figures: Floats, result: Floats) -> None:
 
 @kernel
 def _approach(figures: Floats, result: Floats, poses: Floats, twists: Floats) -> None:
-    """Write distance and time to the nearest object, by the speed relative to its surface."""
+    """Write the distance to the nearest object, and the time to contact by the speed relative to its surface."""
     figures[NEAR_DISTANCE] = figures[TIME_TO_CONTACT] = np.inf
     if result[at.RESULT_NEAREST] < 0.0:
         return

@@ -1,4 +1,4 @@
-"""What belongs to one probe, put together: contact, carried surface, touch-off, finger twin and contact log."""
+"""Everything that belongs to one probe: contact, carried surface, touch-off, finger twin and contact log."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from itouch.world.state import truth
 
 
 class ProbeRig:
-    """Takes one probe through a tick."""
+    """Runs one probe through a tick."""
 
     def __init__(
         self, model: Model, probe: ProbeModel, state: Record, runners: Mapping[str, Runner], statistics: RunStatistics
@@ -40,12 +40,12 @@ class ProbeRig:
         offset = model.surfaces[probe.name].face if probe.name in model.surfaces else (0.0, 0.0, 0.0)
         self.toucher = Toucher(model, probe, state, self.tracker, self.arm, self.table)
         self.coupling = self._coupling(state, offset)
-        #: The skin under what is worn on the finger, if anything is.
+        #: The skin under the devices that are worn on the finger, if there are any.
         self.skin = self._under_worn(state)
         #: 1 while frames stay where they are, shape (1,).
         self._fixed = np.zeros(1, np.int64)
         self.touch_off = self._touch_off(state, offset)
-        #: Where the touch-off stands, shape (1,); -1: there is none.
+        #: The phase of the touch-off (`TouchOffPhase`), shape (1,); -1: there is none.
         self.stage = self.touch_off.stage.reshape(1) if self.touch_off is not None else np.full(1, -1, np.int64)
         self.log = ContactLog(model, self.toucher, self.table, self.coupling, state, statistics)
         self._figures = self.toucher.figures
@@ -56,16 +56,16 @@ class ProbeRig:
             if runner is not None
         ]
         measured = self.table is not None and not self.table.model.twin and self.table.model.reading(Role.CONTACT_FORCE)
-        #: Whether the plate's force on the finger is known from what the table measures only.
+        #: Whether the plate's force on the finger is known only from what a real table measures.
         self.feels_for_real = bool(measured)
         self._felt = self.table.read_as(Role.CONTACT_FORCE) if self.table is not None and measured else None
         self._placed: dict[int, Frame] = {}
-        #: Whether no touch-off but its own moves the frames of its devices.
+        #: Whether no other probe's touch-off can move the frames of its devices.
         self._alone = len(model.probes) == 1
         self._moves = any(runner.model.carrier for _, runner in self._stands)
 
     def moves(self, runner: Runner) -> bool:
-        """Whether a device goes with this finger: it tracks it, pushes it, or is mounted on what does."""
+        """Whether a device moves with this finger: it tracks it, pushes it, or is mounted on one that does."""
         on: Runner | None = runner
         while on is not None and on not in (self.arm, self.tracker):
             on = self._runners.get(on.model.carrier)
@@ -108,7 +108,10 @@ class ProbeRig:
         return Skin(state, self.probe.name, self.model.period, touches, self._owners(state), rest, ambient)
 
     def _owners(self, state: Record) -> list[tuple[Floats, TwinInputs]]:
-        """Return skin and touch of each plate whose twin owns the finger's tissue, whichever probe on it meets it."""
+        """Return skin temperature and twin inputs of each plate whose twin models the finger's tissue.
+
+        Plates count that any probe of this finger meets.
+        """
         same = [one.face for one in self.model.probes if one.scene.pose_from == self.probe.scene.pose_from]
         faces = [self._runners[name] for name in dict.fromkeys(same) if name in self._runners]
         fields = [(truth(self.model, one.model.name, Role.SKIN_TEMPERATURE), one) for one in faces if one.model.twin]
@@ -129,12 +132,12 @@ class ProbeRig:
         self._fixed[0] = 0
 
     def rearm(self) -> None:
-        """Begin the supervision of the table anew, after a fault; a real arm may have been moved meanwhile."""
+        """Take the place of a real tracker anew after a fault: it may have been moved meanwhile."""
         if not self.tracker.model.twin:
             self.toucher.restart()
 
     def restore(self) -> None:
-        """Tell the arm's twin where the finger is, from State; frames are found anew."""
+        """Tell the twins where the finger is, from State; the frames of devices are found anew."""
         self.coupling.place()
         self._placed.clear()
         self._fixed[0] = 0
@@ -147,7 +150,7 @@ class ProbeRig:
         return calibrated and (hand is None or hand.home)
 
     def frame_of(self, runner: Runner) -> Frame:
-        """Return the frame of a device in the world, through what carries it."""
+        """Return the frame of a device in the world, through the devices that carry it."""
         frame = runner.base_frame()
         if not runner.model.carrier:
             return frame
@@ -158,7 +161,7 @@ class ProbeRig:
 
     def contact(self, tick: int, ready: bool) -> None:
         """Find what the finger touches, from this tick's readings."""
-        if not self._fixed[0]:  # a calibration, or what carries a device, may move frames
+        if not self._fixed[0]:  # a calibration, or the motion of a carrier, may move frames
             self._fixed[0] = (ready or self._alone) and not self._moves
             for which, runner in self._stands:
                 frame = self.frame_of(runner)
@@ -169,11 +172,11 @@ class ProbeRig:
 
     @property
     def bound_contact(self) -> tuple[Bound, ...]:
-        """What ``contact`` is as compiled calls, which leave it to Python while frames may move."""
+        """``contact`` as compiled calls, which leave it to Python while frames may move."""
         return (Bound(carrying.placed, self._fixed), *self.toucher.finds)
 
     def bound_surface(self) -> tuple[Bound, ...]:
-        """Return ``surface`` as compiled calls, which leave a withdrawal to it; none: it is Python."""
+        """Return ``surface`` as compiled calls, which leave a withdrawal to Python; none: all of it is Python's."""
         table = self.table
         post = table.device_monitors.surface if table is not None else None
         if table is None or post is None or not isinstance(post.monitor, Surface):
@@ -186,12 +189,12 @@ class ProbeRig:
         return (led, *self.toucher.carries, closing, *seek)
 
     def surface_left(self, code: int, tick: int, ready: bool) -> None:
-        """Do what the compiled calls have left: a touch-off that found no height, or the whole step.
+        """Do what the compiled calls have left to Python: end a touch-off that found no height, or the whole step.
 
         Raises
         ------
         DeviceFaultError
-            If the plate was not felt up to the end of its travel, or still is felt where it can go no lower.
+            If the plate was not felt up to the end of its travel, or is still felt where it can go no lower.
         """
         if code in (UNFELT, TOO_HIGH) and self.touch_off is not None:
             self.touch_off.give_up(code)
@@ -205,7 +208,7 @@ class ProbeRig:
     def surface(self, tick: int, ready: bool) -> None:
         """Carry the table's surface to the finger, and choose how fast it may close in.
 
-        A touch-off that is not done takes the table over.
+        A touch-off that is not done yet commands the table instead.
         """
         table = self.table
         if table is None or table.device_monitors.surface is None:
@@ -224,7 +227,7 @@ class ProbeRig:
             self.toucher.gone()
 
     def _gap(self) -> float:
-        """Return the distance [m] between finger pad and plate, as they are tracked."""
+        """Return the distance [m] between finger pad and plate, by their readings."""
         figures = self._figures
         gap: float = figures[2].item() - self._radius - figures[render.PLATE_TOP].item()
         return gap
@@ -249,7 +252,7 @@ class ProbeRig:
         hand.advance(moving)
 
     def measure(self) -> None:
-        """Make the force on the finger what a real table measures along the plate's normal, with what the arm gives."""
+        """Write the force on the finger: what a real table measures along the plate's normal, plus the arm's force."""
         arm = self.arm
         if self._felt is None:
             return
@@ -261,7 +264,7 @@ class ProbeRig:
         self.coupling.total[...] = math.hypot(*total)
 
     def present(self, runner: Runner, counting: bool) -> None:
-        """Tell the monitors of an arm or a table where the finger is, and how fast."""
+        """Tell the monitors of an arm or a table where the finger is and how fast; ``counting``: scripts run."""
         figures, moment = self._figures, runner.device_monitors.moment
         if self.moves(runner):  # also an arm whose force a modality commands
             moment.speed = size(figures[render.VELOCITY : render.VELOCITY + 3])

@@ -1,4 +1,4 @@
-"""Statistics of a run: contacts, faults and figures for the report.  It only listens; nothing in a tick reads it."""
+"""Statistics of a run: contacts, faults and figures for the report; they are only written in a tick, never read."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from itouch.loop.timing import Timing, merged
 
 
 class Counts(NamedTuple):
-    """Bins of equal width (n,), and of shape (1,): how many were counted, the greatest, and how many bins one is."""
+    """Counts in bins of equal width, shape (n,); of shape (1,) their sum, the greatest number, and bins per unit."""
 
     counts: NDArray[np.uint32]
     total: NDArray[np.int64]
@@ -23,7 +23,7 @@ class Counts(NamedTuple):
 
 @kernel
 def counted(bins: Any, value: float) -> None:
-    """Count one number; what is beyond the last bin, or no number, counts in it."""
+    """Count one number; what is beyond the last bin, or NaN, is counted in the last bin."""
     if value > bins.greatest[0]:
         bins.greatest[0] = value
     place, last = value * bins.per_unit[0], bins.counts.shape[0] - 1
@@ -38,7 +38,7 @@ class Histogram:
 
     def __init__(self, width: float) -> None:
         self.width = width
-        #: What compiled code counts in; it stays the same.
+        #: The arrays in which compiled code counts; they are never replaced.
         self.bins = Counts(
             np.zeros(self._BINS, np.uint32), np.zeros(1, np.int64), np.zeros(1), np.array([1.0 / width])
         )  # fmt: skip
@@ -55,7 +55,7 @@ class Histogram:
 
     @property
     def greatest(self) -> float:
-        """The greatest of them, 0 before the first."""
+        """The greatest number counted, 0 before the first."""
         return float(self.bins.greatest[0])
 
     def add(self, value: float) -> None:
@@ -71,7 +71,7 @@ class Histogram:
         return min(self.greatest, (int(used[int(reached.argmax())]) + 1) * self.width)
 
     def summary(self, scale: float) -> dict[str, float | None]:
-        """Return p50, p99 and max, times a scale."""
+        """Return p50, p99 and max, multiplied by a scale."""
         values = {"p50": self.percentile(50), "p99": self.percentile(99)}
         named = {name: None if value is None else value * scale for name, value in values.items()}
         return {**named, "max": self.greatest * scale if self.total else None}
@@ -105,7 +105,7 @@ class Histogram:
 class RunStatistics:
     """What happened, for the report; ``contacts`` holds the closed ones.
 
-    ``times`` is the Timing of this run, if one counts; ``earlier`` holds the histograms of the runs before a restore.
+    ``times`` is the Timing of this run, if there is one; ``earlier`` holds the histograms of the runs before a restore.
     """
 
     contacts: list[dict[str, Any]] = field(default_factory=list)
@@ -122,7 +122,7 @@ class RunStatistics:
         return worst
 
     def histograms(self) -> dict[str, list[list[float]]]:
-        """Return lateness and duration of all ticks of the session, those before a restore included [us, us, count]."""
+        """Return lateness and duration of all ticks, also of those before a restore, in bins [us, us, count]."""
         now = self.times.histograms() if self.times is not None else {}
         if not self.earlier:
             return now

@@ -30,7 +30,7 @@ class Runner(Supervisor):
         error = model.mount_error
         self._true_frame = self._mount.moved((-error[0], -error[1], -error[2]))
         self.touch = TwinInputs(ambient=model.ambient)
-        #: The probe on whose finger it is worn; empty: on none.
+        #: Name of the probe on whose finger the device is worn; empty: on none.
         self.worn_by = ""
 
     def read_as(self, role: Role) -> NDArray[np.float64]:
@@ -42,11 +42,11 @@ class Runner(Supervisor):
         return _view(self.command, self.model.command(role), role)
 
     def sent_as(self, role: Role) -> NDArray[np.float64]:
-        """Return the view of what safety let through of the first command of a role; zeros if there is none."""
+        """Return the view of the first command of a role as it was sent; zeros if there is none."""
         return _view(self.sent, self.model.command(role), role)
 
     def start(self, seed: int) -> None:
-        """Set the device's part of State to its start."""
+        """Set the device's part of State to its start; ``seed`` and the device's name seed the twin's noise."""
         self.reset()
         self._calibration[:] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
         if self.twin is not None:
@@ -54,7 +54,7 @@ class Runner(Supervisor):
             self.twin.reset(self.twin_state, np.random.default_rng(words))
 
     def base_frame(self) -> Frame:
-        """Return the device's frame in its carrier, as mount and calibration say."""
+        """Return the device's frame in its carrier, from mount and calibration."""
         calibration = self._calibration.tolist()
         if calibration != self._framed_for:  # composed anew only when a calibration has changed
             self._framed_for = calibration
@@ -66,19 +66,19 @@ class Runner(Supervisor):
         return self._true_frame
 
     def bound_twin(self) -> Bound | None:
-        """Return the step of the twin as one compiled call; None: there is no twin, or it is Python."""
+        """Return the step of the twin as one compiled call; None: there is no twin, or its step is Python's."""
         if self.twin is None or not is_newest(type(self.twin), "bound_step", "step"):
             return None
         with failing(f"device '{self.model.name}'", "the step of its twin", None):
             return self.twin.bound_step(self.twin_state, self.sent, self.touch, self._period)
 
     def step_twin(self, tick: int) -> None:
-        """Advance the twin by one period under what was sent.
+        """Advance the twin by one period under the commands that were sent.
 
         Raises
         ------
         DeviceFaultError
-            If the twin has raised anything.
+            If the twin has raised anything but KeyboardInterrupt.
         """
         if self.twin is None:
             return
@@ -91,7 +91,7 @@ class Runner(Supervisor):
             raise DeviceFaultError(self.model.name, tick, Trip.DEVICE_ERROR, cause) from error
 
     def settle(self) -> None:
-        """Let the twin take its place before the first tick; no planned fault has begun."""
+        """Step the twin once before the first tick, so that its first reading is true; no planned fault acts yet."""
         twin = self.twin.twin if isinstance(self.twin, FaultyTwin) else self.twin
         if twin is not None:
             with failing(f"device '{self.model.name}'", "the step of its twin", None):
@@ -99,7 +99,7 @@ class Runner(Supervisor):
                 settle(self.twin_state, self.sent, self.touch, self._period)
 
     def true_position(self) -> NDArray[np.float64] | None:
-        """Return the view of State that is the true position of what the twin carries, in its frame."""
+        """Return the view of the true position of the twin's end, in the device's frame; None: the twin has none."""
         return self.twin.position(self.twin_state) if self.twin is not None else None
 
 

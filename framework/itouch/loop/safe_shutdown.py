@@ -1,4 +1,4 @@
-"""What a fault does: every device is made safe, that is verified, and the cause is noted."""
+"""What happens at a fault: every device is made safe, this is verified, and the cause is noted."""
 
 from __future__ import annotations
 
@@ -35,9 +35,10 @@ class SafeShutdown:
     def carry_out(
         self, fault: DeviceFaultError, taps: Sequence[Callable[[int], None]], clock: Clock | None = None
     ) -> None:
-        """Make every device safe; ``taps`` hear of each tick that this takes, ``clock`` paces them in real time.
+        """Make every device safe; ``taps`` are called after each tick that this takes, ``clock`` paces the ticks.
 
-        A tap that fails, or Ctrl-C, waits until that is done: an error is then a note of the fault, all else is raised.
+        What a tap raises, or Ctrl-C, is held back until all is safe: an ``Exception`` then becomes a note of the fault,
+        anything else is raised.
 
         Raises
         ------
@@ -57,12 +58,12 @@ class SafeShutdown:
             raise error
 
     def wind_down(self, taps: Sequence[Callable[[int], None]], clock: Clock | None = None) -> Outcome:
-        """Make every device safe in the same order, without a fault: a session ends, or rests.
+        """Make every device safe in the same order, without a fault: because a session ends or pauses.
 
         Raises
         ------
         BaseException
-            What a tap, or Ctrl-C, has raised meanwhile; all has been made safe, then.
+            What a tap, or Ctrl-C, has raised meanwhile; all has been made safe before.
         """
         nothing = DeviceFaultError("", self._tick.item(), Trip.NONE, "ends")
         outcome = self._sequence.carry_out(nothing, self._after_tick(taps, clock))
@@ -72,10 +73,10 @@ class SafeShutdown:
 
     def _after_tick(self, taps: Sequence[Callable[[int], None]], clock: Clock | None) -> Callable[[], None]:
         if clock is not None:
-            clock.start(self._model.period)  # what was late before is no time that this takes
+            clock.start(self._model.period)  # lateness from before is not counted as time that the sequence takes
 
         def after_tick() -> None:
-            with contextlib.ExitStack() as stack:  # each is told, and time goes on, whatever one of them raises
+            with contextlib.ExitStack() as stack:  # every tap is called, and time goes on, whatever one of them raises
                 if clock is not None:
                     stack.callback(self._pace, clock)
                 for tap in reversed(taps):
@@ -84,10 +85,10 @@ class SafeShutdown:
         return after_tick
 
     def _pace(self, clock: Clock) -> None:
-        """Wait for the next tick; what is late is left out.
+        """Wait for the next tick; periods that were missed are left out.
 
-        A burst of ticks that catches up would ask a surface for many steps at once, and judge it by what it did in no
-        time.
+        A burst of ticks that catches up would ask a surface for many steps at once, and judge it by what it did in
+        almost no time.
         """
         period = self._model.period
         late = round(clock.wait() / period)
@@ -126,7 +127,10 @@ class SafeShutdown:
 
 
 def _tracked_fingers(rigs: Sequence[ProbeRig]) -> dict[str, list[TrackedFinger]]:
-    """Return what tracks the fingers over each surface; what a surface carries says nothing that it does not."""
+    """Return the trackers of the fingers over each table, by the table's name.
+
+    One that is the table itself, or is carried by a device, tells nothing of its own and is left out.
+    """
     found: dict[str, list[TrackedFinger]] = {}
     for rig in rigs:
         if rig.table is not None and rig.tracker is not rig.table and not rig.tracker.model.carrier:
@@ -137,6 +141,6 @@ def _tracked_fingers(rigs: Sequence[ProbeRig]) -> dict[str, list[TrackedFinger]]
 
 
 def _finger_over(rig: ProbeRig, table: Runner) -> float:
-    """Return how high [m] a finger is in the direction in which a table lifts, by what tracks it."""
+    """Return the height [m] of a tracked finger in the frame of a table, along the axis in which the table lifts."""
     tracked = rig.tracker.read_as(Role.TRACKED_POSE)[:3].tolist()
     return rig.frame_of(table).into(rig.frame_of(rig.tracker).point(tracked))[2]

@@ -1,4 +1,4 @@
-"""The notice of an operator that waited for its skin to recover, and whether it had, out of State."""
+"""The notice of an operator twin that waited for its skin to recover, and whether it did, from State."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from itouch.world import Model, ProbeModel
 
 
 def waits_of(model: Model, state: Record) -> list[dict[str, Any]]:
-    """Return an entry of the report for each wait that has begun, in the order of their begin."""
+    """Return an entry of the report for each wait that has begun, in the order in which they began."""
     found = [entry for probe in model.probes for entry in _entries(model, probe, state)]
     return sorted(found, key=lambda entry: float(entry["begin_s"]))
 
@@ -46,7 +46,7 @@ def _celsius(kelvin: float) -> float | None:
 
 
 def vain_waits(model: Model, state: Record) -> tuple[str, ...]:
-    """Return a sentence for each wait that ended although the skin was not back."""
+    """Return a sentence for each wait that ended although the skin had not recovered."""
     return tuple(_sentence(entry) for entry in waits_of(model, state) if entry["back"] is False)
 
 
@@ -63,7 +63,7 @@ def _sentence(entry: dict[str, Any]) -> str:
 
 
 def waiting_now(model: Model, probe: ProbeModel, state: Record) -> str:
-    """Return the few words of a finger that waits now; empty: it does not."""
+    """Return a few words about a finger that is waiting now; empty: it is not."""
     for entry in _entries(model, probe, state):
         if not entry["ended"]:
             return f"waits for its skin {entry['waited_s']:.0f} s"

@@ -9,10 +9,10 @@ from functools import lru_cache
 from itouch.joining import SKIP
 from itouch.plugin import Bound
 
-#: What a step calls: the number of the tick, and whether the rig is calibrated so that scripts go on.
+#: What a step calls, with the number of the tick and whether the rig is calibrated so that scripts go on.
 Work = Callable[[int, bool], None]
 
-#: What Python does when a compiled step asks for it: with the step's code, and the same two.
+#: What Python calls for what a compiled step leaves to it: with the step's code, and the same two arguments.
 Answer = Callable[[int, int, bool], None]
 
 #: What a step runs as: compiled code, Python that calls compiled functions, or Python alone.
@@ -23,12 +23,12 @@ COMPILED, CALLS_KERNELS, PYTHON = "compiled", "calls kernels", "Python"
 class Step:
     """One step of the plan.
 
-    ``reads`` and ``writes`` name fields of State; a name that ends, or begins, in ``*`` stands for all that begin, or
-    end, so, and ``reads`` is None where a plugin does not say.  ``every``: in how many ticks it runs once.
-    ``amends`` names commands that another step writes, over which this one may have the last word.
+    ``reads`` and ``writes`` name fields of State; a name that ends or begins with ``*`` stands for all that begin or
+    end so; ``reads`` is None where a plugin does not say.  ``every``: the step runs in one tick of this many.
+    ``amends`` names commands that another step writes and that this one may overrule.
 
-    A step with ``bounds`` joins the steps beside it that have some: together they are one call from Python.  What it
-    leaves to Python, ``answer`` does; what has not been run of its bounds then is left out.
+    A step with ``bounds`` is joined with its neighbours that have some: together they are one call from Python.  What
+    it leaves to Python, ``answer`` does; the bounds of the step that have not run by then are skipped.
     """
 
     name: str
@@ -43,17 +43,17 @@ class Step:
 
     @property
     def bound(self) -> Bound | None:
-        """The call of a step that is a single one."""
+        """The call of a step that is a single call; else None."""
         return self.bounds[0] if len(self.bounds) == 1 else None
 
     def fitted(self, fields: Iterable[str]) -> Step:
-        """Return the step with only those names that stand for any of the fields that there are."""
+        """Return the step with only those names in ``reads`` and ``writes`` that match any of these fields."""
         listed = tuple(fields)
         reads = None if self.reads is None else _fitting(self.reads, listed)
         return replace(self, reads=reads, writes=_fitting(self.writes, listed))
 
     def written(self, fields: Iterable[str]) -> Iterator[str]:
-        """Yield which of these fields the step writes."""
+        """Yield those of these fields that the step writes."""
         return matching(self.writes, fields)
 
 
@@ -61,7 +61,7 @@ def joinable(
     name: str, bound: Bound | Sequence[Bound], reads: tuple[str, ...] | None, writes: tuple[str, ...],
     answer: Answer | None = None,
 ) -> Step:  # fmt: skip
-    """Return a step that is compiled; ``work`` does the same where nothing can be joined."""
+    """Return a compiled step; its ``work`` does the same where calls can't be joined."""
     bounds = (bound,) if isinstance(bound, Bound) else tuple(bound)
 
     def work(tick: int, ready: bool) -> None:
@@ -83,7 +83,7 @@ def _fitting(patterns: tuple[str, ...], fields: tuple[str, ...]) -> tuple[str, .
 
 
 def matching(patterns: tuple[str, ...], fields: Iterable[str]) -> Iterator[str]:
-    """Yield the fields that any of the patterns stands for, in their order."""
+    """Yield the fields that match any of the patterns, in their order."""
     exact = {pattern for pattern in patterns if "*" not in pattern}
     begins = tuple(pattern[:-1] for pattern in patterns if pattern.endswith("*"))
     ends = tuple(pattern[1:] for pattern in patterns if pattern.startswith("*"))

@@ -1,7 +1,7 @@
 """The steps of a tick, each declared: what it calls, and which fields of State it reads and writes.
 
-Views of a field are taken once, when an engine is built; what is declared here is what ``inspect --plan`` shows, and a
-test holds it against what a step is seen to change.
+Views of fields are taken once, when an engine is built.  ``inspect --plan`` shows what is declared here, and a test
+compares it with what each step is seen to change.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from itouch.twin.skin import Skin
 from itouch.world import ModalityModel, Model
 from itouch.world.plugin_errors import failing
 
-#: What a trip changes of a device, besides what is sent to it.
+#: Fields of a device that a trip changes, besides what is sent to it.
 _TRIPPED = ("status", "trip", "tripped", "ramp")
 
-#: What is remembered of a surface of what its modality says; see ``itouch.loop.surface.memory``.
+#: Fields of a surface's memory that follow from what its modality says; see ``itouch.loop.surface.memory``.
 _TAKEN_OVER = (
     "renders", "present", "settled", "clear", "pressed", "felt", "felt_weight", "missed", "misses", "missed_at",
     "missed_depth", "missed_load", "changing", "lingers", "lingered", "lingered_at", "rises",
@@ -45,7 +45,7 @@ def _of(name: str, *fields: str) -> tuple[str, ...]:
 
 
 def _roles(runner: Runner | None, *roles: Role, kind: str = "") -> tuple[str, ...]:
-    """Return the fields of a device's readings of these roles, or of what is commanded or sent of them."""
+    """Return the fields of a device's readings of these roles; ``kind`` "command" or "sent": of its commands."""
     return () if runner is None else tuple(f for role in roles if (f := runner.model.field(role, kind)))
 
 
@@ -54,7 +54,7 @@ def _readings(runner: Runner) -> tuple[str, ...]:
 
 
 def _watched(runner: Runner) -> tuple[str, ...]:
-    """Return the State of the monitors that look whenever there is a reading, or it is their time."""
+    """Return the State of the monitors that look at every reading, or when their time has come."""
     names = [monitor.name for monitor in runner.model.monitors if not monitor.placed]
     return ("heard", *(f"{name}.*" for name in names))
 
@@ -70,7 +70,7 @@ def read(runner: Runner) -> Step:
 
 
 def watch(runner: Runner) -> Step:
-    """Check the reading that was taken; nobody works with one that is not believed."""
+    """Check the reading that was taken; one that is not believed is passed on to nobody."""
     name = runner.model.name
     written = (*_readings(runner), *_of(name, "age", "sequence", *_watched(runner), *_TRIPPED))
     reads = (*_readings(runner), *_of(name, "status", "age", "sent.*", "touched", "felt", *_watched(runner)))
@@ -98,7 +98,7 @@ def move_objects(model: Model, objects: Objects) -> Step:
 
 
 def contact(rig: ProbeRig, model: Model) -> Step:
-    """Take the tracker's place as the finger's, and find what it touches."""
+    """Take the tracker's position as the finger's, and find what it touches."""
     name = rig.probe.name
     figures = _of(
         name, "hip", "velocity", "proxy", "force", "normal", "point", "penetration", "normal_force", "near_distance",
@@ -140,7 +140,7 @@ def look_below(rig: ProbeRig) -> Step:
 
 
 def carried(rig: ProbeRig, one: ModalityModel, state: Record, model: Model) -> Step:
-    """Take over what a modality says of the surface that it carries; touch-off and T4 have the last word on it."""
+    """Take over what a modality says of the surface that it carries; touch-off and T4 overrule it."""
     reads, writes, goal = _surface_fields(rig)
     said = () if one.carries is None else _of(one.name, *one.carries.said)
 
@@ -158,7 +158,7 @@ def carried(rig: ProbeRig, one: ModalityModel, state: Record, model: Model) -> S
 
 
 def _surface_fields(rig: ProbeRig) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-    """Return what carrying a surface reads and writes, and the command by which it does."""
+    """Return the fields that carrying a surface reads and those that it writes, and the command of the surface."""
     name, table = rig.probe.name, rig.table.model.name if rig.table is not None else ""
     figures = _of(name, "plate_gap", "plate_yield", "plate_top", "tracking", "plate", "felt_force")
     figures += tuple(f"{name}.surface.{field}" for field in _TAKEN_OVER)
@@ -198,7 +198,7 @@ def tell(model: Model, events: Events, rigs: Sequence[ProbeRig], state: Record) 
 
 
 def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[Fence]) -> Step:
-    """Advance a modality, or let it attend to a tick between two updates; what it raises is a fault."""
+    """Update a modality, or call its ``between`` in a tick without an update; what it raises is a fault."""
     update, compiled, every, period = one.instance.update, one.model, one.every, model.period * one.every
 
     def run(tick: int, ready: bool) -> None:
@@ -237,14 +237,14 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[F
 
 
 def _joins(one: ModalityModel) -> bool:
-    """Tell whether the compiled update is what would run: neither an heir nor this one instance has another."""
+    """Tell whether the compiled update is the one in force: no subclass, nor this instance, has overridden it."""
     return "update" not in getattr(one.instance, "__dict__", {}) and is_newest(
         type(one.instance), "bound_update", "update"
     )
 
 
 def fence(around: Sequence[Fence], where: str = "") -> Step:
-    """Remember what modalities may not write: compiled code could, whatever it was given."""
+    """Remember the fields that modalities may not write: compiled code could write them, whatever view it was given."""
     return joinable(f"fence{where}", [one.keep for one in around], ("*",), ())
 
 
@@ -252,9 +252,9 @@ def mend(
     model: Model, around: Sequence[Fence], listed: Sequence[ModalityModel], where: str = "",
     looks: Sequence[Fence] | None = None,
 ) -> Step:  # fmt: skip
-    """Put back what these modalities may not write, before anything is checked or sent; it is a fault.
+    """Put back what these modalities may not write, before anything is checked or sent; such a write is a fault.
 
-    ``looks``: what is looked at of what is ``around`` them; default: all.
+    ``looks``: which of the fences ``around`` them are checked; default: all.
     """
 
     def answer(code: int, tick: int, ready: bool) -> None:
@@ -265,9 +265,9 @@ def mend(
 
 
 def between(step: Step, rest: Fence, model: Model, listed: Sequence[ModalityModel]) -> Step:
-    """Return a step that stands inside a fence: what it does in Python may be anything, and is remembered anew.
+    """Return a step of the framework that runs inside a fence: what it writes in Python is remembered anew.
 
-    Before that it is seen whether one of the modalities ``listed`` has written there.
+    First it is checked whether one of the modalities ``listed`` has written inside the fence, which is a fault.
     """
     whole = step.answer if step.bounds else lambda code, tick, ready: step.work(tick, ready)
     if whole is None:
@@ -288,7 +288,7 @@ def between(step: Step, rest: Fence, model: Model, listed: Sequence[ModalityMode
 def supervise(
     runner: Runner, rigs: Sequence[ProbeRig], carried: Sequence[Runner], state: Record, tracking: Counts
 ) -> Step:  # fmt: skip
-    """Let the monitors of a device look that need to know where the finger is."""
+    """Run those monitors of a device that need to know where the finger is."""
     name = runner.model.name
     present = [rig.present for rig in rigs]
 
@@ -324,7 +324,7 @@ def supervise(
 
 
 def share(finger: Finger, devices: Sequence[Runner], state: Record, period: float) -> Step:
-    """Limit together what acts on one finger."""
+    """Limit the sum of what acts on one finger."""
     names = [runner.model.name for runner in devices]
     reads = tuple(
         f"{name}.{field}" for name in names for field in ("heat*", "sent.*", "touched", "status", "surface.*")
@@ -338,7 +338,7 @@ def share(finger: Finger, devices: Sequence[Runner], state: Record, period: floa
 
 
 def hold(switch: HoldToRun, runners: Iterable[Runner]) -> Step:
-    """Stop what acts if nobody holds the dead-man's switch."""
+    """Stop the devices that act if nobody holds the dead-man's switch."""
     switches = [field for runner in runners for field in _roles(runner, Role.DEADMAN)]
     return Step("hold", lambda tick, ready: switch.check(tick), ("hold", *switches, "*.status"))
 
@@ -363,7 +363,7 @@ def guard(runner: Runner) -> Step:
 
 
 def write(runner: Runner) -> Step:
-    """Hand a device what was let through."""
+    """Write to a device the commands that safety let through."""
     name = runner.model.name
     return Step(
         f"write {name}", lambda tick, ready: runner.send(tick), _of(name, "sent.*", "status"), _of(name, *_TRIPPED)
@@ -395,7 +395,7 @@ def finger(rig: ProbeRig, state: Record) -> Iterator[Step]:
 
 
 def worn(rig: ProbeRig, skin: Skin) -> Step:
-    """Warm and cool the skin by what is worn on it, and tell that what presses on it."""
+    """Warm and cool the skin by the devices worn on it, and tell their twins what presses on it."""
     name = rig.probe.name
     reads = _of(name, "total_force", "taken", "skin", "tissue")
     reads += _of(rig.face.model.name, "twin.*") if rig.face is not None else ()

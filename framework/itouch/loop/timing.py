@@ -1,7 +1,7 @@
-"""Timing: how late ticks began, how long they took, on what, and what made them overrun.
+"""Timing: how late ticks began, how long they and their parts took, and what made them overrun.
 
-It is a second record beside State, never in it, and nothing in a tick reads it.  Everything is counted in bins of
-equal ratio, so that hours need no more memory than seconds.
+It is a record of its own beside State, and nothing in a tick reads it.  Everything is counted in bins of equal ratio,
+so that hours need no more memory than seconds.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from itouch.compiling import kernel
 from itouch.plugin import Field, Record
 
-#: Bins an octave, least duration [s] that is told apart, and how many bins there are: up to some 16 s.
+#: Bins per octave, shortest duration [s] that is resolved, and the number of bins: they reach up to some 16 s.
 PER_OCTAVE, LEAST, BINS = 16, 0.25e-6, 416
-#: Culprits that are the machine's, not the loop's: a tick was woken late, or lost the processor in the middle.
+#: Culprits on the machine's side, not the loop's: a tick was woken late, or was preempted.
 WAKE_UP, TAKEN = "wake-up", "processor taken"
-#: Culprit of what the loop does between two ticks: publishing, listening to commands, what a user calls there.
+#: Culprit for what the loop does between two ticks: publishing, listening to commands, a user's callbacks.
 BETWEEN = "between ticks"
 _SCALE = 1.0 / LEAST
 
@@ -28,7 +28,7 @@ Stamps = Sequence[float] | NDArray[np.float64]
 
 
 def edges() -> NDArray[np.float64]:
-    """Return the edges of the bins [s], shape (BINS + 1,); what is shorter than the first is in the first bin."""
+    """Return the edges of the bins [s], shape (BINS + 1,); anything shorter than the first is in the first bin."""
     return LEAST * 2.0 ** (np.arange(BINS + 1) / PER_OCTAVE)
 
 
@@ -36,16 +36,16 @@ _BORDERS_US = [round(1e6 * edge, 3) for edge in edges().tolist()]
 
 
 def bins(counts: NDArray[Any]) -> list[list[float]]:
-    """Return the bins that hold anything: lower edge [us], upper edge [us], count; ``counts`` has shape (BINS,)."""
+    """Return the bins that are not empty: lower edge [us], upper edge [us], count; ``counts`` has shape (BINS,)."""
     used = np.flatnonzero(counts)
     held = zip(used.tolist(), counts[used].tolist(), strict=True)
     return [[_BORDERS_US[i], _BORDERS_US[i + 1], count] for i, count in held]
 
 
 def merged(histograms: Iterable[object]) -> list[list[float]]:
-    """Return the sum of histograms as ``bins`` returns them; what can't be a bin is left out.
+    """Return the sum of histograms of the form that ``bins`` returns; what can't be a bin is left out.
 
-    They may come from files: nothing is believed of them.
+    They may come from files, so nothing in them is taken for granted.
     """
     total: dict[tuple[float, float], int] = {}
     for histogram in histograms:
@@ -73,12 +73,12 @@ def percentile(counts: NDArray[Any], percent: float, greatest: float = math.inf)
     return min(greatest, LEAST * math.pow(2.0, (index + share) / PER_OCTAVE))
 
 
-#: So many of the worst overruns are kept.
+#: How many of the worst overruns are kept.
 WORST = 8
 
 
 def timing_fields(parts: int) -> tuple[Field, ...]:
-    """Return the fields of a Timing record for a tick of so many parts."""
+    """Return the fields of a Timing record for a tick with this many parts."""
     return (
         Field("ticks", "i8", unit="tick", doc="ticks so far"),
         Field("overruns", "i8", unit="tick", doc="ticks that ended after the next was due"),
@@ -110,7 +110,7 @@ _count_one = getattr(count, "py_func", count)
 
 @kernel
 def _count_tick(counts: Any, greatest: Any, stamps: Any, used: int) -> None:
-    """Count a tick in row 1, and its parts in the rows after it if they were stamped."""
+    """Count a tick in row 1, and its parts in the rows after it if the parts were stamped."""
     count(counts, greatest, 1, stamps[used - 1] - stamps[0])
     if used > 2:
         for part in range(used - 1):
@@ -126,8 +126,8 @@ class Timing:
         Names of the parts of a tick, in order: ``read DEVICE``, ``contact``, ``modality NAME``, ``safety``,
         ``write DEVICE``, ``twins``.
     record
-        The numbers; ``counts`` has lateness in row 0, whole ticks in row 1, then a row a part, and in the last one for
-        how long a tick, with what the loop does until it waits for the next one, had a processor.
+        The numbers; ``counts`` has lateness in row 0, whole ticks in row 1, then a row for each part, and in the last
+        row the processor time of a tick, together with what the loop does until it waits for the next one.
     """
 
     def __init__(self, parts: Sequence[str], record: Record | None = None) -> None:
@@ -135,18 +135,18 @@ class Timing:
         self.record = record if record is not None else Record.of(timing_fields(len(self.parts)))
         self._counts = self.record["counts"]
         self._greatest = self.record["greatest"]
-        # the same memory for Python, which counts a single duration quicker than it can call compiled code
+        # the same memory for Python, which counts a single duration faster than it can call compiled code
         self._counted, self._most = self._counts.data, self._greatest.data
         self._told = self.record["ticks"].reshape(1).data
         self._stamps = np.zeros(2 + len(self.parts))
-        _count_tick(self._counts.copy(), self._greatest.copy(), self._stamps, 2)  # compiled now, not in the first tick
+        _count_tick(self._counts.copy(), self._greatest.copy(), self._stamps, 2)  # compile now, not in the first tick
         self._ticks, self._overruns, self._skipped = (self.record[n] for n in ("ticks", "overruns", "skipped"))
-        #: How late [s] the tick that runs began.
+        #: How late [s] the current tick began.
         self.late = 0.0
-        self._culprit = -1  # of the overrun that the loop has not caught up with
-        #: How late [s] the loop would be by its own doing alone.
+        self._culprit = -1  # of the overrun that the loop has not caught up with yet
+        #: How late [s] the loop would be by its own work alone.
         self._behind = 0.0
-        self._maker = 0  # what made it so
+        self._maker = 0  # what made it so late
 
     @property
     def ticks(self) -> int:
@@ -168,11 +168,11 @@ class Timing:
 
     @property
     def views(self) -> tuple[NDArray[np.int64], NDArray[np.uint32], NDArray[np.float64]]:
-        """How many ticks were timed, (1,), the histograms and the greatest times, as compiled code counts in them."""
+        """The number of timed ticks (1,), the histograms and the greatest times, for compiled code to count in."""
         return self.record["ticks"].reshape(1), self._counts, self._greatest
 
     def add_whole(self, seconds: float) -> None:
-        """Note one tick that took so long [s], of which no parts are known."""
+        """Note one tick that took this long [s], its parts unknown."""
         self._told[0] += 1
         _count_one(self._counted, self._most, 1, seconds)
 
@@ -189,8 +189,8 @@ class Timing:
     ) -> str | None:  # fmt: skip
         """Note a tick in real time; return the culprit if it overran.
 
-        It is the loop's own doing if the loop would have been too late on a machine that always wakes it in time and
-        never takes the processor from it: this is reckoned with from tick to tick.  Otherwise it is the machine's.
+        The cause is the loop itself if it would have been late even on a machine that always wakes it in time and never
+        preempts it; how late it would be then is carried on from tick to tick.  Otherwise the cause is the machine.
 
         Parameters
         ----------
@@ -203,10 +203,10 @@ class Timing:
         end
             When the loop was ready to wait for the next tick, by the same clock [s]; None: when the tick ended.
         busy
-            For how long the thread had a processor from its waking up until then [s]; None: not known, all that passed
-            is taken to be its own.
+            The thread's processor time from its waking up until then [s]; None: not known, and the whole time that
+            passed is put down to the loop.
         waited
-            Whether it waited by itself meanwhile, as for a device that blocks: then all that passed is its own, too.
+            Whether it waited by itself meanwhile, as for a device that blocks: then, too, the whole time is the loop's.
         """
         self._add(0, max(late, 0.0))
         work = float(stamps[-1] - stamps[0])
@@ -222,7 +222,7 @@ class Timing:
             self._culprit = -1
             return None
         own, before, taken = ideal > period, self._culprit, len(self.parts) + 2
-        if before < 0 or mine > period or own == (before in (0, taken)):  # else it is the backlog of an earlier one
+        if before < 0 or mine > period or own == (before in (0, taken)):  # else it is the backlog of an earlier overrun
             self._culprit = self._maker if own else 0 if late >= work + after - mine else taken
         self._overruns += 1
         self.record["culprits"][self._culprit] += 1
@@ -230,7 +230,7 @@ class Timing:
         return self.culprit_names[self._culprit]
 
     def _longest(self, stamps: Stamps, after: float) -> int:
-        """Return the culprit that took longest of what the loop did; without stamps of the parts it is not known."""
+        """Return the number of the culprit that took longest of what the loop did; BETWEEN if no parts were stamped."""
         shares = [*(float(b - a) for a, b in zip(stamps, stamps[1:], strict=False)), after]
         return 1 + shares.index(max(shares)) if len(shares) == 1 + len(self.parts) else 1 + len(self.parts)
 
@@ -242,19 +242,19 @@ class Timing:
             worst[least] = tick, over, self._culprit
 
     def worst(self) -> list[dict[str, Any]]:
-        """Return the worst overruns, worst first: tick, how long after the next was due [us], and what made it."""
+        """Return the worst overruns, worst first: tick, how long after the next was due [us], and the culprit."""
         rows = sorted((row for row in self.record["worst"].tolist() if row[1] > 0.0), key=lambda row: -row[1])
         names = self.culprit_names
         return [{"tick": int(tick), "us": over * 1e6, "culprit": names[int(part)]} for tick, over, part in rows]
 
     def skip(self, periods: int) -> None:
-        """Note that periods were given up; nothing is left to be caught up with."""
+        """Note that periods were given up, so that there is nothing left to catch up on."""
         self._skipped += periods
         self._behind = 0.0
 
     @property
     def culprit_names(self) -> tuple[str, ...]:
-        """Return what may be the culprit of an overrun, in the order of ``culprits``."""
+        """Return the names of all possible culprits of an overrun, in the order of ``culprits``."""
         return (WAKE_UP, *self.parts, BETWEEN, TAKEN)
 
     def figures(self, row: int) -> dict[str, float | None]:
@@ -274,11 +274,11 @@ class Timing:
         return self.figures(0)
 
     def processor(self) -> dict[str, float | None]:
-        """Return p50, p99, p99.9 and max of how long a tick had a processor in real time [us], with what follows it."""
+        """Return p50, p99, p99.9 and max of the processor time of a tick in real time, with what follows it [us]."""
         return self.figures(len(self._most) - 1)
 
     def machine(self) -> dict[str, int]:
-        """Return how many overruns the machine was the cause of, by wake-up and by taking the processor away."""
+        """Return how many overruns the machine caused, by late wake-ups and by taking the processor away."""
         found = self.culprits()
         return {name: found.get(name, 0) for name in (WAKE_UP, TAKEN)}
 
@@ -287,12 +287,12 @@ class Timing:
         return {name: self.figures(2 + index) for index, name in enumerate(self.parts)}
 
     def culprits(self) -> dict[str, int]:
-        """Return how many overruns each part, or the wake-up, was the cause of."""
+        """Return how many overruns each culprit caused: parts, the time between ticks, the machine; zeros left out."""
         counts = self.record["culprits"].tolist()
         return {name: count for name, count in zip(self.culprit_names, counts, strict=True) if count}
 
     def histogram(self, row: int) -> list[list[float]]:
-        """Return the bins of one row that hold anything: lower edge [us], upper edge [us], count."""
+        """Return the bins of one row that are not empty: lower edge [us], upper edge [us], count."""
         return bins(self.record["counts"][row])
 
     def histograms(self) -> dict[str, list[list[float]]]:

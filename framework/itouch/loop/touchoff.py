@@ -1,10 +1,10 @@
 """Touch-off: at start the plate rises until it presses, at three points; the fit gives the table's true height.
 
-While the force grows from a touch to 0.3 N, the height of the plate against the finger is fitted over the force; where
-the line meets zero force the plate just touched, however soft the finger pad is.  Only the height can be found with a
-flat plate; the result is the State field ``DEVICE.calibration``.
+While the force grows from a touch to 0.3 N, a line is fitted to the height of the plate against the finger over the
+force; at zero force the plate just touched, however soft the finger pad is.  Only the height can be found with a flat
+plate; the result is the State field ``DEVICE.calibration``.
 
-What it does in a tick is compiled; Python says why it failed.
+Its work in a tick is compiled; Python tells why it failed.
 """
 
 from __future__ import annotations
@@ -31,25 +31,25 @@ from itouch.twin.mechanics import lower
 
 Floats = NDArray[np.float64]
 
-#: Speed of the rising plate [m/s], force that ends it and force from which samples count [N].
+#: Speed of the rising plate [m/s], force that ends the rise, and force from which samples count [N].
 RISE, FORCE, SAMPLE = 0.005, 0.3, 0.05
 #: How far below the finger the slow rise begins, and how far the plate drops between points, where the skin has time to
 #: lose what it was warmed [m].
 MARGIN, DROP = 0.0079, 0.003
 #: Distance of the touched points from the plate's centre [m].
 SPREAD = 0.006
-#: How far below the end of its travel the plate should meet the finger: mounts are wrong, and hands give way [m].
+#: How far below the end of its travel the plate should meet the finger: mounts are inexact, and hands give way [m].
 ROOM = 0.012
-#: How near its goal a plate is there, and how far behind it one does not rise: it has been stopped meanwhile [m].
+#: How near its goal a plate counts as arrived, and how far behind it as having been stopped meanwhile [m].
 _ARRIVED, _BEHIND = 3e-4, 1.5e-3
 #: How long a finger may rest on a plate that can go no lower before the touch-off gives up [s].
 RESTS = 5.0
-#: What is left to Python: the plate is at the upper end of its travel and was not felt, or at the lower and still is.
+#: Codes left to Python: the plate is at the upper end of its travel and was not felt, or at the lower and still is.
 UNFELT, TOO_HIGH = 2, 3
 
 
 class TouchOffPhase(enum.IntEnum):
-    """Where a touch-off stands."""
+    """The phases of a touch-off."""
 
     PLACE = 0
     RISE = 1
@@ -61,9 +61,9 @@ _PLACE, _RISE, _RELEASE, DONE = (int(phase) for phase in TouchOffPhase)
 
 
 class Search(NamedTuple):
-    """Where a touch-off stands in State: stage, point and target (1,), sums (5,), offsets (points,), calibration (7,).
+    """A touch-off's part of State: stage, point and target (1,), sums (5,), offsets (points,), calibration (7,).
 
-    ``hand`` (3,) is how far the hand is led away from its path [m].
+    ``hand`` (3,) is how far the operator twin's hand is led away from its path [m].
     """
 
     stage: Any
@@ -76,9 +76,10 @@ class Search(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Lengths [m]: ends of the travel, the finger's radius, and where the hand begins (NaN: there is none).
+    """Lengths [m]: ends of the travel, the finger's radius, and the height at which the hand's path begins (NaN: none).
 
-    ``x``, ``y``, ``z``: of the plate's top on what the table carries; ``near``: greatest speed at a finger [m/s].
+    ``x``, ``y``, ``z``: of the plate's top from the point whose pose the table reads; ``near``: greatest speed near a
+    finger [m/s]; ``period``: of a tick [s].
     """
 
     low: float
@@ -94,7 +95,7 @@ class Reach(NamedTuple):
 
 @kernel
 def _lead(c: Floats, search: Any, reach: Any) -> None:
-    """Ask the hand down to where the plate can reach it, if its path begins higher."""
+    """Lead the operator twin's hand down to where the plate can reach it, if its path begins higher."""
     r, z = render.TABLE + 3, reach.z + reach.high
     top = c[render.TABLE + 2] + c[r + 6] * reach.x + c[r + 7] * reach.y + c[r + 8] * z
     lower(search.hand, min(0.0, top + reach.radius - ROOM - reach.start), LEAD_SPEED * reach.period)
@@ -102,7 +103,7 @@ def _lead(c: Floats, search: Any, reach: Any) -> None:
 
 @kernel
 def _at_zero_force(sums: Floats) -> float:
-    """Return the height at zero force of the line through the samples."""
+    """Return the height [m] at zero force of the line through the samples; their mean if they don't tell a slope."""
     n, f, h, fh, ff = sums[0], sums[1], sums[2], sums[3], sums[4]
     spread = n * ff - f * f
     if n < 5 or spread <= 1e-9:
@@ -115,7 +116,7 @@ def _at_zero_force(sums: Floats) -> float:
 def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: float) -> int:
     """Bring the plate below the finger; ``sums[0]`` counts the ticks in which it is felt and can go no lower."""
     target = search.target[0]
-    if force > FORCE / 3:  # touched already: the mount is higher than it says
+    if force > FORCE / 3:  # touched already: the table is mounted higher than the scene says
         search.target[0] = max(reach.low, target - DROP * 50 * reach.period)
         if target <= reach.low and pose[2] - reach.low < _ARRIVED:
             search.sums[0] += 1
@@ -129,7 +130,7 @@ def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: flo
 
 @kernel
 def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, force: float) -> int:
-    """Raise the plate until it is felt; one that was stopped meanwhile comes back below, and rises as slowly again."""
+    """Raise the plate until it is felt; one that was stopped meanwhile drops first, then rises as slowly again."""
     sums = search.sums
     if search.target[0] - pose[2] > _BEHIND:
         search.target[0] = max(reach.low, search.target[0] - DROP)
@@ -137,7 +138,7 @@ def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, for
         search.stage[0] = _PLACE
         return 0
     if force > SAMPLE:
-        # By its own reading, not by what a modality says that carries it: what is calibrated is the device.
+        # By its own reading, not by what the modality says that carries it: it is the device that is calibrated.
         height = plate.top(c, pose) - (figures[render.HIP + 2] - reach.radius)
         sums[0] += 1
         sums[1] += force
@@ -146,7 +147,7 @@ def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, for
         sums[4] += force * force
     if force >= FORCE:
         search.offsets[search.point[0]] = _at_zero_force(sums)
-        search.target[0] = max(reach.low, search.target[0] - DROP)  # where its travel ends, that is as far as it goes
+        search.target[0] = max(reach.low, search.target[0] - DROP)  # but no lower than the end of its travel
         search.stage[0] = _RELEASE
         return 0
     if search.target[0] >= reach.high:
@@ -157,7 +158,7 @@ def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, for
 
 @kernel
 def _release(search: Any, pose: Floats, fixed: Any) -> None:
-    """Let the plate drop, then go to the next point, or say how high the table is."""
+    """Let the plate drop, then go to the next point, or after the last one write the table's height."""
     if abs(pose[2] - search.target[0]) > _ARRIVED:
         return
     if search.point[0] + 1 < search.offsets.shape[0]:
@@ -175,9 +176,9 @@ def _release(search: Any, pose: Floats, fixed: Any) -> None:
 
 @kernel
 def sought(stage: Any, status: Any) -> int:
-    """Leave out the search where it is done or the table is not enabled; ``stage`` and ``status`` have shape (1,).
+    """Skip the search where it is done or the table is not enabled; ``stage`` and ``status`` have shape (1,).
 
-    Taking apart all that the search needs would cost more than this in each later tick.
+    Unpacking the arguments of the search would cost more than this in each later tick.
     """
     return SKIP if stage[0] == DONE or status[0] != ENABLED else 0
 
@@ -194,7 +195,7 @@ def seek(
     c, figures
         Constants (CONSTANTS,) and figures (FIGURES,) of the probe; see `render`.
     search, reach
-        Where it stands, and how far it may go.
+        The touch-off's part of State, and how far the plate may go.
     points
         Where the finger is touched, in the plate's plane, shape (points, 2) [m].
     pose, load
@@ -202,7 +203,7 @@ def seek(
     goal, closing
         Written: its command (7,), and how fast it may approach the finger [m/s], shape (1,).
     fixed
-        Set to 0 when the calibration changes, for frames are others then; shape (1,).
+        Set to 0 when the calibration changes, because frames then change, too; shape (1,).
     """
     if not math.isnan(reach.start):
         _lead(c, search, reach)
@@ -217,7 +218,7 @@ def seek(
         target[0] = min(max(reach.low, under_z - MARGIN), reach.high)
     if search.stage[0] == _PLACE:
         if _place(search, reach, pose, under_x, under_y, force) == TOO_HIGH:
-            search.sums[:] = 0.0  # whoever enables it again has as long
+            search.sums[:] = 0.0  # when it is enabled again, the finger has as long again
             return TOO_HIGH
     elif search.stage[0] == _RISE:
         if _rise(c, search, reach, pose, figures, force) == UNFELT:
@@ -231,7 +232,7 @@ def seek(
 
 
 class TouchOff:
-    """Finds the height of one table's mount on its part of State; ``fixed`` (1,): whether frames stay as they are."""
+    """Finds the height of one table's mount, on its part of State; ``fixed`` (1,): whether frames stay as they are."""
 
     def __init__(
         self, table: Runner, toucher: Toucher, offset: Vector, state: Record, period: float, hand: Hand | None,
@@ -259,7 +260,7 @@ class TouchOff:
             self._load, toucher.figures, table.commanded(Role.SURFACE_POSE),
             table.moving.closing, fixed,
         )  # fmt: skip
-        #: One tick of it as compiled calls, the last ones of their step.
+        #: One tick of it as compiled calls, which must be the last ones of their step.
         self.bounds = (Bound(sought, self.stage.reshape(1), table.gate), search_on)
         self._seek = runner((search_on,))
 
@@ -269,7 +270,7 @@ class TouchOff:
         return int(self.stage) == DONE
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Set the touch-off to its start."""
         self.stage[...] = TouchOffPhase.PLACE
         self.point[...] = 0
         self._target[...] = math.nan
@@ -280,17 +281,17 @@ class TouchOff:
         Raises
         ------
         DeviceFaultError
-            If the plate was not felt up to the end of its travel, or still is felt where it can go no lower.
+            If the plate was not felt up to the end of its travel, or is still felt where it can go no lower.
         """
         self.give_up(self._seek())
 
     def give_up(self, code: int) -> None:
-        """Say why the height can't be found, if the kernel has left that: UNFELT or TOO_HIGH.
+        """Raise the fault that tells why the height can't be found, if the kernel returned UNFELT or TOO_HIGH.
 
         Raises
         ------
         DeviceFaultError
-            With either.
+            With either of these codes; with any other nothing happens.
         """
         if code == UNFELT:
             cause = "was raised to the end of its travel and felt no finger (touch-off); start the motion lower"

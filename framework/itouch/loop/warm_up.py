@@ -1,6 +1,6 @@
 """Warm-up before the first tick: twins, modalities and monitors go through a touch on a scratch copy of State.
 
-So no tick compiles anything, or looks for it on disk: what Python calls for the first time costs milliseconds.
+So no tick has to compile anything or load it from disk: a compiled function's first call costs milliseconds.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from itouch.world.plugin_errors import failing
 
 
 def warm_up(model: Model, state: Record, runners: Iterable[Runner]) -> None:
-    """Exercise every twin, every modality and what watches every device; ``state`` stays what it is."""
+    """Exercise every twin, every modality and the monitors of every device; ``state`` is not changed."""
     scratch = state.copy()
     _rehearse_touches(model, scratch)
     Histogram(1.0).add(0.0)
@@ -72,7 +72,7 @@ def _rehearse_event(model: Model, scratch: Record, views: Mapping[str, Record], 
 
 
 def _read_anew(model: Model, scratch: Record, views: Mapping[str, Record]) -> None:
-    """Let every device have a new reading between two updates, measured a while ago."""
+    """Pretend that every device has a new reading between two updates, measured a tick before."""
     scratch["tick"] += 1
     for name in model.devices:
         scratch[f"{name}.sequence"] += 1
@@ -85,7 +85,7 @@ def _read_anew(model: Model, scratch: Record, views: Mapping[str, Record]) -> No
 
 
 def _pretend(model: Model, scratch: Record, probe: str, index: int) -> None:
-    """Write what contact and force sensors would say of a touch, or of none."""
+    """Write what contact search and force sensors would give in a touch, or without one (``index`` -1)."""
     touching = index >= 0
     scratch[f"{probe}.object"] = index
     scratch[f"{probe}.contact.object"] = index
@@ -97,7 +97,7 @@ def _pretend(model: Model, scratch: Record, probe: str, index: int) -> None:
 
 
 def _pretend_beside(model: Model, scratch: Record, probe: str, index: int) -> None:
-    """Say that another object begins where this one is touched; -1: none."""
+    """Write that another object begins where this one is touched; -1: none does."""
     count = len(model.objects)
     lies = index >= 0 and count > 1
     scratch[f"{probe}.beside"] = (index + 1) % count if lies else -1
@@ -111,7 +111,7 @@ def _event(model: Model, kind: Contact, probe: str, index: int) -> ContactEvent:
 
 
 def warm_up_twin(runner: Runner, scratch: Record, period: float) -> None:
-    """Step a twin free and pressed, and read it."""
+    """Step a twin untouched and pressed, and read it."""
     if runner.twin is None:
         return
     name = runner.model.name

@@ -1,7 +1,7 @@
 """One writer at run time: a modality is given State with its own fields and commands to write, the rest to read.
 
-Python that writes elsewhere is stopped by the memory itself.  Compiled code knows no such views: what it has changed
-elsewhere is seen by a copy that was taken before, put back before anything is checked or sent, and is a fault.
+Python code that writes elsewhere is stopped by read-only views.  Compiled code does not heed them: what it has changed
+elsewhere is found by comparison with a copy taken before, put back before anything is checked or sent, and is a fault.
 """
 
 from __future__ import annotations
@@ -32,28 +32,29 @@ def owned(modalities: Iterable[ModalityModel], state: Record) -> set[str]:
 
 
 def shown_fields(one: ModalityModel, state: Record) -> tuple[str, ...]:
-    """Return the names of its fields for a plan: short where nobody else has one that begins so."""
+    """Return a modality's fields as a plan shows them: as ``NAME.*``, unless fields of others begin so, too."""
     own = tuple(f"{one.name}.{field}" for field in one.fields)
     return own if any(name.startswith(f"{one.name}.") and name not in own for name in state) else (f"{one.name}.*",)
 
 
 def view_for(one: ModalityModel, state: Record) -> WriteProtectedRecord:
-    """Return State as a modality may use it."""
+    """Return the view of State for a modality: it may read all of it, and write only its own fields and commands."""
     return WriteProtectedRecord(state, own_fields(one, state))
 
 
-#: From how many bytes on a piece of memory is worth being looked at by itself.
+#: Least size [bytes] of a piece of memory that is worth comparing by itself.
 _LONG = 512
 
 
 class Fence:
-    """Sees whether modalities have written what is not theirs, and puts it back.
+    """Finds out whether modalities have written what is not theirs, and puts it back.
 
-    ``take`` before they work, ``mend`` after: the whole of State is looked at, for compiled code may write anywhere.
+    Call ``take`` before they run and ``mend`` after: the whole of State is compared, for compiled code may write
+    anywhere.
     """
 
     def __init__(self, modalities: Iterable[ModalityModel], state: Record, names: Iterable[str] | None = None) -> None:
-        """``names``: what is looked at; default: all that is not theirs."""
+        """``names``: the fields to watch, of which their own are left out; default: all."""
         self._state = state
         names = set(state if names is None else names) - owned(modalities, state)
         spans = np.array(list(_spans(state, names)), np.int64).reshape(-1, 2)
@@ -61,16 +62,16 @@ class Fence:
         kind, unit = (np.dtype(np.int64), 8) if whole else (np.dtype(np.uint8), 1)
         kept = np.zeros(int((spans[:, 1] - spans[:, 0]).sum()) // unit, kind)
         self._arguments = state.raw.view(kind), spans // unit, kept
-        #: What ``take`` and the first half of ``mend`` are, as calls that join: the second returns 1 if there is more.
+        #: ``take`` and the comparison of ``mend`` as calls that join; the second returns 1 if something has changed.
         self.keep, self.look = Bound(keep, *self._arguments), Bound(differ, *self._arguments)
         self.keep()
 
     def take(self) -> None:
-        """Remember what is not theirs."""
+        """Remember the content of what is not theirs."""
         self.keep()
 
     def mend(self) -> str:
-        """Put back what is not theirs; return the name of a field that was changed, or nothing."""
+        """Put back what is not theirs; return the name of a field that was changed; empty: none was."""
         if not self.look():
             return ""
         was = Record(self._state.dtype, self._state.raw.copy())
@@ -82,20 +83,20 @@ class Fence:
 
 
 class Fences:
-    """One fence round all modalities of a tick, those that carry surfaces and those that come later.
+    """One fence around all modalities of a tick: those that carry surfaces (carriers), and the others, which run later.
 
-    Between the two the framework's own steps write, so it has three parts: ``rest``, what nobody may write from the
-    first carrier to the last modality, is remembered once and looked at once; what those steps write, commands, and
-    pieces too short to be worth it, are looked at behind the carriers (``near``), remembered anew, and looked at behind
-    the other modalities (``later``).  No modality is kept from the fields of another one, as among those that stand in
-    a row.
+    Between the two the framework's own steps write, so the fence has three parts: ``rest``, which nobody may write from
+    the first carrier to the last modality, is remembered once and compared once; what those steps write, commands, and
+    pieces too short to be worth it are compared after the carriers (``near``), remembered anew, and compared after the
+    other modalities (``later``).  A modality that writes to the fields of another one is not found out, here as with a
+    single fence around several modalities.
     """
 
     def __init__(
         self, carriers: Sequence[ModalityModel], modalities: Sequence[ModalityModel], between: Iterable[str],
         state: Record,
     ) -> None:  # fmt: skip
-        """``between``: what is written there."""
+        """``between``: the fields that the framework's steps between carriers and modalities write."""
         first, second = owned(carriers, state), owned(modalities, state)
         written = {*between, *(name for name in state if ".command." in name)}
         rest = _in_long_pieces(state, set(state) - written - first - second)
@@ -106,20 +107,20 @@ class Fences:
 
 
 def mended(fences: Iterable[Fence]) -> str:
-    """Put back what is inside these fences; return the name of a field that was changed, or nothing."""
+    """Put back what is inside these fences; return the name of a field that was changed; empty: none was."""
     found = [fence.mend() for fence in fences]
     return next((name for name in found if name), "")
 
 
 def _in_long_pieces(state: Record, names: set[str]) -> set[str]:
-    """Return those of the fields that stand in long pieces of memory: each piece costs by itself, too."""
+    """Return those fields that stand in long pieces of memory: each piece has a cost of its own besides its bytes."""
     table: Any = state.dtype.fields or {}
     pieces = [piece for piece in _spans(state, names) if piece[1] - piece[0] >= _LONG]
     return {name for name in names if any(begin <= table[name][1] < end for begin, end in pieces)}
 
 
 def _spans(state: Record, names: Iterable[str]) -> Iterable[tuple[int, int]]:
-    """Yield begin and end of the memory of these fields, neighbours together."""
+    """Yield begin and end [bytes] of the memory of these fields, adjacent ones merged."""
     table: Any = state.dtype.fields or {}
     wanted, begin, last = set(names), -1, -1
     for name, kind in sorted(table.items(), key=lambda entry: entry[1][1]):
@@ -134,8 +135,8 @@ def _spans(state: Record, names: Iterable[str]) -> Iterable[tuple[int, int]]:
         yield begin, last
 
 
-# Each span is taken as an array of its own: an index into the whole might be negative for all that the compiler knows,
-# and it then compares and copies word by word, many times slower.
+# Each span is taken as an array of its own: as far as the compiler knows, an index into the whole might be negative,
+# and it would then compare and copy word by word, many times slower.
 
 
 @kernel

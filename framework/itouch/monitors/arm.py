@@ -1,4 +1,4 @@
-"""An arm that pushes a finger: force and torque (K1, K3) and speed of the finger (K2)."""
+"""An arm that pushes a finger: its force and torque (K1, K3) and the speed of the finger (K2)."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from itouch.plugin import Field, Moment, Monitor, Record, Role, Rule, Watched
 if TYPE_CHECKING:
     from itouch.monitors import arm_kernels
 
-#: Room for rounding in a force or torque that was limited.
+#: Relative tolerance for rounding in a force or torque that was limited.
 _ROUNDING = 1e-9
 
 
 class Arm(Monitor):
-    """Watches what an arm was sent, and how fast the finger on it goes."""
+    """Watches what an arm was sent, and how fast the finger on it moves."""
 
     name = "arm"
     placed: ClassVar[bool] = True
@@ -54,14 +54,14 @@ class Arm(Monitor):
         return (Field("figure", unit="mixed", doc="the figure of the last trip"),)
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
-        """Return the part of the force that the finger's speed leaves: all of it up to 0.8 m/s, none at 1.2 m/s."""
-        from itouch.monitors.arm_kernels import check  # the compiler is loaded when a device runs
+        """Return the share of the force that the finger's speed allows: all of it up to 0.8 m/s, none at 1.2 m/s."""
+        from itouch.monitors.arm_kernels import check  # here, so that the compiler is loaded only if a device runs
 
         return check(self.pushing, self.sent_of(sent), float(moment.speed), state["figure"].reshape(1))
 
     @cached_property
     def pushing(self) -> arm_kernels.Pushing:
-        """Its limits as compiled code takes them."""
+        """Its limits for compiled code."""
         from itouch.monitors.arm_kernels import Pushing
 
         slow, fast = default.ARM_SPEED, default.ARM_SPEED_TRIP
@@ -70,11 +70,11 @@ class Arm(Monitor):
         return Pushing(self._force * (1.0 + _ROUNDING), torque, slow, fast, *trips)
 
     def sent_of(self, sent: Record) -> NDArray[np.float64]:
-        """Return the force of what was sent."""
+        """Return the view of the wrench that was sent [N, N m]."""
         return sent[self._wrench.name]
 
     def sentence(self, code: int, state: Record, reading: Record, moment: Moment) -> str:
-        """Say how fast, or how strong."""
+        """Return how fast the finger moved, or how much force or torque was sent."""
         figure = state["figure"].item()
         if code == Trip.FINGER_TORQUE:
             return f"was sent {figure:.3f} N m"
@@ -86,7 +86,7 @@ class Arm(Monitor):
 
     @property
     def _strongest(self) -> str:
-        """The greatest torque of the hardware about an axis, in words; empty: it does not say."""
+        """The hardware's greatest torque about an axis, in words; empty: it states none."""
         high = self._wrench.high[3:]
         return f"{max(high):g} N m" if high and math.isfinite(max(high)) else ""
 

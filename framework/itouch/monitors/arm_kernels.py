@@ -14,9 +14,9 @@ Floats = NDArray[np.float64]
 
 
 class Pushing(NamedTuple):
-    """Greatest force [N] and torque [N m] that can have been sent; speeds [m/s] from which forces fade, and that trips.
+    """Greatest force [N] and torque [N m] that can have been sent; speeds [m/s] from which forces fade, and that trip.
 
-    ``torque`` is infinite where there is none; then the three trips.
+    ``torque`` is infinite where there is none; ``finger_force``, ``finger_torque``, ``speed``: the codes of the trips.
     """
 
     force: float
@@ -30,9 +30,12 @@ class Pushing(NamedTuple):
 
 @kernel
 def check(pushing: Any, wrench: Floats, speed: float, figure: Floats) -> float:
-    """Return the part of the force that the finger's speed [m/s] leaves, or minus a trip and its figure (1,)."""
+    """Return the share of the force that the finger's speed [m/s] allows, or minus the code of a trip.
+
+    ``wrench`` (6,): what was sent [N, N m]; ``figure`` (1,): the value that tripped, written.
+    """
     force = math.sqrt(wrench[0] * wrench[0] + wrench[1] * wrench[1] + wrench[2] * wrench[2])
-    if force > pushing.force:  # nothing that was limited can be more
+    if force > pushing.force:  # a force that was limited can't be greater
         figure[0] = force
         return -float(pushing.finger_force)
     if pushing.torque < math.inf:

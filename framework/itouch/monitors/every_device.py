@@ -1,4 +1,4 @@
-"""What holds for every device: watchdog on the age of its reading (W1), ramp-in (K3), ceilings of its drives."""
+"""What holds for every device: a watchdog on the age of its reading (W1), ramp-in (K3), ceilings of its drives."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from itouch.monitors import limits as default
 from itouch.monitors.trips import Trip
 from itouch.plugin import HURTING, Channel, Field, Moment, Monitor, Record, Role, Rule, Watched
 
-#: Hurting drives whose ceilings other monitors print.
+#: Roles of commands that can hurt and whose ceilings other monitors print.
 _TOLD = (Role.FORCE_ON_OPERATOR, Role.SURFACE_POSE)
 
 
@@ -33,14 +33,14 @@ class Ordinary(Monitor):
         return (Field("figure", unit="s", doc="the age that tripped"),)
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
-        """Trip on a reading that is too old; what relies on it counts as tripped with it."""
+        """Trip on a reading that is too old."""
         if moment.age <= self._patience + 1e-9:
             return 1.0
         state["figure"][...] = moment.age
         return -float(Trip.SILENT)
 
     def sentence(self, code: int, state: Record, reading: Record, moment: Moment) -> str:
-        """Say for how long."""
+        """Return for how long the device was silent."""
         return f"was silent for {state['figure'].item():.3f} s"
 
     def rule(self, code: int, reading: Record) -> str:
@@ -48,7 +48,7 @@ class Ordinary(Monitor):
         return "W1"
 
     def rules(self) -> tuple[Rule, ...]:
-        """Return W1, the ramp of K3, and what no other rule says of the commands."""
+        """Return W1, the ramp of K3, and what no other rule tells about the commands."""
         device, ramp = self.device, self.device.limits.get("ramp") or 0.0
         begins = f"{ramp:g} s" if ramp else "none on this twin"
         found = [
@@ -64,7 +64,7 @@ class Ordinary(Monitor):
         return tuple(found)
 
     def _ceiling(self, channel: Channel) -> Rule:
-        """Return how much of a drive there may be."""
+        """Return the rule on the greatest value of a drive."""
         device, limits = self.device, self.device.limits
         if channel.role is Role.TEMPERATURE_TARGET and limits.get("temperature") is not None:
             low, high = (value - 273.15 for value in limits["temperature"])

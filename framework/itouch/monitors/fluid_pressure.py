@@ -12,7 +12,7 @@ from itouch.plugin import Field, Moment, Monitor, Record, Role, Rule, Watched
 
 
 class Push(Monitor):
-    """Watches the contact force of a device that has no surface to carry."""
+    """Watches the contact force of a device that presses by a fluid."""
 
     name = "push"
     trips: ClassVar[Mapping[int, str]] = {int(Trip.PLATE_FORCE): Trip.PLATE_FORCE.label}
@@ -31,7 +31,7 @@ class Push(Monitor):
 
     @property
     def watches(self) -> tuple[str, ...]:
-        """The pressures whose force it sees."""
+        """The pressure commands whose force it watches."""
         return tuple(channel.name for channel in self.device.obeys(Role.PRESSURE))
 
     def fields(self) -> tuple[Field, ...]:
@@ -39,11 +39,11 @@ class Push(Monitor):
         return (Field("figure", unit="N", doc="the force that tripped"),)
 
     def felt(self, reading: Record) -> float:
-        """Return the force [N] with which it presses, as it feels it."""
+        """Return the force [N] with which the device presses, by its own sensor that reads most."""
         return max(math.hypot(*reading[name].ravel()[:3].tolist()) for name in self._loads)
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
-        """Cut the pressure down between limit and trip."""
+        """Return the share of the pressure, which falls from 1 at the limit of force to 0 at the trip."""
         force = self.felt(reading)
         if force > self._trip:
             state["figure"][...] = force
@@ -51,7 +51,7 @@ class Push(Monitor):
         return 1.0 if force <= self._limit else 1.0 - (force - self._limit) / (self._trip - self._limit)
 
     def sentence(self, code: int, state: Record, reading: Record, moment: Moment) -> str:
-        """Say how hard it presses."""
+        """Return how hard the device presses."""
         return f"presses with {state['figure'].item():.1f} N"
 
     def rule(self, code: int, reading: Record) -> str:

@@ -1,8 +1,8 @@
 """Heat: the limits of a plate that a finger touches (T1 to T7), and whether its sensor and drive can be right (T8, T9).
 
-All is over time: windows, rates, doses and means use the time at which readings were measured, and the time that has
-passed between two checks, whatever the rhythm of the device.  Between a limit and its trip the drive is cut down in
-proportion; past the trip the device stops.
+Everything is computed by time, not by counting readings: windows, rates, doses and means use the times at which
+readings were measured, and the time between two checks, however often the device is read.  Between a limit and its trip
+the drive is cut down in proportion; past the trip the device stops.
 """
 
 from __future__ import annotations
@@ -63,12 +63,12 @@ class Heat(Monitor):
         hardware = [_ceiling(channel, component, {}) for channel, component in self._drives]
         parts = [most / least for most, least in zip(self._ceilings, hardware, strict=True)]
         follows = all(channel.role is Role.DRIVE for channel, _ in self._drives)
-        # of a drive that states no ceiling a limit leaves at most the whole
+        # a drive that states no ceiling counts as unlimited: its part is at most 1
         self._history, self._runaway = History(WINDOWS), Runaway(follows=follows, part=min([1.0, *parts]))
 
     @classmethod
     def of(cls, device: Watched) -> Iterable[Monitor]:
-        """Return one for each plate whose temperature is read: it has a sensor of what the skin touches."""
+        """Return one for each plate that has a sensor and a drive of its own, else one for all sensors, if any."""
         if not plates(device):
             return ()
         return tuple(cls(device, index) for index in range(len(plates(device)) if separate(device) else 1))
@@ -92,13 +92,13 @@ class Heat(Monitor):
         )
 
     def forget(self, state: Record) -> None:
-        """Forget what was measured, not the dose."""
+        """Forget what was measured, but not the dose."""
         self._history.forget(state)
         self._runaway.forget(state)
         state["since"][...] = math.nan
 
     def spent(self, state: Record) -> str:
-        """Say that the dose, or the time in the cold, is used up."""
+        """Return the words for a dose, or a time in the cold, that is used up; empty: neither is."""
         if state["dose"].item() > self._dose:
             return "has given the whole thermal dose of a session"
         if state["cold_time"].item() > self._cold:
@@ -111,12 +111,12 @@ class Heat(Monitor):
         return f"at {plate - 273.15:.1f} degC" if math.isfinite(plate) else "not measured"
 
     def beyond(self, reading: Record) -> bool:
-        """Tell whether the plate is where it may never be, by its sensor."""
+        """Tell whether the plate, by its sensor, has a temperature that it may never have."""
         plate = self._temperature(reading)
         return plate < default.PLATE_ABSOLUTE[0] or plate > default.PLATE_ABSOLUTE[1]
 
     def acts(self, reading: Record, sent: Record, *, withdrawn: bool = False) -> bool:
-        """Tell whether its plate is driven, or held at a temperature; not by a target that safety has withdrawn."""
+        """Tell whether its plate is driven, or held at a temperature; with ``withdrawn`` no target counts."""
         plate, drives = self._temperature(reading), zip(self._drives, self._ceilings, strict=True)
         return not self._off(sent) and any(_pulls(*one, sent, plate, withdrawn) for one in drives)
 
@@ -128,8 +128,8 @@ class Heat(Monitor):
         return float(reading[self.plate].ravel()[self._component])
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
-        """Check the newest readings; budgets and clocks run on without news, with what was read last."""
-        from itouch.monitors import heat_kernels, runaway_kernels  # the compiler is loaded when a device runs
+        """Check the newest readings; without a new one, budgets and clocks run on with the last one."""
+        from itouch.monitors import heat_kernels, runaway_kernels  # here: the compiler is loaded only if a device runs
 
         look = runaway_kernels.Look(float(moment.now), float(moment.time), float(moment.seconds), bool(moment.touched))
         numbers, commands = self.numbers(reading), self.numbers(sent)
@@ -140,12 +140,12 @@ class Heat(Monitor):
 
     @staticmethod
     def numbers(record: Record) -> NDArray[np.float64]:
-        """Return all numbers of a reading or of commands."""
+        """Return all numbers of a reading or of commands, shape (n,)."""
         return record.numbers if record.nbytes else np.zeros(0)
 
     @cached_property
     def stands(self) -> heat_kernels.Plate:
-        """Where its numbers stand, as compiled code takes it."""
+        """The places of its numbers in readings and commands, for compiled code."""
         from itouch.monitors.heat_kernels import Plate
 
         reads, commands = _places(self.device.reads), _places(self.device.commands)
@@ -160,7 +160,7 @@ class Heat(Monitor):
 
     @cached_property
     def allowed(self) -> heat_kernels.Allowed:
-        """What it holds the plate to, as compiled code takes it."""
+        """The limits that it holds the plate to, for compiled code."""
         from itouch.monitors.heat_kernels import Allowed
 
         (low, high), (least, most) = self._limits, self._trip
@@ -172,18 +172,18 @@ class Heat(Monitor):
 
     @property
     def trust(self) -> runaway_kernels.Trust:
-        """What is known of its drive, as compiled code takes it."""
+        """What is known of its drive, for compiled code."""
         return self._runaway.trust
 
     def memory(self, state: Record) -> heat_kernels.Memory:
-        """Return what it remembers as compiled code takes it."""
+        """Return what it remembers, for compiled code."""
         from itouch.monitors.heat_kernels import Memory
 
         dose, cold, since = (state[name].reshape(1) for name in ("dose", "cold_time", "since"))
         return Memory(self._history.past(state), dose, cold, since, state["figure"], self._runaway.memory(state))
 
     def sentence(self, code: int, state: Record, reading: Record, moment: Moment) -> str:
-        """Say which limit was passed, by how much."""
+        """Return which limit was passed, with the value that passed it."""
         a, b = state["figure"][:2].tolist()
         if code == Trip.PLATE_TEMPERATURE:
             return f"reads {self.plate} {a - 273.15:.1f} degC, on its way to {b - 273.15:.1f} degC, past its trip"
@@ -206,7 +206,7 @@ class Heat(Monitor):
         return _RULES[Trip(code)]
 
     def rules(self) -> tuple[Rule, ...]:
-        """Return T1 to T9 as far as this device has what they are about."""
+        """Return those of T1 to T9 that apply to this device."""
         by, (low, high), (least, most) = self.device.source, self._limits, self._trip
         what = self.plate.replace("_", " ")
         dose = f"{self._dose / 60:.3g} CEM43"
@@ -229,7 +229,7 @@ class Heat(Monitor):
 
 
 def _ceiling(channel: Channel, component: int, limits: Mapping[str, object]) -> float:
-    """Return the greatest drive in force: the hardware's, or the scene's if that is lower."""
+    """Return the greatest drive in force: the hardware's, or the scene's if that is lower; 1 if neither states one."""
     most = channel.high[component] if channel.high else math.inf
     limit = limits.get("current")
     if channel.role is Role.DRIVE and channel.unit == "A" and isinstance(limit, float):
@@ -238,7 +238,7 @@ def _ceiling(channel: Channel, component: int, limits: Mapping[str, object]) -> 
 
 
 def _pulls(drive: tuple[Channel, int], ceiling: float, sent: Record, plate: float, withdrawn: bool) -> bool:
-    """Tell whether one drive acts; a target acts while it is held, however near to it the plate is."""
+    """Tell whether one drive acts; a temperature target acts while it is held, however near to it the plate is."""
     channel, component = drive
     value: float = sent[channel.name].ravel()[component].item()
     if channel.role is Role.TEMPERATURE_TARGET:
@@ -247,7 +247,7 @@ def _pulls(drive: tuple[Channel, int], ceiling: float, sent: Record, plate: floa
 
 
 def _places(channels: Iterable[Channel]) -> dict[str, int]:
-    """Return where the first number of each channel stands among those of all."""
+    """Return the index of each channel's first number among the numbers of all."""
     found, at = {}, 0
     for channel in channels:
         found[channel.name] = at
@@ -256,16 +256,16 @@ def _places(channels: Iterable[Channel]) -> dict[str, int]:
 
 
 def _of_plate(channels: Iterable[Channel], plates: int, index: int | None) -> list[tuple[Channel, int]]:
-    """Return what belongs to a plate: where there is one for each plate, its own; else nobody knows whose it is: all.
+    """Return the components that belong to a plate: its own if there is one for each plate; else all, as none is known.
 
-    ``index``: which plate it is; None: it is alone.
+    ``plates``: how many plates there are; ``index``: which plate it is; None: it is the only one.
     """
     listed = [(channel, component) for channel in channels for component in range(channel.size)]
     return [listed[index]] if index is not None and len(listed) == plates else listed
 
 
 def _numbers(places: Mapping[str, int], listed: Iterable[tuple[Channel, int]]) -> NDArray[np.int64]:
-    """Return where components stand among the numbers of all channels, shape (n,)."""
+    """Return the indices of components among the numbers of all channels, shape (n,)."""
     return np.array([places[channel.name] + component for channel, component in listed], np.int64)
 
 

@@ -1,4 +1,4 @@
-"""What a plate may do to a finger, compiled: the arithmetic of `Heat` (T1 to T7), and a whole look at it."""
+"""What a plate may do to a finger, compiled: the arithmetic of `Heat` (T1 to T7), and its whole check."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ Numbers = NDArray[np.int64]
 
 
 class Plate(NamedTuple):
-    """Where a plate's numbers stand: in the reading plate, fluxes and heat sinks, among the commands the switches.
+    """The indices of a plate's numbers: its temperature, fluxes and heat sinks in the reading, switches among commands.
 
-    ``fluxes``, ``sinks`` and ``switches`` (n,): none, its own, or all that there are where nobody knows whose they are:
-    then the greatest flux and the hottest sink count, and it is off with all switches.  ``drives`` (n,): places of its
-    commands, ``ceilings`` (n,): the greatest of each, below 0 of a heater; ``targets`` (n,): 1 where the command is a
-    temperature.
+    ``fluxes``, ``sinks`` and ``switches`` (n,): none, its own, or all of the device if it is not known which are its
+    own; then the greatest flux and the hottest sink count, and the plate is off only if all switches are.  ``drives``
+    (n,): indices of its drive commands, ``ceilings`` (n,): the greatest value of each, negative for a heater;
+    ``targets`` (n,): 1 where the command is a temperature.
     """
 
     plate: int
@@ -47,9 +47,10 @@ class Plate(NamedTuple):
 
 
 class Allowed(NamedTuple):
-    """Temperatures [K] that trip, and from which the drive is cut; rate [K/s], flux [W/m2], dose and cold time [s].
+    """The limits of a plate, and the codes of the trips.
 
-    Then the trips.
+    ``least`` and ``most``: temperatures [K] that trip; ``low`` and ``high``: those from which the drive is cut down
+    [K]; ``rate`` [K/s] and ``flux`` [W/m2]: from which it is cut down; ``dose`` and ``cold`` [s]: that trip.
     """
 
     least: float
@@ -69,7 +70,7 @@ class Allowed(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What is remembered of a plate, as State has it; of what was spent, and since when it is touched, shape (1,)."""
+    """What is remembered of a plate, as State has it; ``dose``, ``cold_time`` and ``since`` have shape (1,)."""
 
     past: history_kernels.Past
     dose: Floats
@@ -83,7 +84,7 @@ class Memory(NamedTuple):
 def check(
     plate: Any, allowed: Any, trust: Any, memory: Any, reading: Floats, sent: Floats, look: Any, fresh: bool
 ) -> float:  # fmt: skip
-    """Look at the newest readings; budgets and clocks run on without news, with what was read last.
+    """Check the newest readings; without a new one, budgets and clocks run on with the last one.
 
     Parameters
     ----------
@@ -92,12 +93,12 @@ def check(
     reading, sent
         All numbers of the device's reading and of what it was sent, (n,) each, in their channels' units.
     look, fresh
-        A `runaway_kernels.Look`, and whether a reading has come since the last.
+        A `runaway_kernels.Look`, and whether a reading has come since the last check.
 
     Returns
     -------
     float
-        The part of the drive that is left, or minus the code of a trip.
+        The share of the drive that is allowed, or minus the code of a trip.
     """
     temperature = reading[plate.plate]
     flux = 0.0
@@ -126,13 +127,13 @@ def check(
 
 @kernel
 def left(beyond: float, room: float) -> float:
-    """Return what is left of the drive so far beyond a limit, with so much room to the trip."""
+    """Return the share of the drive that is left at ``beyond`` past a limit, whose trip is ``room`` past it."""
     return 1.0 if beyond <= 0.0 else max(0.0, 1.0 - beyond / room)
 
 
 @kernel
 def drive(plate: Any, sent: Floats, temperature: float) -> float:
-    """Return how strongly the plate is driven: -1 (heats) to 1 (cools), as a part of the limit in force.
+    """Return how strongly the plate is driven: -1 (heating) to 1 (cooling), as a part of the limit in force.
 
     ``sent`` (n,): all numbers that the device was sent; ``temperature`` of the plate [K].
     """
@@ -152,7 +153,7 @@ def drive(plate: Any, sent: Floats, temperature: float) -> float:
 
 @kernel
 def near_temperature(allowed: Any, memory: Any, temperature: float) -> float:
-    """Return the share of the drive that the plate's temperature, a little ahead, leaves (T1, T2)."""
+    """Return the share of the drive that the plate's temperature, extrapolated a little, allows (T1, T2)."""
     ahead = temperature
     known, before = history_kernels.before(memory.past, SHORT)
     if known:
@@ -167,7 +168,7 @@ def near_temperature(allowed: Any, memory: Any, temperature: float) -> float:
 
 @kernel
 def near_rate(allowed: Any, memory: Any, temperature: float, touched: bool) -> float:
-    """Return the share that the plate's rate in contact, a mean over half a second, leaves (T5)."""
+    """Return the share that the plate's rate in contact, a mean over half a second, allows (T5)."""
     if not touched:
         memory.since[0] = math.nan
         return 1.0
@@ -184,7 +185,7 @@ def near_rate(allowed: Any, memory: Any, temperature: float, touched: bool) -> f
 
 @kernel
 def near_flux(allowed: Any, memory: Any) -> float:
-    """Return the share that the mean of the flux, whatever its sign, over a second leaves (T6)."""
+    """Return the share that the mean of |flux| over a second allows (T6)."""
     mean, limit = history_kernels.mean_flux(memory.past, MEAN), allowed.flux
     if mean * 3.0 > limit * 3.99:  # 4/3, or a sensor that has been at the end of its scale all the time
         memory.figure[0] = mean
@@ -211,7 +212,7 @@ def count(allowed: Any, memory: Any, temperature: float, look: Any) -> float:
 
 @kernel
 def jump(allowed: Any, memory: Any) -> float:
-    """Trip on a step of the plate's sensor that no plate can do (T8)."""
+    """Trip on a step of the plate's sensor that no plate can make (T8)."""
     step = history_kernels.step(memory.past, SHORT, DOUBLE)
     if abs(step) <= STEP:
         return 0.0

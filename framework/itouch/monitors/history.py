@@ -1,4 +1,4 @@
-"""What a plate has read lately: temperature and flux with the times at which they were measured, as a ring in State."""
+"""The latest readings of a plate: temperature and flux, with the times of their measurement, as a ring in State."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 
 class History:
-    """Keeps what can be looked back at: rows of time, temperature, and the integrals of temperature and |flux| so far.
+    """Keeps rows of time, temperature, and the integrals of temperature and |flux| so far, for looking back.
 
     The arithmetic is in ``history_kernels``.
 
     Parameters
     ----------
     windows
-        Times [s] that are looked back; each has a pointer of its own, so that looking back is one step or two.
+        How far to look back [s]; each window has a pointer of its own, so that looking back takes a step or two.
     """
 
     def __init__(self, windows: Sequence[float]) -> None:
@@ -44,13 +44,13 @@ class History:
         )
 
     def forget(self, state: Record) -> None:
-        """Begin anew."""
+        """Forget all readings."""
         state["samples"][...] = 0
         state["tails"][:] = 0
 
     def past(self, state: Record) -> history_kernels.Past:
-        """Return what was read, as compiled code takes it."""
-        from itouch.monitors.history_kernels import Past  # the compiler is loaded when a device runs
+        """Return the readings, for compiled code."""
+        from itouch.monitors.history_kernels import Past  # here, so that the compiler is loaded only if a device runs
 
         samples, flux = state["samples"].reshape(1), state["flux"].reshape(1)
         return Past(samples, state["history"], flux, state["tails"], np.array(self._windows))

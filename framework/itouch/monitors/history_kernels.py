@@ -1,4 +1,4 @@
-"""Looking back by time at what a plate has read, compiled: the arithmetic of `History`."""
+"""Looking back by time at a plate's readings, compiled: the arithmetic of `History`."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Numbers = NDArray[np.int64]
 class Past(NamedTuple):
     """A ring of readings in State.
 
-    ``samples`` (1,): how many there were; ``rows`` (READINGS, 4): time, temperature, and the integrals of temperature
-    and of the flux, whatever its sign; ``flux`` (1,): the newest; ``tails`` (n,): where each window begins;
-    ``windows`` (n,): how long they are [s].
+    ``samples`` (1,): how many there were; ``rows`` (READINGS, 4): time [s], temperature [K], and the integrals of
+    temperature [K s] and of |flux| [J/m2]; ``flux`` (1,): the newest |flux| [W/m2]; ``tails`` (n,): where each window
+    begins; ``windows`` (n,): how long they are [s].
     """
 
     samples: Numbers
@@ -31,7 +31,7 @@ class Past(NamedTuple):
 
 @kernel
 def add(past: Any, time: float, value: float, flux: float) -> bool:
-    """Take a reading; tell whether it is a new one."""
+    """Add a reading: time [s], temperature [K] and |flux| [W/m2]; tell whether it is a new one."""
     count, area, mean = past.samples[0], 0.0, 0.0
     if count > 0:
         last = past.rows[(count - 1) % READINGS]
@@ -56,7 +56,7 @@ def newest(past: Any) -> float:
 
 @kernel
 def at(past: Any, time: float, window: int, column: int) -> tuple[bool, float]:
-    """Return whether a column is known at a time, and what it is, linear between two readings."""
+    """Return whether a column is known at a time [s], and its value, interpolated linearly between two readings."""
     count, rows = past.samples[0], past.rows
     tail = max(past.tails[window], count - READINGS)
     if tail >= count or rows[tail % READINGS, TIME] > time + SAME:
@@ -87,7 +87,7 @@ def value_at(past: Any, time: float, window: int) -> float:
 
 @kernel
 def mean_flux(past: Any, window: int) -> float:
-    """Return the mean of the flux, whatever its sign, over a window [W/m2]; 0 before one has passed."""
+    """Return the mean of |flux| over a window [W/m2]; 0 before one has passed."""
     known, value = at(past, newest(past) - past.windows[window], window, FLUX)
     if not known:
         return 0.0
@@ -96,7 +96,7 @@ def mean_flux(past: Any, window: int) -> float:
 
 @kernel
 def step(past: Any, window: int, double: int) -> float:
-    """Return the mean over the last window less that over the one before [K]; 0 before both have passed."""
+    """Return the mean temperature over the last window minus that over the one before [K]; 0 until both have passed."""
     now = newest(past)
     older_known, older = at(past, now - past.windows[double], double, AREA)
     middle_known, middle = at(past, now - past.windows[window], window, AREA)

@@ -1,7 +1,7 @@
 """The default limits of safety (temperature, dose, force, speed, time, watchdog), and those in force for one device.
 
 The defaults are for healthy adults touching with a fingertip.  Their basis is in ``docs/reference/safety-limits.md``,
-where T, K and W number them.
+by the numbers T1, K1, W1 and so on.
 """
 
 from __future__ import annotations
@@ -12,54 +12,55 @@ from dataclasses import dataclass, field
 from itouch.plugin import Role
 
 # --- heat (T) -----------------------------------------------------------------------------------------------------
-#: T1, T2: lowest and highest plate temperature [K]: where the drive is cut down, where it trips, and what never passes.
+#: T1, T2: lowest and highest plate temperature [K]: where the drive is cut down, where it trips, the absolute limit.
 PLATE_TEMPERATURE = (288.15, 313.15)
 PLATE_TRIP = (285.15, 315.15)
 PLATE_ABSOLUTE = (281.15, 318.15)
-#: T3: thermal dose of a session [s of CEM43] that is told, and that trips.
+#: T3: thermal dose of a session [s of CEM43] that gives a warning, and that trips.
 DOSE_WARNING, DOSE = 60.0, 120.0
-#: T4: time [s] of one contact after which the plate withdraws, the longest that a scene may ask for, and the trip.
+#: T4: time [s] of one contact after which the plate withdraws, the longest that a scene may ask for, and that trips.
 CONTACT_TIME, CONTACT_TIME_LONGEST, CONTACT_TIME_TRIP = 10.0, 60.0, 60.0
-#: T4: time [s] in contact with a plate below so many kelvin, in a whole session: nobody was exposed for longer in the
-#: study that the limits for cold come from (Geng et al. 2006: at most 120 s, pain from 15 degC of contact temperature,
-#: the last of these); 1 K is for the sensor.
+#: T4c: temperature [K] below which a plate is cold, longest time [s] in contact with a cold plate in a session, and the
+#: same temperature without the 1 K that is added for the sensor.  In the study that the limits for cold come from (Geng
+#: et al. 2006) nobody was exposed for longer than 120 s, and pain began at a contact temperature of 15 degC.
 COLD_FROM, COLD_TIME, COLD_ABSOLUTE = 289.15, 120.0, 288.15
 #: T5: rate [K/s] of the plate in contact, as a mean over half a second, that cuts the drive down; twice as much trips.
 PLATE_RATE = 10.0
 #: T6: mean over a second of |flux| [W/m2] that cuts the drive down; 4/3 of it trips.
 FLUX = 15e3
-#: T7: heat sink [K]: where the drive is cut down, where it trips, and what never passes.
+#: T7: temperature of the heat sink [K]: where the drive is cut down, where it trips, and the absolute limit.
 SINK, SINK_TRIP, SINK_ABSOLUTE = 323.15, 328.15, 333.15
 # --- motion and force (K) -----------------------------------------------------------------------------------------
 #: K1: greatest force of an arm on the operator [N].
 FORCE = 3.0
-#: K1: how far [m] a finger's tip is from the nearest of its joints: a torque counts as a force at this lever.  The bone
-#: of an index finger's last phalanx is 15.8 mm long, with 3.8 mm of soft tissue before it (Buryanov and Kotiuk 2010).
+#: K1: distance [m] from a fingertip to the nearest of the finger's joints: a torque counts as a force at this lever.
+#: The bone of an index finger's distal phalanx is 15.8 mm long, with 3.8 mm of soft tissue before it (Buryanov and
+#: Kotiuk 2010).
 FINGER_LEVER = 0.020
-#: K1: greatest torque of an arm on the operator [N m]: no joint bears more by it than by the greatest force.
+#: K1: greatest torque of an arm on the operator [N m]: it loads no joint more than the greatest force does.
 TORQUE = FORCE * FINGER_LEVER
-#: K2: speed of the finger on an arm [m/s] from which forces that drive it fade, and that trips.
+#: K2: speed of the finger on an arm [m/s] from which forces fade, and that trips.
 ARM_SPEED, ARM_SPEED_TRIP = 0.8, 1.2
 #: K3: greatest increase of |force| [N/s], and ramp-in [s] after enabling hardware and after every re-arming.
 FORCE_SLEW, RAMP = 1000.0, 1.0
-#: K4: force of the plate on the finger [N]: where the plate yields, where it trips, and what never passes.
+#: K4: force of the plate on the finger [N]: where the plate yields, where it trips, and the absolute limit.
 PLATE_FORCE, PLATE_FORCE_TRIP, PLATE_FORCE_ABSOLUTE = 2.0, 5.0, 10.0
 #: K5: distance [m] below which a surface is near the finger; its speed [m/s] towards a near finger, and otherwise.
 NEAR = 0.020
 SPEED_NEAR, SPEED = 0.10, 0.25
 SPEED_NEAR_TRIP, SPEED_TRIP = 0.15, 0.30
-#: K6: distance [m] of a surface from its command that stops its approach, that trips, and for how long [s].
+#: K6: distance [m] of a surface from its command that stops its approach, that trips, and how long it must last [s].
 TRACKING, TRACKING_TRIP, TRACKING_TIME = 0.003, 0.005, 0.1
 # --- watchdogs (W) ------------------------------------------------------------------------------------------------
 #: W1: greatest age of a reading [s], by what the device commands.
 WATCHDOG = {Role.FORCE_ON_OPERATOR: 0.020, Role.SURFACE_POSE: 0.100}
 WATCHDOG_OTHER = 0.500
-#: W1 is on when these were measured, where the wire says it, not only on when they came: what a finger can be hurt by
-#: within the time that a watchdog waits, or what lets a device run.
+#: W1: readings whose age counts from when they were measured, where the wire tells that, not from when they came: those
+#: that show what can hurt a finger within the time that a watchdog waits, or that let a device run.
 TIMELY = frozenset({Role.TRACKED_POSE, Role.CONTACT_FORCE, Role.SKIN_CONTACT_TEMPERATURE, Role.HEAT_FLUX, Role.DEADMAN})
 #: W4: how often a device may be re-armed within a minute.
 REARMS = 5
-#: W3: how long [s] one word of the dead-man's switch holds.
+#: W3: how long [s] one signal of the dead-man's switch is good.
 HOLD = 0.080
 
 DEFAULT, CEILING = "the default", "the device's ceiling"
@@ -69,7 +70,7 @@ DEFAULT, CEILING = "the default", "the device's ceiling"
 class DeviceLimits:
     """The limits in force for one device, SI; None where the device has nothing to limit.
 
-    ``sources`` says for each field who has set it.
+    ``sources`` tells for each field what has set it.
     """
 
     force: float | None = None
@@ -97,7 +98,7 @@ class DeviceLimits:
 
     @property
     def temperature_trip(self) -> tuple[float, float]:
-        """Lowest and highest plate temperature [K] before a trip: as far beyond the limits as the default trips are."""
+        """Plate temperatures [K] below and above which it trips: as far beyond the limits as the default trips are."""
         low, high = self.temperature or PLATE_TEMPERATURE
         return (
             max(PLATE_TRIP[0], low - (PLATE_TEMPERATURE[0] - PLATE_TRIP[0])),
@@ -106,17 +107,17 @@ class DeviceLimits:
 
     @property
     def plate_force_trip(self) -> float:
-        """Force [N] of the plate on the finger that trips, in the ratio of the defaults."""
+        """Force [N] of the plate on the finger that trips: the limit times the ratio of the defaults."""
         return (PLATE_FORCE if self.plate_force is None else self.plate_force) * PLATE_FORCE_TRIP / PLATE_FORCE
 
     @property
     def contact_time_trip(self) -> float:
-        """Time [s] of one contact that trips: the plate was to withdraw long before."""
+        """Time [s] of one contact that trips: the plate should have withdrawn long before."""
         wanted = CONTACT_TIME if self.contact_time is None else self.contact_time
         return min(CONTACT_TIME_TRIP, wanted * CONTACT_TIME_TRIP / CONTACT_TIME)
 
 
-#: The limits of ``DeviceLimits.table``.
+#: Names of the limits in ``DeviceLimits.table``.
 NAMES = (
     "force", "torque", "speed", "current", "temperature", "plate_force", "contact_time", "plate_rate", "flux", "dose",
     "cold_time", "watchdog",

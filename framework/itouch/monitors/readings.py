@@ -21,25 +21,26 @@ if TYPE_CHECKING:
 
 #: T8: greatest change of a temperature between two readings [K], and range of any temperature [K].
 TEMPERATURE_JUMP, TEMPERATURE_RANGE = 20.0, (263.15, 353.15)
-#: Fastest that a finger goes [m/s], room for the steps of encoders [m], and how far from its origin a device reaches.
+#: Greatest speed of a finger [m/s], room for the steps of encoders [m], how far from its origin a device reaches [m].
 FINGER_SPEED, STEPS, WORKSPACE = 5.0, 0.002, 2.0
-#: How much faster than it can a surface may seem to go before its sensor is not believed.
+#: How many times faster than it can move a surface may seem to move before its sensor is not believed.
 SURFACE_MARGIN = 3.0
-#: Two sensors of the plate differ at most so much [K].
+#: Two sensors of one plate differ at most by this much [K].
 DISAGREEMENT = 3.0
-#: How far a quaternion's length may be from 1: three decimals do. Another would stretch what is mounted on the device.
+#: How far a quaternion's length may be from 1: three decimals are enough for that.  A worse one would stretch the frame
+#: of what is mounted on the device.
 STRETCH = 0.01
-#: A flux sensor at the end of its scale is believed; its last count may lie beyond.
+#: A flux sensor at the end of its scale is believed; its last count may lie beyond the scale by this factor.
 SATURATED = 1.01
 _MOST = 1e300
-#: By how much the squares of a quaternion's parts then miss 1.
+#: By how much the sum of the squares of a quaternion's parts may then differ from 1.
 _STRETCHED = (1.0 + STRETCH) ** 2 - 1.0
 
 Floats = list[float]
 
 
 class Readings(Monitor):
-    """Checks every reading of one device: finite, in range, possible rate, sensors that agree."""
+    """Checks every reading of one device: that it is finite, in range, changes no faster than possible, and agrees."""
 
     name = "readings"
     trips: ClassVar[Mapping[int, str]] = {
@@ -55,7 +56,7 @@ class Readings(Monitor):
         self._channels = [channel for channel in device.reads for _ in range(channel.size)]
         low: Floats = []
         high: Floats = []
-        speeds: list[tuple[float, float]] = []  # greatest change: m/s or K/s, and what is always let through
+        speeds: list[tuple[float, float]] = []  # greatest change: per second [m/s or K/s], and at once [m or K]
         for channel in device.reads:
             least, most = _range(channel, device.limits)
             low += least
@@ -89,7 +90,7 @@ class Readings(Monitor):
         )
 
     def forget(self, state: Record) -> None:
-        """Begin anew: the next reading may be anywhere in its range."""
+        """Forget the last reading: the next one may be anywhere in its range."""
         state["known"][...] = 0
 
     def recall(self, state: Record, reading: Record) -> None:
@@ -98,13 +99,13 @@ class Readings(Monitor):
         state["known"][...] = 1
 
     def put_back(self, state: Record, reading: Record) -> None:
-        """Put the last reading that was believed in the place of one that is not: nobody else shall work with it."""
+        """Replace a reading that is not believed by the last one that was, so that nobody works with it."""
         reading.numbers[:] = state["believed"]
 
     def mend(self, state: Record, reading: Record) -> None:
-        """Put back what was believed last of each channel that reads what means nothing; others say what they say.
+        """Replace the numbers of each channel that mean nothing by the last believed ones; other channels stay.
 
-        A force that a device feels may be right though the place that it tells is not.
+        The force that a device measures may be right although its position is not.
         """
         values, at = reading.numbers, 0
         for channel in self.device.reads:
@@ -118,20 +119,20 @@ class Readings(Monitor):
             at = end
 
     def sane(self, reading: Record) -> bool:
-        """Tell whether a reading can be worked with at all, though a limit may be passed."""
+        """Tell whether a reading can be worked with at all, even if it passes a limit."""
         values: Floats = reading.numbers.tolist()
         within = all(low <= value <= high for value, (low, high) in zip(values, self._sane, strict=True))
         return within and all(_rotation(values, turn) for turn in self._turns)
 
     def memory(self, state: Record) -> readings_kernels.Memory:
-        """Return what it remembers as compiled code takes it."""
+        """Return what it remembers, for compiled code."""
         from itouch.monitors.readings_kernels import Memory
 
         return Memory(state["believed"], state["known"].reshape(1), state["figure"])
 
     @cached_property
     def able(self) -> readings_kernels.Believable:
-        """What readings can be, as compiled code takes it."""
+        """What readings can be believed, for compiled code."""
         from itouch.monitors.readings_kernels import Believable
 
         checked = [
@@ -151,12 +152,12 @@ class Readings(Monitor):
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         """Check the newest reading; ``moment.seconds`` is the time since the reading before."""
-        from itouch.monitors.readings_kernels import check  # the compiler is loaded when a device runs
+        from itouch.monitors.readings_kernels import check  # here, so that the compiler is loaded only if a device runs
 
         return check(self.able, self.memory(state), reading.numbers, float(moment.seconds))
 
     def sentence(self, code: int, state: Record, reading: Record, moment: Moment) -> str:
-        """Name the reading and its value."""
+        """Return the reading that tripped, with its value."""
         index, apart = int(state["figure"][0]), float(state["figure"][1])
         if index < 0:
             return "reads numbers that are too large to add up"
@@ -182,7 +183,7 @@ class Readings(Monitor):
         return "T7" if code == Trip.SINK_TEMPERATURE else "T8"
 
     def rules(self) -> tuple[Rule, ...]:
-        """Return T8 as far as single readings go."""
+        """Return the part of T8 that concerns single readings."""
         found = ["not a number"]
         roles = {channel.role for channel in self.device.reads}
         if any(channel.unit == "K" for channel in self.device.reads):
@@ -204,7 +205,7 @@ _TRIPS = {
 
 
 def not_finite(values: Sequence[float]) -> str:
-    """Say what is wrong with numbers of which one at least is not finite, or whose sum is not."""
+    """Return what is wrong with numbers of which at least one is not finite, or whose sum is not."""
     return next(("NaN" if math.isnan(v) else "an infinite number" for v in values if not math.isfinite(v)), "too much")
 
 
@@ -214,7 +215,7 @@ def shown(channel: Channel, value: float) -> str:
 
 
 def plates(device: Watched) -> list[tuple[int, str, int]]:
-    """Return where each sensor of what the skin touches stands: number in the reading, channel, component."""
+    """Return each sensor of the temperature that the skin touches: its index in the reading, channel, component."""
     at, found = 0, []
     for channel in device.reads:
         if channel.role is Role.SKIN_CONTACT_TEMPERATURE:
@@ -235,13 +236,13 @@ def separate(device: Watched) -> bool:
 
 
 def pairs(device: Watched) -> list[tuple[int, int]]:
-    """Return which two numbers of the reading measure the same plate."""
+    """Return the pairs of indices in the reading that measure the same plate."""
     found = [number for number, _, _ in plates(device)]
     return [] if separate(device) else [(found[0], other) for other in found[1:]]
 
 
 def turns(device: Watched) -> list[int]:
-    """Return the numbers of the reading at which the quaternion of a pose begins."""
+    """Return the indices in the reading at which the quaternion of a pose begins."""
     at, found = 0, []
     for channel in device.reads:
         if channel.role is Role.TRACKED_POSE and channel.size == 7:
@@ -251,13 +252,13 @@ def turns(device: Watched) -> list[int]:
 
 
 def _rotation(values: Any, at: int) -> bool:
-    """Tell whether four numbers of a reading (n,) are a rotation, or all zero, which tells none."""
+    """Tell whether four numbers of a reading (n,), from ``at`` on, are a rotation, or all zero, which tells none."""
     squared = math.fsum(float(value) ** 2 for value in values[at : at + 4])
     return squared == 0.0 or abs(squared - 1.0) <= _STRETCHED
 
 
 def _range(channel: Channel, limits: Mapping[str, object]) -> tuple[Floats, Floats]:
-    """Return the range in which a reading is believed, and beyond which the heat of plate or sink trips."""
+    """Return the range in which a reading is believed; for plate and heat sink also that of their trips."""
     low = list(channel.low) or [-math.inf] * channel.size
     high = list(channel.high) or [math.inf] * channel.size
     trip = limits.get("temperature_trip", default.PLATE_TRIP)
@@ -277,7 +278,7 @@ def _range(channel: Channel, limits: Mapping[str, object]) -> tuple[Floats, Floa
 
 
 def _sane(channel: Channel) -> list[tuple[float, float]]:
-    """Return the range of each component in which a number means anything."""
+    """Return the range of each component outside which a number means nothing."""
     if channel.unit == "K":
         return [TEMPERATURE_RANGE] * channel.size
     low, high = _range(channel, {})
@@ -285,7 +286,7 @@ def _sane(channel: Channel) -> list[tuple[float, float]]:
 
 
 def _change(channel: Channel, commands: Sequence[Channel]) -> list[tuple[float, float]]:
-    """Return the greatest change of each component: a speed, and what is always let through."""
+    """Return the greatest change of each component: per second, and a step that is always let through."""
     free = [(0.0, math.inf)] * channel.size
     if channel.role in _TRIPS:
         return [(0.0, TEMPERATURE_JUMP)] * channel.size

@@ -15,14 +15,14 @@ Numbers = NDArray[np.int64]
 
 
 class Believable(NamedTuple):
-    """What the n numbers of a reading can be.
+    """What is believed of the n numbers of a reading.
 
-    ``low``, ``high`` (n,): their range; ``trips`` (n,): the trip of a number that is out of it; ``checked``: those that
-    are looked at in every reading, with ``speed`` and ``room`` (n,): how far one can be from that before, by seconds
-    and at once; ``first``, ``second``: numbers that measure the same, and differ by ``apart`` (1,) at most; ``turns``:
-    where quaternions begin, and ``stretch`` (1,): how far the squares of their parts may be from adding up to 1;
-    ``disagree``, ``jump``, ``odd``, ``outside`` (1,): the trips of two that differ, of a number too far off, of none at
-    all, and of a quaternion that is no rotation.
+    ``low``, ``high`` (n,): their range; ``trips`` (n,): the trip of a number outside it; ``checked``: indices of the
+    numbers with limits, with ``speed`` and ``room`` (n,): how far one can be from the reading before, per second and at
+    once; ``first``, ``second``: indices of numbers that measure the same and differ by at most ``apart`` (1,);
+    ``turns``: where quaternions begin, and ``stretch`` (1,): how far the sum of the squares of their parts may be from
+    1; ``disagree``, ``jump``, ``odd``, ``outside`` (1,): the trips of two numbers that differ, of one too far from the
+    reading before, of NaN or an infinite number, and of a quaternion that is no rotation.
     """
 
     low: Floats
@@ -43,7 +43,7 @@ class Believable(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What is remembered: the last reading that was believed (n,), whether it counts (1,), and a trip's figures."""
+    """What is remembered: the last believed reading (n,), whether the next is compared with it (1,), trip figures."""
 
     believed: Floats
     known: Numbers
@@ -52,7 +52,7 @@ class Memory(NamedTuple):
 
 @kernel
 def _found(able: Any, memory: Any, values: Floats) -> float:
-    """Note which number is out of range or none at all, and return its trip."""
+    """Note the first number that is out of range or not finite, and return minus its trip."""
     for i in range(len(values)):
         finite = math.isfinite(values[i])
         if not finite or not able.low[i] <= values[i] <= able.high[i]:
@@ -64,16 +64,16 @@ def _found(able: Any, memory: Any, values: Floats) -> float:
 
 @kernel
 def squared_length(values: Floats, at: int) -> float:
-    """Return the sum of the squares of a quaternion's four parts, no unit; it begins at a number of a reading (n,)."""
+    """Return the sum of the squares [1] of a quaternion's four parts, which begin at index ``at`` of a reading (n,)."""
     w, x, y, z = float(values[at]), float(values[at + 1]), float(values[at + 2]), float(values[at + 3])
     return w * w + x * x + y * y + z * z
 
 
 @kernel
 def doubt(able: Any, memory: Any, values: Floats, seconds: float) -> float:
-    """Return 1, or minus the trip of a reading (n,) that cannot be believed, so many seconds after the one before.
+    """Return 1, or minus the trip of a reading (n,) that cannot be believed.
 
-    ``values`` are in the channel's unit, as are the limits in ``able``; ``seconds`` [s].
+    ``values`` are in the channels' units, as are the limits in ``able``; ``seconds``: since the reading before [s].
     """
     total = 0.0
     for i in range(len(values)):

@@ -15,27 +15,28 @@ if TYPE_CHECKING:
 
 
 def drive_of(channel: Channel, sent: float, temperature: float, ceiling: float) -> float:
-    """Return how strongly a command drives its plate: -1 (heats) to 1 (cools).
+    """Return how strongly a command drives its plate: -1 (heating) to 1 (cooling).
 
-    A drive that goes both ways cools when it is positive; one that goes one way only is a heater.
+    A bipolar drive cools when it is positive; a unipolar one is a heater.
     """
-    from itouch.monitors import runaway_kernels  # the compiler is loaded when a device runs
+    from itouch.monitors import runaway_kernels  # here, so that the compiler is loaded only if a device runs
 
     target, most = channel.role is Role.TEMPERATURE_TARGET, signed(channel, ceiling)
     return runaway_kernels.drive_of(target, float(sent), float(temperature), most)
 
 
 def signed(channel: Channel, ceiling: float) -> float:
-    """Return the greatest drive of a command, below 0 of what goes one way only: a heater."""
+    """Return the greatest drive of a command, negative for a unipolar one, which is a heater."""
     heater = bool(channel.low) and max(channel.low) >= 0.0
     return -float(ceiling) if heater else float(ceiling)
 
 
 class Runaway:
-    """Compares what a plate reads with how it is driven; the arithmetic is in ``runaway_kernels``.
+    """Compares the readings of a plate with how it is driven; the arithmetic is in ``runaway_kernels``.
 
-    ``follows``: a strong drive must show; that of a device which controls its temperature itself is not known.
-    ``part``: of the hardware's drive, what the limit in force leaves; a tighter one makes no drive less steady.
+    ``follows``: a strong drive must have an effect; not so in a device that controls its temperature itself, whose
+    drive is not known.  ``part``: the limit in force as a part of the hardware's greatest drive; with it, changes of
+    the drive are judged by the hardware's scale, so that a tighter limit makes no drive less steady.
     """
 
     def __init__(self, *, follows: bool, part: float = 1.0) -> None:
@@ -65,7 +66,7 @@ class Runaway:
         )
 
     def forget(self, state: Record) -> None:
-        """Begin anew."""
+        """Forget what was measured."""
         state["frozen"][...] = math.nan
         state["driven_for"][...] = state["odd_for"][...] = state["frozen_slope"][...] = 0.0
         state["parts"][:] = -math.inf
@@ -73,7 +74,7 @@ class Runaway:
 
     @property
     def trust(self) -> runaway_kernels.Trust:
-        """What is known of the drive, as compiled code takes it."""
+        """What is known of the drive, for compiled code."""
         from itouch.monitors.runaway_kernels import Trust
 
         trips = (int(trip) for trip in (Trip.SENSOR_FROZEN, Trip.SENSOR_DISAGREE, Trip.RUNAWAY))
@@ -81,14 +82,14 @@ class Runaway:
 
     @staticmethod
     def memory(state: Record) -> runaway_kernels.Memory:
-        """Return what is remembered, as compiled code takes it."""
+        """Return what is remembered, for compiled code."""
         from itouch.monitors.runaway_kernels import Memory
 
         return Memory(*(state[name].reshape(-1) if name != "parts" else state[name] for name in Memory._fields))
 
     @staticmethod
     def sentence(code: int, state: Record, plate: str) -> str:
-        """Say what cannot be."""
+        """Return what is impossible in the readings."""
         a, b = state["figure2"].tolist()
         if code == Trip.SENSOR_FROZEN:
             return f"reads the same {plate} for {a:.2f} s while driven"
@@ -99,7 +100,7 @@ class Runaway:
 
     @staticmethod
     def rules(driven: Sequence[tuple[Channel, int]]) -> tuple[Rule, ...]:
-        """Return T8 and T9 of a plate that is driven."""
+        """Return T8 and T9 for a plate that is driven."""
         if not driven:
             return ()
         sane = "step of 5 K in 50 ms, frozen for 1 s while the drive changes, for 0.5 s of full drive"

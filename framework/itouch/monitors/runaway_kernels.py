@@ -39,7 +39,7 @@ Numbers = NDArray[np.int64]
 
 
 class Trust(NamedTuple):
-    """What is known of a drive: see `Runaway`; and the trips of a sensor that is frozen or odd, and of a plate."""
+    """What is known of a drive (see `Runaway`), and the trips of a frozen sensor, a drifted one, and a runaway."""
 
     follows: bool
     part: float
@@ -76,12 +76,12 @@ class Look(NamedTuple):
 
 @kernel
 def drive_of(target: bool, sent: float, temperature: float, ceiling: float) -> float:
-    """Return how strongly a command drives its plate: -1 (heats) to 1 (cools).
+    """Return how strongly a command drives its plate: -1 (heating) to 1 (cooling).
 
-    ``target``: it is a temperature to be held [K]; else ``ceiling`` is the greatest drive, below 0 of a heater.
+    ``target``: it is a temperature to be held [K]; else ``ceiling`` is the greatest drive, negative for a heater.
     """
     if target:
-        known = sent >= COLDEST_TARGET  # else none was asked for yet
+        known = sent >= COLDEST_TARGET  # else none was requested yet
         return max(-1.0, min(1.0, (temperature - sent) / FULL_STRENGTH)) if known else 0.0
     return sent / ceiling
 
@@ -90,7 +90,11 @@ def drive_of(target: bool, sent: float, temperature: float, ceiling: float) -> f
 def check(
     trust: Any, memory: Any, temperature: float, sink: float, drive: float, look: Any, news: bool
 ) -> float:  # fmt: skip
-    """Return minus the code of a trip, or 0; ``sink``: temperature of the heat sink [K], NaN: not known."""
+    """Return minus the code of a trip, or 0.
+
+    ``temperature`` of the plate, ``sink``: of the heat sink, NaN: not known [K]; ``drive``: as of `drive_of` [1];
+    ``news``: whether the reading is a new one.
+    """
     if look.touched:
         memory.touched_at[0] = look.now
     found = still(trust, memory, temperature, drive, look) if news else 0.0
@@ -103,7 +107,7 @@ def check(
 
 @kernel
 def still(trust: Any, memory: Any, temperature: float, drive: float, look: Any) -> float:
-    """Trip on a sensor that reads exactly the same while the drive changes, or the plate must go on (T8)."""
+    """Trip on a sensor that reads exactly the same although the drive changes, or the plate must move on (T8)."""
     passed = max(0.0, look.time - memory.frozen_at[0])
     memory.frozen_at[0] = look.time
     last, change = memory.frozen[0], abs(drive - memory.frozen_from[0])
@@ -131,11 +135,11 @@ def still(trust: Any, memory: Any, temperature: float, drive: float, look: Any) 
 
 @kernel
 def stopped(trust: Any, memory: Any, drive: float, same: float) -> bool:
-    """Tell whether a plate that moved under a steady drive seems to have stopped from one reading to the next."""
+    """Tell whether a plate whose temperature moved under a steady drive seems to have stopped abruptly."""
     slope = abs(memory.frozen_slope[0])
     strong = abs(drive) > DRIFT_DRIVE
     driven = trust.follows and strong and same > STOPPED_TIME
-    # a device that controls its temperature itself stops where it was told to, however fast it came
+    # a device that controls its temperature itself stops where it was told to, however fast it moved
     fast = (trust.follows or strong) and slope > FAST and same > FAST_TIME
     return bool((driven or fast) and same <= STOPPED_WITHIN and slope * same > STOPPED)
 
@@ -163,7 +167,7 @@ def against(trust: Any, memory: Any, temperature: float, drive: float, look: Any
 
 @kernel
 def extremes(memory: Any, temperature: float, now: float, begin: float) -> tuple[float, float]:
-    """Note a temperature; return the extremes of the last two seconds, but not from before ``begin`` [s]."""
+    """Note a temperature; return least and greatest of the last two seconds [K], without those before ``begin`` [s]."""
     if now < begin:
         return temperature, temperature
     index = int(math.floor(now / PART))
@@ -180,7 +184,7 @@ def extremes(memory: Any, temperature: float, now: float, begin: float) -> tuple
 
 @kernel
 def odd(trust: Any, memory: Any, temperature: float, sink: float, drive: float, look: Any) -> float:
-    """Trip if a plate alone is long where its drive cannot have brought it: its sensor has drifted (T8)."""
+    """Trip if an untouched plate has long been where its drive cannot have brought it: its sensor has drifted (T8)."""
     beyond = (temperature - sink) * math.copysign(1.0, drive)
     weak = not DRIFT_DRIVE < abs(drive) < RUNAWAY_DRIVE
     if look.touched or weak or not beyond > DRIFT:

@@ -1,4 +1,4 @@
-"""A surface carried to a finger: how fast, how hard, how long, and whether its sensors can be right (T4, K4-K6)."""
+"""A surface carried to a finger: how fast, how hard, how long, and whether its sensors can be right (T4, T8, K4-K6)."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from itouch.plugin import Field, Moment, Monitor, Record, Role, Rule, Watched
 if TYPE_CHECKING:
     from itouch.monitors import surface_kernels
 
-#: How long [s] a withdrawn surface may leave a finger slowly at most, by the clock of T4.
+#: How long [s] a withdrawn surface may take at most to leave a finger slowly, by the clock of T4.
 LEAVING = 0.5
-#: Arm [m] with which a torque counts as a force (K4).
+#: Lever arm [m] by which a torque counts as a force (K4).
 LEVER = 0.1
 _TRIPS = (Trip.PLATE_FORCE, Trip.TRACKING, Trip.CONTACT_TIME, Trip.SURFACE_SPEED, Trip.SENSOR_DISAGREE)
 _RULES = {
@@ -58,7 +58,7 @@ class Surface(Monitor):
 
     @property
     def watches(self) -> tuple[str, ...]:
-        """The surface's target, if it is known where the surface is."""
+        """The surface's target, if a reading tells where the surface is."""
         return (self._target,) if self._pose else ()
 
     def fields(self) -> tuple[Field, ...]:
@@ -84,39 +84,39 @@ class Surface(Monitor):
         self.forget(state)
 
     def forget(self, state: Record) -> None:
-        """Forget what was measured, not for how long it was touched."""
+        """Forget what was measured, but not for how long it was touched."""
         state["strayed_for"][...] = state["doubted"][...] = 0.0
         state["near_since"][...] = state["looked"][...] = math.nan
         state["places"][...] = 0
 
     @property
     def paces(self) -> tuple[float, float, float, float]:
-        """The distance [m] from its command that stops it, that at which a finger is near, and its speeds [m/s]."""
+        """Distance from its command that stops it, distance at which a finger is near [m], speed near and far [m/s]."""
         return default.TRACKING, default.NEAR, self._near, self._speed
 
     def closing(self, gap: float, strayed: float) -> float:
         """Return how fast [m/s] the surface may approach the finger now (K5); not while it is astray (K6)."""
-        from itouch.monitors.surface_kernels import pace  # the compiler is loaded when a device runs
+        from itouch.monitors.surface_kernels import pace  # here, so that the compiler is loaded only if a device runs
 
         return pace(gap, strayed, *self.paces)
 
     def follow(self, state: Record, target: float, lifted: bool, leaves: float = -math.inf) -> float:
         """Return the height [m] to command: the bottom of the travel while it is withdrawn (T4).
 
-        It touches again when the finger has lifted, and the clock of T4 has fallen below half of its clamp.
+        The surface comes back when the finger has lifted and the clock of T4 has fallen below half the limit.
 
         Parameters
         ----------
         state
             Its own fields.
         target
-            The height [m] to which it was to go.
+            The height [m] that its modality commands.
         lifted
             Whether no virtual contact is left.
         leaves
-            The height [m] to which it goes in this tick in order to leave the finger slowly, so that the arm can take
-            its force over; -inf: nobody feels it.  One that is still touched `LEAVING` after it should have gone does
-            not wait for that any more.
+            The lowest height [m] for this tick, so that it leaves the finger slowly and the arm can take its force
+            over; -inf: it is not felt.  A surface that is still touched `LEAVING` after it should have gone no longer
+            heeds this.
         """
         if not state["withdrawn"].item():
             return target
@@ -166,7 +166,7 @@ class Surface(Monitor):
 
     @cached_property
     def allowed(self) -> surface_kernels.Allowed:
-        """What it may do, as compiled code takes it."""
+        """What the surface may do, for compiled code."""
         from itouch.monitors.surface_kernels import Allowed
 
         return Allowed(
@@ -175,30 +175,30 @@ class Surface(Monitor):
 
     @staticmethod
     def memory(state: Record) -> surface_kernels.Memory:
-        """Return what it remembers as compiled code takes it."""
+        """Return what it remembers, for compiled code."""
         from itouch.monitors.surface_kernels import Memory
 
         return Memory(*(state[name].reshape(-1) if name != "track" else state[name] for name in Memory._fields))
 
     def pose(self, reading: Record) -> NDArray[np.float64]:
-        """Return the view of where it reads to be, shape (7,), or (0,)."""
+        """Return the view of its reading of its pose, shape (7,) [m; quaternion], or (0,) if there is none."""
         return reading[self._pose] if self._pose else np.zeros(0)
 
     def load(self, reading: Record) -> surface_kernels.Load:
-        """Return what its sensor reads of the force on it, as compiled code takes it."""
+        """Return the readings of its force sensors, for compiled code."""
         from itouch.monitors.surface_kernels import Load
 
         sensed = reading.numbers if len(self._sensors) else np.zeros(0)
         return Load(sensed, self._sensors, self._torques, np.array([LEVER]))
 
     def felt(self, reading: Record) -> float:
-        """Return the force [N] on the surface in whatever direction; a torque counts as a force, too."""
+        """Return the magnitude of the force [N] on the surface; a torque counts as a force, too."""
         from itouch.monitors.surface_kernels import felt
 
         return felt(self.load(reading))
 
     def sentence(self, code: int, state: Record, reading: Record, moment: Moment) -> str:
-        """Say which limit was passed, by how much."""
+        """Return which limit was passed, with the value that passed it."""
         a, b = state["figure"].tolist()
         if code == Trip.PLATE_FORCE:
             return f"presses with {a:.1f} N"
@@ -244,9 +244,9 @@ class Surface(Monitor):
 
 
 def _felt_by(device: Watched) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return where each force sensor's numbers begin, shape (n,), and where its torques are that count, (n, 3).
+    """Return the indices at which each force sensor begins, shape (n,), and those of its torques that count, (n, 3).
 
-    -1: there is no such torque.
+    -1: there is no such torque, or its axis is locked.
     """
     sensors: list[int] = []
     torques: list[list[int]] = []

@@ -35,10 +35,10 @@ Numbers = NDArray[np.int64]
 
 
 class Load(NamedTuple):
-    """What a surface reads, (m,) or nothing; ``lever`` [m], (1,).
+    """The reading of a surface (m,), empty if it has no force sensor, and the lever of torques [m], (1,).
 
-    ``sensors`` (n,): where the force of each of its sensors begins among that, ``torques`` (n, 3): where the torques
-    are that count, -1: none.
+    ``sensors`` (n,): the indices at which the force of each sensor begins, ``torques`` (n, 3): those of the torques
+    that count, -1: none.
     """
 
     reading: Floats
@@ -94,7 +94,7 @@ def size(vector: Floats) -> float:
 
 @kernel
 def felt(load: Any) -> float:
-    """Return the force [N] on the surface in whatever direction, by the sensor that feels most.
+    """Return the magnitude of the force [N] on the surface, by the sensor that reads most.
 
     A torque counts as a force, too.
     """
@@ -108,13 +108,14 @@ def felt(load: Any) -> float:
     return float(most)
 
 
-#: Force [N] up to which nothing counts as a touch, and what a plate's force may rise by that is not seen coming [N].
+#: Force [N] up to which nothing counts as a touch, and by how much a plate's force may rise without being foreseen [N].
 TOUCH, UNSEEN = 0.03, 0.06
-#: How near below the finger a plate may be felt next [m], and how old what is known of plate and finger is, in ticks.
+#: How near below the finger [m] a plate may be felt in the next tick, and the age of what is known of plate and finger
+#: [ticks].
 SOON, LATE = 5e-4, 2.0
-#: In how many ticks before that the room for it is made: at once, an arm at its limit would be felt to jerk.
+#: Over how many ticks before that the arm makes room for it: at once, an arm at its limit would be felt to jerk.
 RAMP = 20.0
-#: A finger that hardly moves is reckoned as if it closed with this [m/s].
+#: A finger that hardly moves counts as closing in at this speed [m/s].
 SLOW = 0.02
 
 
@@ -134,7 +135,7 @@ class Nearing(NamedTuple):
 
 @kernel
 def rise(nearing: Any, pressed: float) -> float:
-    """Return by how much [N] a surface may press harder in the next tick than it was felt to do last.
+    """Return by how much [N] a surface may press harder in the next tick than it was last felt to press.
 
     A finger that comes down, or a surface that rises, presses the pad deeper; where they meet, the pad's damping acts
     at once.
@@ -151,7 +152,10 @@ def rise(nearing: Any, pressed: float) -> float:
 
 @kernel
 def pace(gap: float, strayed: float, tracking: float, near: float, close: float, far: float) -> float:
-    """Return how fast a surface may approach: not while it is astray, ``close`` where it is nearer than ``near``."""
+    """Return how fast [m/s] a surface may approach: not at all while it has strayed by more than ``tracking`` [m].
+
+    Else ``close`` where the gap is less than ``near`` [m], and ``far`` where it is not [m/s].
+    """
     if strayed > tracking:
         return 0.0
     return close if gap < near else far
@@ -166,13 +170,13 @@ def check(allowed: Any, memory: Any, load: Any, pose: Floats, finger: Any, seen:
     allowed, memory, load
         Of the surface: `Allowed`, `Memory`, `Load`.
     pose
-        Its reading, shape (7,), or (0,) if nothing tells where it is.
+        Its reading, shape (7,) [m; quaternion], or (0,) if nothing tells where it is.
     finger
-        Place of the finger in the device's frame [m], three numbers.
+        Position of the finger in the device's frame [m], three numbers.
     seen
         What was observed, a `SurfaceObservation`.
     touch
-        Shape (2,), written where it is its turn: 1 if it is touched, and the force [N]; NaN: not measured.
+        Shape (2,), written when a slow check is due: 1 if it is touched, and the force [N]; NaN: not measured.
     """
     pressed = felt(load)
     if _astray(memory, seen):
@@ -208,7 +212,7 @@ def _astray(memory: Any, seen: Any) -> bool:
 
 @kernel
 def moves(allowed: Any, memory: Any, pose: Floats, finger: Any, seen: Any, touched: bool) -> float:
-    """Return minus the trip of a speed, a mean over 50 ms, that no command can have asked for (K5), or 0.
+    """Return minus the trip of a mean speed over 50 ms that no command can have requested (K5), or 0.
 
     ``pose`` (7,), or (0,) if nothing tells where it is; ``finger`` three numbers, in the device's frame [m].
     """
@@ -228,7 +232,7 @@ def moves(allowed: Any, memory: Any, pose: Floats, finger: Any, seen: Any, touch
     if speed > SPEED_TRIP:
         memory.figure[0], memory.figure[1] = speed, 0.0
         return -float(allowed.speed)
-    # what was far when the window began may have come near at the speed that is allowed there
+    # a surface that was far when the window began may have come near at the speed that is allowed there
     if math.isnan(near) or seen.now - near < window - 1e-7:
         return 0.0
     if closing > SPEED_NEAR_TRIP:
@@ -244,7 +248,7 @@ def moves(allowed: Any, memory: Any, pose: Floats, finger: Any, seen: Any, touch
 
 @kernel
 def _before(memory: Any, pose: Floats, finger: Any, time: float) -> int:
-    """Note where surface and finger are; return the row of where they were 50 ms ago or more, -1: not known."""
+    """Note where surface and finger are; return the row of where they were 50 ms or more ago, -1: not known."""
     count, track = memory.places[0], memory.track
     if count > 0:
         passed = time - track[(count - 1) % PLACES, 0]
@@ -265,7 +269,7 @@ def _before(memory: Any, pose: Floats, finger: Any, time: float) -> int:
 
 @kernel
 def doubt(allowed: Any, memory: Any, pressed: float, passed: float, seen: Any) -> float:
-    """Return minus the trip of a force [N] where no finger is: sensor and tracking disagree (T8), or 0."""
+    """Return minus the trip of a force [N] where no finger is, so that sensor and tracking disagree (T8), or 0."""
     far = seen.gap > (DOUBT_GAP if seen.calibrated else DOUBT_GAP_UNCALIBRATED)
     if pressed <= DOUBT_FORCE or not far:
         memory.doubted[0] = 0.0
@@ -279,7 +283,7 @@ def doubt(allowed: Any, memory: Any, pressed: float, passed: float, seen: Any) -
 
 @kernel
 def count(allowed: Any, memory: Any, now: float, touched: bool) -> float:
-    """Run the clock of T4: forwards in touch, backwards no faster than real time; return 1, or minus its trip.
+    """Run the clock of T4: forwards in touch, else backwards no faster than real time; return 1, or minus its trip.
 
     ``now``: session time [s]; ``touched``: whether the finger touches this surface, or another one.
     """

@@ -1,4 +1,4 @@
-"""Trips: every cause for which a device is stopped, with its number, and the fault that reports it."""
+"""Trips: every reason for which a device is stopped, with its number, and the fault that reports it."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ LOSSES = frozenset({Trip.SILENT, Trip.DEVICE_ERROR})
 
 
 class TripError(ItouchError):
-    """A limit was passed: which, on what, and how far."""
+    """A limit was passed: which one, and by what value."""
 
     def __init__(self, trip: Trip, sentence: str) -> None:
         super().__init__(sentence)

@@ -1,21 +1,22 @@
-"""Withdrawing a surface whose place is not believed: in short legs, each judged by what touches the surface.
+"""Withdrawing a surface whose position is not believed: in short legs, each judged by what touches the surface.
 
-Its drive may be wired backwards as well, and then it comes up as it is told to go down.  Nothing that it says of its
-place tells that; what does is independent of it: the devices that track the fingers over it, and its own force sensor,
-as far as that one means anything.
+Its drive may be wired backwards as well, and then the surface comes up when it is told to go down.  Its own position
+reading cannot show that; what can is independent of it: the devices that track the fingers over it, and its own force
+sensor, as far as that one can be trusted.
 
-* It is told to go down by a leg, which it has to have gone before anything is judged: for as long as wires may take,
-  counted from when the last command of the leg is known to have left, where the wire says that.
-* A finger that rose by about that leg *in* the leg, and went on no further after it, is pushed; if a force has grown as
-  well, a part of the leg is enough: its hand may be stiff.  Once may be chance (a finger that is lifted and then held):
-  that stops nothing, and calls nothing back.  Twice in a row, leg by leg, hardly is.
-* It is then told to go up to where it stood when all stopped, no further.  A finger that comes down with it has been
-  pushed; else it is told to go down for good.  If nothing is known of a finger any more then, it is held there.
-* Only then is it driven on the other way, again by legs: the first in which a finger rises sends it down for good.
-* A force that grows, twice in a row, on a finger that does not come down stops it: its sensor may lie, too.
+* The surface is told to go down by one leg, and nothing is judged before the leg must be over: after as long as wires
+  may take, counted, where the wire tells it, from when the last command of the leg has left.
+* A finger that rose by about one leg *during* the leg, and no further after it, counts as pushed; if a force has grown
+  as well, a part of the leg is enough, because the hand may be stiff.  Once may be chance (a finger that is lifted and
+  then held): it has no consequence.  Twice in a row, leg by leg, is hardly chance.
+* The surface is then told to go up to where it stood when all stopped, no further.  If a finger comes down with it, the
+  finger had been pushed; else the surface is told to go down for good.  If by then nothing is known of any finger, it
+  is held there.
+* Only then is it driven on the other way, again by legs: the first leg in which a finger rises sends it down for good.
+* A force that grows twice in a row on a finger that does not come down stops the surface; its sensor, too, may lie.
 
-However it ends, it is held, ``BLIND`` from where it stood at most: as long as nobody knows which way it goes, it goes
-no further than it must to let go of a finger.
+However it ends, the surface is held, at most ``BLIND`` from where it stood: as long as nobody knows which way it goes,
+it goes no further than it must to let go of a finger.
 """
 
 from __future__ import annotations
@@ -33,79 +34,79 @@ from itouch.plugin import RETRACT, Role
 from itouch.safety.lifecycle import BACKWARDS, HELD
 from itouch.safety.supervisor import Supervisor
 
-#: How far [m] a leg leads, and all of them together, from where a surface was sent when all stopped.
+#: Length [m] of a leg, and of all legs together, from where a surface was sent when all stopped.
 LEG, BLIND = 0.002, 0.006
-#: How long [s] a surface and a finger on it take to come to rest, and how long they are watched then.
+#: How long [s] a surface and a finger on it take to come to rest, and how long they are then watched.
 SETTLING, WATCHED = 0.025, 0.015
-#: Between which parts of a leg a finger moves that is pushed along, and what part it may go on, or swing back, then.
+#: Between which parts of a leg a finger moves that is pushed along, and by what part it may then go on, or swing back.
 FITS, STILL, SWINGS = (0.6, 1.4), 0.1, 0.4
-#: The least part of a leg by which a finger moves on a stiff hand, if a force has changed as well.
+#: The least part of a leg by which the finger of a stiff hand moves, if a force has changed as well.
 FIRM = 0.2
-#: How old [s] what is known of a finger may be.
+#: Greatest age [s] of a finger's tracked position.
 KNOWN = 0.1
-#: A finger that moves by this part of a leg in its direction has followed, or is pushed on the other way.
+#: A finger that moves by this part of a leg in its direction follows the surface or, on the other way, is pushed by it.
 FOLLOWS = 0.5
-#: By how much [N] a force has grown.
+#: By how much [N] a force must have grown, or fallen, to count.
 HARDER = 0.3
-#: After so many legs in a row that have pushed a surface is turned round, or stopped.
+#: After this many legs in a row that have pushed a finger, or pressed harder, a surface is turned round, or stopped.
 SURE = 2
-#: How long [s] a command that has not left is waited for before the retreat is no longer said to be under way.
+#: How long [s] a command that has not left is waited for; after that the retreat no longer counts as under way.
 PATIENCE = 0.5
-#: Shortest leg [m], and how near its goal a surface is there [m].
+#: Shortest leg [m], and how near its goal a surface counts as being there [m].
 SHORTEST, _NEAR = 0.001, 1e-9
 
 
 class TrackedFinger(NamedTuple):
-    """What tracks a finger over a surface, and how high [m] that is in the direction in which the surface lifts."""
+    """The device that tracks a finger over a surface, and the finger's height [m] along the surface's axis of lift."""
 
     tracker: Supervisor
     height: Callable[[], float]
 
 
 class Observation(NamedTuple):
-    """What is known of fingers and force at one time: heights [m] and force [N], NaN: not known."""
+    """What is known of fingers and force at one time: their heights [m] and the force [N]; NaN: not known."""
 
     heights: tuple[float, ...]
     force: float
 
 
 class RetreatPhase(enum.IntEnum):
-    """What a leg is for."""
+    """The purpose of a leg."""
 
     DOWN = 0
-    #: Up again to where it stood.
+    #: Up again, to where the surface stood.
     BACK = 1
-    #: On the other way.
+    #: On the other way: further up.
     OTHER = 2
     #: Down, whatever happens.
     AWAY = 3
 
 
 def along(asked: float, before: float, middle: float, after: float, least: float = FITS[0]) -> bool:
-    """Tell whether a finger moved as one is moved by a surface that goes the other way than it is told to.
+    """Tell whether a finger moved as a surface moves it that goes the opposite way to what it is told.
 
     Parameters
     ----------
     asked
         By how much the surface was told to go up [m].
     before, middle, after
-        How high the finger was [m] when the leg began, when it must have been over, and a while later; NaN: not known.
+        Height of the finger [m] when the leg began, when it must have been over, and a while later; NaN: not known.
     least
-        The part of the leg by which it must have moved.
+        The least part of the leg by which the finger must have moved.
     """
     moved, then = (before - middle) / asked, (middle - after) / asked
     return least <= moved <= FITS[1] and -SWINGS <= then <= STILL
 
 
 def _tells(heights: tuple[float, ...]) -> bool:
-    """Tell whether heights say anything of a finger that has been moved: not if unknown, nor if all are the same."""
+    """Tell whether heights show a finger that has moved: they don't if one is unknown, or if all are the same."""
     return not math.isnan(sum(heights)) and any(height != heights[0] for height in heights)
 
 
 class BlindRetreat:
-    """Withdraws one surface whose place is not believed; it must be able to retract.
+    """Withdraws one surface whose position is not believed; it must be able to retract.
 
-    ``fingers``: those over it that something tracks.
+    ``fingers``: the tracked fingers over it.
     """
 
     def __init__(
@@ -119,28 +120,28 @@ class BlindRetreat:
         self._ends = (channel.low[2], channel.high[2]) if channel.low else (-math.inf, math.inf)
         self._loads = [one.name for one in model.reads if one.role is Role.CONTACT_FORCE]
         exchange = max(model.cls.takes(model.params), model.cls.period + model.cls.delay)
-        #: How many ticks a leg takes after its last command was asked for, and after that one has left.
+        #: How many ticks a leg takes after its last command was requested, and after that command has left.
         self._acts, self._rests = (round((trips * exchange + SETTLING) / period) for trips in (2.0, 1.0))
         self._watched = round(WATCHED / period)
         self._known, self._patience = round(KNOWN / period), round(PATIENCE / period)
         self.begin()
 
     def begin(self) -> None:
-        """Begin a safe sequence."""
-        #: Whether its place is not believed now.
+        """Begin a safe sequence: forget the legs of an earlier one."""
+        #: Whether its position is not believed, so that it is withdrawn by legs.
         self.active = False
         self._phase = RetreatPhase.DOWN
-        #: The ticks in which a leg's last command was asked for, and was known to have left.
+        #: The ticks in which a leg's last command was requested, and was known to have left.
         self._reached: int | None = None
         self._left: int | None = None
-        #: How many legs in a row have moved a finger, and how many were felt.
+        #: How many legs in a row have pushed a finger, and in how many in a row the force grew.
         self._pushed = self._harder = 0
         self._asked = self._goal = math.nan
         self._before = Observation((), math.nan)
         self._middle: Observation | None = None
 
     def said(self, way: NDArray[np.float64]) -> str:
-        """Say what was done, for the report; ``way`` (3,) [m] as in ``mind``."""
+        """Return what was done, as an addition to a sentence of the report; ``way`` (3,) [m] as in ``mind``."""
         if not self.active:
             return ""
         gone = (way[0].item() - self._sent[2].item()) * 1e3
@@ -151,16 +152,17 @@ class BlindRetreat:
         return f"; it was told to go back by {gone:.1f} mm"
 
     def mind(self, stopped: NDArray[np.int8], way: NDArray[np.float64]) -> None:
-        """Judge a leg that is over, and lead the next one.
+        """Judge a leg that is over, and begin the next one; to be called in each tick.
 
         Parameters
         ----------
         stopped, way
-            As in ``Lifecycle``: how the surface retracts, and between which heights [m] it may be sent, shape (3,).
+            As in ``Lifecycle``: how the surface retracts; where it was sent when all stopped, and how far down and up
+            it may be sent [m], shape (3,).  Both are written.
         """
         if not self.active:
             self.active = True
-            if stopped.item() == BACKWARDS:  # so it was found to be right while its place was believed
+            if stopped.item() == BACKWARDS:  # found to be the right way while its position was still believed
                 self._phase = RetreatPhase.OTHER
             if stopped.item() != HELD:
                 self._go_on(stopped, way)
@@ -182,15 +184,15 @@ class BlindRetreat:
             self._judge(self._middle, self._look(), stopped, way)
 
     def under_way(self, stopped: NDArray[np.int8]) -> bool:
-        """Tell whether one that is ``active`` has legs to go; ``stopped`` as in ``mind``, shape (), dimensionless.
+        """Tell whether an ``active`` retreat has legs to go; ``stopped`` as in ``mind``, shape (), dimensionless.
 
-        One whose wire takes no command any more, and says so, is not waited for.
+        A device whose wire has taken no command for ``PATIENCE`` is not waited for.
         """
         waited = 0 if self._reached is None else self._tick.item() - self._reached
         return stopped.item() != HELD and waited <= self._patience
 
     def drop(self, stopped: NDArray[np.int8], way: NDArray[np.float64]) -> None:
-        """Let the surface retract as others do: its place is believed again.
+        """Let the surface retract as others do, because its position is believed again.
 
         ``stopped`` and ``way`` (3,) [m] as in ``mind``.
         """
@@ -203,17 +205,17 @@ class BlindRetreat:
         return self._phase in (RetreatPhase.BACK, RetreatPhase.OTHER)
 
     def _has_left(self) -> bool:
-        """Tell whether a leg's last command has left, as far as the wire tells: a busy machine may be late with it."""
+        """Tell whether a leg's last command has left, as far as the wire tells: a busy machine may send it late."""
         goal = self._supervisor.gone_to
         return goal is None or abs(goal - self._goal) <= _NEAR
 
     def _heard(self, tick: int) -> bool:
-        """Tell whether all that is known of fingers was measured since a tick."""
+        """Tell whether all that is known of fingers was measured in a tick or later."""
         times = [one.tracker.measured_at(Role.TRACKED_POSE) for one in self._fingers if self._knows(one.tracker)]
         return bool(self._tick.item() >= tick) and all(time >= tick for time in times)
 
     def _knows(self, tracker: Supervisor) -> bool:
-        """Tell whether what a device says of a finger can be believed, and is new."""
+        """Tell whether a device's reading of a finger can be believed, and is recent."""
         age = self._tick.item() - tracker.measured_at(Role.TRACKED_POSE)
         return tracker.trip not in DOUBTS and age <= self._known
 
@@ -225,7 +227,7 @@ class BlindRetreat:
     def _judge(
         self, middle: Observation, after: Observation, stopped: NDArray[np.int8], way: NDArray[np.float64]
     ) -> None:
-        """Decide what is next after a leg, by what was observed at its end and a while later."""
+        """Decide what comes after a leg, from the observations at its end and a while later."""
         asked, before = self._asked, self._before
         ways = list(zip(before.heights, middle.heights, after.heights, strict=True))
         followed = any((last - first) / asked >= FOLLOWS for first, _, last in ways)
@@ -236,7 +238,7 @@ class BlindRetreat:
         self._harder = self._harder + 1 if harder else 0
         self._pushed = self._pushed + 1 if moved else 0
         if self._phase is RetreatPhase.BACK:
-            if not any(_tells(heights) for heights in ways):  # it stands where it stood: no way is better
+            if not any(_tells(heights) for heights in ways):  # it is back where it stood: neither way is better
                 stopped[...] = HELD
                 return
             self._phase = RetreatPhase.OTHER if moved else RetreatPhase.AWAY
@@ -250,7 +252,7 @@ class BlindRetreat:
         self._go_on(stopped, way)
 
     def _go_on(self, stopped: NDArray[np.int8], way: NDArray[np.float64]) -> None:
-        """Lead the next leg of the phase; hold the surface if there is none."""
+        """Begin the next leg of the phase; hold the surface if there is no room for one."""
         sent, stood = self._sent[2].item(), way[0].item()
         if self._phase is RetreatPhase.BACK:
             goal = stood

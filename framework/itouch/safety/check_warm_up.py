@@ -1,4 +1,4 @@
-"""Warm-up of checks and limits on scratch State, so that no tick loads or compiles anything for them."""
+"""Warm-up of checks and limits on a scratch copy of State, so that no tick has to load or compile anything for them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from itouch.world import DeviceModel
 
 
 def warm_up(model: DeviceModel, scratch: Record, period: float) -> None:
-    """Take all that a device may meet in a tick through its own entrances, out of touch and in touch.
+    """Call everything that a tick may call for a device, through the same methods, first untouched, then touched.
 
-    Whatever trips there trips on scratch State; there is neither a device nor a twin that anything could reach.
+    Whatever trips meanwhile trips on scratch State; no device and no twin is there that anything could reach.
     """
     _Rehearsed(model, scratch, period).warm_up()
 
@@ -24,7 +24,7 @@ class _Rehearsed(Supervisor):
     """A supervisor without a device."""
 
     def warm_up(self) -> None:
-        """Go through a reading, every monitor, and every command; then through a fault and the way out of it."""
+        """Go through a reading, every monitor, and every command, then through a fault."""
         self.reset()
         for channel in self.model.reads:
             if channel.unit == "K":

@@ -1,6 +1,6 @@
-"""Connecting: all devices at once, each in a thread of its own, and all that fail are told together.
+"""Connecting: all devices at once, each in a thread of its own, and all failures are told together.
 
-Nothing is opened if another process, or another session, speaks on a wire of what is needed.
+Nothing is opened if another process, or another session, uses a wire of a device that is not optional.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def connect(supervisors: Iterable[Supervisor], tick: int, *, patience: float = P
     Parameters
     ----------
     supervisors
-        Of the devices.
+        Those of the devices.
     tick
         The number of the tick that comes next.
     patience
@@ -35,7 +35,7 @@ def connect(supervisors: Iterable[Supervisor], tick: int, *, patience: float = P
     Returns
     -------
     dict
-        Device -> why it failed; empty if all are there.
+        Device -> why it failed; empty if all are open.
     """
     wanted = list(supervisors)
     failures = claim_wires(wanted)
@@ -61,7 +61,7 @@ def claim_wires(supervisors: Iterable[Supervisor]) -> dict[str, str]:
     Returns
     -------
     dict
-        Device -> who has its wire.  If one of them is not optional no wire is claimed for any.
+        Device -> who has its wire.  If one of these devices is not optional, no wire stays claimed for any device.
     """
     wanted = [supervisor for supervisor in supervisors if supervisor.status is Status.CLOSED]
     failures: dict[str, str] = {}
@@ -77,14 +77,14 @@ def claim_wires(supervisors: Iterable[Supervisor]) -> dict[str, str]:
 
 
 def _start(supervisor: Supervisor, failures: dict[str, str]) -> threading.Thread:
-    """Open a device in a thread; twins open at once and need none."""
+    """Open a device in a thread, and return it; what it raises becomes an entry of ``failures``."""
 
     def work() -> None:
         try:
             if supervisor.device is not None and (refused := hardware_refused([supervisor.model.name])):
                 raise DeviceError(refused)
             supervisor.open()
-        except BaseException as error:  # whatever a driver raises, the others must still be told of
+        except BaseException as error:  # whatever a driver raises, the other devices' failures must still be told
             ends = f"has tried to end the program: {named(error)}"
             said = spoken(error) or type(error).__name__
             failures[supervisor.model.name] = said if isinstance(error, Exception) else ends
@@ -95,7 +95,7 @@ def _start(supervisor: Supervisor, failures: dict[str, str]) -> threading.Thread
 
 
 def _first_reading(supervisor: Supervisor, tick: int, failures: dict[str, str]) -> None:
-    on_loss, supervisor.on_loss = supervisor.on_loss, None  # here its loss is told by the one who connects
+    on_loss, supervisor.on_loss = supervisor.on_loss, None  # while connecting, the caller tells of its loss
     try:
         supervisor.read(tick)
     except DeviceFaultError as error:

@@ -1,4 +1,4 @@
-"""The monitors of one device at work: each with its part of State, asked on a clock, and never believed blindly.
+"""The monitors of one device in use: each with its part of State, asked on a clock, its answer never trusted blindly.
 
 The smallest share and the first trip count.  A monitor that raises, or returns what is neither a share nor a trip,
 stops the device.
@@ -20,14 +20,14 @@ from itouch.safety.monitor_step import moment as clocks_at
 from itouch.schema.diagnostics import named
 from itouch.world import DeviceModel
 
-#: Longest time [s] between two checks of an open device, also without news.
+#: Longest time [s] between two checks of an open device, even without a new reading.
 CLOCK = 0.010
-#: A reading that comes so long [s] after the one before is looked at at once, faster ones at the clock's next turn.
+#: A reading that comes at least this long [s] after the one before is checked at once, faster ones when ``CLOCK`` says.
 APART = 0.005
 
 
 class InstalledMonitor:
-    """One monitor in its place."""
+    """One monitor of one device, with its part of State."""
 
     __slots__ = ("checked", "monitor", "own", "said", "share", "state")
 
@@ -39,7 +39,7 @@ class InstalledMonitor:
         self.share, self.checked = state[f"{name}.share"], state[f"{name}.checked"]
         #: Whether it is one of the framework's own.
         self.own = type(monitor) in OWN
-        #: What a compiled look has found and Python is to tell, shape (1,).
+        #: What a compiled look has found and Python is to act on, shape (1,).
         self.said = np.zeros(1)
 
 
@@ -48,7 +48,7 @@ class DeviceMonitors:
 
     def __init__(self, model: DeviceModel, state: Record, reading: Record, sent: Record, period: float) -> None:
         self._period = period
-        #: What was read, taken before any other plugin could write it.
+        #: A copy of the reading, taken before any other plugin could write to it.
         self.seen = reading.copy()
         self._reading, self._sent = reading, sent
         self._read, self._seen = reading.raw, self.seen.raw
@@ -58,32 +58,32 @@ class DeviceMonitors:
         self._missed, self._heard = self.clocks = state[f"{name}.missed"], state[f"{name}.heard"]
         self._state = state
         self._measured = state[f"{name}.measured"]
-        #: The times of the device, as compiled code takes them.
+        #: The times of the device, for compiled code.
         self.times = Clocks(self._missed.reshape(1), self._heard.reshape(1), self._measured.reshape(-1))
         self._touched, self._felt = state[f"{name}.touched"], state[f"{name}.felt"]
         #: 1 while a finger touches the device, as far as is known, shape (1,).
         self.touching = self._touched.reshape(1)
         installed = [InstalledMonitor(monitor, state, name) for monitor in model.monitors]
-        #: What is asked first: whether the reading can be believed.
+        #: The monitor that is asked first: whether the reading can be believed.
         self.readings = next((post for post in installed if isinstance(post.monitor, Readings)), None)
         self._watchdog = next((post for post in installed if isinstance(post.monitor, Ordinary)), None)
-        #: What watches the surface that it carries to the finger, if it is such a device.
+        #: The monitor of the surface that the device carries to the finger, if it carries one.
         self.surface = next((post for post in installed if isinstance(post.monitor, Surface)), None)
         others = [post for post in installed if post is not self.readings and post is not self._watchdog]
         self.installed: Sequence[InstalledMonitor] = installed
         self._timed = [post for post in others if not post.monitor.placed]
         self._placed = [post for post in others if post.monitor.placed]
         self.clock = max(1, math.floor(CLOCK / period + 1e-6))
-        self.apart = max(1, math.ceil(APART / period - 1e-6))  # nearer ones would not all be remembered for a second
-        #: The time whose reading is to be looked at at once, in ticks, shape (1,).
+        self.apart = max(1, math.ceil(APART / period - 1e-6))  # closer ones would not all be remembered for a second
+        #: The time of the reading that must be checked at once, in ticks, shape (1,).
         self.due = np.full(1, -1, np.int64)
-        #: The part of force, current or speed that all monitors leave, shape (1,).
+        #: The share of force, current or speed that all monitors allow, shape (1,).
         self.left = np.ones(1)
-        #: The part that each finger leaves on which it acts with others.
+        #: Finger -> the share that is allowed because of what else acts on it.
         self._others: dict[str, float] = {}
 
     def reset(self) -> None:
-        """Begin a session: nothing remembered, everything let through; without a rig a touch must be assumed."""
+        """Begin a session: nothing is remembered, the share is 1; until a rig says otherwise a touch is assumed."""
         self._touched[...] = 1
         self._felt[...] = math.nan
         for post in self.installed:
@@ -100,23 +100,23 @@ class DeviceMonitors:
         self._gather()
 
     def begin(self) -> None:
-        """Forget where the finger was: what is enabled now has not been looked at for a while."""
+        """Forget where the finger was: a device that is enabled now has not been watched for a while."""
         for post in self._placed:
             post.monitor.forget(post.state)
             post.checked[...] = -1
 
     def restore(self) -> None:
-        """Go on from a State that was put in place."""
+        """Go on from a State that was restored."""
         self._seen[:] = self._read
         self._gather()
 
     def spent(self) -> str:
-        """Say which budget is used up; empty: none."""
+        """Return the words for a budget that is used up; empty: none is."""
         return next((said for post in self.installed if (said := post.monitor.spent(post.state))), "")
 
     @property
     def share(self) -> float:
-        """The part of force, current or speed that all monitors leave."""
+        """The share of force, current or speed that all monitors allow."""
         found: float = self.left[0].item()
         return found
 
@@ -125,7 +125,7 @@ class DeviceMonitors:
         self.left[0] = min(self.left[0], *self._others.values(), 1.0)
 
     def leave(self, finger: str, part: float) -> None:
-        """Use this part of force, current or speed at most, because of what else acts on a finger."""
+        """Allow at most this share of force, current or speed, because of what else acts on a finger."""
         if part != self._others.get(finger, 1.0):
             self._others[finger] = part
             self._gather()
@@ -137,23 +137,25 @@ class DeviceMonitors:
         return found
 
     def put_back(self) -> None:
-        """Put the last reading that was believed in the place of one that is not."""
+        """Replace a reading that is not believed by the last one that was."""
         if self.readings is not None and isinstance(self.readings.monitor, Readings):
             self.readings.monitor.put_back(self.readings.state, self._reading)
 
     def mend(self) -> None:
-        """Put the last that was believed in the place of what can't be worked with at all, channel by channel."""
+        """Replace, channel by channel, numbers that can't be worked with at all by the last ones that were believed."""
         if self.readings is not None and isinstance(self.readings.monitor, Readings):
             self.readings.monitor.mend(self.readings.state, self._reading)
 
     def sane(self) -> bool:
-        """Tell whether the newest reading can be worked with at all, though a limit may be passed."""
+        """Tell whether the newest reading can be worked with at all, even if it passes a limit."""
         return self.readings is None or Readings.sane(self.readings.monitor, self._reading)  # type: ignore[arg-type]
 
     # --- readings ------------------------------------------------------------------------------------------------
 
     def believe(self, tick: int, seconds: float) -> None:
-        """Check a reading that has come, and take it away from everybody who could write it.
+        """Check a new reading, and copy it out of reach of everybody who could write to it.
+
+        ``seconds``: the time since the reading before [s], as far as the caller knows.
 
         Raises
         ------
@@ -162,7 +164,7 @@ class DeviceMonitors:
         """
         now = tick + self._missed.item()
         since = self.apart
-        if self._heard.item() >= 0:  # it may have gone on in periods that were left out
+        if self._heard.item() >= 0:  # the device may have gone on in periods that were left out
             since = now - self._heard.item()
             seconds = max(seconds, since * self._period)
         self._heard[...] = now
@@ -173,13 +175,13 @@ class DeviceMonitors:
         self._seen[:] = self._read
 
     def leave_out(self, ticks: int) -> None:
-        """Let time go on for so many ticks that were not run."""
+        """Count this many ticks that were not run as time that has passed."""
         self._missed += ticks
 
     def turns(self) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
-        """Return State as whole numbers, and where monitors note in it when Python asked them; None: nowhere.
+        """Return State as integers, and the indices in it of the times at which Python last asked each monitor.
 
-        Those of plates are asked by compiled code.
+        No index where compiled code asks the monitors, those of plates.  None: State can't be read so.
         """
         begin = self._state.raw.ctypes.data
         places = [post.checked.ctypes.data - begin for post in self._timed] if not self.heats else []
@@ -188,7 +190,7 @@ class DeviceMonitors:
         return self._state.raw.view(np.int64), np.array(places, np.int64) // 8
 
     def take(self, tick: int) -> None:
-        """Take a reading over that only tells how a stopped device is: budgets run on."""
+        """Take over the reading of a stopped device without checking it: budgets run on."""
         self._heard[...] = tick + self._missed.item()
         self._seen[:] = self._read
 
@@ -226,12 +228,12 @@ class DeviceMonitors:
 
     @property
     def heats(self) -> Sequence[tuple[InstalledMonitor, Heat]]:
-        """The monitors of plates, if nothing else is asked on the clock; else none."""
+        """The monitors of plates, if they are the only ones asked on the clock; else none."""
         found = [(post, post.monitor) for post in self._timed if isinstance(post.monitor, Heat) and post.own]
         return found if len(found) == len(self._timed) else ()
 
     def told_timed(self, number: int, tick: int, age: float) -> None:
-        """Act upon what a compiled look of a monitor on the clock has found, and ask those after it.
+        """Act on what the compiled look of a monitor on the clock has found, and ask the monitors after it.
 
         Raises
         ------
@@ -242,7 +244,7 @@ class DeviceMonitors:
         self._look(self._timed[number + 1 :], tick, age)
 
     def look_placed(self, tick: int) -> None:
-        """Ask the monitors that need to know where the finger is now; ``moment`` says it.
+        """Ask the monitors that need to know where the finger is now, which ``moment`` tells them.
 
         Raises
         ------
@@ -257,7 +259,7 @@ class DeviceMonitors:
             self.touch(self.moment.touched, self.moment.force)
 
     def touch(self, touched: bool, force: float) -> None:
-        """Say whether a finger touches the device, and with what force [N] if that is felt."""
+        """Set whether a finger touches the device, and with what force [N]; NaN: not measured."""
         self._touched[...], self._felt[...] = touched, force
 
     @property
@@ -271,7 +273,7 @@ class DeviceMonitors:
         return self.surface is not None and bool(self.surface.state["withdrawn"].item())
 
     def closing(self, gap: float, strayed: float) -> float:
-        """Return how fast [m/s] the surface may approach the finger now."""
+        """Return how fast [m/s] the surface may approach the finger now; ``gap`` and ``strayed`` in [m]."""
         post = self.surface
         if post is None or not isinstance(post.monitor, Surface):
             return 0.0
@@ -281,7 +283,11 @@ class DeviceMonitors:
         return found
 
     def follow(self, target: float, lifted: bool, leaves: float = -math.inf) -> float:
-        """Return the height [m] to command to a surface that is, or was, withdrawn; ``leaves``: how low it may go."""
+        """Return the height [m] to command to a surface that is, or was, withdrawn.
+
+        ``target``: the height that its modality commands [m]; ``lifted``: whether no virtual contact is left;
+        ``leaves``: how low the surface may go in this tick [m].
+        """
         post = self.surface
         if post is None or not isinstance(post.monitor, Surface):
             return target
@@ -291,7 +297,7 @@ class DeviceMonitors:
         return found
 
     def count_contact(self, tick: int, touched: bool) -> None:
-        """Run the clock of T4, while the finger touches this surface or another, or while it does not.
+        """Run the clock of T4: ``touched`` tells whether the finger touches this surface or another now.
 
         Raises
         ------
@@ -307,7 +313,7 @@ class DeviceMonitors:
             self.told_at(post, tick)
 
     def told_of_contact(self, tick: int) -> None:
-        """Act upon what the compiled clock of T4 has found of the surface that the device carries; none: nothing.
+        """Act on what the compiled clock of T4 has found for the surface that the device carries, if it carries one.
 
         Raises
         ------
@@ -318,7 +324,7 @@ class DeviceMonitors:
             self.told_at(self.surface, tick)
 
     def told_at(self, post: InstalledMonitor, tick: int) -> None:
-        """Act upon what a compiled look of a monitor has found in a tick.
+        """Act on what the compiled look of a monitor has found in a tick.
 
         Raises
         ------
@@ -343,7 +349,7 @@ class DeviceMonitors:
         moment.fresh = self._heard.item() > checked
         post.checked[...] = now
         sent = self._sent
-        if not post.own:  # what a plugin is shown is its own: what it writes there changes nothing that others see
+        if not post.own:  # a plugin gets copies: what it writes there changes nothing that others see
             reading, sent, moment = reading.copy(), sent.copy(), copy(moment)
         try:
             said: object = post.monitor.check(post.state, reading, sent, moment)
@@ -358,7 +364,7 @@ class DeviceMonitors:
         self._judge(post, found, reading)
 
     def told(self, post: InstalledMonitor) -> None:
-        """Act upon what a compiled look of a monitor has found.
+        """Act on what the compiled look of a monitor has found.
 
         Raises
         ------

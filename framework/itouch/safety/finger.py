@@ -1,8 +1,8 @@
-"""Limits on one finger of all devices together: the sum of their forces, thermal dose, time in cold and in contact.
+"""Limits on one finger for all devices together: the sum of their forces, thermal dose, time in cold and in contact.
 
-The scene's force holds for the sum of arms, surfaces and what presses by a fluid; thermal dose, time in the cold and
-time in contact are those of the finger, whichever device gives them.  A display that is worn is always in contact, and
-counts while it is driven; where a surface would withdraw, it lets go.
+The scene's force limit holds for the sum of arms, surfaces and devices that press by a fluid; thermal dose, time in the
+cold and time in contact are counted per finger, whichever device causes them.  A worn display is always in contact, and
+its time counts while it is driven; where a surface would withdraw, the display's drive is let go.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
 
 
 class Finger:
-    """The devices that act on one finger; ``nearing``: where it is over its surfaces, by name, if that is known."""
+    """The devices that act on one finger; ``nearing``: where it is over each surface, by device name, if known."""
 
     def __init__(
         self, name: str, devices: Sequence[Supervisor], nearing: Mapping[str, Nearing] | None = None
     ) -> None:  # fmt: skip
         self.name, self.nearing = name, nearing or {}
-        #: What pushes on it, and what carries a surface to it.
+        #: The arms that push it, and the devices that carry a surface to it.
         self.arms_of = [one for one in devices if any(c.role is Role.FORCE_ON_OPERATOR for c in one.model.commands)]
         self.tables = [one for one in devices if one.device_monitors.surface is not None]
-        #: What presses by a fluid and feels with what force, each with what watches that.
+        #: The devices that press by a fluid and measure their force, each with its monitor.
         self.pads = [
             (one, post.monitor)
             for one in devices
@@ -53,7 +53,7 @@ class Finger:
             if self.tables and not brought & {*_chain(one.model.name, carriers)}
         ]
         limits = [one.model.limits for one in (*self.arms_of, *pushing)]
-        #: Greatest force [N] of all that pushes on the finger together.
+        #: Greatest force [N] of all devices that push on the finger together.
         self.force = min((one.finger_force for one in limits), default=0.0)
         #: Greatest torque [N m] of all arms on the finger together.
         self.torque = min((one.finger_torque for one in limits), default=0.0)
@@ -67,35 +67,38 @@ class Finger:
 
     @property
     def plates(self) -> Sequence[InstalledMonitor]:
-        """What watches the plates on it, which have its dose and its time in the cold together."""
+        """The monitors of the plates on the finger, which together give it its dose and its time in the cold."""
         return [post for _, post in self._heats]
 
     @property
     def alone(self) -> bool:
-        """Whether there is nothing that acts together on the finger."""
+        """Whether nothing has to be limited together: no surface, at most one device that pushes, at most one plate."""
         return len(self.arms_of) + len(self.tables) + len(self.pads) < 2 and len(self._heats) < 2 and not self.tables
 
     @property
     def simple(self) -> bool:
-        """Whether at most one device of each kind acts on the finger, and one carries a surface to it."""
+        """Whether exactly one device carries a surface to the finger, at most one arm and one plate act on it."""
         few = len(self.arms_of) < 2 and not self.pads
         return len(self.tables) == 1 and few and len(self._heats) < 2
 
     def pressed(self, but: Supervisor | None = None) -> float:
-        """Return the force [N] with which surfaces and pads press on the finger, as they feel it; leave one away."""
+        """Return the force [N] with which surfaces and fluid pads press on the finger, by their own sensors.
+
+        ``but``: a surface that is not counted.
+        """
         felt = (*(_felt(one) for one in self.tables if one is not but), *(force for _, force in self._padded()))
         return sum(force for force in felt if force > TOUCH_FORCE)
 
     def _padded(self) -> Iterator[tuple[Supervisor, float]]:
-        """Yield what presses by a fluid, with the force [N] that it feels."""
+        """Yield each device that presses by a fluid, with the force [N] that it measures."""
         for one, push in self.pads:
             yield one, push.felt(one.device_monitors.seen)
 
     def taken(self) -> float:
-        """Return the force [N] that arms must leave to surfaces: what they press with, and what that may rise by."""
+        """Return the force [N] that arms must leave to the others: what they press with, and what that may rise by."""
         if not self.nearing:
             return self.pressed()
-        from itouch.monitors.surface_kernels import rise  # the compiler is loaded when a device runs
+        from itouch.monitors.surface_kernels import rise  # here, so that the compiler is loaded only if a device runs
 
         total = self.pressed()
         for table in self.tables:
@@ -104,12 +107,12 @@ class Finger:
         return total
 
     def check(self, tick: int) -> None:
-        """Leave each arm the force that nothing else takes, and run the clock of T4.
+        """Give each arm the force that surfaces and pads leave, and run the clock of T4.
 
         Raises
         ------
         DeviceFaultError
-            If all together do more than one may.
+            If all devices together pass a limit: force, thermal dose, time in the cold or in contact.
         """
         pressed = self.pressed()
         if len(self.tables) + len(self.pads) > 1 and pressed > self._trip:
@@ -126,7 +129,7 @@ class Finger:
             self._doses(tick)
 
     def told(self, tick: int) -> None:
-        """Act upon what the compiled clock of T4 has found.
+        """Act on what the compiled clock of T4 has found.
 
         Raises
         ------
@@ -137,7 +140,7 @@ class Finger:
             table.device_monitors.told_of_contact(tick)
 
     def leave(self, arm: Supervisor) -> None:
-        """Leave an arm what the other arms have not taken either, just before it is sent its force."""
+        """Reduce an arm's force and torque to what the other arms leave, too, just before its command is limited."""
         others = [views for one, views in zip(self.arms_of, self._wrenches, strict=True) if one is not arm]
         left = self.force - self.taken()
         arm.moving.room[0] = max(0.0, left - sum(_size(views) for views in others))
@@ -150,7 +153,7 @@ class Finger:
         return self.arms_of if len(self.arms_of) > 1 else ()
 
     def _touch(self, tick: int) -> None:
-        """Run the clock of T4 of every surface while the finger touches any, or wears a display that is driven."""
+        """Run the clock of T4 of every surface, forwards while the finger touches any or wears a driven display."""
         withdrawn = any(table.device_monitors.withdrawn for table in self.tables)
         touched = any(table.device_monitors.touched for table in self.tables if table.enabled)
         touched = touched or any(_acts(one, post, withdrawn) for one, post in self.worn)
@@ -168,7 +171,7 @@ class Finger:
             raise DeviceFaultError(name, tick, trip, sentence)
 
     def _over(self) -> tuple[str, Trip, str] | None:
-        """Return what the plates on the finger have given together, if it is too much: device, trip, sentence."""
+        """Return the trip if the plates on the finger have together given too much: device, trip, sentence."""
         dose = sum(post.state["dose"].item() for _, post in self._heats)
         cold = sum(post.state["cold_time"].item() for _, post in self._heats)
         limits = [one.model.limits for one, _ in self._heats]
@@ -188,7 +191,7 @@ class Finger:
         return max(self._heats, key=lambda pair: float(pair[1].state[field]))[0]
 
     def spent(self) -> str:
-        """Say that the finger has had all that it may have; empty: it has not."""
+        """Return the words for a budget of the finger that is used up; empty: none is."""
         said = self._over()
         return said[2] if said is not None else ""
 
@@ -206,12 +209,12 @@ def _acts(one: Supervisor, post: InstalledMonitor, withdrawn: bool) -> bool:
 
 
 def _chain(name: str, carriers: Mapping[str, str]) -> Iterator[str]:
-    """Yield a device, what carries it, what carries that, and so on, as far as it is known."""
+    """Yield a device, the one that carries it, the one that carries that, and so on, as far as known."""
     while name:
         yield name
         name = carriers.get(name, "")
 
 
 def _size(views: Sequence[NDArray[np.float64]], first: int = 0) -> float:
-    """Return the force of wrenches [N], or from their fourth number on their torque [N m]."""
+    """Return the sum of the forces of wrenches [N]; with ``first`` 3, of their torques [N m]."""
     return sum(math.hypot(*view[first : first + 3].tolist()) for view in views)

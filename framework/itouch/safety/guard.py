@@ -1,6 +1,6 @@
 """The guard before each device: no command passes that is beyond ceilings, limits, slew rate or ramp-in.
 
-First the hardware's ceiling, then the limits in force, then ramp and slew; what is not a number stops.
+First the hardware's ceiling, then the limits in force, then ramp and slew; a command that is not a number trips.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
 
-#: Between which heights [m] a surface may be sent by its safe command: as far as it travels.
+#: Lowest and highest height [m] to which a safe command may send a surface; NaN: as far as its travel goes.
 ANYWHERE = math.nan, math.nan
 
 
 class Guard:
-    """Limits one command channel; the limits are applied by compiled code, in a tick as well as here."""
+    """Limits one command channel; compiled code applies the limits, both in a tick and in ``limit``."""
 
     __slots__ = ("_limits", "bounds", "channel")
 
@@ -39,20 +39,20 @@ class Guard:
     def limit(
         self, wanted: Floats, sent: Floats, share: float, period: float, closing: float, room: float = math.inf
     ) -> tuple[int, int]:
-        """Write what may be sent.
+        """Limit a command, and write what may be sent.
 
         Parameters
         ----------
         wanted, sent
-            The command asked for, and the one sent last, which is overwritten: (n,) each, in the channel's unit.
+            The command requested, and the one sent last, which is overwritten: (n,) each, in the channel's unit.
         share
-            0 to 1: the part of force, current or speed that is let through (the ramp, or a limit that is near).
+            0 to 1: the part of force, current or speed that is let through (by the ramp, or near a limit).
         period
             Seconds since the last command.
         closing
             Greatest speed [m/s] at which a surface may approach the finger now.
         room
-            Force [N] that what else pushes on the finger leaves.
+            Force [N] that everything else that pushes on the finger leaves.
 
         Returns
         -------
@@ -74,9 +74,9 @@ class Guard:
         self, moving: limiting.Moving, wanted: Floats, sent: Floats, clamped: Counts, dropped: Counts, period: float,
         among: int = 1,
     ) -> Bound:  # fmt: skip
-        """Return ``limit`` on these views as one compiled call, which counts what it did.
+        """Return ``limit`` on these views as one compiled call, which counts the limits applied and components dropped.
 
-        It returns 0, or another number if the command is not a number: then `refusal` says so.
+        The call returns 0, or another number if the command is not a number, for which `refusal` gives the trip.
 
         ``wanted`` and ``sent`` (n,) are in the channel's unit, ``clamped`` and ``dropped`` (1,) counts;
         ``period`` [s]; ``among``: how many channels of the device share the greatest increase of force.
@@ -91,10 +91,11 @@ class Guard:
     def safe(
         self, sent: Floats, period: float, *, backwards: bool = False, ends: tuple[float, float] = ANYWHERE
     ) -> None:
-        """Write the safe command: its value, or hold, or retract along -z as fast as is allowed.
+        """Write the channel's safe command: a value, or hold, or retract along -z as fast as is allowed.
 
-        ``backwards`` retracts along +z instead, for a drive that has been seen to go the wrong way.  ``sent`` (n,) is
-        in the channel's unit.  ``ends``: how far down and up [m] that leads at most, NaN: as far as the travel does.
+        ``sent`` (n,): the command sent last, which is overwritten, in the channel's unit; ``period`` [s];
+        ``backwards``: retract along +z instead, for a drive that has been seen to go the wrong way; ``ends``: lowest
+        and highest height [m] to which retracting may lead, NaN: as far as the travel goes.
         """
         channel = self.channel
         safe, step = channel.safe, (self._limits.speed or 0.0) * period
@@ -111,7 +112,7 @@ class Guard:
 
 
 def _bounds(channel: Channel, limits: DeviceLimits) -> limiting.Bounds:
-    """Return the limits of a channel as compiled code takes them."""
+    """Return the limits of a channel for compiled code."""
     shut = _locked_components(channel)
     both = zip(channel.low, channel.high, strict=True)
     torques = [min(abs(low), abs(high)) for low, high in both] or [0.0] * channel.size
@@ -141,13 +142,13 @@ def _kind(channel: Channel) -> int:
 
 
 def _off(channel: Channel) -> Floats:
-    """Return the target of each component at which no temperature is held: its safe value, if that is none; or NaN."""
+    """Return for each component the value that switches it off: its safe value if that is no temperature, else NaN."""
     safe = channel.safe if isinstance(channel.safe, tuple) else (math.nan,) * channel.size
     return _row([value if value < COLDEST_TARGET else math.nan for value in safe])
 
 
 def _ceilings(channel: Channel, limits: DeviceLimits) -> Floats:
-    """Return the greatest size of each component, downwards and upwards, shape (2, n); infinite: there is none."""
+    """Return the greatest magnitude of each component, negative and positive, shape (2, n); infinite: there is none."""
     given = channel.low, channel.high
     hardware: Floats = np.abs(np.array(given, np.float64)) if channel.high else np.full((2, channel.size), math.inf)
     if channel.role is Role.DRIVE and channel.unit == "A":
@@ -156,7 +157,7 @@ def _ceilings(channel: Channel, limits: DeviceLimits) -> Floats:
 
 
 def _locked_components(channel: Channel) -> tuple[tuple[int, float], ...]:
-    """Return the components that a locked degree of freedom shuts, with the value that they rest at."""
+    """Return the components that locked degrees of freedom fix, with their resting values."""
     if channel.size == 7:
         turned = [axis for axis in channel.locked if axis >= 3]
         shut = [(axis, 0.0) for axis in channel.locked if axis < 3]

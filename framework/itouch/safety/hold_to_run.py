@@ -1,7 +1,7 @@
 """Hold-to-run: somebody holds a switch while devices may act; letting go makes everything safe (W3).
 
-The switch is a ``deadman`` reading of any device, or a word that the window repeats while its key is held.
-Hardware always needs it; twins only if the scene says ``hold-to-run="yes"``.
+The switch is a ``deadman`` reading of any device, or a key in the window, which repeats its signal while the key is
+held.  Hardware always needs it; twins only if the scene says ``hold-to-run="yes"``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from itouch.world import limits as default
 
 
 class HoldToRun:
-    """The dead-man's switch of a session; until which tick it holds is State."""
+    """The dead-man's switch of a session; the tick until which the last signal of holding it is good is State."""
 
     def __init__(self, state: Record, supervisors: Sequence[Supervisor], period: float, *, asked: bool) -> None:
         self._until, self._supervisors = state["hold"], tuple(supervisors)
@@ -29,25 +29,25 @@ class HoldToRun:
             if channel.role is Role.DEADMAN
         ]
         self._said = "nobody holds the switch"
-        #: Which of the devices' switches were held in the tick before, by number; found again from State.
+        #: Which of the devices' switches were held in the tick before, by number; ``recall`` finds it from readings.
         self._pressed: frozenset[int] = frozenset()
         #: Whether nothing may act unless the switch is held.
         self.required = asked or any(not s.model.twin for s in supervisors)
 
     def press(self, tick: int, held: bool, *, shared: bool = False) -> None:
-        """Take a word of the switch: held now, which is good for 80 ms, or let go; ``shared``: another holds on."""
+        """Take a signal that the switch is held, which is good for 80 ms, or let go; ``shared``: another holds on."""
         self._said = "one of those who held the switch let it go" if shared else "nobody holds the switch"
         self._until[...] = tick + self._ticks if held else tick
 
     def held(self, tick: int) -> bool:
-        """Tell whether the switch is held, by a device or by word; no sign of it is good for longer than 80 ms.
+        """Tell whether the switch is held, by a device or by ``press``; neither is good for longer than 80 ms.
 
-        A device that was lost while somebody pressed its switch says nothing any more.
+        So a device that was lost while somebody pressed its switch soon counts no more.
         """
         return self.word(tick) or bool(self._pressed_at(tick))
 
     def word(self, tick: int) -> bool:
-        """Tell whether somebody's word holds the switch, whatever devices say."""
+        """Tell whether the last signal by ``press`` still holds the switch, whatever devices read."""
         return 0 < int(self._until.item()) - tick <= self._ticks
 
     def _pressed_at(self, tick: int) -> frozenset[int]:
@@ -57,13 +57,13 @@ class HoldToRun:
         return frozenset(n for n, (one, index, view) in listed if view.item() > 0.5 and one.knows(index, oldest))
 
     def recall(self, tick: int) -> None:
-        """Begin with those switches of devices that are held now: who let go before has let nothing go."""
+        """Take the devices' switches as they are now for the state before: one that is not held now is not let go."""
         self._pressed = self._pressed_at(tick)
 
     def ask(self, tick: int) -> None:
-        """Read the switches of hardware anew: no tick does while it is stopped, and somebody may have let go meanwhile.
+        """Read the switches of hardware anew: no tick does while it is stopped, and somebody may have let go since.
 
-        What a device says of its own trouble is told when it is re-armed.
+        A fault of such a device is not raised here; re-arming tells it.
         """
         for one in {id(one): one for one, _, _ in self._switches if not one.model.twin}.values():
             with contextlib.suppress(DeviceFaultError):
@@ -71,12 +71,12 @@ class HoldToRun:
         self.recall(tick)
 
     def check(self, tick: int) -> None:
-        """Stop what acts if nobody holds the switch, or if one who held it lets go, whoever else holds on.
+        """Stop enabled devices if nobody holds the switch, or one of those who hold it lets go, whoever else holds on.
 
         Raises
         ------
         DeviceFaultError
-            Naming the device that has most to fear: the one that is to retract, else the first.
+            Naming the first enabled device that carries a surface, else the first enabled one.
         """
         if not self.required:
             return

@@ -1,4 +1,4 @@
-"""The states of one device: closed, open, enabled, fault (latched), and what leads from one to another.
+"""The states of one device: closed, open, enabled, fault (latched), and the transitions between them.
 
 CLOSED --open--> OPEN --enable--> ENABLED --disable--> OPEN --close--> CLOSED; any error, NaN or trip leads to FAULT,
 which latches until an operator re-arms.  In OPEN and FAULT only safe commands are sent: a plugin can't forward a
@@ -39,11 +39,11 @@ CLOSED, OPEN, ENABLED, FAULT = (int(status) for status in Status)
 _TRIPS = frozenset(int(trip) for trip in Trip)
 
 
-#: W4: the time [s] in which a device may be re-armed so many times.
+#: W4: the time [s] within which a device may be re-armed only a few times.
 MINUTE = 60.0
 #: How long [s] a device may take to close.
 CLOSE_TIME = 2.0
-#: See ``Lifecycle.stopped``.
+#: Values of ``Lifecycle.stopped``.
 HELD, BACKWARDS = 1, 2
 
 
@@ -52,21 +52,21 @@ class SharedFinger(Protocol):
 
     @property
     def plates(self) -> Sequence[InstalledMonitor]:
-        """What watches its plates."""
+        """The monitors of its plates."""
 
     def spent(self) -> str:
-        """Say that it has had all that it may have; empty: it has not."""
+        """Return the words for a budget of the finger that is used up; empty: none is."""
 
 
 class Lifecycle(ABC):
-    """What one device, or its twin, may do now, on its part of State."""
+    """The states and transitions of one device, or its twin, on its part of State."""
 
     def __init__(
         self, model: DeviceModel, state: Record, period: float, *, device: Device | None, twin: Twin | None
     ) -> None:
         self.model, self._period = model, period
         self.device, self._twin = device, twin
-        #: 1 once the twin was replaced by another one: what was compiled for the first does not count, shape (1,).
+        #: 1 once the twin was replaced by another one, so that what was compiled for the first is not used, shape (1,).
         self.replaced = np.zeros(1, np.int64)
         name = model.name
         self.reading = _part(state, f"{name}.", model.reads)
@@ -75,43 +75,43 @@ class Lifecycle(ABC):
         has_twin_state = twin is not None and any(n.startswith(f"{name}.twin.") for n in state)
         self.twin_state = state.part(f"{name}.twin.") if has_twin_state else Record(np.dtype([]))
         self._status, self._trip, self._tripped = (state[f"{name}.{field}"] for field in ("status", "trip", "tripped"))
-        #: What it may do, where nothing that writes to State by address can change it: a surface under a finger must be
-        #: withdrawn, and a device closed, whatever State says then.
+        #: The status, kept where nothing that writes into the memory of State can change it: a surface under a finger
+        #: must be withdrawn, and a device closed, even if State says otherwise.
         self.status_number: int = self._status.item()
         self._ramp, self._age, self._sequence = (state[f"{name}.{field}"] for field in ("ramp", "age", "sequence"))
         self._measured, self._left = state[f"{name}.measured"], state.get(f"{name}.left")
         self._out = _part(state, f"{name}.out.", model.commands) if self._left is not None else self.sent
-        #: How a surface retracts (none: it can't): 0 as it should; HELD where it is, because retracting made it come
-        #: nearer; BACKWARDS, because it still presses then.
+        #: How a surface retracts (None: it can't): 0, as it should; HELD where it is, because it came nearer when told
+        #: to retract; BACKWARDS, because it still pressed when it was held.
         self.stopped = state.get(f"{name}.stopped")
-        #: Where a surface was sent when all stopped, and how far down and up [m] its safe command leads at most, shape
-        #: (3,); NaN: not known, or as far as it travels.
+        #: Height to which a surface was sent when all stopped, and the lowest and highest one to which its safe command
+        #: may lead [m], shape (3,); NaN: not known, or as far as it travels.
         self.way = state.get(f"{name}.way")
-        # What comes over a wire comes in any tick, whenever an exchange has begun.
+        # A reading over a wire may come in any tick, depending on when an exchange began.
         self._every = max(1, round(model.cls.period / period)) if self._left is None else 1
         pose = next((channel for channel in model.reads if channel.role is Role.TRACKED_POSE), None)
         self._pose = pose.name if pose is not None else None
         self._rearmed, self._tick = state[f"{name}.rearmed"], state["tick"]
-        #: What it may do now, as compiled code sees it, shape (1,).
+        #: The status as compiled code sees it, shape (1,).
         self.gate = self._status.reshape(1)
         #: The monitors in force.
         self.device_monitors = DeviceMonitors(model, state, self.reading, self.sent, period)
-        #: Those of its plates.
+        #: The monitors of its plates.
         self.heats = [post for post in self.device_monitors.installed if isinstance(post.monitor, Heat)]
-        #: Whether it presses by a fluid, and feels with what force.
+        #: Whether it presses by a fluid, and measures the force.
         self.presses = any(isinstance(post.monitor, Push) for post in self.device_monitors.installed)
-        #: Whether the device could not be given its last command: what it was given before may act on.
+        #: Whether its last command could not be written: the one before may still act.
         self.unsent = False
-        #: The fingers on which other plates act, too: what may be used up is theirs together.
+        #: The fingers on which other plates act, too, and which therefore share a budget among them.
         self.shared: list[SharedFinger] = []
-        #: That nobody else speaks on its wires while it is open.
+        #: Its claims on its wires, which nobody else may use while it is open.
         self._claims = WireClaims()
-        #: Why it can't be enabled, whoever asks: nothing tells where the finger is that it acts on; empty: it can.
+        #: Why it can't be enabled at all: nothing tells where the finger is that it acts on; empty: it can.
         self.blind = ""
 
     @abstractmethod
     def _take(self) -> bool:
-        """Read the twin or the device, and tell whether there was anything new; whatever goes wrong is a trip."""
+        """Read the twin or the device, and tell whether there was a new reading; whatever goes wrong is a trip."""
 
     @abstractmethod
     def _send_safe(self) -> None:
@@ -119,7 +119,7 @@ class Lifecycle(ABC):
 
     @property
     def twin(self) -> Twin | None:
-        """The twin that stands for the device, if one does."""
+        """The twin that stands in for the device, if one does."""
         return self._twin
 
     @twin.setter
@@ -128,15 +128,15 @@ class Lifecycle(ABC):
         self.replaced[0] = 1
 
     def become(self, status: int) -> None:
-        """Set what the device may do from now on."""
+        """Set the status."""
         self._status[...] = self.status_number = status
 
     def recall(self) -> None:
-        """Take what the device may do from a State that was put in place."""
+        """Take the status from a State that was restored."""
         self.status_number = self._status.item()
 
     def forged(self) -> str:
-        """Put the status in State right, if it is not; return what was wrong with it, or nothing."""
+        """Correct the status in State if something has overwritten it; return the words for that, or nothing."""
         said = self._status.item()
         if said == self.status_number:
             return ""
@@ -149,7 +149,7 @@ class Lifecycle(ABC):
         return self.status_number == ENABLED
 
     def knows(self, reading: int, since: int) -> bool:
-        """Tell whether the device is open, and has measured this reading in that tick or later."""
+        """Tell whether the device is not CLOSED, and has measured reading number ``reading`` in this tick or later."""
         return self.status_number != CLOSED and bool(self._measured[reading] >= since)
 
     @property
@@ -161,7 +161,7 @@ class Lifecycle(ABC):
     def trip(self) -> Trip:
         """Why the device was stopped, latched until it is re-armed."""
         number = self._trip.item()
-        return Trip(number) if number in _TRIPS else Trip.MODALITY_ERROR  # somebody has written over it
+        return Trip(number) if number in _TRIPS else Trip.MODALITY_ERROR  # something has overwritten it
 
     @property
     def tripped(self) -> int:
@@ -177,12 +177,12 @@ class Lifecycle(ABC):
         self.device_monitors.reset()
 
     def restore(self) -> None:
-        """Go on from a State that was put in place."""
+        """Go on from a State that was restored."""
         self.recall()
         self.device_monitors.restore()
 
     def claim_wires(self) -> None:
-        """Claim the device's wires, if they are not claimed; ``close`` and the end of the process let go of them.
+        """Claim the device's wires, unless they are claimed already; ``close`` and the end of the process release them.
 
         Raises
         ------
@@ -192,11 +192,11 @@ class Lifecycle(ABC):
         driver: Any = self.device
         while isinstance(driver, ThreadedDevice | EveryNth):
             driver = driver.device
-        if driver is not None and self.model.commands:  # where it is now: a virtual rig's may be moved elsewhere
+        if driver is not None and self.model.commands:  # asked anew, because a virtual rig's wires may have moved
             self._claims.take(type(driver).wires(driver.params))
 
     def free_wires(self) -> None:
-        """Let go of the wires of a device that is not opened after all."""
+        """Release the wires of a device that is not opened after all."""
         self._claims.release()
 
     def open(self) -> None:
@@ -214,7 +214,7 @@ class Lifecycle(ABC):
         self.become(FAULT if self._trip.item() else OPEN)
 
     def _forget(self) -> None:
-        """Drop what was read before: it says nothing of the device as it is now."""
+        """Drop what was read before: it tells nothing about the device as it is now."""
         self.device_monitors.forget()
         self._age[...] = 0
         self._sequence[...] = 0
@@ -246,7 +246,7 @@ class Lifecycle(ABC):
         self._ramp[...] = 0.0 if self.model.limits.ramp > 0.0 else 1.0
 
     def rest_at_measured(self) -> None:
-        """Begin each command where it is safe: at its safe value, or where the device stands."""
+        """Begin each command at its safe value, or where the device stands."""
         for channel in self.model.commands:
             if isinstance(channel.safe, tuple):
                 self.sent[channel.name] = channel.safe
@@ -293,7 +293,7 @@ class Lifecycle(ABC):
             raise DeviceError(f"device '{self.model.name}' {said}")
 
     def _refuse_often(self, tick: int) -> None:
-        """Refuse to re-arm once more what was re-armed often within a minute: its cause has not been found (W4)."""
+        """Refuse to re-arm a device again that was re-armed often within a minute: the cause was not found (W4)."""
         oldest = int(self._rearmed[-1])
         wait = MINUTE - (tick - oldest) * self._period
         if oldest >= 0 and wait > 0.0:
@@ -301,18 +301,18 @@ class Lifecycle(ABC):
             raise DeviceError(f"device '{self.model.name}' {often}: find out why it stops, and wait {wait:.0f} s")
 
     def ramp_in(self) -> None:
-        """Begin with nothing and let commands grow, as after every re-arming."""
+        """Begin with a share of zero and let it grow, as after every re-arming."""
         self._ramp[...] = 0.0
 
     def reconnect(self) -> None:
-        """Close and open the device anew; FAULT or CLOSED -> OPEN, with nothing remembered of before.
+        """Close and open the device anew; FAULT or CLOSED -> OPEN, with nothing remembered from before.
 
-        What it was stopped for is over with a connection that was lost; any other trip stays latched (FAULT).
+        A trip for a lost connection is released by that; any other trip stays latched (FAULT).
 
         Raises
         ------
         DeviceError
-            If the device is missing or refuses (it stays CLOSED), or its thermal dose is used up.
+            If the device is missing or refuses (it stays CLOSED), or a budget such as its thermal dose is used up.
         """
         self._refuse_spent()
         self.leave()
@@ -322,15 +322,15 @@ class Lifecycle(ABC):
         self.rest_at_safe()
 
     def rest_at_safe(self) -> None:
-        """Forget every command: nothing that was asked for before is ever sent again."""
+        """Set commands to their safe values, so that nothing that was requested before is ever sent again."""
         for channel in self.model.commands:
             if isinstance(channel.safe, tuple):
                 self.command[channel.name] = self.sent[channel.name] = np.array(channel.safe)
 
     def take_over(self, other: Lifecycle) -> None:
-        """Go on with the device that another one has open; the other is CLOSED then, and can send nothing any more.
+        """Take over the open device of another instance, which is then CLOSED and can no longer send anything.
 
-        The device itself does not notice.  What is latched stays so, and commands wait for ``enable``.
+        The device itself does not notice.  A latched trip stays latched, and commands wait for ``enable``.
 
         Raises
         ------
@@ -347,7 +347,7 @@ class Lifecycle(ABC):
         self.become(FAULT if self._trip.item() else OPEN)
 
     def leave(self) -> None:
-        """Give the device up, whatever it says; any status -> CLOSED."""
+        """Give the device up, whatever it raises; any status -> CLOSED."""
         with contextlib.suppress(Exception, SystemExit):  # a lost device may refuse to be closed
             self.close()
 
@@ -361,15 +361,15 @@ class Lifecycle(ABC):
         finally:
             self.become(CLOSED)
             self._let_go()
-            self._claims.release()  # not of a device that can't be closed: its driver may still speak
+            self._claims.release()  # but not if the device can't be closed: its driver may still use the wire
 
     def _let_go(self) -> None:
-        """Close the device; what it has been given is safe by then, and nobody waits for ever.
+        """Close the device, which has been sent its safe command by then; don't wait for it for ever.
 
         Raises
         ------
         DeviceError
-            If it does not return from that.
+            If it does not return from closing in time.
         """
         if self.device is None:
             return

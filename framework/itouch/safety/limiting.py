@@ -18,21 +18,22 @@ from itouch.monitors.thresholds import COLDEST_TARGET
 
 Floats = NDArray[np.float64]
 
-#: What a channel is, which says how it is limited.
+#: Kinds of channel, which decide how it is limited.
 PLAIN, WRENCH, POSE, DRIVE, TEMPERATURE = range(5)
-#: Part of its speed that a surface has at least while it ramps in.
+#: Least share of its speed that a surface has while it ramps in.
 LEAST_RAMP = 0.05
-#: Asks Python to do the step: the device is not enabled, or a command is no number.
+#: Code that leaves the step to Python: the device is not enabled, or a command is not a number.
 PYTHON = 1
 
 
 class Bounds(NamedTuple):
-    """The limits of one channel of n components; arrays of no number where there is no such limit.
+    """The limits of one channel of n components; an array is empty where there is no such limit.
 
-    ``locked`` and ``resting``: the components that a locked degree of freedom shuts, and where they rest;
-    ``low`` and ``high`` (n,): the range; ``ceilings`` (2, n): of a drive, downwards and upwards, infinite: none;
-    ``torques`` (n,): of a wrench; ``slew`` (n,); ``figures`` (5,): force, speed, the range of a temperature, torque;
-    ``off`` (n,): the target at which nothing holds a temperature, NaN: there is none.
+    ``kind``: PLAIN to TEMPERATURE; ``locked`` and ``resting``: the components that locked degrees of freedom fix, and
+    their resting values; ``low`` and ``high`` (n,): the range; ``ceilings`` (2, n): of a drive, negative and positive,
+    infinite: none; ``torques`` (n,): of a wrench; ``slew`` (n,); ``figures`` (5,): greatest force [N] and speed [m/s],
+    lowest and highest temperature [K], greatest torque [N m]; ``free``: the components of a wrench that are torques and
+    not locked; ``off`` (n,): the value that switches a temperature's control off, NaN: there is none.
     """
 
     kind: NDArray[np.int64]
@@ -49,11 +50,12 @@ class Bounds(NamedTuple):
 
 
 class Moving(NamedTuple):
-    """What is between devices and not a limit of a channel, each of shape (1,).
+    """What changes from tick to tick in the limits of a device's channels, each of shape (1,).
 
     ``share``: the part of force, current or speed that is let through; ``closing`` [m/s]: how fast a surface may
-    approach the finger; ``room`` [N] and ``turning`` [N m]: what else pushes on the finger leaves; ``taken`` [N] and
-    ``turned`` [N m]: force and torque of those channels of the same device that were limited before.
+    approach the finger; ``room`` [N] and ``turning`` [N m]: the force and torque that everything else on the finger
+    leaves; ``taken`` [N] and ``turned`` [N m]: force and torque of those channels of the device that were limited
+    before this one.
     """
 
     share: Floats
@@ -65,7 +67,7 @@ class Moving(NamedTuple):
 
     @classmethod
     def of(cls, share: float = 1.0, closing: float = 0.0, room: float = math.inf, turning: float = math.inf) -> Moving:
-        """Return these, for a device whose first channel is to be limited."""
+        """Return these values, as they are before the first channel of a device is limited."""
         return cls(*(np.array([value]) for value in (share, closing, room, 0.0, turning, 0.0)))
 
 
@@ -92,7 +94,7 @@ def _slew(bounds: Any, values: Floats, last: Floats, period: float) -> int:
 
 @kernel
 def _wrench(bounds: Any, moving: Any, values: Floats, last: Floats, share: float, growth: float) -> int:
-    """Limit a force, with what the device's channels before it push with: all together do not push harder than one."""
+    """Limit a force together with those of the device's channels before it: all push no harder than one alone may."""
     size = math.sqrt(values[0] * values[0] + values[1] * values[1] + values[2] * values[2])
     grown = math.sqrt(last[0] * last[0] + last[1] * last[1] + last[2] * last[2]) + growth
     allowed = bounds.figures[0] * share
@@ -105,7 +107,7 @@ def _wrench(bounds: Any, moving: Any, values: Floats, last: Floats, share: float
     moving.taken[0] += min(size, allowed)
     if size > allowed:
         scale, clamped = allowed / size, 1
-    for i in range(len(bounds.high) and 3):  # an arm that is weaker along one axis, or one way
+    for i in range(len(bounds.high) and 3):  # an arm may be weaker along one axis, or in one direction
         top = bounds.high[i] if values[i] > 0.0 else -bounds.low[i]
         if abs(values[i]) * scale > top:
             scale, clamped = max(0.0, top) / abs(values[i]), 1
@@ -119,9 +121,9 @@ def _wrench(bounds: Any, moving: Any, values: Floats, last: Floats, share: float
 
 @kernel
 def _torque(bounds: Any, moving: Any, values: Floats, last: Floats, share: float, growth: float) -> int:
-    """Limit a torque as a force is: about each axis to what the device can, then its size; no more than force may be.
+    """Limit a torque: about each axis to what the device can give, then its magnitude, also by the force that is left.
 
-    ``growth`` is that of the force [N].
+    ``growth``: by how much a force may grow [N]; a torque may grow by that times a finger's lever.
     """
     clamped, square, before = 0, 0.0, 0.0
     for k in range(len(bounds.free)):
@@ -161,7 +163,7 @@ def _pose(bounds: Any, values: Floats, last: Floats, share: float, period: float
 
 @kernel
 def _drive(bounds: Any, values: Floats, last: Floats, share: float, period: float) -> int:
-    """Limit a drive: its ceiling, the scene's limit, and the part that the monitors leave of it."""
+    """Limit a drive to its range, then to the share of its ceiling that is let through, then in its slew."""
     clamped = _into_box(bounds, values)
     for i in range(len(values)):
         value = values[i]
@@ -174,10 +176,10 @@ def _drive(bounds: Any, values: Floats, last: Floats, share: float, period: floa
 
 @kernel
 def _temperature(bounds: Any, values: Floats, last: Floats, share: float, period: float) -> int:
-    """Limit what shall be held: to its range, nearer to the middle of that for a share below 1, and in its slew.
+    """Limit a temperature target: to its range, nearer to the middle of that for a share below 1, and in its slew.
 
-    What is off stays off, and is off with no share; what is off has no temperature to begin from, so that a slew begins
-    in the middle.
+    A component that is requested off stays off, and a share of 0 switches it off.  While it is off it has no
+    temperature to start from, so that a slew starts in the middle of the range.
     """
     clamped = 0
     low, high = bounds.figures[2], bounds.figures[3]
@@ -202,7 +204,7 @@ def _temperature(bounds: Any, values: Floats, last: Floats, share: float, period
 
 @kernel
 def finite(values: Floats) -> bool:
-    """Tell whether numbers (n,), in whatever unit, and their sum are finite."""
+    """Tell whether numbers (n,), in any unit, and their sum are finite."""
     total = 0.0
     for i in range(len(values)):
         total += float(values[i])
@@ -213,18 +215,18 @@ def finite(values: Floats) -> bool:
 def limit(
     bounds: Any, moving: Any, wanted: Floats, sent: Floats, clamped: Any, dropped: Any, period: float, growth: float
 ) -> int:  # fmt: skip
-    """Write what may be sent of a channel.
+    """Limit the command of a channel, and write what may be sent.
 
     Parameters
     ----------
     bounds, moving
         See ``Bounds`` and ``Moving``.
     wanted, sent
-        The command asked for, and the one sent last, which is overwritten, shape (n,).
+        The command requested, and the one sent last, which is overwritten, shape (n,), in the channel's unit.
     clamped, dropped
-        How many limits were applied, and how many locked components were dropped; counted on, shape (1,).
+        How many limits were applied, and how many locked components were dropped; added to, shape (1,).
     period, growth
-        Seconds since the last command, and what a force may grow meanwhile [N].
+        Seconds since the last command, and by how much a force may grow meanwhile [N].
 
     Returns
     -------
@@ -234,7 +236,7 @@ def limit(
     values = np.empty(len(wanted))
     for i in range(len(wanted)):
         values[i] = wanted[i]
-    if not finite(values):  # the copy: a plugin's thread may write to what it wants meanwhile
+    if not finite(values):  # of the copy: a plugin's thread may write to ``wanted`` meanwhile
         return PYTHON
     for k in range(len(bounds.locked)):
         i = bounds.locked[k]
@@ -263,11 +265,12 @@ def begin(
     status: Any, enabled: int, closed: int, wanted: Floats, ends: Any, ramp: Floats, left: Floats, moving: Any,
     growth: float,
 ) -> int:  # fmt: skip
-    """Say what part of commands is let through in this tick: the ramp's, times what all monitors leave.
+    """Set the share of commands that is let through in this tick: that of the ramp, times what all monitors allow.
 
-    All but ``moving``, ``wanted``, all commands, and ``ends``, where each channel of them ends, have shape (1,) or are
-    numbers.
-    Returns 0, SKIP if the device is closed, or PYTHON if it is not enabled, or any command is no number.
+    ``wanted`` (n,): all commands, in their channels' units; ``ends``: the index in it at which each channel ends;
+    ``growth``: of the ramp in a tick [1]; the other arrays have shape (1,), ``ramp`` and ``moving`` are written.
+
+    Returns 0; SKIP if the device is closed; PYTHON if it is not enabled, or any command is not a number.
     """
     if status[0] == closed:
         return SKIP

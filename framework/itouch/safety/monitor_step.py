@@ -1,8 +1,8 @@
 """The step in which monitors look at a device's reading, and how often each looks, compiled.
 
-What is unusual changes nothing here and is left to Python: a reading that did not come or is not believed, a device
-that is stopped.  What the monitors of plates find that is not what they found before, Python tells.  Monitors of other
-kinds are called by Python when it is their turn.
+What is unusual is left to Python, and nothing is changed here: a reading that did not come or is not believed, a device
+that is stopped.  When a plate's monitor finds something else than before, Python acts on it.  Monitors of other kinds
+are called by Python when it is their turn.
 """
 
 from __future__ import annotations
@@ -21,16 +21,17 @@ from itouch.monitors.runaway_kernels import Look, Trust
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-#: What is left to Python: the whole step, the monitors whose turn it is, or (from TOLD on, by its number) to tell what
-#: one of them has found.
+#: Codes for what is left to Python: the whole step, the monitors whose turn it is, or (TOLD plus its number) to act on
+#: what one of them has found.
 PYTHON, LOOK, TOLD = 1, 2, 3
 
 
 class Watched(NamedTuple):
-    """What of a device's State a reading's way goes past; all but ``raw``, ``seen`` and ``turns`` have shape (1,).
+    """The part of a device's State that checking a reading needs; arrays have shape (1,) unless said otherwise.
 
-    ``raw``: the reading, ``seen``: the copy that monitors work with; ``words``: State as whole numbers, ``turns``:
-    where in it monitors note when they looked last; ``due``: the time whose reading must be looked at.
+    ``raw`` (n,): the reading, ``seen`` (n,): the copy that monitors work with; ``words``: all of State as integers,
+    ``turns``: the indices in it of when monitors looked last; ``due``: time of the reading that must be checked at
+    once.
     """
 
     status: Numbers
@@ -50,7 +51,11 @@ class Watched(NamedTuple):
 
 
 class CheckSchedule(NamedTuple):
-    """The beat of a device in ticks, and the period [s]."""
+    """How often a device is read and its monitors are asked, in ticks, and the period of a tick [s].
+
+    ``every``: ticks from reading to reading; ``apart``: distance from which on a reading is checked at once; ``clock``:
+    longest time between two checks.
+    """
 
     every: int
     apart: int
@@ -59,7 +64,7 @@ class CheckSchedule(NamedTuple):
 
 
 class Clocks(NamedTuple):
-    """Times of a device in ticks: how many were left out, and when it was heard, each (1,).
+    """Times of a device in ticks: how many were left out, and when its last reading came, each (1,).
 
     ``measured`` (n,): when each of its readings was measured.
     """
@@ -71,15 +76,15 @@ class Clocks(NamedTuple):
 
 @kernel
 def clocked(ticks: int, period: float) -> float:
-    """Return so many ticks as time [s], rounded to 1 ns: the decimal number that they stand for."""
+    """Return the time [s] of this many ticks, rounded to 1 ns: the decimal number that they stand for."""
     return float(np.rint(ticks * period * 1e9) / 1e9)
 
 
 @kernel
 def moment(clocks: Any, checked: int, tick: int, period: float) -> tuple[float, float, float]:
-    """Return the time of a look, that at which the newest reading was measured, and that since ``checked`` [s].
+    """Return the time now, the time at which the newest reading was measured, and the time since ``checked`` [s].
 
-    ``checked``: when a monitor looked last, in ticks; below 0: not yet, or not since a pause.
+    ``checked``: when a monitor looked last, in ticks; below 0: not yet, or not since a pause; then the last is 0.
     """
     now, newest = tick + clocks.missed[0], clocks.measured[0]
     for i in range(1, len(clocks.measured)):
@@ -91,9 +96,9 @@ def moment(clocks: Any, checked: int, tick: int, period: float) -> tuple[float, 
 
 
 class Asked(NamedTuple):
-    """A monitor that has its turn: when it looked last [ticks], what it left, and what it says; all of shape (1,).
+    """A plate's monitor: when it looked last [ticks], the share that it allowed, what it finds; all of shape (1,).
 
-    ``due``: the time whose reading must be looked at; ``touched``: whether a finger touches the device.
+    ``due``: time of the reading that must be checked at once; ``touched``: whether a finger touches the device.
     """
 
     checked: Numbers
@@ -105,9 +110,9 @@ class Asked(NamedTuple):
 
 @kernel
 def due(status: Any, sequence: Any, tick: Any, taken: Any, replaced: Any, closed: int, every: int) -> int:
-    """Say whether a reading is to be taken in this tick: 0, or SKIP; all but the numbers have shape (1,).
+    """Return 0 if a reading is to be taken in this tick, else SKIP; arrays have shape (1,).
 
-    Of a twin that was ``replaced`` it is PYTHON: what is compiled reads the one before.
+    For a twin that was ``replaced`` it returns PYTHON, because the compiled calls read the one before.
     """
     taken[0] = 0
     if replaced[0] != 0:
@@ -119,7 +124,7 @@ def due(status: Any, sequence: Any, tick: Any, taken: Any, replaced: Any, closed
 
 @kernel
 def came(tick: Any, measured: Any, taken: Any) -> int:
-    """Note that a reading has come, measured in this tick: ``measured`` has the tick of each channel."""
+    """Note that a reading has come that was measured in this tick: ``measured`` (n,) is the tick of each channel."""
     taken[0] = 1
     for i in range(len(measured)):
         measured[i] = tick[0]
@@ -130,9 +135,9 @@ def came(tick: Any, measured: Any, taken: Any) -> int:
 def watch(
     device: Watched, able: Believable, memory: Memory, rhythm: CheckSchedule, tick: Any, closed: int, fault: int
 ) -> int:  # fmt: skip
-    """Believe the reading that has come, and say whether it is a monitor's turn.
+    """Check the reading that has come, take it over if it is believed, and tell whether it is a monitor's turn.
 
-    Returns 0, LOOK, or PYTHON; then nothing was changed, but for the figure of a trip.
+    Returns 0, LOOK, or PYTHON; with PYTHON nothing has changed, except the figure of a trip.
     """
     status = device.status[0]
     if status == closed:
@@ -141,7 +146,7 @@ def watch(
     if device.taken[0] != 0:
         heard = device.heard[0]
         seconds = (device.age[0] + rhythm.every) * rhythm.period + device.slip[0]
-        if heard >= 0:  # it may have gone on in periods that were left out
+        if heard >= 0:  # the device may have gone on in periods that were left out
             seconds = max(seconds, (now - heard) * rhythm.period)
         if status == fault or device.share[0] != 1.0 or check(able, memory, device.raw, seconds) != 1.0:
             return PYTHON
@@ -168,9 +173,9 @@ def ask(
     allowed: heat_kernels.Allowed, trust: Trust, memory: heat_kernels.Memory, seen: Floats, sent: Floats, number: int,
     closed: int,
 ) -> int:  # fmt: skip
-    """Let the monitor of a plate look if it is its turn; ``number``: which of the device's it is.
+    """Let the monitor of a plate look if it is its turn; ``number``: which of the device's monitors it is.
 
-    Returns 0, or TOLD and its number: what it says, in ``one.said``, is not what it left before.
+    Returns 0, or TOLD + ``number`` if what it finds, in ``one.said``, is not the share that it allowed before.
 
     ``seen`` and ``sent`` (n,): all numbers that the device read and was sent, in their channels' units.
     """

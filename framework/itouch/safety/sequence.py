@@ -1,12 +1,13 @@
 """The safe sequence: what happens, in order, when anything stops, and whether it has happened.
 
-1. Forces go to zero and carried surfaces retract, at once; one whose place is not believed does so by what touches it.
+1. Forces go to zero and carried surfaces retract, at once; a surface whose position is not believed retracts in legs
+   that are judged by what touches it (`blind_retreat`).
 2. A plate that is carried keeps its drive until the finger has left it (under 0.1 N) or 300 ms have passed: a plate
    whose drive is cut under a finger takes on the temperature of its heat sink.
 3. Its drive is cut.
-4. Verified: what the devices measure, or their twins truly do, says that each is safe.
-5. Minded on: a surface that is safe already goes on to its end, and a drive may fail on the way; a slow one is not safe
-   for long.  The sequence is over when each stands.
+4. It is verified, by what the devices measure or where their twins truly are, that each is safe.
+5. Watching goes on: a surface that is safe already still moves to the end of its travel, and a drive may fail on the
+   way; a slow surface takes long to be safe.  The sequence is over when each one stands still.
 """
 
 from __future__ import annotations
@@ -26,38 +27,38 @@ from itouch.safety.supervisor import Supervisor
 
 #: Force [N] under which a finger has left the plate, and how long [s] that is waited for.
 LEFT, LEAVE_TIME = 0.1, 0.3
-#: How long [s] the whole sequence may take before what is not safe and stands is told; how long surfaces are watched
-#: that do not stand yet, or are led by legs: a slow one goes for seconds.
+#: How long [s] the sequence may take before a device that is not safe, and stands still, is reported; how long [s]
+#: surfaces are watched that still move, or retract in legs: a slow one moves for seconds.
 SAFE_TIME, WATCH_TIME = 0.5, 5.0
-#: How far [m] a surface must have gone back, or how near the end of its travel it must be.
+#: How far [m] a surface must have gone back, or how near [m] the end of its travel it must be.
 RETREAT, AT_END = 0.003, 0.001
-#: How much nearer [m] a surface may come while it is told to retract, than where it was furthest back.
+#: How much nearer [m] than where it was furthest back a surface may come while it is told to retract.
 WRONG_WAY = 0.0015
-#: How long [s] it is then held before what the force sensor says counts.
+#: How long [s] a surface that came nearer is held before its force sensor counts.
 SETTLE = 0.05
-#: How old [s] the answer of a device may be that is believed: one behind a wire does not answer in every tick.
+#: Greatest age [s] of a device's answer that is believed: a device behind a wire does not answer in every tick.
 ANSWER = 0.1
-#: How far [m] it is then driven back at least.
+#: How far [m] a surface that still presses then is driven back at least.
 CLEAR = 0.008
-#: Trips after which nothing that a device says is believed.  One that was only late says what is true when it answers
-#: again: not to listen to it would let a surface go the wrong way for as long as the sequence takes.
+#: Trips after which no reading of a device is believed.  A device that was only late tells the truth when it answers
+#: again: if that were not believed, its surface could go the wrong way for as long as the sequence takes.
 LIES = DOUBTS - {Trip.SILENT}
-#: How often a surface is turned round; what is measured within so long [s] of it may be of the way it went before.
+#: How often a surface is turned round at most; how long [s] after that readings may still show its way before.
 TURNS, TURNING = 2, 0.025
-#: How long [s] a surface of which nothing was heard since all stopped goes back as if it were believed.
+#: How long [s] a surface that has not answered since all stopped retracts as if its position were believed.
 UNHEARD = 0.03
-#: A surface that is held so much nearer [m] than it was is not safe, whatever its force sensor says.
+#: A surface that is held this much nearer [m] than it was is not safe, whatever its force sensor reads.
 NEARER = 0.003
-#: A surface that has not moved by more than this [m] for so long [s], and was not told to, stands, wherever that is.
+#: A surface that has moved by no more than this [m] for this long [s], and got no new command, stands still.
 STANDS, STOOD = 0.0003, 0.05
 
 
 class Outcome(NamedTuple):
     """How a safe sequence ended: whether all is safe, after what time [s], what was seen of each device.
 
-    ``also`` holds the trips of other devices that failed by then; ``unsafe`` those that are not safe, without those of
-    which only that is odd that they read the same, and nothing of which had to change, and without surfaces that have
-    gone back and still feel something: a finger that has followed, or a sensor that is not at zero.
+    ``also`` holds the trips of other devices that failed meanwhile; ``unsafe`` the devices that are not safe.  Left out
+    of ``unsafe`` are devices whose only oddity is that their readings do not change, although none of these had to
+    change, and surfaces that have gone back and still feel something: a finger that followed, or a sensor off zero.
     """
 
     safe: bool
@@ -70,7 +71,8 @@ class Outcome(NamedTuple):
 class SafeSequence:
     """Carries out the sequence for the devices of one session.
 
-    ``fingers``, by the names of surfaces: those over it that something tracks, for when its own place is not believed.
+    ``move`` advances the simulated world by a period; ``fingers``: name of a surface's device -> the tracked fingers
+    over it, for when its own position is not believed.
     """
 
     def __init__(
@@ -90,20 +92,20 @@ class SafeSequence:
         self._held_for: dict[str, int] = {}
         self._begun: dict[str, list[float]] = {}
         self._furthest: dict[str, float] = {}
-        #: Surfaces of which nothing is known that was measured since all stopped.
+        #: Surfaces without a reading that was measured since all stopped.
         self._late: set[str] = set()
-        #: How often a surface was turned round, and the tick in which it was last.
+        #: How often a surface was turned round, and the tick from which on its readings show its newest way.
         self._turns: dict[str, int] = {}
         self._turned: dict[str, int] = {}
-        #: How many ticks it has taken, and how many were left out because the machine was late.
+        #: The tick in which it began, how many ticks it has run, and how many were left out because the loop was late.
         self._since = self._passed = self._skipped = 0
         #: When each surface last moved, or was told to: its height [m] then, where it was sent [m], and the tick.
         self._moved: dict[str, tuple[float, float, int]] = {}
-        #: What was safe when: the time [s], what was seen of each device, and how each surface retracted.
+        #: When all became safe: the time [s], what was seen of each device, how each surface retracted; None: not yet.
         self._safe: tuple[float, dict[str, tuple[str, bool]], list[int]] | None = None
-        #: In how many ticks it is over if nothing becomes safe.
+        #: In how many ticks the sequence is over if not all becomes safe.
         self._rest = 0
-        #: What was raised meanwhile, by whoever listens or by Ctrl-C; it is for the caller to raise it.
+        #: What was raised meanwhile, by ``after_tick`` or Ctrl-C; it is for the caller to raise it.
         self.interrupted: BaseException | None = None
         names = {s.model.name for s in self._retracting}
         self._carried = [s for s in supervisors if s.model.carrier in names and not _retracts(s)]
@@ -111,7 +113,7 @@ class SafeSequence:
     def carry_out(self, fault: DeviceFaultError, after_tick: Callable[[], None]) -> Outcome:
         """Make every device safe; ``after_tick`` is called at the end of each tick that this takes.
 
-        Nothing that is raised meanwhile ends it; the first error, or Ctrl-C, is ``interrupted`` then.
+        Nothing that is raised meanwhile ends the sequence; the first error, or Ctrl-C, is kept in ``interrupted``.
         """
         self._stopping[...] = 1
         for supervisor, stopped in self._ways:
@@ -150,7 +152,7 @@ class SafeSequence:
         self._stopping[...] = 0
         if self._safe is None:
             self._safe = self._seconds, {s.model.name: self._seen(s, heights) for s in self._supervisors}, []
-        seconds, seen, _ = self._safe  # as it was when all was safe: a finger may rest on what stands
+        seconds, seen, _ = self._safe  # as of when all was safe: later a finger may rest on a surface that stands
         told = {name: text for name, (text, _) in seen.items()}
         faulty = [s for s in self._supervisors if s.status is Status.FAULT and s.model.name != fault.device]
         also = {s.model.name: s.trip.label for s in faulty}
@@ -161,7 +163,7 @@ class SafeSequence:
 
     def _go_on(self, heights: dict[str, float], after_tick: Callable[[], None]) -> bool:
         """Run one tick of the sequence; return whether it is over."""
-        for part in (self._step, after_tick):  # time goes on, and is paced, also where a step itself has failed
+        for part in (self._step, after_tick):  # time goes on, and is paced, even if a step itself has failed
             try:
                 part()
             except BaseException as error:
@@ -176,27 +178,27 @@ class SafeSequence:
             self._safe = (self._seconds, seen, ways) if ends else None
         arrived = [self._arrived(s) for s in self._retracting]
         if self._safe is not None:
-            self._rest = round(SAFE_TIME / self._period)  # if it goes wrong from here on
+            self._rest = round(SAFE_TIME / self._period)  # for the case that something is no longer safe later
             return all(arrived)
         self._rest = max(self._rest - 1, int(self._going(arrived)))
         return self._rest == 0
 
     def _interrupt(self, error: BaseException) -> None:
-        """Keep what somebody who listens raises, or Ctrl-C, until all is safe: no finger is left pressed for it."""
+        """Keep an error, or Ctrl-C, until all is safe: no finger is left pressed because of it."""
         if self.interrupted is None or not isinstance(error, Exception):
             self.interrupted = error
 
     def leave_out(self, ticks: int) -> None:
-        """Let time go on for so many ticks that were not run: what is waited for at most is over with them."""
+        """Count this many ticks that were not run as time that has passed, so that waiting does not get longer."""
         self._skipped += ticks
 
     @property
     def _seconds(self) -> float:
-        """The time [s] that it has taken."""
+        """The time [s] that the sequence has taken so far."""
         return (self._passed + self._skipped) * self._period
 
     def _set_out(self, supervisor: Supervisor, stopped: NDArray[np.int8]) -> None:
-        """Begin with one surface; what was found of its ways in an earlier stop is over if it was enabled since."""
+        """Begin with one surface; drop what an earlier stop found about its direction if it was enabled since."""
         self._blind[supervisor.model.name].begin()
         way, target = supervisor.way, supervisor.model.command(Role.SURFACE_POSE)
         if supervisor.enabled:
@@ -209,11 +211,11 @@ class SafeSequence:
             supervisor.keeping = False
 
     def _busy(self) -> bool:
-        """Tell whether a drive is still kept, or a surface driven back."""
+        """Tell whether a drive is still kept, or a surface driven backwards."""
         return any(s.keeping for s in self._carried) or any(way.item() == BACKWARDS for _, way in self._ways)
 
     def _going(self, arrived: Sequence[bool]) -> bool:
-        """Tell whether a surface has not ``arrived``, or has legs to go: a slow one, or a slow wire, takes its time."""
+        """Tell whether any surface has not ``arrived``, or has legs to go: it may be slow, or behind a slow wire."""
         for (supervisor, stopped), stands in zip(self._ways, arrived, strict=True):
             blind = self._blind[supervisor.model.name]
             if blind.under_way(stopped) if blind.active else not stands:
@@ -221,7 +223,7 @@ class SafeSequence:
         return False
 
     def _hold_still(self) -> None:
-        """Hold what was driven back, or whose place is not believed: nobody minds its direction after the sequence."""
+        """Hold surfaces that are driven backwards or not believed: nobody watches their direction from now on."""
         for supervisor, stopped in self._ways:
             if stopped.item() == BACKWARDS or self._blind[supervisor.model.name].active:
                 stopped[...] = HELD
@@ -232,7 +234,7 @@ class SafeSequence:
             for supervisor in self._supervisors:
                 try:
                     supervisor.write(tick)
-                except DeviceFaultError as second:  # one fault is told; a second one must not stop the rest
+                except DeviceFaultError as second:  # the first fault is told; another must not stop the rest
                     supervisor.fault(second.trip, tick)
             self._move()
         finally:  # Ctrl-C in the middle of it
@@ -247,7 +249,7 @@ class SafeSequence:
             self._begun.update({s.model.name: s.device_monitors.values for s in self._retracting})
 
     def _arrived(self, supervisor: Supervisor) -> bool:
-        """Tell whether a surface that may still move stands: at the end of its travel, or wherever it got to."""
+        """Tell whether a surface that may still move has come to rest, at the end of its travel or elsewhere."""
         name, height = supervisor.model.name, _height(supervisor)
         sent, (before, asked, tick) = _sent_to(supervisor), self._moved[name]
         if sent != asked or not abs(height - before) <= STANDS:
@@ -257,7 +259,7 @@ class SafeSequence:
         return stood or height <= _end(supervisor) + AT_END
 
     def _believed(self, supervisor: Supervisor) -> bool:
-        """Tell whether what a device measures can be believed now."""
+        """Tell whether a device's readings can be believed now."""
         name = supervisor.model.name
         if name in self._mute or supervisor.trip in LIES:
             return False
@@ -265,14 +267,14 @@ class SafeSequence:
         return not frozen or self._passed * self._period < SETTLE
 
     def _stands(self, supervisor: Supervisor, heights: dict[str, float]) -> bool:
-        """Tell whether a device answers, and nothing that it reads had to change: a surface stood at its end before."""
+        """Tell whether a device answers and none of its readings had to change: a surface stood at its end before."""
         name = supervisor.model.name
         if name in self._mute or supervisor.status is Status.FAULT:
             return False
         return name not in heights or heights[name] <= _end(supervisor) + AT_END
 
     def _back(self, supervisor: Supervisor, before: float) -> bool:
-        """Tell whether a surface has gone back as it was told, whatever presses on it; its drives are off."""
+        """Tell whether a surface has gone back as it was told and its drives are off, whatever presses on it."""
         wrong = any(s is supervisor and stopped.item() for s, stopped in self._ways)
         if wrong or supervisor.status is Status.FAULT or not self._believed(supervisor):
             return False
@@ -293,18 +295,18 @@ class SafeSequence:
         return self._believed(supervisor) and not self._left(supervisor)
 
     def _nearer(self, supervisor: Supervisor, gone: float) -> bool:
-        """Tell whether a surface that is held stands nearer than it may: at all, if it can't be said to be free."""
+        """Tell whether a surface that is held is nearer than it may be: by anything at all, if it is not believed."""
         return gone < -NEARER or (gone < 0.0 and not self._believed(supervisor))
 
     def _mind_direction(self, heights: dict[str, float]) -> None:
-        """Hold a surface that comes nearer when it is told to retract; drive it back if it presses or is too near then.
+        """Hold a surface that comes nearer when it is told to retract; if it then presses or is too near, reverse it.
 
-        Of a twin it is known where it is, whatever it says: one that feels nothing that can be believed may press.
+        The true place of a twin is known, whatever it reads; if its readings are not believed, it may press.
         """
         for supervisor, stopped in self._ways:
             name = supervisor.model.name
             if supervisor.twin is None and not self._believed(supervisor):
-                self._retreat_blind(supervisor, stopped)  # a place that is not believed says nothing of a direction
+                self._retreat_blind(supervisor, stopped)  # a position that is not believed tells no direction
                 continue
             height = _height(supervisor)
             if self._blind[name].active and supervisor.way is not None:
@@ -313,11 +315,11 @@ class SafeSequence:
                 self._change(name)
             if name in self._late:
                 if supervisor.measured_at(Role.TRACKED_POSE) < self._since:
-                    continue  # what a late wire brings first tells where the surface went before
+                    continue  # the first readings over a late wire still show where the surface went before
                 self._late.discard(name)
                 heights[name] = self._furthest[name] = height
             if self._measured(supervisor) < self._turned.get(name, 0):
-                self._furthest[name] = height  # it goes on for a moment as it went before
+                self._furthest[name] = height  # for a moment it still goes on as it went before
             furthest = self._furthest[name] = min(self._furthest[name], height)
             gone = heights[name] - height
             if stopped.item() == 0 and height - furthest > WRONG_WAY:
@@ -328,35 +330,35 @@ class SafeSequence:
                 nearer = self._nearer(supervisor, gone)
                 if self._held_for[name] * self._period > SETTLE and (nearer or self._pressed(supervisor)):
                     stopped[...], self._furthest[name] = BACKWARDS, height
-            elif stopped.item() == BACKWARDS and height - furthest > WRONG_WAY:  # that is the wrong way, too
+            elif stopped.item() == BACKWARDS and height - furthest > WRONG_WAY:  # this is the wrong way, too
                 self._turn(name, stopped)
             elif stopped.item() == BACKWARDS and gone >= CLEAR and not self._pressed(supervisor):
                 stopped[...] = HELD
                 self._held_for.pop(name, None)
 
     def _retreat_blind(self, supervisor: Supervisor, stopped: NDArray[np.int8]) -> None:
-        """Withdraw a surface by what touches it; one that has only not answered yet may still do so."""
+        """Withdraw a surface by what touches it; but first give one that has merely not answered yet time to do so."""
         lies = supervisor.trip in LIES or supervisor.model.name not in self._mute
         if supervisor.way is not None and (lies or self._passed * self._period >= UNHEARD):
             self._blind[supervisor.model.name].mind(stopped, supervisor.way)
 
     def _change(self, name: str) -> None:
-        """Note that a surface goes another way from now on."""
+        """Note that a surface changes its direction now."""
         self._turned[name] = self._tick.item() + round(TURNING / self._period)
 
     def _measured(self, supervisor: Supervisor) -> int:
-        """Return the tick at which a surface was where it is taken to be."""
+        """Return the tick to which the known height of a surface belongs."""
         return self._tick.item() if supervisor.twin is not None else supervisor.measured_at(Role.TRACKED_POSE)
 
     def _turn(self, name: str, stopped: NDArray[np.int8]) -> None:
-        """Send a surface that was driven back down again; one that was turned often is held: no way is right."""
+        """Send a surface that was driven backwards down again; hold one that was turned too often: no way is right."""
         self._held_for.pop(name, None)
         self._change(name)
         self._turns[name] = self._turns.get(name, 0) + 1
         stopped[...] = HELD if self._turns[name] > TURNS else 0
 
     def _seen(self, supervisor: Supervisor, heights: dict[str, float]) -> tuple[str, bool]:
-        """Say what is seen of a device, and whether it is not safe."""
+        """Return what is seen of a device in words, and whether it is not safe."""
         name = supervisor.model.name
         if supervisor.twin is None and not self._believed(supervisor):
             blind = self._blind.get(name)
@@ -410,13 +412,13 @@ def _retracts(supervisor: Supervisor) -> bool:
 
 
 def _height(supervisor: Supervisor) -> float:
-    """Return where a surface is [m]: the twin's true place, else what the device measures."""
+    """Return the height of a surface [m]: the twin's true place, else what the device measures."""
     true = supervisor.twin.position(supervisor.twin_state) if supervisor.twin is not None else None
     return float(true[2]) if true is not None else _read_height(supervisor)
 
 
 def _sent_to(supervisor: Supervisor) -> float:
-    """Return where a surface that retracts was sent [m]."""
+    """Return the height to which a surface that can retract was sent [m]."""
     channel = next(channel for channel in supervisor.model.commands if channel.safe is RETRACT)
     return float(supervisor.sent[channel.name][2])
 

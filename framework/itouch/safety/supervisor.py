@@ -37,7 +37,7 @@ class Supervisor(Lifecycle):
         #: How many limits were applied, and how many locked components dropped, shape (1,).
         self.clamped, self.dropped = (state[f"{model.name}.{field}"].reshape(1) for field in ("clamped", "dropped"))
         self.guards = [(channel.name, Guard(channel, model.limits)) for channel in model.commands]
-        #: What is chosen anew in each tick: share, closing speed, room.
+        #: What is set anew in each tick: share, closing speed, room.
         self.moving = limiting.Moving.of()
         forces = max(1, sum(channel.role is Role.FORCE_ON_OPERATOR for channel in model.commands))
         counts = self.clamped, self.dropped, period, forces
@@ -46,29 +46,29 @@ class Supervisor(Lifecycle):
             for name, guard in self.guards
         ]
         self._growth = period / (model.limits.ramp or default.RAMP)
-        #: Leaves this arm what the others on the same finger have not taken, just before it is sent its force.
+        #: Reduces this arm's force to what the others on the same finger leave, just before its command is limited.
         self.leave_room: Callable[[], None] | None = None
-        #: Keep the last command instead of the safe one: a plate that is on its way from the finger stays as it is.
+        #: Keep the last command instead of the safe one: a plate that is being taken from the finger keeps its drive.
         self.keeping = False
-        #: The readings that must be new for the device to be supervised, where the wire says when each was measured.
+        #: Numbers of the readings that must be recent for the supervision, where the wire tells when each was measured.
         source: object = device if twin is None else twin
         self._timely = [i for i, c in enumerate(model.reads) if c.role in TIMELY] if isinstance(source, Stamped) else []
-        #: Behind a wire: where a surface was sent to last, and from which ticks on.
+        #: Behind a wire: the places a surface was last sent to, each with the tick from which on.
         self._gone: NDArray[np.float64] | None = state.get(f"{model.name}.gone")
         self._goings = state[f"{model.name}.goings"] if self._gone is not None else np.zeros((), np.int64)
         target = model.command(Role.SURFACE_POSE)
         self._target = target.name if target is not None else ""
-        #: How much longer [s] it is since the reading before than ticks say, shape (1,): in real time a tick may begin
-        #: late, or be held on its way, and hardware goes on meanwhile.
+        #: How much more time [s] has passed since the reading before than ticks say, shape (1,): in real time a tick
+        #: may begin late or be held up, and hardware goes on meanwhile.
         self.slip = np.zeros(1)
         #: Whether that is measured, by the host's clock, and when the last reading was taken.
         self.timed = False
         self._came = math.inf
-        #: What a driver fills in, and what it is handed: it may keep them, or write to them when it likes.
+        #: The copies that a driver fills in and is handed: it may keep them, or write to them whenever it likes.
         self._filled, self._handed = self.reading.copy(), self.sent.copy()
-        #: Whether a new reading was taken that nobody has checked yet.
+        #: 1 if a new reading was taken that is not checked yet, shape (1,).
         self._taken = np.zeros(1, np.int64)
-        #: Told of the loss of an optional device, without which the session goes on; None: its loss stops everything.
+        #: Called at the loss of an optional device, without which the session goes on; None: its loss stops everything.
         self.on_loss: Callable[[DeviceFaultError], None] | None = None
 
     @property
@@ -87,7 +87,7 @@ class Supervisor(Lifecycle):
         Raises
         ------
         DeviceFaultError
-            If the device failed, was silent for too long, or reads what can't be or may not be.
+            If the device failed, was silent for too long, or reads something impossible or beyond a limit.
         """
         self.take(tick)
         self.watch_reading(tick)
@@ -118,18 +118,18 @@ class Supervisor(Lifecycle):
             self._disbelieve(tick, error)
 
     def _measure_slip(self) -> None:
-        """Note by how much more time has passed since the reading before than ticks say."""
+        """Note how much more time has passed since the reading before than ticks say."""
         before, self._came = self._came, time.monotonic()
         passed = self._came - before - (self._age.item() + self._every) * self._period
         self.slip[0] = passed if 0.0 < passed < math.inf else 0.0
 
     def watch_reading(self, tick: int) -> None:
-        """Check the reading that was taken in this tick, and let the monitors look whose turn it is.
+        """Check the reading that was taken in this tick, and ask the monitors whose turn it is.
 
         Raises
         ------
         DeviceFaultError
-            If the device reads what can't be or may not be.
+            If the device reads something impossible or beyond a limit.
         """
         status = self.status_number
         if status == CLOSED:
@@ -143,12 +143,12 @@ class Supervisor(Lifecycle):
             self._disbelieve(tick, error)
 
     def look(self, tick: int) -> None:
-        """Let the monitors look whose turn it is.
+        """Ask the monitors whose turn it is.
 
         Raises
         ------
         DeviceFaultError
-            If the device reads what may not be.
+            If a monitor trips.
         """
         try:
             self.device_monitors.look(tick, self._age.item() * self._period)
@@ -156,12 +156,12 @@ class Supervisor(Lifecycle):
             self._disbelieve(tick, error)
 
     def told(self, number: int, tick: int) -> None:
-        """Act upon what a compiled look of a monitor has found, and let those after it look.
+        """Act on what the compiled look of a monitor, by its number, has found, and ask the monitors after it.
 
         Raises
         ------
         DeviceFaultError
-            If the device reads what may not be.
+            If a monitor trips.
         """
         try:
             self.device_monitors.told_timed(number, tick, self._age.item() * self._period)
@@ -169,7 +169,7 @@ class Supervisor(Lifecycle):
             self._disbelieve(tick, error)
 
     def bound_take(self) -> tuple[Bound, ...]:
-        """Return ``take`` as compiled calls, which leave a twin that has nothing new to it; none: it is Python."""
+        """Return ``take`` as compiled calls, which leave a twin without a new reading to Python; none: Python's."""
         twin = self.twin
         if twin is None or isinstance(twin, Stamped) or not is_newest(type(twin), "bound_read", "read"):
             return ()
@@ -183,7 +183,7 @@ class Supervisor(Lifecycle):
         return due, sensed, Bound(monitor_step.came, self._tick, self._measured, self._taken)
 
     def bound_watch(self) -> tuple[Bound, ...]:
-        """Return ``watch_reading`` as compiled calls, which leave what is unusual to it; none: it is Python."""
+        """Return ``watch_reading`` as compiled calls, which leave what is unusual to Python; none: all is Python's."""
         panel, post = self.device_monitors, self.device_monitors.readings
         turns = panel.turns()
         if post is None or not isinstance(post.monitor, Readings) or turns is None:
@@ -199,7 +199,7 @@ class Supervisor(Lifecycle):
         return first, *(self._bound_look(number, *one, rhythm) for number, one in enumerate(panel.heats))
 
     def _bound_look(self, number: int, post: InstalledMonitor, heat: Heat, rhythm: monitor_step.CheckSchedule) -> Bound:
-        """Return the look of a plate's monitor, when it is its turn."""
+        """Return the call that asks the monitor of a plate when it is its turn."""
         panel, touched = self.device_monitors, self.device_monitors.touching
         asked = monitor_step.Asked(post.checked, post.share, post.said, panel.due, touched)
         return Bound(
@@ -220,7 +220,7 @@ class Supervisor(Lifecycle):
         self.device_monitors.believe(tick, (age + self._every) * self._period + slip)
 
     def watch_placed(self, tick: int) -> None:
-        """Let the monitors look that need to know where the finger is.
+        """Ask the monitors that need to know where the finger is.
 
         Raises
         ------
@@ -233,7 +233,7 @@ class Supervisor(Lifecycle):
             raise DeviceFaultError(self.model.name, tick, error.trip, str(error)) from error
 
     def leave_out(self, ticks: int) -> None:
-        """Note that a loop that was late has left out so many periods: time has gone on in them."""
+        """Count this many periods that were left out as time that has passed."""
         self.device_monitors.leave_out(ticks)
 
     def measured_at(self, role: Role) -> int:
@@ -270,16 +270,16 @@ class Supervisor(Lifecycle):
 
     @property
     def gone_to(self) -> float | None:
-        """How high [m] the newest command sends a surface that is known to have left; None: no wire tells that."""
+        """The height [m] to which the newest command known to have left sends a surface; None: no wire tells that."""
         count = self._goings.item()
         if self._gone is None or not count:
             return None
         return float(self._gone[(count - 1) % len(self._gone), 3])
 
     def strayed(self, distance: float) -> float:
-        """Return how far [m] a surface was from its command when it was measured; ``distance``: from the newest one.
+        """Return how far [m] a surface was from its command when measured; ``distance``: from the newest command [m].
 
-        Behind a wire the newest reading is older than the newest command: it is held against the one that acted then.
+        Behind a wire the newest reading is older than the newest command: it is compared with the one that acted then.
         """
         if self._gone is None or self._pose is None:
             return distance
@@ -291,12 +291,12 @@ class Supervisor(Lifecycle):
         return math.dist(goal[1:].tolist(), self.reading[self._pose][:3].tolist())
 
     def _keep_sane(self) -> None:
-        """Let nobody work with numbers that mean nothing."""
+        """Put the last believed reading back if the newest has numbers that mean nothing, so that nobody uses them."""
         if not self.device_monitors.sane():
             self.device_monitors.put_back()
 
     def _take(self) -> bool:
-        """Read the twin or the device, and tell whether there was anything new; whatever goes wrong is a trip."""
+        """Read the twin or the device, and tell whether there was a new reading; whatever goes wrong is a trip."""
         try:
             if self.twin is not None:
                 return is_new(self.twin.read(self.twin_state, self.reading))
@@ -311,7 +311,7 @@ class Supervisor(Lifecycle):
         return False
 
     def _take_whole(self, device: Device) -> bool:
-        """Read hardware; what a driver has begun to fill in and did not hand over is seen by nobody."""
+        """Read hardware; nobody sees what a driver has filled in without telling that there is a new reading."""
         filled = self._filled
         filled.raw[:] = self.reading.raw
         new = is_new(device.read(filled))
@@ -329,17 +329,17 @@ class Supervisor(Lifecycle):
             self.device_monitors.wait(tick, age * self._period)
 
     def _doubt_age(self, tick: int) -> None:
-        """Count the age of a reading that has come from when it was measured, too: old news is no news (W1)."""
+        """Count the age of a new reading from when it was measured: a reading that comes late is no news (W1)."""
         age = self._oldest(tick)
         if age > 0:
             self.device_monitors.wait(tick, age * self._period)
 
     def _oldest(self, tick: int) -> int:
-        """Return how many ticks ago the oldest of those readings was measured that must be new."""
+        """Return how many ticks ago the oldest of the readings that must be recent was measured."""
         return tick - min(int(self._measured[index]) for index in self._timely)
 
     def write(self, tick: int) -> None:
-        """Send the commands through the guards; only safe ones unless ENABLED.
+        """Limit the commands and send them; unless ENABLED, send safe ones.
 
         Raises
         ------
@@ -350,7 +350,7 @@ class Supervisor(Lifecycle):
         self.send(tick)
 
     def guard(self, tick: int) -> None:
-        """Limit the commands to what may be sent; ``send`` hands it over.
+        """Limit the commands to what may be sent; ``send`` passes that on to the device.
 
         Raises
         ------
@@ -369,12 +369,12 @@ class Supervisor(Lifecycle):
             self._fail(DeviceFaultError(self.model.name, tick, error.trip, str(error)), error)
 
     def send(self, tick: int) -> None:
-        """Hand the device what was let through.
+        """Write to the device what was let through.
 
         Raises
         ------
         DeviceFaultError
-            If the device failed, or State says that it may do what was never let through.
+            If the device failed, or something has overwritten its status in State.
         """
         if self.device is None or self.status_number == CLOSED:
             return
@@ -383,7 +383,7 @@ class Supervisor(Lifecycle):
                 forged = self.forged()
                 if self.status_number != FAULT:
                     raise TripError(Trip.MODALITY_ERROR, f"was stopped: {forged}")
-                self._rest()  # compiled code has gone by what was written there
+                self._rest()  # compiled code may have followed the status that was written there
             self._put()
         except TripError as error:
             self._fail(DeviceFaultError(self.model.name, tick, error.trip, str(error)), error)
@@ -402,7 +402,7 @@ class Supervisor(Lifecycle):
                 raise guard.refusal(self.command[guard.channel.name])
 
     def bound_guard(self) -> tuple[Bound, ...]:
-        """Return ``guard`` as compiled calls, which leave a device that is not enabled to it; none: it is Python."""
+        """Return ``guard`` as compiled calls, which leave a device that is not enabled to Python; none: Python's."""
         if self.leave_room is not None:
             return ()
         sizes = [channel.size for channel in self.model.commands]
@@ -425,7 +425,7 @@ class Supervisor(Lifecycle):
                 guard.safe(self.sent[name], self._period, backwards=stopped == BACKWARDS, ends=ends)
 
     def _put(self) -> None:
-        """Hand what was let through to the device: the only call of its ``write``."""
+        """Pass what was let through on to the device: the only call of its ``write``."""
         if self.device is None:
             return
         self.unsent = True
@@ -451,7 +451,7 @@ class Supervisor(Lifecycle):
         raise fault from error
 
     def fault(self, trip: Trip, tick: int) -> None:
-        """Latch a trip and make the device safe now; what the device raises meanwhile can't help any more."""
+        """Latch a trip and make the device safe now; what the device raises meanwhile is dropped."""
         self.become(FAULT)
         self._trip[...] = trip
         self._tripped[...] = tick
@@ -462,7 +462,7 @@ class Supervisor(Lifecycle):
     def glance(self, tick: int) -> bool:
         """Take the newest reading to verify that the device is safe; tell whether it answered.
 
-        A reading that can't be believed is a fault of its own here: it is latched, but raises nothing.
+        A reading that can't be believed is a fault of its own here: it is latched, but nothing is raised.
         """
         status, answered = self.status_number, False
         try:

@@ -1,7 +1,7 @@
 """The servo process: the engine on absolute deadlines in a process of its own, and all that watches over it.
 
-``launch`` starts a session and gives a ``Handle``; ``attach`` gives any process a ``Link`` to one that runs;
-``sessions`` lists them.
+``launch`` starts a session and returns a ``Handle``; ``attach`` gives any process a ``Link`` to a running session;
+``sessions`` lists the running ones.
 """
 
 from __future__ import annotations

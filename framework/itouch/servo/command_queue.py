@@ -1,4 +1,4 @@
-"""The command queue of a session: any process that holds its memory may add one, the servo process takes them.
+"""The command queue of a session: any process that has its memory may add a command, the servo process takes them.
 
 Writers exclude one another by a file lock, which the kernel releases if they die; the servo process takes no lock.
 """
@@ -18,12 +18,12 @@ _PATIENCE = 1.0
 
 
 def put(segment: SharedMemory, message: dict[str, Any]) -> None:
-    """Put a command into the box.
+    """Put a command into the queue.
 
     Raises
     ------
     ServoError
-        If the box stays full, which means that the servo process does not take any.
+        If the queue stays full, which means that the servo process no longer takes any.
     ValueError
         If the command is too long.
     """
@@ -51,7 +51,7 @@ def _try_put(segment: SharedMemory, text: bytes) -> bool:
 
 
 class Inbox:
-    """The servo process's end of the box."""
+    """The servo process's end of the queue."""
 
     def __init__(self, segment: SharedMemory) -> None:
         self._segment = segment
@@ -59,7 +59,7 @@ class Inbox:
         self._words = segment.words
 
     def take(self) -> list[dict[str, Any]]:
-        """Return the commands that are new; what is not a command is left out."""
+        """Return the new commands; what is not a command is left out."""
         asked = self._words[at.ASKED].item()
         found: list[dict[str, Any]] = []
         while self._taken < asked and len(found) < at.BOX_SLOTS:

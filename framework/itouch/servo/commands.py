@@ -1,9 +1,9 @@
-"""What may be asked of a running session between two ticks.
+"""The commands that a running session obeys between two ticks.
 
 ``enable``; ``pause`` and ``resume`` (twins only); ``steer`` with a probe and a step or null; ``rearm``; ``reconnect``
-with a device; ``inject`` with a device, a kind and what else ``Engine.inject`` takes; ``report``, which is answered to
-the launcher; and ``DEVICE.CHANNEL`` with a value, for a channel that nothing in the scene writes.
-``stop`` and the dead-man's switch have words of their own in the memory.
+with a device; ``inject`` with a device, a kind and the other arguments of ``Engine.inject``; ``mark`` with a name and
+perhaps a payload; ``save`` with a file; ``report``, which is answered to the launcher; and ``DEVICE.CHANNEL`` with a
+value, for a channel that nothing in the scene writes.  To stop, and for the dead-man's switch, there are control words.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from itouch.world import Model
 
 @dataclass(slots=True)
 class Asked:
-    """What the operator wants of the loop: that devices may be enabled, and that it waits."""
+    """What the operator has asked of the loop: whether devices may be enabled, and whether it is to pause."""
 
     enabled: bool = False
     paused: bool = False
 
 
 class Commands:
-    """Obeys commands; what can't be obeyed is told to the launcher and changes nothing."""
+    """Obeys commands; one that can't be obeyed changes nothing, and the launcher is told."""
 
     def __init__(
         self, session: Session, outbox: Outbox, asked: Asked, report: Callable[[], dict[str, Any]]
     ) -> None:  # fmt: skip
         self._session, self._outbox, self._asked, self._reported = session, outbox, asked, report
-        #: What was obeyed, with the tick before which it took effect.
+        #: The commands that were obeyed, each with the tick before which it took effect.
         self.log: list[dict[str, Any]] = []
         self._verbs: dict[str, Callable[[Any], None]] = {
             "enable": self._enable,
@@ -54,7 +54,7 @@ class Commands:
         }
 
     def obey(self, message: dict[str, Any]) -> None:
-        """Do what a message asks for."""
+        """Obey the command in a message."""
         what, value = str(message.get("what")), message.get("value")
         try:
             if "." in what:

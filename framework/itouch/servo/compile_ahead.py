@@ -1,4 +1,4 @@
-"""``python -m itouch.servo.compile_ahead SCENE``: compile what a first start needs, last things first."""
+"""``python -m itouch.servo.compile_ahead SCENE``: compile the kernels that a first start needs, the last ones first."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from itouch.servo.parent_process import end_with
 
 
 def main(argv: Sequence[str]) -> int:
-    """Build the scene's engine without running anything of it, and compile its steps; hardware is not opened.
+    """Build the scene's engine without running any of it, and compile its steps; hardware is not opened.
 
-    Modalities of which nothing is compiled are left out, and never called: theirs is what Python does, here in vain.
+    Modalities without compiled calls are left out, and never called: their work in Python would be in vain here.
     """
     parser = argparse.ArgumentParser(prog="itouch.servo.compile_ahead")
     parser.add_argument("scene")
@@ -26,7 +26,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--together", type=Path, help="folder in which processes say what they compile")
     options = parser.parse_args(argv)
     end_with(options.parent)
-    # from here on it takes long: nothing of it outlives the process that it is for
+    # from here on it takes long; this process ends with the one for which it compiles
     from itouch.compiling import compile_together
     from itouch.joining import listing
     from itouch.loop import Engine
@@ -43,7 +43,7 @@ def main(argv: Sequence[str]) -> int:
     modalities = tuple(part for part in scene.modalities if part.name in joins)
     rates = replace(scene.rates, modalities=tuple(each for each in scene.rates.modalities if each[0] in joins))
     with listing() as compile_listed:
-        with contextlib.suppress(Exception):  # as nothing is run, something may miss what that should have found
+        with contextlib.suppress(Exception):  # as nothing is run, some code may miss the result of what should have run
             Engine(Model.of(replace(scene, modalities=modalities, rates=rates), catalog))
         compile_listed(options.part)
     return 0

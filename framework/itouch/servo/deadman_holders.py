@@ -1,8 +1,8 @@
-"""Who holds the dead-man's switch: one word for each, of which none is believed for longer than `monitors.limits.HOLD`.
+"""The holders of the dead-man's switch: a memory word for each, none believed for longer than `monitors.limits.HOLD`.
 
-The servo process believes a word for 80 ms at most from when it first sees it, whatever the word says, so that nothing
-written there can hold the switch for ever.  Who has held it and lets go, or falls silent, stops the session, also if
-somebody else still holds.
+The servo process believes a word for at most 80 ms from when it first sees it, whatever the word says, so that nothing
+written there can hold the switch for ever.  If a holder lets go or falls silent, the session stops, even if somebody
+else still holds.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from itouch.servo import control_block as at
 from itouch.servo.shared_memory import ServoError, SharedMemory, monotonic
 from itouch.world.limits import HOLD
 
-#: How long [ns] one word is believed: W3, as `monitors.limits` has it.
+#: How long [ns] a word is believed (W3).
 HOLD_NS: Final = round(HOLD * 1e9)
-#: A place whose owner has said nothing for so long [ns] may be taken by another.
+#: A place whose owner has written nothing for this long [ns] may be taken by another.
 _IDLE_NS: Final = 10_000_000_000
 _PID_SHIFT: Final = 40
 
 
 class Holder:
-    """One who may hold the switch: a word of one's own in a session's memory, claimed when it is first held."""
+    """A possible holder of the switch: it has a word of its own in a session's memory, claimed when it first holds."""
 
     def __init__(self, segment: SharedMemory) -> None:
         self._segment = segment
@@ -60,7 +60,7 @@ class Holder:
         raise ServoError(f"{at.MOST_HOLDERS} others hold the dead-man's switch of session '{self._segment.name}'")
 
     def leave(self) -> None:
-        """Let go, and give the word back."""
+        """Let go of the switch, and give the word back."""
         words = self._segment.words
         if self._place >= 0 and int(words[self._place]) == self._token:
             words[self._place + 1] = 0
@@ -73,7 +73,7 @@ def _is_free(owner: int, until: int) -> bool:
 
 
 class Switch:
-    """What the servo process makes of all those words."""
+    """The servo process's view of all these words."""
 
     def __init__(self, words: NDArray[np.int64]) -> None:
         self._words = words[at.HELD_UNTIL : at.HOLDERS + 2 * at.MOST_HOLDERS]
@@ -83,7 +83,7 @@ class Switch:
         self._before = b""
 
     def look(self) -> tuple[bool, bool]:
-        """Return whether the switch is held now, and whether one who held it has let go since the last look."""
+        """Return whether the switch is held now, and whether any holder has let go since the last look."""
         now, told = monotonic(), self._words.tobytes()
         if told != self._before:
             self._before = told
@@ -103,4 +103,4 @@ class Switch:
                 if value > now:
                     self._until[index] = min(value, now + HOLD_NS)
                 elif self._until[index]:
-                    self._until[index] = now  # let go: seen as that in the same look
+                    self._until[index] = now  # let go; ``look`` sees it at once

@@ -1,4 +1,4 @@
-"""Errors on their way from the servo process to whoever launched it: as plain data, and back."""
+"""Errors on their way from the servo process to its launcher: as plain data, and back."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _PLAIN: Mapping[str, type[Exception]] = {
 
 
 class ServoTracebackError(ItouchError):
-    """The cause of an error that came out of the servo process: its traceback there, as text."""
+    """The cause of an error that came from the servo process: its traceback there, as text."""
 
 
 def let_go(error: BaseException) -> None:
-    """Give back what the frames of an error hold, if memory has run out: making devices safe may need some.
+    """Free what the frames of an error hold if memory has run out: making devices safe may need some.
 
     The frames stay named in the traceback; only their variables are gone.
     """
-    with contextlib.suppress(BaseException):  # an error of a plugin may fail at whatever it is asked
+    with contextlib.suppress(BaseException):  # any access to an error of a plugin may fail
         chain: list[BaseException] = []
         link: BaseException | None = error
         while link is not None and link not in chain:
@@ -60,12 +60,12 @@ def encode(error: BaseException) -> dict[str, Any]:
 def _traceback(error: BaseException) -> str:
     try:
         return "".join(traceback.format_exception(error))
-    except BaseException:  # an error of a plugin, which stands in the chain, may fail at whatever it is asked
+    except BaseException:  # any access to an error of a plugin, which may be in the chain, may fail
         return f"{named(error)}, of which there is no traceback\n"
 
 
 def decode(told: dict[str, Any]) -> Exception:
-    """Return the error that ``encode`` was given, with the traceback over there as its cause."""
+    """Return the error that ``encode`` was given, with the servo process's traceback as its cause."""
     error = _decode(told)
     error.__cause__ = ServoTracebackError("\n" + str(told.get("traceback", "")))
     return error

@@ -1,10 +1,10 @@
 """``python -m itouch.servo.guardian``: a small process that makes the devices safe when the servo process can't.
 
-It watches the servo process's beat.  If that stops for some periods, it asks the kernel whether the process is dying
-or suspended (freeing the memory of a killed process alone can take 100 ms), and otherwise gives it 120 ms.  It then
-sends the safe command over every connection that a second opener may have, and ends a servo process that hangs or is
-suspended, so that it can't wake up and go on.  Where every device stays safe whatever the servo process sends, that
-process first gets the time to come to itself and tell its cause.
+It watches the servo process's heartbeat.  If that stops for some periods, it asks the kernel whether the process is
+dying or suspended (freeing the memory of a killed process alone can take 100 ms), and otherwise gives it 120 ms.  It
+then sends the safe command over every connection that a second opener may have, and ends a servo process that hangs or
+is suspended, so that it can't wake up and go on.  Where every device stays safe whatever the servo process sends, that
+process first gets time to recover and tell the cause.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from itouch.servo.guardian_link import OWN
 from itouch.servo.shared_memory import SharedMemory, monotonic
 from itouch.servo.silence_limit import LastWords, Process
 
-#: How often [s] the guardian looks, and how long the servo process may be silent: with devices that obey, and without.
+#: How often [s] the guardian looks; how long [s] the servo process may be silent with devices that obey, and without.
 LOOK, SILENCE, SILENCE_ALONE = 0.005, 0.12, 5.0
-#: How long [s] it may be silent at its end, when all is safe: files are finished, and twins take leave.
+#: How long [s] it may be silent at its end, when all is safe: files are finished, and twins' processes end.
 SILENCE_ENDING = 90.0
 #: Silence [s] after which the kernel is asked.
 DOUBT = 0.01
-#: How long [s] the servo process may take to end when its launcher has gone, and how long to be dead when killed.
+#: How long [s] the servo process may take to end when its launcher is gone, and to be dead once it is killed.
 ORPHAN_TIME, _DEAD = 3.0, 1.0
 
 #: Makes one device safe.
@@ -46,14 +46,14 @@ class Guardian:
         self._acts: dict[str, Act] | None = None
         self._orphaned: float | None = None
         self._was_armed = False
-        self._stat = -1  # if the servo process has gone already, its file descriptor tells
+        self._stat = -1  # it stays -1 if the servo process is gone already, which its file descriptor then tells
         with contextlib.suppress(OSError):
             self._stat = os.open(f"/proc/{servo_pid(servo)}/stat", os.O_RDONLY)
         self._why, self._said, self._stays_safe = "hung", "", False
-        #: For how long [s] there was no beat when that was noticed.
+        #: For how long [s] there was no heartbeat when that was noticed.
         self._silent = 0.0
         self._last_words: LastWords | None = None
-        #: Devices that the loop could not reach, and that were made safe from here, as in ``UNSENT``.
+        #: Devices that the loop could not reach and the guardian has made safe, as in ``UNSENT``.
         self._helped = 0
 
     def watch(self) -> str:
@@ -78,18 +78,18 @@ class Guardian:
                 return self._end_it()
 
     def _prepare(self) -> None:
-        """Open what can be opened now, so that nothing but sending is left to do; then begin to beat."""
+        """Open in advance what can be opened, so that only sending is left to do; from then on send heartbeats."""
         if self._acts is None and int(self._words[at.SIZE]):
             self._segment.map()
             self._acts = _acts(self._segment)
-            # remote twins hold what made them safe; a driver's thread may go on while the loop hangs
+            # remote twins stay safe once made so; a driver's thread may still send while the loop hangs
             self._stays_safe = not self._segment.meta()["hardware"]
         if self._acts is not None:
             self._words[at.GUARDIAN_BEAT] = monotonic()
             self._help()
 
     def _help(self) -> None:
-        """Make safe, once, what the loop could not give its last command; it may go on with the others."""
+        """Make safe, once, each device that the loop could not write to; the loop may go on with the others."""
         unsent = int(self._words[at.UNSENT])
         new, self._helped = unsent & ~self._helped, unsent
         if not new:
@@ -112,12 +112,12 @@ class Guardian:
         ending = self._segment.phase >= at.ENDING
         if silent <= (SILENCE if self._was_armed else SILENCE_ENDING if ending else SILENCE_ALONE):
             return False
-        # between these looks this process, too, may have waited for a processor: since then the other one may have
-        # spoken, or have said that its devices rest and nothing need be watched, and only then have fallen silent
+        # between these two reads this process, too, may have waited for a processor: meanwhile the other one may have
+        # sent a heartbeat, or disarmed because its devices are at rest, and only then have fallen silent
         return bool(self._words[at.ARMED]) == self._was_armed and int(self._words[at.BEAT]) == beat
 
     def _process(self) -> Process | None:
-        """Ask the kernel about the servo process; None if it has gone."""
+        """Ask the kernel about the servo process; None if it is gone."""
         try:
             return Process.of(os.pread(self._stat, 1024, 0).decode(errors="replace"))
         except OSError:
@@ -132,7 +132,7 @@ class Guardian:
         return True
 
     def _may_speak(self) -> bool:
-        """Make the devices safe; then let a servo process that hangs come to itself, if that can do no harm."""
+        """Make the devices safe; then tell whether a hanging servo process may have time to recover without harm."""
         if not self._was_armed:
             return False
         self._said = self._make_safe(f"the servo process {self._why}{self._how_long()}")
@@ -146,9 +146,9 @@ class Guardian:
     def _silent_for_good(self, last_words: LastWords) -> bool:
         process = self._process()
         if process is None:
-            return False  # its end is about to be told
+            return False  # its file descriptor is about to tell its end
         if self._segment.phase >= at.ENDING and not self._was_armed and not process.gone:
-            return self._hangs()  # it has come to itself, and ends in order: files are finished
+            return self._hangs()  # it has recovered, and ends in order: files are finished
         return self._orphaned is not None or last_words.over(process)
 
     def _died(self) -> str:
@@ -162,13 +162,13 @@ class Guardian:
     def _end_it(self) -> str:
         with contextlib.suppress(ProcessLookupError):
             signal.pidfd_send_signal(self._servo, signal.SIGKILL)
-        if self._said and not self._stays_safe:  # whatever it has still sent between the two
+        if self._said and not self._stays_safe:  # it may have sent something since the devices were made safe
             select.select([self._servo], [], [], _DEAD)
             self._make_safe("")
         return self._said or f"the servo process {self._why}{self._how_long()} and was ended"
 
     def _how_long(self) -> str:
-        """Say for how long a servo process that has not died gave no sign of life; empty: that says nothing."""
+        """Return for how long the servo process gave no sign of life, in words; empty if it died or hardly paused."""
         return f" (no beat for {self._silent * 1e3:.0f} ms)" if self._why != "died" and self._silent > DOUBT else ""
 
     def _make_safe(self, why: str) -> str:
@@ -185,14 +185,14 @@ class Guardian:
 
 
 class OwnProcessGuardian(Guardian):
-    """Watches a session in its caller's process, which it never ends: that has work of its own.
+    """Watches a session in its caller's own process, which it never ends, because that process has work of its own.
 
-    While nothing is heard of the session it makes the devices safe again and again, for whoever hangs may send one
+    While the session is silent it makes the devices safe again and again, because a process that hangs may send one
     more command when it goes on; the session's next tick finds that it has been stopped.
     """
 
     def watch(self) -> str:
-        """Watch until the session, or its process, has ended; return what had to be done at last, in words."""
+        """Watch until the session, or its process, has ended; return what had to be done at the end, in words."""
         poller = select.poll()
         poller.register(self._servo, select.POLLIN)
         acted = 0.0
@@ -212,18 +212,18 @@ class OwnProcessGuardian(Guardian):
 
 
 def servo_pid(handle: int) -> int:
-    """Return the id of the process that a file descriptor stands for; -1 if it has gone."""
+    """Return the id of the process that a file descriptor (pidfd) stands for; -1 if it is gone."""
     with open(f"/proc/self/fdinfo/{handle}", encoding="ascii") as stream:
         return next(int(line.split()[1]) for line in stream if line.startswith("Pid:"))
 
 
 def _try(act: Act) -> None:
-    with contextlib.suppress(Exception):  # nobody is left to hear of it; the others go on
+    with contextlib.suppress(Exception):  # nobody is left to be told of it; the other devices go on
         act()
 
 
 def _acts(segment: SharedMemory) -> dict[str, Act]:
-    """Return, for each device with a second opener, what makes it safe."""
+    """Return, for each remote twin and each device with a second opener, the function that makes it safe."""
     meta = segment.meta()
     acts: dict[str, Act] = {name: _safe_packet(where) for name, where in meta["remotes"].items()}
     if meta["second_openers"]:
@@ -244,7 +244,10 @@ def _safe_packet(where: str) -> Act:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Guard the session whose memory, servo process and launcher are given as file descriptors."""
+    """Guard the session whose memory, servo process and launcher are given as file descriptors.
+
+    The fourth is a pipe for what had to be done; then come the session's name and, for a caller's own process, ``OWN``.
+    """
     memory, servo, owner, answer = (int(word) for word in argv[:4])
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)

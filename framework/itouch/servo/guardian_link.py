@@ -1,4 +1,4 @@
-"""Starting the guardian of a session, and hearing from it what it had to do."""
+"""Starting the guardian of a session, and learning from it what it had to do."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from itouch.servo import control_block as at
 from itouch.servo.shared_memory import SharedMemory
 
 _ANSWER = 4096
-#: Says that the process that is watched is its caller's own, which the guardian does not end.
+#: Argument for a guardian that watches its caller's own process, which it does not end.
 OWN = "own"
 #: How long [s] the guardian may take to end after the servo process.
 _END = 5.0
@@ -31,7 +31,7 @@ class Guarded:
             os.close(handle)
         self._near = near
         segment.words[at.GUARDIAN] = self._process.pid
-        #: What it had to do; empty if nothing.
+        #: What it had to do, in words; empty if nothing.
         self.said = ""
 
     @property
@@ -45,7 +45,7 @@ class Guarded:
         return self._process.poll() is not None
 
     def wait(self) -> None:
-        """Wait for its end, and take what it says."""
+        """Wait for its end, and take over what it reports."""
         try:
             self._process.wait(_END)
         except subprocess.TimeoutExpired:

@@ -1,4 +1,4 @@
-"""`Handle`: a session that runs in a servo process, for who has launched it: read, command, wait, stop."""
+"""`Handle`: a session that runs in a servo process, as its launcher has it: read, command, wait, stop."""
 
 from __future__ import annotations
 
@@ -30,17 +30,19 @@ class Handle:
     Attributes
     ----------
     link
-        What any process can read of the session: ``itouch.servo.attach(handle.name)`` gives another one.
+        The view of the session that any process can have: ``itouch.servo.attach(handle.name)`` gives another one.
     contacts
-        Entries of the contacts that have ended so far.
+        Report entries of the contacts that have ended so far.
+    efforts
+        What was tried for punctuality: what, whether it worked, what was found.
     faults
-        Faults that the session has outlasted, as they stand in the report: see ``linger`` of ``launch``.
+        Faults that the session has survived, as they stand in the report; see ``linger`` of ``launch``.
     losses
-        What is not kept any more of the session, recording or snapshots, as it stands in the report; told at once.
+        Losses of the recording or of snapshots, as they stand in the report, known at once.
     refused
         Commands that could not be obeyed, and why.
     others
-        Messages of kinds that are not the servo process's own, of what else ``serves`` there; taken by who knows them.
+        Messages of kinds that are not the servo process's own, but of whatever else it ``serves`` (see ``start``).
     notices
         What is rendered otherwise than the scene says, and what could not be done for punctuality, once each.
     """
@@ -68,7 +70,7 @@ class Handle:
         self._listener.start()
 
     def _listen(self) -> None:
-        """Take what the servo process tells; runs in a thread until it has ended."""
+        """Take the messages of the servo process; runs in a thread until that has ended."""
         ended = False
         end = os.pidfd_open(self._process.pid) if isinstance(self._process, subprocess.Popen) else None
         for message in messages(self._line, end):
@@ -116,7 +118,7 @@ class Handle:
 
     def _finish(self, message: dict[str, Any]) -> None:
         told, self._report = message["error"], message["report"]
-        if told is not None and not told["traceback"]:  # nothing was loaded over there, nothing need be here
+        if told is not None and not told["traceback"]:  # raised before anything was loaded there; load nothing here
             self._error = ServoError(told["message"])
         elif told is not None:
             from itouch.servo.errors import decode
@@ -129,7 +131,7 @@ class Handle:
         Raises
         ------
         SceneError, SessionError, ServoError
-            If it can't be.
+            If it can't be built.
         """
         self._ready.wait()
         if self._error is not None and not self._got_ready:
@@ -161,7 +163,7 @@ class Handle:
 
     @property
     def running(self) -> bool:
-        """Whether the servo process has not ended."""
+        """Whether the servo process has not ended yet."""
         return not self._over.is_set()
 
     @property
@@ -197,7 +199,7 @@ class Handle:
         self.link.command(what, value)
 
     def enable(self) -> None:
-        """Let devices that are hardware move or heat: an act of the operator."""
+        """Let hardware move or heat; the operator's decision."""
         self.command("enable")
 
     def hold(self, held: bool = True) -> None:
@@ -214,7 +216,7 @@ class Handle:
         Raises
         ------
         DeviceFaultError, ServoError, ...
-            What ended the session before, if it was an error and has not been raised yet.
+            The error that ended the session before, if one did and it has not been raised yet.
         """
         self.request_stop()
         if not self._over.wait(END_TIME):
@@ -236,12 +238,12 @@ class Handle:
         return True
 
     def report(self) -> dict[str, Any]:
-        """Return the report, of the whole session if it has ended, else so far.
+        """Return the report, of the whole session if it has ended, else of what has happened so far.
 
         Raises
         ------
         ServoError
-            If the servo process died and left none.
+            If the servo process died without a report.
         """
         if not self._over.is_set():
             with self._answers:
@@ -259,7 +261,7 @@ class Handle:
             raise self._error
 
     def close(self) -> None:
-        """End the session if it runs, and let go of its memory; the last State stays readable."""
+        """End the session if it runs, and release its memory; the last State stays readable."""
         self.request_stop()
         if not self._over.wait(END_TIME):
             self._process.kill()
@@ -278,7 +280,7 @@ class Handle:
 
 
 def _account(said: str, error: Exception | None) -> Exception:
-    """Join what the guardian had to do with what the servo process told when it had come to itself."""
+    """Join what the guardian had to do with what the servo process told once it had recovered."""
     told = ServoError(f"{said}; then the servo process ended in order{f': {error}' if error is not None else ''}")
     told.__cause__ = error
     return told

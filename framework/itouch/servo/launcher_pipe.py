@@ -1,4 +1,4 @@
-"""The pipe between servo process and launcher: one JSON text a message, never waited for inside the loop."""
+"""The pipe between servo process and launcher: one line of JSON for each message; the loop never waits for it."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import socket
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-#: What may wait to be sent [bytes]; beyond that messages about progress are dropped, the last one never is.
+#: How much may wait to be sent [bytes]; beyond that, further messages are dropped, but never the last one.
 BACKLOG = 8 << 20
 #: How long [s] the last message may take: the launcher may be suspended.
 LAST_WAIT = 5.0
 
 
 class Outbox:
-    """The servo process's end: keeps what the launcher does not take at once."""
+    """The servo process's end of the pipe; it buffers what the launcher does not take at once."""
 
     def __init__(self, line: socket.socket) -> None:
         self._line = line
@@ -24,14 +24,14 @@ class Outbox:
         line.setblocking(False)
 
     def tell(self, kind: str, content: Mapping[str, Any]) -> None:
-        """Send a message, now or at a later ``flush``."""
+        """Send a message now, or with a later ``flush``."""
         text = json.dumps({"kind": kind, **content}).encode() + b"\n"
         if len(self._waiting) + len(text) <= BACKLOG:
             self._waiting += text
         self.flush()
 
     def flush(self) -> None:
-        """Send what the launcher takes without waiting."""
+        """Send as much as the launcher takes without waiting."""
         with contextlib.suppress(BlockingIOError, InterruptedError):
             while self._waiting:
                 try:
@@ -42,7 +42,7 @@ class Outbox:
                 del self._waiting[:sent]
 
     def finish(self, content: Mapping[str, Any]) -> None:
-        """Send the last message, and wait some seconds for it to be taken."""
+        """Send the last message, waiting some seconds for the launcher to take it, and close the pipe."""
         text = json.dumps({"kind": "end", **content}).encode() + b"\n"
         with contextlib.suppress(OSError):  # the launcher has gone, or somebody has closed the line
             self._line.setblocking(True)
@@ -53,10 +53,10 @@ class Outbox:
 
 
 def messages(line: socket.socket, process: int | None = None) -> Iterator[dict[str, Any]]:
-    """Yield the messages that come, until the other end closes; used by the launcher.
+    """Yield the messages as they come, until the other end closes.
 
-    ``process``, a file descriptor that the kernel gives for one: its end, too, ends them, for a copy of it that a
-    plugin has left (fork) holds the line open.
+    ``process``: file descriptor (pidfd) of the sending process, whose end also ends the messages: a forked copy of it
+    that a plugin has left behind would hold the line open.
     """
     rest, poller = b"", None
     if process is not None:

@@ -48,7 +48,7 @@ def launch(
     seed, twin, rig
         As in ``itouch.build``.
     seconds
-        How long to run; None: until the scripted motion ends, or until ``stop`` without one.
+        How long to run; None: until the scripted motion ends, or without one until ``stop``.
     save
         Where to save the session at its end.
     name
@@ -56,17 +56,17 @@ def launch(
     enable
         Let hardware move or heat at once; without it ``Handle.enable`` is needed.  Twins enable by themselves.
     linger
-        Stay after a fault, with all devices safe, until somebody re-arms or stops: for whoever shows the session to a
-        person.  Without it a fault ends the session.
+        Stay after a fault, with all devices safe, until somebody re-arms or stops: for programs that show the session
+        to a person.  Without it a fault ends the session.
     realtime
         Ask for real-time priority and locked memory.
     keep
-        What to keep while it runs: a recording, snapshots now and then.
+        What to keep while it runs: a recording, periodic snapshots.
 
     Returns
     -------
     Handle
-        When the engine is built; a rig of twins runs already.
+        Of the session, once its engine is built; a rig of twins is then running.
 
     Raises
     ------
@@ -88,7 +88,15 @@ def configured(
     save: str | os.PathLike[str] | None = None, enable: bool = False, linger: bool = False, realtime: bool = True,
     keep: Outputs | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Return what ``start`` is told for ``launch``, with the same parameters: who serves otherwise adds to it."""
+    """Return the configuration that ``launch`` gives to ``start``, from the same parameters.
+
+    A program that lets the servo process serve something else adds to it.
+
+    Raises
+    ------
+    ValueError
+        If the time or the seed is out of range.
+    """
     if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
         raise ValueError(f"seconds = {seconds!r} must be a finite number, at least 0")
     if not 0 <= seed < 1 << 63:
@@ -109,7 +117,8 @@ def start(name: str, config: dict[str, Any]) -> Handle:
     name
         The session's name.
     config
-        What ``serves`` there, ``MODULE:FUNCTION`` (default: a session of a scene), and what that asks for.
+        ``serves``: the function that the process runs, as ``MODULE:FUNCTION`` (default: a session of a scene); and
+        the entries that this function reads.
 
     Raises
     ------
@@ -162,7 +171,7 @@ def _start(name: str, config: dict[str, Any]) -> Handle:
     near.sendall(json.dumps(config).encode() + b"\n")
     try:
         return Handle(process, segment, near, Guarded(process.pid, segment, child_environment()))
-    except BaseException:  # nobody would watch over it
+    except BaseException:  # there would be no guardian
         process.kill()
         process.wait()
         raise

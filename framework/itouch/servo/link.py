@@ -1,4 +1,4 @@
-"""Attaching to sessions that run: the view that a window, a recorder or a terminal has of a servo process."""
+"""Attaching to running sessions: the view that a window, a recorder or a terminal has of a servo process."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SILENCE = 1.0
 
 @dataclass(frozen=True, slots=True)
 class SessionInfo:
-    """A session that runs: its name, the ids of its servo process and of its launcher, its scene file, its phase."""
+    """A running session: its name, the ids of its servo process and of its launcher, its scene file, its phase."""
 
     name: str
     pid: int
@@ -40,7 +40,7 @@ class SessionInfo:
 
 
 class Link:
-    """Reads a session; the servo process does not notice.  Also a context manager."""
+    """Reads a running session without the servo process noticing; also a context manager."""
 
     def __init__(self, segment: SharedMemory) -> None:
         segment.check()
@@ -58,7 +58,7 @@ class Link:
         self.notices: tuple[str, ...] = tuple(meta["notices"])
         #: The canonical scene as text.
         self.scene_xml: str = meta["scene_xml"]
-        #: Name, manifest and the like of what else the launcher told; for those who read the meta data themselves.
+        #: All that the memory's description holds, for programs that need more of it.
         self.meta: dict[str, Any] = meta
         self.dtype: np.dtype[Any] = np.lib.format.descr_to_dtype(ast.literal_eval(meta["dtype"]))
         self._parts = tuple(meta["parts"])
@@ -91,12 +91,12 @@ class Link:
 
     @property
     def phase(self) -> str:
-        """What the servo process says that it does: building, ready, running, ending or ended."""
+        """The phase that the servo process states: building, ready, running, ending or ended."""
         return at.PHASES[self._segment.phase]
 
     @property
     def losses(self) -> tuple[str, ...]:
-        """What is not kept any more: ``recording``, ``saving``."""
+        """Which data are no longer kept: ``recording``, ``saving``."""
         lost = int(self._words[at.LOST])
         return tuple(name for bit, name in ((1, "recording"), (2, "saving")) if lost & bit)
 
@@ -121,7 +121,7 @@ class Link:
         return record
 
     def refresh(self, record: Record) -> bool:
-        """Copy the newest State into a record of this layout; false before the first."""
+        """Copy the newest State into a record of this layout; return false if none has been published."""
         return self._ring.newest(record.raw) is not None
 
     @property
@@ -142,16 +142,16 @@ class Link:
         return Timing(self._parts, record)
 
     def skim(self, after: int, every: int, record: Record) -> Iterator[int]:
-        """Copy every so manieth State that was published after one, oldest first, into a record.
+        """Copy every ``every``-th State that was published after a given one, oldest first, into a record.
 
         Parameters
         ----------
         after
-            Number of the publication after which to begin: the last one that this returned.
+            Number of the publication after which to begin: the last one that was yielded before.
         every
-            How many publications lie between two that are copied.
+            Distance, in publications, between two States that are copied.
         record
-            Takes each State, before its number is yielded.
+            Receives each State before its number is yielded.
         """
         head, slots = self._ring.head, self._ring.slots
         first = max(after + 1, head - slots + slots // 8 + 2, 1)
@@ -160,7 +160,7 @@ class Link:
                 yield sequence
 
     def follow(self) -> Follower:
-        """Return a reader that takes every State from the next one on, and counts what it was too slow for."""
+        """Return a reader that takes every State from the next one on, and counts those that it was too slow for."""
         return Follower(self._ring)
 
     def command(self, what: str, value: Any = None) -> None:
@@ -172,8 +172,8 @@ class Link:
             ``pause``, ``resume``, ``enable``, ``rearm``, ``reconnect``, ``steer``, ``inject``, or ``DEVICE.CHANNEL``
             for a command channel that nothing in the scene writes.
         value
-            What goes with it: for ``reconnect`` a device; for ``steer`` a dictionary of ``probe`` and ``step`` [m] or
-            None; for ``inject`` one of the arguments of ``Engine.inject``; for a channel its numbers.
+            What goes with it: for ``reconnect`` a device; for ``steer`` a dictionary of ``probe`` and ``step`` ([m], or
+            None); for ``inject`` a dictionary of the arguments of ``Engine.inject``; for a channel its numbers.
 
         Raises
         ------
@@ -189,9 +189,9 @@ class Link:
         self._words[at.STOP] = 1
 
     def hold(self, held: bool = True) -> None:
-        """Hold the dead-man's switch for the next 80 ms, or let it go; who dies or hangs lets go by itself.
+        """Hold the dead-man's switch for the next 80 ms, or let it go; a process that dies or hangs lets go by itself.
 
-        Each link holds by a word of its own: if one lets go the session stops, whoever else holds.
+        Each link has a word of its own for this: if one lets go, the session stops, whoever else still holds.
 
         Raises
         ------
@@ -215,7 +215,7 @@ class Link:
 
 
 def sessions() -> list[SessionInfo]:
-    """Return the sessions of this user that run, oldest process first."""
+    """Return the running sessions of this user, by the ids of their servo processes."""
     found = []
     for segment in _segments():
         source = segment.meta()["source"] if int(segment.words[at.SIZE]) else ""
@@ -257,7 +257,7 @@ def attach(name: str | None = None) -> Link:
 
 
 def _segments() -> Iterator[SharedMemory]:
-    """Find the memory of every session whose servo process lives, each once."""
+    """Yield the memory of every session whose servo process lives, each once."""
     seen: set[int] = set()
     for link in _links():
         try:
@@ -277,7 +277,7 @@ def _segments() -> Iterator[SharedMemory]:
 
 
 def _links() -> Iterator[str]:
-    if not SERVO_PROCESS:  # there is only what this process shows itself
+    if not SERVO_PROCESS:  # no other process can have a session that is visible here
         return
     user = os.geteuid()
     for folder in Path("/proc").iterdir():

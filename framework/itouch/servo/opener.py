@@ -18,13 +18,13 @@ from itouch.world.rig import build_devices
 
 
 def openers(segment: SharedMemory, meta: dict[str, Any]) -> dict[str, Callable[[], None]]:
-    """Return, for each device that a second process may open, what makes it safe from the last State."""
+    """Return, for each device that a second process may open, the function that makes it safe from the last State."""
     sys.path[:] = [*sys.path, *(entry for entry in meta["sys_path"] if entry not in sys.path)]
     catalog = Catalog()
     scene = loads(meta["scene_xml"].encode(), catalog, shown=meta["source"])
     models = build_devices(scene, catalog, [])
     link = Link(segment)
-    claims = WireClaims()  # the servo process's end with it, and until all is safe nobody else may speak there
+    claims = WireClaims()  # the servo process's claims end with it, but until all is safe nobody else may use the wires
     claims.guard(wire for name in meta["second_openers"] for wire in models[name].wires)
     return {name: _act(models[name], link, claims) for name in meta["second_openers"]}
 

@@ -1,7 +1,8 @@
-"""A guardian for hardware that is driven by the process of a script, as after ``itouch.build``.
+"""A guardian for hardware that is driven by a script's own process, as after ``itouch.build``.
 
-A device that lets go by itself within 200 ms needs none.  Any other one keeps its last command if its process dies, is
-suspended, or no longer ticks.  The process is its caller's: the guardian makes the devices safe, and does not end it.
+A device whose watchdog makes it safe within 200 ms needs none.  Any other device keeps its last command if the process
+dies, is suspended, or no longer ticks.  The process belongs to the script: the guardian makes the devices safe, and
+does not end it.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ from itouch.session import Session
 from itouch.world import DeviceModel
 from itouch.world.rig import build_devices
 
-#: A device that lets go by itself after so long [s] at most needs no guardian.
+#: A device that makes itself safe within this time [s] needs no guardian.
 PROMPT = 0.2
-#: How many States the memory holds; every how many ticks the guardian is looked for.
+#: How many States the memory holds; every how many ticks it is checked that the guardian lives.
 _SLOTS, _EVERY = 64, 20
 _LOOK = 0.005
 _ACTED = (
@@ -44,7 +45,7 @@ def watch(session: Session) -> OwnGuardian | None:
     Raises
     ------
     DeviceError
-        If it needs one and there can't be one.
+        If the hardware needs one and there can't be one.
     """
     names = [device.name for device in session.model.devices.values() if _needs(device)]
     if not names or not SERVO_PROCESS:  # elsewhere no hardware is opened
@@ -61,7 +62,13 @@ def _needs(device: DeviceModel) -> bool:
 
 
 def _check_known(session: Session, names: Sequence[str]) -> None:
-    """Check that another process finds the drivers: a catalog of the script's own is known to the script only."""
+    """Check that another process finds the drivers, which it does not if only the script's own catalog has them.
+
+    Raises
+    ------
+    DeviceError
+        Naming each device whose driver it does not find.
+    """
     catalog, own = Catalog(), session.model
     try:
         found = build_devices(loads(write(own.scene).encode(), catalog, shown=own.scene.source), catalog, [])
@@ -77,7 +84,7 @@ def _check_known(session: Session, names: Sequence[str]) -> None:
 
 
 class OwnGuardian:
-    """Tells a guardian after each tick that this process lives, and what was sent; hears when it had to act."""
+    """Tells a guardian after each tick that this process lives, and what was sent; notices if the guardian acted."""
 
     def __init__(self, session: Session, names: Sequence[str]) -> None:
         self._session, self._names = session, names
@@ -100,12 +107,12 @@ class OwnGuardian:
         session.taps.append(self.tap)
 
     def _await(self) -> None:
-        """Wait until the guardian can act.
+        """Wait until the guardian is ready to act.
 
         Raises
         ------
         DeviceError
-            If it does not come so far.
+            If it does not get that far.
         """
         deadline = time.monotonic() + GUARDIAN_START
         while not self._words[at.GUARDIAN_BEAT]:
@@ -115,12 +122,12 @@ class OwnGuardian:
             time.sleep(_LOOK)
 
     def tap(self, tick: int) -> None:
-        """Tell of a tick; also called in the safe sequence.
+        """Tell the guardian of a tick; also called in the safe sequence.
 
         Raises
         ------
         DeviceFaultError
-            If the guardian had to act, or has gone: all has been made safe.
+            If the guardian had to act, or is gone; all has been made safe.
         """
         words = self._words
         words[at.BEAT] = monotonic()
@@ -136,7 +143,7 @@ class OwnGuardian:
                 self._stop(tick, "was made safe: the guardian process has died or hangs")
 
     def _arm(self) -> None:
-        """Say whether silence means danger."""
+        """Tell the guardian whether silence means danger."""
         acts = bool(self._stopping.item()) or any(one.enabled for one in self._hardware)
         self._words[at.ARMED] = int(acts)
 
@@ -148,12 +155,12 @@ class OwnGuardian:
         raise fault
 
     def rest(self) -> None:
-        """Note that all has been made safe: unless something is still enabled nobody need watch until the next tick."""
+        """Note that all has been made safe: unless a device is still enabled, nothing need be watched until a tick."""
         self._words[at.BEAT] = monotonic()
         self._arm()
 
     def end(self) -> None:
-        """Let the guardian end; what could not be let go of it makes safe before."""
+        """Let the guardian end; before that it makes safe what could not be released."""
         self.rest()
         self._words[at.PHASE] = at.ENDED
         if self.tap in self._session.taps:

@@ -1,7 +1,7 @@
 """Orphans: helper processes notice the death of the process that started them, and end.
 
-That process gives its id with the command line, so that its death is seen from the helper's first instruction on: who
-asks for its parent only after its imports may be told of whoever has inherited it.
+The parent passes its id on the command line, so that its death is noticed from the helper's first instruction on: a
+helper that asked for its parent only after its imports might already get the process that has inherited it.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ def end_with(
     parent
         The parent's id, as the parent gave it.
     while_
-        Asked again and again; once it is false nobody looks any more.
+        Called again and again; once it returns false, the parent is no longer watched.
     first
-        Called when the parent has gone; if it returns, this process ends.
+        Called when the parent is gone; if it returns, this process ends.
     """
 
     def look() -> None:
@@ -53,14 +53,14 @@ def end_with(
 
 
 class EndOf:
-    """Sees the end of a process at once, which the kernel tells by a file descriptor; asking costs a microsecond."""
+    """Notices the end of a process at once, which the kernel tells by a file descriptor; asking takes a microsecond."""
 
     def __init__(self, process: Callable[[], int]) -> None:
         self._process = process
         self._poller: Any = None
 
     def seen(self) -> bool:
-        """Tell whether the process has ended; false while it is not known."""
+        """Tell whether the process has ended; false while its id is not known."""
         if self._poller is None:
             number = self._process()
             if not number:

@@ -1,4 +1,4 @@
-"""Building the engine for a run.  What must be compiled is compiled on all processors, and that is said."""
+"""Building the engine for a run; what must be compiled first is compiled on several processors, with a message."""
 
 from __future__ import annotations
 
@@ -18,14 +18,17 @@ from itouch.schema.terminal import MANNER
 if TYPE_CHECKING:
     from itouch.session import Session
 
-#: A start that has not ended after this time [s], and has not found a kernel on disk, is helped; how often is looked.
+#: After what time [s] a start that had to compile a kernel is helped, and how often [s] that is checked.
 _PATIENCE, _LOOK = 1.6, 0.3
-#: How many processes help at most: each begins elsewhere in the list, and they look at what the others have done.
+#: How many processes help at most: each begins elsewhere in the list, and uses what the others have done.
 _COMPANIONS = 3
 
 
 class _Companion:
-    """Processes that compile the steps from the last on, while this one begins with the first; started if needed."""
+    """Processes that compile the steps from the last one backwards, while this one begins with the first.
+
+    They are started only if needed.
+    """
 
     def __init__(self, words: list[str]) -> None:
         self._words = words
@@ -35,7 +38,7 @@ class _Companion:
         self._watch = threading.Thread(target=self._look, name="itouch-companion", daemon=True)
 
     def _look(self) -> None:
-        """Wait until something is compiled for long; a start that only loads is not helped, however long it takes."""
+        """Start the processes once compiling takes long; one that only loads gets no help, however long it takes."""
         wait = _PATIENCE
         while not self._over.wait(wait):
             compiling = sys.modules.get("itouch.compiling")
@@ -79,7 +82,7 @@ class _Companion:
 
 
 def _processors() -> int:
-    """Return on how many processors this process may run."""
+    """Return the number of processors on which this process may run."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -1,7 +1,7 @@
 """``python -m itouch.servo.process``: the servo process.  It builds the engine, runs it, publishes, and ends safely.
 
-It is started by ``itouch.launch`` with the session's memory and a line to the launcher; nothing else holds its
-interpreter, so plugins can be plain Python.
+``itouch.launch`` starts it with the session's memory and a line to the launcher; no other code shares its interpreter,
+so that plugins can be plain Python.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from itouch.servo.shared_memory import SharedMemory, monotonic
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run a session as the launcher asks, and tell it how that ended."""
+    """Run a session as the launcher asks, and tell the launcher how it ended."""
     segment = SharedMemory(int(argv[0]), argv[1])
     line = socket.socket(fileno=int(argv[2]))
     parent = int(argv[3])
     segment.words[at.SERVO] = os.getpid()
     segment.words[at.BEAT] = monotonic()
     _end_on_signals(segment)
-    # before anything may act this process ends at once with its launcher; later the devices are made safe first
+    # until anything may act, this process ends at once with its launcher; later the devices are made safe first
     end_with(parent, while_=lambda: segment.phase < at.READY)
     config = next(messages(line), None)
     if config is None:
@@ -45,9 +45,9 @@ def main(argv: Sequence[str]) -> int:
 def serve(
     segment: SharedMemory, outbox: Outbox, config: dict[str, Any], *, told: Callable[[int], None] | None = None
 ) -> int:
-    """Build and run what the launcher asks for, and tell it how that ended; return the exit code.
+    """Build and run what the launcher asks for, and tell the launcher how it ended; return the exit code.
 
-    ``told`` is called with that code when all has been told, before anything is let go of that a plugin has left.
+    ``told`` is called with that code after that, before anything is released that a plugin has left behind.
     """
     error: BaseException | None = None
     report: dict[str, Any] | None = None
@@ -55,7 +55,7 @@ def serve(
         report, error = _serve(segment, outbox, config)
     except BaseException as raised:
         error = raised
-    segment.words[at.PHASE] = at.ENDED  # where devices could not be made safe it is armed still: the guardian acts
+    segment.words[at.PHASE] = at.ENDED  # if devices could not be made safe, it is still armed: the guardian acts
     outbox.finish({"report": report, "error": _told(error)})
     code = 1 if error is not None else 0
     if told is not None:
@@ -71,7 +71,7 @@ def _end_without_guardian(segment: SharedMemory, outbox: Outbox) -> None:
             guardian = int(segment.words[at.GUARDIAN])
             if guardian and not lives(guardian):
                 said = "the guardian process died while the session began: nothing is enabled without it"
-                # nothing is imported for it: that would wait for what the other thread imports
+                # nothing is imported here: that would wait for the other thread's imports
                 outbox.finish({"report": None, "error": {"type": "ServoError", "message": said, "traceback": ""}})
                 os._exit(1)
             time.sleep(LOOK)
@@ -98,7 +98,7 @@ def _told(error: BaseException | None) -> dict[str, Any] | None:
 
 
 def _end_on_signals(segment: SharedMemory) -> None:
-    """Let SIGTERM end the session safely; what a terminal sends is the launcher's to answer."""
+    """Let SIGTERM end the session safely; signals from a terminal are left to the launcher."""
 
     def stop(number: int, frame: object) -> None:
         segment.words[at.STOP] = 1

@@ -1,7 +1,7 @@
-"""Publishing State and Timing from the servo process: it writes, never waits, and never learns who reads.
+"""Publishing State and Timing from the servo process, which never waits and does not know who reads.
 
 Every State goes into the next slot of a ring.  The slot's sequence number is written before and after the copy; a
-reader takes them in the other order and keeps the copy only if both are the one it came for.
+reader reads the two in the opposite order, and keeps its copy only if both are the number that it wants.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from itouch.plugin import Record
 from itouch.servo import control_block as at
 from itouch.servo.shared_memory import SLOT_HEAD, SharedMemory, monotonic
 
-#: Processors that keep the order of writes, and of reads, as seen by the others; elsewhere a sum proves the copy.
+#: Whether this processor keeps the order of writes, and of reads, as others see it; else a checksum proves a copy.
 ORDERED = platform.machine().lower() in ("x86_64", "amd64", "i686", "i386")
-#: How much the ring may take [bytes], and for how long [s] it should reach back.
+#: Greatest size of the ring [bytes], and how far [s] it should reach back.
 RING_BYTES, RING_SECONDS = 64 << 20, 2.0
-#: Every how many ticks Timing is published.
+#: Timing is published once in this many ticks.
 TIMING_EVERY = 20
 _TOLD = struct.Struct("<qqqq")
 
 
 def slots_for(state_size: int, period: float) -> int:
-    """Return how many States the ring holds."""
+    """Return how many States of this size [bytes] the ring holds, at a period [s]."""
     return max(64, min(round(RING_SECONDS / period), RING_BYTES // max(1, state_size)))
 
 
 class Publisher:
-    """Writes each tick's State, and now and then Timing, into a session's memory."""
+    """Writes each tick's State, and from time to time Timing, into a session's memory."""
 
     def __init__(self, segment: SharedMemory, state: Record, timing: Timing) -> None:
         words = segment.words
@@ -69,9 +69,9 @@ class Publisher:
 
 
 def total(body: np.typing.NDArray[np.uint8]) -> int:
-    """Return a number that a copy of two States mixed has only by chance.
+    """Return a checksum of a State, which a copy mixed from two States has only by chance.
 
-    ``body`` (n,) are its bytes.
+    ``body`` (n,): the bytes of the State.
     """
     whole = len(body) // 8 * 8
     weights = np.arange(1, whole // 8 + 1, dtype=np.uint64)

@@ -1,4 +1,4 @@
-"""Reading what a servo process publishes: copies of State and Timing that are whole, or none."""
+"""Reading what a servo process publishes: copies of State and Timing that are whole, or none at all."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _ATTEMPTS = 1000
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One published State: its bytes, and what belongs to its tick.
+    """One published State: its bytes, and what is known of its tick.
 
-    ``sequence`` counts publications from 1; ``host_ns`` is when it was published on the monotonic clock; ``lateness``
+    ``sequence`` counts publications from 1; ``host_ns`` is the monotonic clock [ns] when it was published; ``lateness``
     and ``duration`` [s] are those of the tick.
     """
 
@@ -50,7 +50,7 @@ class Ring:
         return int(self._words[at.HEAD])
 
     def copy(self, sequence: int, into: NDArray[np.uint8]) -> tuple[int, int, int, int] | None:
-        """Copy one State; return its tick, host time, lateness and duration [ns], or None if it is gone.
+        """Copy one State; return its tick, and host time, lateness and duration [ns], or None if it is gone.
 
         ``into`` (n,): room for the bytes of a State.
         """
@@ -70,7 +70,7 @@ class Ring:
         Raises
         ------
         ServoError
-            If no whole copy could be had, which means that the writer died in the middle of its only State.
+            If no whole copy could be made, which means that the writer died while writing its only State.
         """
         for attempt in range(_ATTEMPTS):
             head = self.head
@@ -85,7 +85,7 @@ class Ring:
 
 
 class Follower:
-    """Takes every State in order, from the one after the newest; what it was too slow for is counted."""
+    """Takes every State in order, from the one after the newest; those that it was too slow for are counted."""
 
     def __init__(self, ring: Ring) -> None:
         self._ring = ring
@@ -95,13 +95,13 @@ class Follower:
         self.dropped = 0
 
     def take(self, most: int = 1 << 30) -> Iterator[Entry]:
-        """Yield the States that are new, at most so many."""
+        """Yield the new States, at most ``most``."""
         for _ in range(most):
             head = self._ring.head
             if self._next > head:
                 return
             behind = head - self._next
-            if behind >= self._ring.slots - 2:  # about to be overwritten: go on where there is time to read
+            if behind >= self._ring.slots - 2:  # about to be overwritten: skip to where there is time to read
                 lost = behind - self._ring.slots // 2
                 self.dropped += lost
                 self._next += lost

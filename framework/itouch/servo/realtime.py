@@ -1,7 +1,7 @@
 """Real-time policy and priority, locked memory, timer slack: best effort, and each attempt reports how it ended.
 
-The figures behind it are printed by ``itouch-py bench loop``; how to give a user the rights is in
-``docs/how-to/real-time-kernel.md``.
+``itouch-py bench loop`` prints the figures behind this; ``docs/how-to/real-time-kernel.md`` says how to give a user
+the rights.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from pathlib import Path
 
 from itouch.platforms import limit
 
-#: Priorities of the servo process and, above it, of the guardian.
+#: Real-time priorities of the servo process, of the guardian above it, and of remote twins between them.
 SERVO_PRIORITY, GUARDIAN_PRIORITY, REMOTE_PRIORITY = 50, 60, 55
-#: How long [s] a wake-up may be put off to join it with others, and how often threads of Python take turns.
+#: How long [s] the kernel may delay a wake-up to join it with others, and how often [s] threads of Python take turns.
 TIMER_SLACK, SWITCH_INTERVAL = 1e-6, 1e-4
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
@@ -25,7 +25,7 @@ _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """One attempt: what, whether it worked, and what was found or what to do."""
+    """One attempt: what was tried, whether it worked, and what was found or what to do."""
 
     what: str
     done: bool
@@ -44,7 +44,7 @@ def _reason() -> str:
 
 
 def take_priority(priority: int) -> Effort:
-    """Ask for the first-in-first-out real-time class; children start without it."""
+    """Ask for the real-time scheduling class SCHED_FIFO; child processes start without it."""
     try:
         policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
         os.sched_setscheduler(0, policy, os.sched_param(priority))
@@ -56,7 +56,7 @@ def take_priority(priority: int) -> Effort:
 
 
 def lock_memory(*, as_touched: bool = False) -> Effort:
-    """Keep the whole process in memory, now and later; ``as_touched``: each page from when it is first used."""
+    """Keep the whole process in memory, now and later; ``as_touched``: each page only from its first use on."""
     if _libc().mlockall(_MCL_CURRENT | _MCL_FUTURE | (_MCL_ONFAULT if as_touched else 0)) == 0:
         return Effort("memory lock", True, "all pages stay in memory")
     allowed = limit("RLIMIT_MEMLOCK")
@@ -64,7 +64,7 @@ def lock_memory(*, as_touched: bool = False) -> Effort:
 
 
 def sharpen_timer() -> Effort:
-    """Let sleeps end on time."""
+    """Let sleeps end on time: set the kernel's timer slack."""
     nanoseconds = ctypes.c_ulong(round(TIMER_SLACK * 1e9))
     nothing = ctypes.c_ulong(0)
     if not sys.platform.startswith("linux"):
@@ -88,7 +88,7 @@ def isolated_cpus(folder: str = "/sys/devices/system/cpu") -> set[int]:
 
 
 def choose_cpu() -> Effort:
-    """Stay on a processor that is kept free; without one the scheduler chooses better than we could."""
+    """Pin the process to an isolated processor; without one, the scheduler chooses better than we could."""
     free = sorted(isolated_cpus() & set(range(os.cpu_count() or 1)))
     if not free:
         return Effort("processor", False, "not pinned: none is isolated from other work (kernel parameter isolcpus)")
@@ -100,7 +100,7 @@ def choose_cpu() -> Effort:
 
 
 def freeze_garbage() -> Effort:
-    """Collect once, then keep what is there out of all later collections."""
+    """Collect garbage once, then exempt all present objects from collections, and switch these off."""
     gc.collect()
     gc.freeze()
     gc.disable()
@@ -108,6 +108,6 @@ def freeze_garbage() -> Effort:
 
 
 def be_punctual(priority: int = SERVO_PRIORITY) -> tuple[Effort, ...]:
-    """Do all of it, for a servo process that is about to run."""
+    """Make all these attempts, for a servo process that is about to run."""
     sys.setswitchinterval(SWITCH_INTERVAL)
     return take_priority(priority), lock_memory(), sharpen_timer(), choose_cpu(), freeze_garbage()

@@ -1,4 +1,4 @@
-"""The loop's side of remote twins: starting their processes, and standing in for them inside the tick."""
+"""The loop's side of remote twins: starting their processes, and standing in for them in the tick."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from itouch.servo import wire
 from itouch.servo.shared_memory import ServoError, monotonic
 from itouch.session import Session
 
-#: Time [s] without commands after which a remote twin makes itself safe: half of what a death may take.
+#: Time [s] without commands after which a remote twin makes itself safe: half of what may pass from a death to safety.
 WATCHDOG = 0.1
-#: How long [s] its process may take to answer for the first time.
+#: How long [s] a remote twin's process may take to answer for the first time.
 START_TIME = 60.0
 
 
 class RemoteTwin(Twin):
-    """Sends what the tick commands to a twin elsewhere, and takes over its State and readings as they come.
+    """Sends the tick's commands to a twin in another process, and takes over its State and readings as they come.
 
-    Until it is connected it runs the twin here: a session on the virtual clock needs no second process.
+    Until it is connected it runs the twin in this process: a session on the virtual clock needs no second one.
     """
 
     def __init__(self, twin: Twin) -> None:
@@ -40,7 +40,7 @@ class RemoteTwin(Twin):
         self._sent = 0
 
     def fields(self) -> tuple[Field, ...]:
-        """Return the State of the twin: what is known of it here."""
+        """Return the fields of the twin's State, as far as it is known here."""
         return self.twin.fields()
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:
@@ -48,11 +48,11 @@ class RemoteTwin(Twin):
         self.twin.reset(state, rng)
 
     def position(self, state: Record) -> NDArray[np.float64] | None:
-        """Return what is known of the true position here."""
+        """Return the twin's true position, as far as it is known here."""
         return self.twin.position(state)
 
     def connect(self, where: str, state: Record) -> None:
-        """Let the twin elsewhere begin from this State.
+        """Connect to the twin in another process, and let it begin from this State.
 
         Raises
         ------
@@ -71,17 +71,23 @@ class RemoteTwin(Twin):
         self._line = line
 
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
-        """Send the command; what the twin does comes back with a later reading."""
+        """Send the command; the twin's response comes back with a later reading."""
         if self._line is None:
             self.twin.step(state, command, touch, period)
             return
         self._sent += 1
         packet = wire.head(wire.COMMAND, self._sent, monotonic()) + command.tobytes() + wire.pack_touch(touch)
-        with contextlib.suppress(OSError):  # a twin that hangs or has gone shows by its silence
+        with contextlib.suppress(OSError):  # a twin that hangs or is gone is noticed by its silence
             self._line.send(packet)
 
     def read(self, state: Record, reading: Record) -> bool | None:
-        """Take over the newest State and reading; False if none has come."""
+        """Take over the newest State and reading; False if none has come.
+
+        Raises
+        ------
+        DeviceError
+            If the remote twin has hung up, can't be reached, or has made itself safe.
+        """
         if self._line is None:
             return self.twin.read(state, reading)
         newest: bytes | None = None
@@ -105,7 +111,7 @@ class RemoteTwin(Twin):
         return True
 
     def hang_up(self) -> None:
-        """Say that the session is over, and let go."""
+        """Tell the twin that the session is over, and close the connection."""
         if self._line is not None:
             with contextlib.suppress(OSError):
                 self._line.send(wire.BYE)
@@ -119,7 +125,7 @@ class Remotes:
     def __init__(self, session: Session, name: str) -> None:
         self._runners = [runner for runner in session.runners if runner.model.remote and SERVO_PROCESS]
         self._session = session
-        #: Device -> where its twin listens.
+        #: Device -> the address on which its twin listens.
         self.addresses = {runner.model.name: wire.address(name, runner.model.name) for runner in self._runners}
         self.processes = [self._start(runner) for runner in self._runners]
 
@@ -142,7 +148,7 @@ class Remotes:
         return process
 
     def connect(self) -> None:
-        """Let the twins elsewhere take over from those here.
+        """Let the twins in other processes take over from those in this one.
 
         Raises
         ------
@@ -156,13 +162,13 @@ class Remotes:
                 runner.twin = stand_in
 
     def hang_up(self) -> None:
-        """Leave the twins: each makes itself safe at once, then ends."""
+        """Hang up on the twins: each makes itself safe at once, then ends."""
         for runner in self._runners:
             if isinstance(runner.twin, RemoteTwin):
                 runner.twin.hang_up()
 
     def close(self) -> None:
-        """Wait for the twins' processes to end; one that was never begun has nothing to make safe."""
+        """Wait for the twins' processes to end; one that was never connected has nothing to make safe: it is killed."""
         deadline = time.monotonic() + 5.0
         for runner, process in zip(self._runners, self.processes, strict=True):
             if not isinstance(runner.twin, RemoteTwin):

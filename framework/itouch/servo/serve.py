@@ -1,4 +1,4 @@
-"""What the servo process does with an engine: paces it, publishes it, and listens to commands between two ticks."""
+"""The servo process's work with an engine: pacing it, publishing its State, obeying commands between two ticks."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ from itouch.servo.shared_memory import ServoError, SharedMemory, monotonic
 from itouch.session import Session
 from itouch.session.outputs import Outputs, open_outputs
 
-#: How often the servo process looks round while the engine rests [s].
+#: How often [s] the servo process checks for commands and the like while the engine rests.
 IDLE = 1e-3
-#: And at hardware while it waits for somebody to enable it [s].
+#: How often [s] it reads hardware while it waits for somebody to enable it.
 LOOK = 0.2
 #: How long [s] the guardian may take to start: it may have to load drivers.
 GUARDIAN_START = 30.0
 #: Silence [ns] of the guardian that ends a session whose devices obey.
 GUARDIAN_SILENCE = 500_000_000
-#: For how many devices there are bits in a word.
+#: For how many devices a control word has bits.
 MOST_DEVICES = 62
 CLOSED = int(Status.CLOSED)
 _LEFT_ALONE = "the guardian process has died or hangs: the devices have been made safe"
@@ -64,12 +64,15 @@ def build(config: dict[str, Any]) -> Session:
 
 
 def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> tuple[dict[str, Any], BaseException | None]:
-    """Build and run the session that the launcher asks for; return its report, and what ended it if it failed."""
+    """Build and run the session that the launcher asks for; return its report, and the error that ended it, if any."""
     return Servo(build(config), segment, outbox, config).run()
 
 
 def meta_of(session: Session, remotes: dict[str, str], sys_path: list[str]) -> dict[str, Any]:
-    """Return what a session's memory says of it: where its ``remotes`` are, and where another process finds plugins."""
+    """Return the description of a session for its memory.
+
+    ``remotes``: device -> address of its remote twin; ``sys_path``: where another process finds plugins.
+    """
     model = session.model
     hardware = [device.name for device in model.devices.values() if not device.twin]
     return {
@@ -93,7 +96,7 @@ def meta_of(session: Session, remotes: dict[str, str], sys_path: list[str]) -> d
 
 
 def unsent(session: Session) -> int:
-    """Return which devices could not be given their last command, a bit each: another process may reach them."""
+    """Return, a bit each, the devices whose last command could not be written; another process may reach them."""
     found = 0
     for index, runner in enumerate(session.runners[:MOST_DEVICES]):
         if runner.unsent and runner.status_number != CLOSED:
@@ -128,7 +131,7 @@ class Servo:
         self._held = self._armed = False
         self._kept = contextlib.ExitStack()
         self._failure: BaseException | None = None
-        #: Whether anything obeys that outlives this process: the guardian must live as long.
+        #: Whether any device obeys that would outlive this process: then the guardian must live, too.
         self._obeyed = bool(self._hardware() or self.remotes.addresses)
 
     def _hardware(self) -> list[str]:
@@ -164,24 +167,24 @@ class Servo:
         return self.report(), error
 
     def _publish_last(self) -> None:
-        """Publish the State at the end, and what the ticks have taken."""
+        """Publish the State at the end, and Timing."""
         self._publish(0.0, 0.0)
         self._publisher.publish_timing()
 
     def _save(self) -> None:
-        """Save the session as it has ended, if that is asked for; what made it end counts more than a failure here."""
+        """Save the session at its end, if that is asked for; an error that ended it counts more than one here."""
         if self._config["save"]:
             self.session.save(self._config["save"])
 
     def _park(self) -> None:
-        """Make devices that are not simulated here safe in the rig's order, unless a fault has done so."""
+        """Make devices that are not simulated in this process safe, in the rig's order, unless a fault has done so."""
         enabled = any(runner.enabled for runner in self.session.runners)
         if self.words[at.ARMED] and (self.session.fault is None or enabled):
             self.session.park()
-        self.words[at.ARMED] = 0  # all is safe: letting go may take its time
+        self.words[at.ARMED] = 0  # all is safe: releasing the devices may take its time
 
     def _release(self) -> None:
-        """Let go of the devices; where one did not even get so far, the guardian makes it safe."""
+        """Release the devices; if one can't even be closed, the guardian makes it safe."""
         try:
             Engine.close(self.session)
         finally:
@@ -191,11 +194,11 @@ class Servo:
                 self.words[at.ARMED] = 0
 
     def _finish(self) -> None:
-        """End what takes long: recordings, and the twins' processes."""
+        """End what takes long to end: recordings, and the twins' processes."""
         in_turn(self._kept.close, self.session.close, self.remotes.close)
 
     def _begin(self) -> None:
-        """Become punctual, say so, and enable the devices when that is wanted."""
+        """Become punctual, tell the launcher, and enable the devices once the operator wants that."""
         efforts = realtime.be_punctual() if self._config["realtime"] else (realtime.sharpen_timer(),)
         self._publish(0.0, 0.0)
         self.words[at.PHASE] = at.READY
@@ -205,24 +208,24 @@ class Servo:
         if self._hardware():
             self.session.find_hardware()
         self._watch_others()
-        if self._waits():  # the operator must be able to see before anything may move
+        if self._waits():  # the operator must see the session before anything may move
             self.outbox.tell("ready", ready)
         looked = time.monotonic()
         while self._waits() and not self.words[at.STOP]:
             self._rest()
             if self._hardware() and time.monotonic() > looked + LOOK:
-                self.session.find_hardware()  # nobody is asked to hold a switch for a device that is lost meanwhile
+                self.session.find_hardware()  # so that nobody goes on holding a switch for a device that is lost
                 looked = time.monotonic()
         if self.words[at.STOP]:
             return
-        # opening and homing may take long, and remote twins may be lost; twins here, also restored, need none of it
+        # opening and homing may take long, and remote twins may be lost; twins in this process need no enabling here
         if self._obeyed:
             self._enable()
-            self._watch_others()  # who has died meanwhile watches over no tick
+            self._watch_others()  # the launcher or the guardian may have died meanwhile
         self.outbox.tell("ready", ready)
 
     def _enable(self) -> None:
-        """Enable; a restored session whose trip is latched rests until somebody re-arms, if there is anybody."""
+        """Enable; with ``linger``, a restored session whose trip is latched rests until somebody re-arms it."""
         try:
             self.session.enable()
         except LatchedError:
@@ -232,14 +235,20 @@ class Servo:
             self._tell_fault()
 
     def _waits(self) -> bool:
-        """Whether the operator has not yet enabled the devices, or does not hold the switch that they need."""
+        """Tell whether the operator has not enabled the devices yet, or does not hold the switch that they need."""
         model = self.session.model
         needed = model.scene.safety.hold_to_run or bool(self._hardware())
         switch = any(device.reading(Role.DEADMAN) is not None for device in model.devices.values())
         return not self._asked.enabled or (needed and not switch and not self._held)
 
     def _await_guardian(self) -> None:
-        """Devices that obey need the guardian to live before they are enabled."""
+        """Wait for the guardian, which must live before devices that obey are enabled.
+
+        Raises
+        ------
+        ServoError
+            If it does not start.
+        """
         deadline = time.monotonic() + GUARDIAN_START
         while self._obeyed and not self.words[at.GUARDIAN_BEAT] and not self.words[at.STOP]:
             guardian = int(self.words[at.GUARDIAN])
@@ -271,7 +280,7 @@ class Servo:
             raise session.fault
 
     def _follow_once(self) -> None:
-        """Do what follows a tick before the first: what runs for the first time takes longer than a period of 4 kHz."""
+        """Do once, before the first tick, what follows each: the first time takes longer than a period at 4 kHz."""
         unsent(self.session)
         self._publish_last()
         self.outbox.flush()
@@ -290,7 +299,7 @@ class Servo:
         return self.session.ticks >= last if last is not None else self._scripted and self.session.done
 
     def _interrupted(self) -> bool:
-        """Look at the control words after a tick; true if the run must pause or end."""
+        """Check the control words after a tick; return true if the run must pause or end."""
         words = self.words
         if words[at.ASKED] != words[at.TAKEN]:
             for message in self._inbox.take():
@@ -299,7 +308,7 @@ class Servo:
         return bool(words[at.STOP]) or self._asked.paused or (self._scripted and self.session.done)
 
     def _rest(self) -> None:
-        """Do what the loop does between ticks, while it does not tick."""
+        """Do what the loop does between ticks while it does not tick, and sleep a little."""
         self.words[at.BEAT] = monotonic()
         for message in self._inbox.take():
             self._commands.obey(message)
@@ -309,7 +318,7 @@ class Servo:
         time.sleep(IDLE)
 
     def _hold(self) -> None:
-        """Pass on whether somebody holds the dead-man's switch, and if one who held it has let go."""
+        """Pass on to the engine whether somebody holds the dead-man's switch, and whether a holder has let go."""
         held, released = self._switch.look()
         if released:
             self.session.hold(False, shared=held)
@@ -336,9 +345,9 @@ class Servo:
             self._watch_others()
 
     def _watch_others(self) -> None:
-        """End the session if its launcher has gone, or if no guardian watches over devices that obey, or are about to.
+        """End the session if its launcher is gone, or if no guardian watches over devices that obey or are about to.
 
-        A guardian that only hangs counts once devices obey: before, both processes are busy with their start.
+        A guardian that only hangs ends it once devices obey; before that, both processes are busy with their start.
         """
         words = self.words
         if gone(self._launcher):
@@ -354,7 +363,7 @@ class Servo:
         self._publisher.publish(self.session.ticks, late, duration)
 
     def report(self) -> dict[str, Any]:
-        """Return the session's report with what only this process knows."""
+        """Return the session's report, with what only the servo process knows: commands obeyed, States published."""
         return {**self.session.report(), "commands": self._commands.log, "publication": self._figures()}
 
     def _figures(self) -> dict[str, Any]:

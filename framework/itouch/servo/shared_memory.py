@@ -1,7 +1,7 @@
-"""A session's shared memory: one anonymous file that its processes hold open, so that none can leave it behind.
+"""A session's shared memory: an anonymous file that its processes hold open, so that it can't be left behind.
 
-It has no name in any folder.  Whoever wants to attach opens it through the file descriptors of the processes of the
-same user (``/proc/PID/fd``); when the last process that holds it has gone, by whatever death, the memory is gone.
+It has no name in any folder.  A process that attaches opens it through the file descriptors of processes of the same
+user (``/proc/PID/fd``); when the last process that holds it ends, however it dies, the memory is gone.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from itouch.platforms import SERVO_PROCESS, claim
 from itouch.schema import ItouchError
 from itouch.servo import control_block as at
 
-#: What the memory of every session is called, with the session's name behind it.
+#: Prefix of the memory's name, followed by the session's name.
 PREFIX = "itouch:"
 
 
 class ServoError(ItouchError):
-    """A servo process that can't be started, found or spoken to, or that has died."""
+    """A servo process that can't be started, found or reached, or that has died."""
 
 
 class SharedMemory:
-    """The mapped memory of one session; the first part is there at once, the rest when ``grow`` has been called."""
+    """The mapped memory of one session; the control words exist at once, the rest once ``grow`` has been called."""
 
     def __init__(self, handle: int, name: str) -> None:
         self.handle, self.name = handle, name
@@ -39,7 +39,7 @@ class SharedMemory:
 
     @classmethod
     def create(cls, name: str) -> SharedMemory:
-        """Make the memory of a new session, with its control words only."""
+        """Create the memory of a new session, with its control words only."""
         if SERVO_PROCESS:
             handle = os.memfd_create(PREFIX + name, os.MFD_CLOEXEC)
             os.ftruncate(handle, at.HEAD_SIZE)
@@ -52,7 +52,13 @@ class SharedMemory:
         return segment
 
     def map(self) -> None:
-        """Map as much as there is now."""
+        """Map the memory in its present size.
+
+        Raises
+        ------
+        ServoError
+            If it is too short for that of a session.
+        """
         size = os.fstat(self.handle).st_size
         if size < at.HEAD_SIZE:
             raise ServoError("this is not the memory of a servo process: it is too short")
@@ -78,7 +84,21 @@ class SharedMemory:
         self, meta: dict[str, Any], state_size: int, timing_size: int, slots: int, summed: bool,
         files: Mapping[str, bytes] | None = None,
     ) -> None:  # fmt: skip
-        """Lay out what follows the control words; called once, by the servo process."""
+        """Lay out and write what follows the control words; called once, by the servo process.
+
+        Parameters
+        ----------
+        meta
+            Description of the session, as JSON can hold it.
+        state_size, timing_size
+            Of State and Timing [bytes].
+        slots
+            How many States the ring holds.
+        summed
+            Whether slots carry a checksum.
+        files
+            The files that the scene names; None: they are not carried along.
+        """
         timing_at = _aligned(at.HEAD_SIZE)
         files_at = _aligned(timing_at + timing_size)
         content, places = _packed(files, files_at)
@@ -102,15 +122,15 @@ class SharedMemory:
 
     @contextlib.contextmanager
     def alone(self, *, wait: bool) -> Iterator[bool]:
-        """Exclude all others that write commands or claim words; yield false if one of them is at it.
+        """Lock out all others that write commands or claim words; yield false if another one has the lock.
 
-        The kernel lets go of it when a process dies.  It is a description of its own each time, for two threads of one
-        process must exclude one another, too.
+        The kernel releases the lock if the process dies.  The file is opened anew each time, because two threads of one
+        process must lock each other out, too.
 
         Parameters
         ----------
         wait
-            Whether to wait for the others.
+            Whether to wait for the lock.
         """
         lock = os.open(f"/proc/self/fd/{self.handle}", os.O_RDWR | os.O_CLOEXEC)
         try:
@@ -119,22 +139,22 @@ class SharedMemory:
             os.close(lock)
 
     def meta(self) -> dict[str, Any]:
-        """Return what the servo process says of the session: names, layout, scene."""
+        """Return the servo process's description of the session: names, layout, scene."""
         start, size = int(self.words[at.META_AT]), int(self.words[at.META_SIZE])
         found: dict[str, Any] = json.loads(self.bytes[start : start + size].tobytes())
         return found
 
     def part(self, where: int, size: int) -> NDArray[np.uint8]:
-        """Return the bytes of one part."""
+        """Return the view of one part, from offset ``where`` on, of ``size`` bytes."""
         return self.bytes[where : where + size]
 
     @property
     def phase(self) -> int:
-        """What the servo process is doing, see ``words.PHASES``."""
+        """The phase of the servo process, see ``control_block.PHASES``."""
         return int(self.words[at.PHASE])
 
     def close(self) -> None:
-        """Let go of the memory; views that are still held keep their part of it alive."""
+        """Release the memory; views that are still held keep it alive."""
         if self.handle >= 0:
             os.close(self.handle)
             self.handle = -1
@@ -146,7 +166,7 @@ _PAGE = 64
 
 
 def _packed(files: Mapping[str, bytes] | None, start: int) -> tuple[bytes, dict[str, list[int]] | None]:
-    """Return files one after the other, and where each lies; None if there are none to carry."""
+    """Return files one after the other, and file name -> offset and size; None if files are not carried along."""
     if files is None:
         return b"", None
     places, end = {}, start
@@ -181,7 +201,7 @@ class PrivateMemory(SharedMemory):
         super().__init__(-1, name)
 
     def map(self) -> None:
-        """Make views of all that there is."""
+        """Make views of the memory in its present size."""
         self.bytes = np.frombuffer(self._mapped, np.uint8)
         self.words = self.bytes[: at.WORDS * 8].view(np.int64)
 
@@ -191,11 +211,11 @@ class PrivateMemory(SharedMemory):
         larger[: len(self._mapped)] = self._mapped[:]
         self._mapped = larger
         self.map()
-        self.words[at.STOP] |= before[at.STOP]  # who asks for the end in this very moment is heard
+        self.words[at.STOP] |= before[at.STOP]  # a request to stop at this very moment must not be lost
 
     @contextlib.contextmanager
     def alone(self, *, wait: bool) -> Iterator[bool]:
-        """Exclude the other threads."""
+        """Lock out the other threads; yield false if one of them has the lock."""
         held = self._alone.acquire(blocking=wait)
         try:
             yield held
@@ -205,5 +225,5 @@ class PrivateMemory(SharedMemory):
 
 
 def monotonic() -> int:
-    """Return the time that all processes of this machine share [ns]."""
+    """Return the monotonic clock [ns], which all processes of this machine share."""
     return time.monotonic_ns()

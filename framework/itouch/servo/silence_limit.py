@@ -1,8 +1,8 @@
-"""How long a servo process that has fallen silent may go on, once its devices are safe and stay so, to say why.
+"""How long a silent servo process may go on, once its devices are safe and stay so, to tell why it was silent.
 
-A process that runs into the end of its memory, or that others crowd out on a busy machine, is silent long before it
-knows the cause.  Killed at once it never tells.  Time is counted as the processor time that it gets, so that a busy
-machine gives it longer, and one that waits for something that does not come gets little.
+A process that runs out of memory, or that others crowd out on a busy machine, is silent long before it knows the cause;
+killed at once, it would never tell.  Its processor time is what counts, so that it gets longer on a busy machine, and
+little if it waits for something that does not come.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-#: What it may use of a processor, how long it may wait for nothing, and what both may take together [s].
+#: How much processor time it may use, how long it may idle, and how long it may take in all [s].
 WORK, WAIT, MOST = 1.0, 0.5, 10.0
-#: Where a process's ``stat`` holds its flags and its times of processor, counted from its state.
+#: Positions of flags and processor times in a process's ``stat``, counted from its state letter.
 _FLAGS, _USER, _SYSTEM = 6, 11, 12
-#: What the kernel says of a process: the letters of one that does not run any more, the flag of one that is ending.
+#: The state letters of a process that no longer runs, and the flag of one that is ending.
 _GONE, _EXITING = frozenset("TtZXx"), 0x4
 _TICK: Final = os.sysconf("SC_CLK_TCK")
 
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """What the kernel tells of a process: its state's letter, whether it is ending, what it has used [s]."""
+    """What the kernel tells of a process: its state letter, whether it is ending, its processor time [s]."""
 
     letter: str
     ending: bool
@@ -32,19 +32,19 @@ class Process:
 
     @classmethod
     def of(cls, stat: str) -> Process:
-        """Return what a line of ``/proc/PID/stat`` says."""
+        """Parse a line of ``/proc/PID/stat``."""
         words = stat.rpartition(")")[2].split()
         used = (int(words[_USER]) + int(words[_SYSTEM])) / _TICK
         return cls(words[0], bool(int(words[_FLAGS]) & _EXITING), used)
 
     @property
     def gone(self) -> bool:
-        """Whether it is suspended or ending, so that it will do and say nothing any more."""
+        """Whether it is suspended or ending, so that it will do and tell nothing more."""
         return self.letter in _GONE or self.ending
 
 
 class LastWords:
-    """Counts what a silent process does from now on."""
+    """Measures how long a silent process has had, from now on, to tell the cause."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -53,7 +53,7 @@ class LastWords:
         self._used = 0.0
 
     def over(self, process: Process) -> bool:
-        """Tell whether the process has had its time, given what is known of it now."""
+        """Tell whether the process has had its time, given its present state."""
         now = self._clock()
         if self._first is None:
             self._first = self._used = process.used

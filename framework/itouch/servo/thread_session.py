@@ -1,7 +1,7 @@
 """A session whose loop runs in a thread of this process: on systems where no guardian can watch over a servo process.
 
-It drives twins only.  The interpreter is shared with whoever shows the session, so that ticks may be later than in a
-process of their own.
+It drives twins only.  The loop shares its interpreter with the program that shows the session, so that ticks may be
+later than in a process of their own.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from itouch.servo.shared_memory import SharedMemory
 
 
 class Within:
-    """The thread, where a launcher expects a servo process."""
+    """The thread, with the interface of the servo process that a launcher expects."""
 
     def __init__(self, segment: SharedMemory, line: socket.socket, config: dict[str, Any]) -> None:
         self.pid = os.getpid()
@@ -35,7 +35,7 @@ class Within:
         self._code = serve(segment, Outbox(line), alone)
 
     def wait(self, timeout: float | None = None) -> int:
-        """Wait for the loop's end; return what a process would have ended with."""
+        """Wait for the loop's end; return the exit code that a process would have had."""
         self._thread.join(timeout)
         return self._code
 
@@ -44,10 +44,10 @@ class Within:
 
 
 class Unguarded:
-    """Nobody watches over a thread; what it drives are twins."""
+    """The guardian that a thread does not have, because it drives only twins."""
 
     pid = 0
-    #: What a guardian would have had to do.
+    #: What a guardian had to do: nothing.
     said = ""
 
     def wait(self) -> None:

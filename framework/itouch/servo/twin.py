@@ -1,7 +1,7 @@
 """``python -m itouch.servo.twin FD PARENT``: the process of one twin.
 
-It ends with the servo process that started it until the session has begun, from its first instruction on: what takes
-long, the imports and the compiling, comes after.
+From its first instruction until the session has begun, it ends with the servo process that started it: what takes long,
+imports and compiling, comes only after it has begun to watch for that.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from itouch.servo.parent_process import end_with
 
 
 def main(argv: Sequence[str]) -> int:
-    """Serve one twin on a socket that was passed on; its description comes on standard input."""
+    """Serve one twin on an inherited socket; its description comes on standard input."""
     begun: list[Callable[[], bool]] = []
     end_with(int(argv[1]), while_=lambda: not (begun and begun[0]()))
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     said = sys.stdin.read()
-    if not said:  # the servo process has gone before it said what is to be simulated
+    if not said:  # the servo process died before it sent the description
         return 1
     from itouch.servo.twin_server import serve
 

@@ -1,7 +1,7 @@
-"""One twin in a process of its own (``python -m itouch.servo.twin``), as a piece of hardware would be.
+"""One twin in a process of its own (``python -m itouch.servo.twin``), like a piece of hardware.
 
-It steps on its own clock, whatever the servo process does.  Without commands for the time of its watchdog, without a
-connection, or told so by a second opener, it makes itself safe and stays so until a session begins anew.
+It steps on its own clock, whatever the servo process does.  It makes itself safe when no command comes for the time of
+its watchdog, when the connection is lost, or when a second opener says so, and stays safe until a session begins anew.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from itouch.servo.shared_memory import monotonic
 from itouch.world import DeviceModel
 from itouch.world.rig import build_devices
 
-#: How long [s] the twin outlives its session: first until it is at rest, at the most; then for those who still read.
+#: How long [s] the twin outlives its session: at most until it is at rest; and how long [s] it rests for late readers.
 LINGER, REST = 3.0, 0.3
-#: How long [s] it waits for a session at all.
+#: How long [s] it waits for a session to begin.
 PATIENCE = 60.0
-#: How many are let in, or sent away, in one step, and how many packets of each are heard.
+#: How many connections are accepted or refused in one step, and how many packets of each are read.
 KNOCKS, PACKETS = 16, 256
 
 
 class TwinServer:
-    """Steps one twin, and talks to whoever is connected."""
+    """Steps one twin, and talks to all that are connected."""
 
     def __init__(self, model: DeviceModel, listener: socket.socket, *, watchdog: float, period: float) -> None:
         self.model, self._period, self._watchdog = model, period, watchdog
@@ -60,7 +60,7 @@ class TwinServer:
         self._height: float | None = None
 
     def _rehearse(self) -> None:
-        """Load what is compiled before any step counts."""
+        """Load or compile the twin's kernels before any step counts."""
         scratch, reading = self.state.copy(), self.reading.copy()
         for touch in (TwinInputs(), TwinInputs(force=1.0, gap=-1e-3)):
             self.twin.step(scratch, self.acting, touch, self._period)
@@ -72,7 +72,7 @@ class TwinServer:
         with contextlib.suppress(BlockingIOError):
             for _ in range(KNOCKS):
                 client, _ = self._listener.accept()
-                if not wire.same_user(client):  # these names have no owner: anybody on the machine can find them
+                if not wire.same_user(client):  # abstract sockets have no permissions: any user can connect
                     client.close()
                     continue
                 client.setblocking(False)
@@ -80,13 +80,13 @@ class TwinServer:
 
     def _listen(self) -> None:
         for client in list(self._clients):
-            for _ in range(PACKETS):  # who says more in a step waits for the next one, and so does nobody else
+            for _ in range(PACKETS):  # a client that sends more has to wait for the next step, but no other client has
                 packet = self._receive(client)
                 if packet is None:
                     break
                 try:
                     self._hear(client, packet)
-                except (struct.error, ValueError):  # cut off, or of another version
+                except (struct.error, ValueError):  # truncated, or of another version
                     self._let_go(client)
                     break
 
@@ -103,7 +103,7 @@ class TwinServer:
         return None
 
     def _let_go(self, client: socket.socket) -> None:
-        """Hang up on who has gone, or speaks another language; without its session the twin makes itself safe."""
+        """Hang up on a client that is gone or sends nonsense; if it was the session's, the twin makes itself safe."""
         self._clients.remove(client)
         if client in self._watchers:
             self._watchers.remove(client)
@@ -155,7 +155,7 @@ class TwinServer:
             self._latch(f"its watchdog, after {silent * 1e3:.0f} ms without a command")
 
     def _choose(self) -> None:
-        """Choose what acts in this step: the command, or on the way to the safe one with the speed that is allowed."""
+        """Choose what acts in this step: the command, or if latched the safe one, approached at the allowed speed."""
         if not self._latched:
             self.acting.raw[:] = self.command.raw
             return
@@ -165,22 +165,22 @@ class TwinServer:
             self.acting[name][2] = max(float(self.acting[name][2]), height - self._slow * self._period)
 
     def _carry_on_alone(self) -> None:
-        """Without anybody to say so, the finger stays where it was: a plate that sinks leaves it."""
+        """Let the finger stay where it was, as nobody tells where it is now: a plate that sinks leaves it."""
         position = self.twin.position(self.state)
         if position is None:
             return
         if self._height is None:
             self._height, self._gap, self._force = float(position[2]), self.touch.gap, self.touch.wrench[2]
         sunk = self._height - float(position[2])
-        share = max(0.0, 1.0 - sunk / 2e-3)  # a pad of 1 N/mm under some newtons has let go after 2 mm
+        share = max(0.0, 1.0 - sunk / 2e-3)  # a pad of 1 N/mm under a few newtons is free after 2 mm
         self.touch.wrench[2] = self._force * share
         self.touch.force *= share
 
     def _sinks(self, height: float) -> bool:
         """Tell whether the plate is on its way down.
 
-        On a busy machine the next step of a retreat is late now and then; after the watchdog's time without one it
-        counts as standing.
+        On a busy machine the next step of a retreat may be late; after the watchdog's time without one, the plate
+        counts as standing still.
         """
         if height < self._last_target - 1e-9:
             self._sank = self._steps
@@ -190,7 +190,7 @@ class TwinServer:
         return (self._steps - self._sank) * self._period < self._watchdog
 
     def _judge(self) -> int:
-        """Return the flags of what acts now."""
+        """Return the flags for what acts now."""
         safe = clear = True
         for channel in self.model.commands:
             value = self.acting[channel.name]
@@ -226,12 +226,12 @@ class TwinServer:
 
     @property
     def begun(self) -> bool:
-        """Whether a command has come: from then on the twin lives until it is safe."""
+        """Whether a command has come: from then on the process lives until the twin is safe."""
         return self._begun
 
     @property
     def flags(self) -> int:
-        """What acted after the last step: LATCHED, OUTPUTS_SAFE, CLEAR, BEGUN."""
+        """The flags after the last step: LATCHED, OUTPUTS_SAFE, CLEAR, BEGUN."""
         return self._flags
 
     def step(self) -> None:
@@ -279,7 +279,7 @@ class TwinServer:
 
 
 def _send(client: socket.socket, packet: bytes) -> None:
-    with contextlib.suppress(OSError):  # who does not read misses packets; who has gone is noticed when listening
+    with contextlib.suppress(OSError):  # a client that does not read misses packets; one that is gone is noticed later
         client.send(packet)
 
 
@@ -288,7 +288,7 @@ def _record(channels: Sequence[Any]) -> Record:
 
 
 def serve(said: str, listener: socket.socket, living: Callable[[Callable[[], bool]], None]) -> None:
-    """Serve one twin, described as JSON; ``living`` is given what tells whether its session has begun."""
+    """Serve one twin, described as JSON; ``living`` is called with a function that tells whether its session began."""
     config = json.loads(said)
     catalog = Catalog()
     scene = loads(config["scene_xml"].encode(), catalog, shown=config["source"])

@@ -1,7 +1,7 @@
 """The protocol of a remote twin: packets on a local socket between a twin in its own process and those who use it.
 
-Each packet begins with one byte that says what it is.  The servo process says I (begin from this State), C (command and
-touch), B (the end); a second opener says S (be safe, and stay so); an observer says W (watch).  The twin answers the
+Each packet begins with one byte for its kind.  The servo process sends I (begin from this State), C (command and
+touch), B (the end); a second opener sends S (be safe, and stay so); an observer sends W (watch).  The twin answers the
 servo process with T (State and reading) after each of its steps, and observers with O (what acts) and E (an event).
 """
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 INIT, COMMAND, BYE, SAFE, WATCH = b"I", b"C", b"B", b"S", b"W"
 TELL, OBSERVED, EVENT = b"T", b"O", b"E"
-#: What acts on an observed twin: commands are refused, what acts is safe, nothing presses on the finger.
+#: Flags of a twin: it refuses commands, what acts is safe, nothing presses on the finger.
 LATCHED: Final = 1
 OUTPUTS_SAFE: Final = 2
 CLEAR: Final = 4
@@ -31,7 +31,7 @@ BEGUN: Final = 8
 
 #: Largest packet [bytes].
 PACKET = 1 << 16
-#: How many may wait to be let in: strangers may knock, too.
+#: How many connections may wait to be accepted: strangers' may be among them.
 WAITING = 64
 _HEAD = struct.Struct("<cqq")
 #: What the kernel tells of a peer: process, user, group.
@@ -42,7 +42,7 @@ _TOUCH = struct.Struct("<7d6d6d4d")
 
 
 def address(session: str, device: str) -> str:
-    """Return the address of a twin: a name in the kernel's list of local sockets, which leaves no file behind."""
+    """Return the address of a twin: an abstract local socket, which leaves no file behind."""
     return f"\0itouch/{session}/{device}"
 
 
@@ -52,11 +52,11 @@ def connect(where: str, timeout: float | None = None) -> socket.socket:
     Raises
     ------
     OSError
-        If nobody listens there.
+        If nobody listens there, or another user does.
     """
     line = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
-        # The kernel waits: where strangers knock so often that no place is free, who asks without waiting is refused.
+        # The kernel waits here: if strangers fill the queue of connections, a non-blocking connect would be refused.
         line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _span(timeout))
         line.connect(where)
         line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _span(None))
@@ -70,13 +70,13 @@ def connect(where: str, timeout: float | None = None) -> socket.socket:
 
 
 def _span(seconds: float | None) -> bytes:
-    """Return a time [s] as the kernel takes it; None: without an end."""
+    """Return a time [s] as the kernel takes it; None: unlimited."""
     whole = 0.0 if seconds is None else max(seconds, 1e-3)
     return _TIME.pack(int(whole), int(whole % 1.0 * 1e6))
 
 
 def same_user(line: socket.socket) -> bool:
-    """Tell whether the process at the other end of a local socket runs as this user; the kernel says so."""
+    """Tell whether the process at the other end of a local socket runs as this user, by what the kernel says."""
     told = line.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
     return bool(_PEER.unpack(told)[1] == os.geteuid())
 
@@ -93,7 +93,7 @@ def split(packet: bytes) -> tuple[int, int, memoryview]:
 
 
 def pack_touch(touch: TwinInputs) -> bytes:
-    """Return what the simulated world presents to the twin."""
+    """Return what the simulated world presents to the twin, as bytes."""
     return _TOUCH.pack(
         *touch.finger_pose.tolist(), *touch.finger_twist.tolist(), *touch.wrench.tolist(),
         touch.force, touch.gap, touch.ambient, float(touch.finger_attached),
@@ -101,7 +101,7 @@ def pack_touch(touch: TwinInputs) -> bytes:
 
 
 def unpack_touch(data: memoryview, touch: TwinInputs) -> None:
-    """Write what ``pack_touch`` returned into a touch."""
+    """Write what ``pack_touch`` returned into a twin's inputs."""
     numbers: NDArray[np.float64] = np.frombuffer(data, np.float64, 23)
     touch.finger_pose[:], touch.finger_twist[:], touch.wrench[:] = numbers[:7], numbers[7:13], numbers[13:19]
     touch.force, touch.gap, touch.ambient = (float(number) for number in numbers[19:22])

@@ -1,4 +1,4 @@
-"""The archive of a snapshot: a zip with a closed list of members, read within bounds of time and memory."""
+"""The archive of a snapshot: a zip with a fixed list of possible members, read within bounds of time and memory."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from collections.abc import Mapping
 from itouch.schema.files import open_regular
 from itouch.session.errors import SessionError
 
-#: Greatest size of a member, unpacked, and of all together [bytes].
+#: Greatest unpacked size of a member, and of all together [bytes].
 MAX_MEMBER, MAX_TOTAL = 64 << 20, 512 << 20
 #: Members that every snapshot has; the first format had no others.
 MEMBERS = ("scene.xml", "state.npy", "manifest.json", "ledger.json")
-#: Members that it may have.
+#: Members that it may have besides.
 _OPTIONAL = re.compile(r"bases\.npy|assets/[0-9a-f]{64}")
 _MOST = 4096
 
 
 class ArchiveWriter:
-    """Puts snapshots together; members that do not change during a session are packed once."""
+    """Packs snapshots; members that do not change during a session are packed once."""
 
     def __init__(self, constant: Mapping[str, bytes]) -> None:
         buffer = io.BytesIO()
@@ -46,7 +46,7 @@ def read_members(path: str) -> dict[str, bytes]:
     Raises
     ------
     SessionError
-        If it is missing, cut, altered, or hostile.
+        If it is missing, truncated, altered, or malicious.
     """
     try:
         with open_regular(path) as stream:

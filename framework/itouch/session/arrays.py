@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from itouch.plugin import Record
 from itouch.plugin.bases import Arrays
 
-#: Longest header of an array, longest shape list of a basis.
+#: Longest header of an array [bytes], greatest number of arrays in a basis.
 _HEADER, _MOST = 1 << 20, 64
 
 
@@ -43,7 +43,7 @@ def record_from(data: bytes) -> NDArray[Any]:
 
 
 def _header(stream: io.BytesIO) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Return shape and type that the head of an ``.npy`` file says; whatever is wrong with it is a ValueError."""
+    """Return shape and type from the header of an ``.npy`` file; whatever is wrong with it is a ValueError."""
     try:
         version = npy.read_magic(stream)
         read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
@@ -59,7 +59,7 @@ def write_record(header: bytes, state: Record) -> bytes:
 
 
 def pack_bases(used: Mapping[str, Arrays]) -> tuple[bytes, dict[str, list[list[int]]]]:
-    """Return all numbers of all bases one after the other, as ``.npy``, and the shapes of each by its key."""
+    """Return all numbers of all bases in a row, as ``.npy``, and the shapes of each basis by its key."""
     shapes = {key: [list(array.shape) for array in arrays] for key, arrays in used.items()}
     numbers = [np.ascontiguousarray(array, np.float64).ravel() for arrays in used.values() for array in arrays]
     stream = io.BytesIO()

@@ -1,4 +1,4 @@
-"""Many sessions of one model, on all cores: each is what it would be alone, bit for bit."""
+"""Many sessions of one model on all cores: each is what it would be alone, bit for bit."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Until = float | Callable[[Session], bool] | None
 
 
 class Job:
-    """What every session of a batch is given; worker processes inherit it when they are forked.
+    """What every session of a batch needs; worker processes inherit it when they are forked.
 
     ``begin`` is called with each session before its first tick.
     """
@@ -38,7 +38,7 @@ class Job:
         self._model, self._catalog, self._until, self._collect, self._begin = model, catalog, until, collect, begin
 
     def run(self, seed: int) -> Any:
-        """Run the session with this seed, and return what is collected of it."""
+        """Run the session with this seed, and return what is collected from it."""
         session = Session(self._model, seed=seed, catalog=self._catalog)
         session.records = False
         if self._begin is not None:
@@ -69,11 +69,11 @@ def batch(
     collect: Callable[[Session], Result] = report,  # type: ignore[assignment]
     workers: int | None = None,
 ) -> list[Result]:
-    """Run a session for each seed, and return what is collected of each, in the order of the seeds.
+    """Run a session for each seed, and return what is collected from each, in the order of the seeds.
 
     The model is compiled once and shared; each session is what ``Session(model, seed=seed)`` would be alone, to the
     last bit, whatever runs beside it.  On systems that can fork, every core runs sessions in a process of its own;
-    elsewhere they run here, one after the other.  A ``<record>`` of the scene is not followed.
+    elsewhere they run in this process, one after the other.  A ``<record>`` in the scene is ignored.
 
     Parameters
     ----------
@@ -85,21 +85,22 @@ def batch(
         Seconds to run, or a function of the session that is asked after every tick and ends it; None: until the
         scripted motion has ended.
     collect
-        What is kept of a session that has ended, called where it ran: what it returns must be picklable.  A session
-        that tripped is collected too; its ``fault`` says why.  Default: its report.
+        Function of a session that has ended, which returns what to keep of it; called in the process in which it ran,
+        so that the result must be picklable.  A session that tripped is collected, too; its ``fault`` says why.
+        Default: its report.
     workers
-        How many run at once; default: one a core that this process may use.
+        How many run at once; default: one for each core that this process may use.
 
     Raises
     ------
     SceneError
         With all problems of the scene.
     ValueError
-        If a device is no twin, a seed is none, or there is neither a time nor a scripted motion.
+        If a device is not a twin, a seed is not valid, or there is neither a time nor a scripted motion.
     TypeError
-        If what is collected cannot be handed from one process to another.
+        If what is collected cannot be passed from one process to another.
     SessionError
-        If a process ends before its session does: it was killed, or the machine has no memory left.
+        If a process ends before its session does: it was killed, or the machine ran out of memory.
     BaseException
         What ``until`` or ``collect`` raises; the other sessions are then ended, too.
     """

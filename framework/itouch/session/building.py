@@ -39,11 +39,11 @@ def load_scene(
     rig
         A file whose devices replace those of the scene.
     twin
-        ``"all"``, ``"none"``, or names of devices separated by commas that shall run as twins.
+        ``"all"``, ``"none"``, or names, separated by commas, of the devices to run as twins.
     catalog
         The plugins; default: those of this environment.
     records
-        Whether the calibrations on record beside the file are put in.
+        Whether the calibration records beside the file are put into the scene.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def build(
     scene
         A scene, or the path of one.
     seed
-        Of all noise; equal seeds give equal runs, byte for byte.
+        Seed of all noise; equal seeds give equal runs, byte for byte.
     twin, rig
         As in ``load_scene``.
     clock
@@ -125,7 +125,7 @@ def restore(path: Path, *, clock: Clock | None = None, catalog: Catalog | None =
     """Restore a session from a snapshot or its XML; on twins it goes on byte for byte, hardware starts OPEN.
 
     A device that moves when it is opened stays CLOSED until it is enabled, as does one that can't be opened; the
-    notices say which.  Without ``opens`` all hardware stays CLOSED until it is enabled: to look at a session.
+    notices say which.  Without ``opens``, for looking at a session, all hardware stays CLOSED until it is enabled.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def restore(path: Path, *, clock: Clock | None = None, catalog: Catalog | None =
 
 
 def rebuild(snapshot: Snapshot, name: str, catalog: Catalog, clock: Clock | None, *, replays: bool = False) -> Session:
-    """Return a session that goes on from a snapshot, or only ``replays`` it.
+    """Return a session that goes on from a snapshot, or, with ``replays``, one for a replay only.
 
     Raises
     ------

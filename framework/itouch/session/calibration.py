@@ -1,8 +1,8 @@
-"""Records of calibrations beside a scene: what was measured, when, and until when it holds.
+"""Calibration records beside a scene: what was measured, when, and until when it is valid.
 
 The file is ``NAME.calibration.json`` beside ``NAME.xml``.  Its records are put into the scene as it is loaded: poses
 into mounts, values into the plugin's parameters, so that a saved session has them.  A record of a twin is for the twin,
-one of hardware for hardware.  One that has expired refuses the scene until it is made anew or extended.
+one of hardware for hardware.  With an expired record a scene does not load until the record is renewed or extended.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from itouch.schema.fields import validate
 from itouch.schema.files import open_regular
 
 FORMAT = "itouch-py calibration 1"
-#: Most that is read of a file of records [bytes].
+#: How much of a file of records is read at most [bytes].
 MOST = 8 << 20
 
 
@@ -48,28 +48,28 @@ class CalibrationRecord:
 
 
 def now() -> datetime.datetime:
-    """Return the time, in UTC."""
+    """Return the time in UTC, without fractions of a second."""
     return datetime.datetime.now(datetime.UTC).replace(microsecond=0)
 
 
 def file_of(scene: str | os.PathLike[str]) -> Path:
-    """Return where the records of a scene file are."""
+    """Return the default file for the records of a scene file."""
     return Path(scene).with_suffix(".calibration.json")
 
 
 def stored_in(scene: Scene, device: Any) -> Path:
-    """Return the file that a device's records are in: the one that its ``<calibration>`` names, or the scene's."""
+    """Return the file with a device's records: the one that its ``<calibration>`` names, or the scene's."""
     named = device.calibration.stored_in if device.calibration is not None else ""
     return Path(scene.folder) / named if named else file_of(scene.source)
 
 
 def read_records(path: Path) -> list[CalibrationRecord]:
-    """Return the records of a file, none if there is none.
+    """Return the records in a file; none if the file does not exist.
 
     Raises
     ------
     ItouchError
-        If it is no file of records.
+        If it is not a file of records.
     """
     if not path.exists():
         return []
@@ -84,7 +84,7 @@ def read_records(path: Path) -> list[CalibrationRecord]:
 
 
 def _checked(record: CalibrationRecord) -> CalibrationRecord:
-    """Return a record that was read; somebody may have changed its file by hand.
+    """Return a record that was read, once checked: somebody may have changed its file by hand.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def write_records(path: Path, records: Sequence[CalibrationRecord]) -> None:
 
 
 def store(path: Path, record: CalibrationRecord) -> None:
-    """Put a record into a file in place of the one of the same device and kind."""
+    """Store a record in a file, replacing the one of the same kind for the same device or twin."""
     key = (record.device, record.kind, record.twin)
     others = [r for r in read_records(path) if (r.device, r.kind, r.twin) != key]
     write_records(path, [*others, record])
@@ -140,12 +140,12 @@ def calibrated(scene: Scene, *, stale: bool = False) -> Scene:
     scene
         As it was loaded.
     stale
-        Whether records that have expired, or do not fit any more, are passed over, as where they are made anew.
+        Whether records that have expired, or no longer fit, are passed over, as when they are about to be renewed.
 
     Raises
     ------
     SceneError
-        If one has expired, or does not fit its device any more.
+        If one has expired, or no longer fits its device.
     """
     problems: list[Problem] = []
     devices = []
@@ -184,7 +184,7 @@ def _with(device: Any, record: CalibrationRecord) -> Any:
 
 
 def _set(params: Any, names: list[str], value: float) -> Any:
-    """Return parameters with one value changed, in a child if the name has parts."""
+    """Return parameters with one value changed, in a nested element if the name has several parts."""
     inner = getattr(params, names[0])
     changed = replace(params, **{names[0]: value if len(names) == 1 else _set(inner, names[1:], value)})
     validate(changed)
@@ -200,7 +200,7 @@ def _misfit(scene: Scene, device: Any, record: CalibrationRecord, path: Path, er
 
 
 def _placed(scene: Scene, device: Any, changed: Any) -> Any:
-    """Let a changed device point to the same place of the file."""
+    """Let a changed device point to the same place in the scene's file."""
     place = scene.places.of(device)
     if changed is not device and place is not None:
         names = ("name", "plugin", "twin")
@@ -210,6 +210,6 @@ def _placed(scene: Scene, device: Any, changed: Any) -> Any:
 
 
 def mount_pose(mount: Any) -> tuple[float, ...]:
-    """Return a mount's pose, shape (7,)."""
+    """Return a mount's pose, shape (7,) [m; quaternion]."""
     turn = poses.quaternion_from_rpy(mount.rpy) if mount.rpy is not None else mount.quat or (1.0, 0.0, 0.0, 0.0)
     return (*mount.pos, *poses.normalized(turn))

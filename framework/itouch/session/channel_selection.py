@@ -16,12 +16,12 @@ from itouch.world import Model, declared, make_state
 
 
 def tracks_of(model: Model, state: Record) -> list[Track]:
-    """Return what is recorded of a session: what a replay needs, and what the scene chooses.
+    """Return the tracks to record of a session: those that a replay needs, and those that the scene chooses.
 
     Raises
     ------
     SceneError
-        If the scene chooses a channel that there is not, at its place.
+        If the scene chooses a channel that does not exist, or an impossible rate.
     """
     element, found = model.scene.record, replay_tracks(model, state)
     if element is None:
@@ -44,7 +44,7 @@ def recording_problems(model: Model) -> list[Problem]:
 
 
 def recording_notes(model: Model) -> list[str]:
-    """Return what of the scene's wishes is left away because a device is real, one sentence each."""
+    """Return a sentence for each of the scene's patterns that records nothing because a device is real."""
     element = model.scene.record
     if element is None:
         return []
@@ -58,13 +58,13 @@ def recording_notes(model: Model) -> list[str]:
 
 
 def selections_of(element: RecordElement, servo: float) -> list[Wish]:
-    """Return the patterns and rates [Hz] of an element."""
+    """Return the patterns of an element, each group with its rate [Hz]."""
     listed = [(element.channels, element.rate), *((more.of, more.rate) for more in element.more)]
     return [(text.split(), rate or servo) for text, rate in listed if text.split()]
 
 
 def file_name(pattern: str, source: str, seed: int) -> str:
-    """Return the file to record to; a number is added if there is one already."""
+    """Return the name of the file to record to; a number is added if that file exists already."""
     scene = PurePath(source).stem or "scene"
     now = time.strftime("%Y%m%d-%H%M%S")
     name = pattern.replace("{scene}", scene).replace("{time}", now).replace("{seed}", str(seed))

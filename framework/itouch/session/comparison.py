@@ -1,4 +1,4 @@
-"""What an engine sends in a replay, compared with what was sent."""
+"""The commands of a replay, compared with the recorded ones."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from itouch.recording.tracks import Track
 if TYPE_CHECKING:
     from itouch.session.engine import Session
 
-#: Ticks that are compared at once.
+#: How many ticks are compared at once.
 _BLOCK = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class Mismatch:
-    """A command that came out otherwise."""
+    """A command (or status) that differs in a replay."""
 
     tick: int
     channel: str
@@ -33,7 +33,7 @@ class Mismatch:
 
 
 class Comparison:
-    """Compares what the engine sends with what was sent."""
+    """Compares what the engine commands in a replay with what is recorded."""
 
     def __init__(self, recording: Recording, session: Session) -> None:
         self._columns = [
@@ -49,7 +49,7 @@ class Comparison:
         self.first: Mismatch | None = None
 
     def note(self, at: int) -> None:
-        """Keep what is sent in this tick, which is row ``at``."""
+        """Keep what is commanded in this tick, which is row ``at`` of the recording."""
         if not self._seen or not self._seen[0]:
             self._begin = at
         for (_, _, view), seen in zip(self._columns, self._seen, strict=True):
@@ -58,7 +58,7 @@ class Comparison:
             self.settle()
 
     def settle(self) -> None:
-        """Compare what was kept."""
+        """Compare what has been kept so far."""
         for (name, recorded, _), seen in zip(self._columns, self._seen, strict=True):
             if not seen:
                 continue

@@ -1,4 +1,4 @@
-"""A whole session as one XML document: the scene as ever, and in a ``<session>`` its State in readable numbers."""
+"""A whole session as one XML document: the scene as usual, and in a ``<session>`` its State in readable numbers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from itouch.session.manifest import digest
 from itouch.session.number_text import from_text, to_text
 from itouch.session.snapshot import Snapshot, check_format, checked_files, read_scene
 
-#: Greatest document that is read [bytes], and greatest State that it may ask for.
+#: Greatest size of a document that is read, and of the State that it may describe [bytes].
 MAX_DOCUMENT, MAX_STATE = 256 << 20, 64 << 20
 _END = "</itouch>"
 _WIDTH = 76
@@ -54,7 +54,7 @@ def _session(snapshot: Snapshot) -> Iterable[str]:
 
 
 def _field(name: str, kind: np.dtype[Any], value: NDArray[Any]) -> Iterable[str]:
-    """Write one field: rows of a table that are not all zero, or the numbers."""
+    """Yield the lines of one field: its numbers, or the rows of a table that are not all zero."""
     shape = f' shape="{",".join(str(n) for n in kind.shape)}"' if kind.shape else ""
     head = f"      <field name={quoteattr(name)}"
     if kind.base.names is None:
@@ -94,7 +94,7 @@ class _Node:
 
 
 class _Splitter:
-    """Finds ``<session>`` in a document: its tree, and the place of its bytes."""
+    """Finds ``<session>`` in a document: its tree, and where its bytes begin and end."""
 
     def __init__(self) -> None:
         self.depth, self.tree, self.begin, self.end = 0, None, -1, -1
@@ -144,7 +144,7 @@ def from_xml(name: str, data: bytes, catalog: Catalog) -> Snapshot:
     Raises
     ------
     SessionError
-        If it is not whole, or altered, or of a newer format, or does not load here.
+        If it is not whole, altered, of a newer format, or does not load here.
     """
     try:
         splitter = _Splitter()

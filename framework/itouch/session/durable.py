@@ -7,27 +7,27 @@ import os
 import tempfile
 from collections.abc import Callable
 
-#: How much is written at once [bytes]; between two blocks the process may die, and nothing is lost.
+#: How much is written at once [bytes]; the process may die between two blocks without any loss.
 BLOCK = 16384
 
 Step = Callable[[str], None]
 
 
 def _nothing(where: str) -> None:
-    """Stand at a point of the writing; tests put something there that dies or fails."""
+    """Do nothing at a point of the writing; tests pass a function that dies or fails there."""
 
 
 def write_whole(path: str, data: bytes, *, step: Step = _nothing) -> None:
-    """Write a file so that at every instant the old one or the new one is there, whole.
+    """Write a file so that at every instant either the old or the new one is there, whole.
 
     Parameters
     ----------
     path
         The file.
     data
-        All of it.
+        Its whole content.
     step
-        Called with its name at each point of the writing.
+        Called at each point of the writing, with the name of the point.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def sync_folder(folder: str) -> None:
     """Sync a folder, so that a rename in it survives a loss of power."""
     try:
         descriptor = os.open(folder, os.O_RDONLY)
-    except PermissionError:  # Windows opens no folders, and keeps renames by itself
+    except PermissionError:  # Windows does not open folders, and makes renames durable by itself
         return
     try:
         os.fsync(descriptor)

@@ -1,4 +1,4 @@
-"""An engine that can be saved, restored, recorded and marked: a session is scene + State, nothing else."""
+"""An engine that can be saved, restored, recorded and marked: a session is scene plus State, nothing else."""
 
 from __future__ import annotations
 
@@ -36,21 +36,21 @@ Path = str | os.PathLike[str]
 
 
 class Watching(Protocol):
-    """What watches over a session from outside its process."""
+    """A guardian that watches over a session from outside its process."""
 
     def rest(self) -> None:
-        """Hear that all has been made safe."""
+        """Take note that all has been made safe."""
 
     def end(self) -> None:
-        """Hear that the session has let go of its devices."""
+        """Take note that the session has released its devices."""
 
 
 class Session(Shown, Engine):
     """An engine that can be saved, and restored to go on as if it had not stopped."""
 
-    #: Looked up by its name when a notebook asks: the core imports nothing of the tools.
+    #: Shows the session in a notebook; given by name, because the core imports nothing of the tools.
     PAGE = "itouch_tools.report.notebook:session"
-    #: What watches over hardware that is driven by its caller's process, by its name: it stands in a higher layer.
+    #: Makes the guardian of hardware that the caller's own process drives; given by name, as it is in a higher layer.
     GUARDIAN = "itouch.servo.own_guardian:watch"
 
     def __init__(
@@ -64,20 +64,20 @@ class Session(Shown, Engine):
     ) -> None:
         self._bases, self._catalog, self._whole = bases or Bases(), catalog, bases is not None
         self._notes: tuple[str, ...] = ()
-        #: What the stored session that this one goes on from said of its limits.
+        #: The limits that were stored with the session from which this one goes on.
         self._limits: dict[str, Any] | None = None
         self._writer: SnapshotWriter | None = None
-        #: The recorder that is at work, if any; ``records``: whether a run follows the scene's ``<record>``.
+        #: The recorder that is at work, if any; ``records``: whether a run heeds the scene's ``<record>``.
         self.recorder: Recorder | None = None
         self.records = True
         #: Whether the session was ended because it could not be recorded.
         self.failed = False
-        #: What watches over this session, if its process is its caller's and its hardware needs that.
+        #: The guardian of this session, if it runs in its caller's process and its hardware needs one.
         self._guardian: Watching | None = None
         self._posted: deque[tuple[str, Any]] = deque()
-        #: Called at once with each loss of what is kept, a recording or a snapshot, as it stands in the report.
+        #: Called at once with each loss of a recording or a snapshot, as it stands in the report.
         self.loss_hooks: list[Callable[[dict[str, Any]], None]] = []
-        #: Called with name and payload of each mark at once, in the thread that sets it; they must not wait.
+        #: Called at once with name and payload of each mark, in the thread that sets it; they must not block.
         self.mark_hooks: list[Callable[[str, Any], None]] = []
         #: Called when a tick has failed, before anything is made safe; they must not change the State.
         self.fault_hooks: list[Callable[[DeviceFaultError], None]] = []
@@ -87,7 +87,7 @@ class Session(Shown, Engine):
 
     @classmethod
     def of(cls, scene: Scene, *, catalog: Catalog, seed: int = 0, clock: Clock | None = None) -> Session:
-        """Build a session from a scene; what eigen-solves make is kept for its snapshots."""
+        """Build a session from a scene; the results of eigen-solves are kept for its snapshots."""
         bases = Bases()
         with keeping(bases):
             return cls(Model.of(scene, catalog), seed=seed, clock=clock, catalog=catalog, bases=bases)
@@ -101,22 +101,22 @@ class Session(Shown, Engine):
         if self._writer is None:
             if self._catalog is None:
                 self._catalog = Catalog()
-            if not self._whole:  # the model was compiled elsewhere: note what its solves made
+            if not self._whole:  # the model was compiled elsewhere: collect the results of its eigen-solves
                 with keeping(self._bases):
                     Model.of(self.model.scene, self._catalog)
             self._writer = SnapshotWriter(self.model, self.state, self._bases, self._catalog, self._limits)
         return self._writer
 
     def pack(self, state: Record | None = None, ledger: dict[str, Any] | None = None) -> bytes:
-        """Return the bytes of a snapshot: of now, or of a State and a ledger that were taken before."""
+        """Return the bytes of a snapshot: of the session now, or of a State and a ledger that were taken before."""
         return self._snapshots().pack(state if state is not None else self.state, ledger or self.statistics.dump())
 
     def saving(self, path: Path, every: float) -> Saving:
-        """Return a context in which the session is saved every so many seconds while it runs."""
+        """Return a context in which the session is saved every ``every`` seconds while it runs."""
         return Saving(self, self.pack, self.note_fault, os.fspath(path), every)
 
     def save(self, path: Path) -> None:
-        """Write a snapshot: never half a file, the old one stays until the new one is whole.
+        """Write a snapshot; never half a file: the old one stays until the new one is whole.
 
         Raises
         ------
@@ -126,14 +126,14 @@ class Session(Shown, Engine):
         write_snapshot(path, self.pack())
 
     def snapshot(self) -> Snapshot:
-        """Return what a snapshot of now would hold."""
+        """Return the content of a snapshot of the session now."""
         record = Record.__array__(self.state, copy=True).reshape(1)
         manifest = self._snapshots().manifest(self.state)
         files = {file.file: file.data for file in self.model.files}
         return Snapshot(self.model.scene, record, manifest, self.statistics.dump(), dict(self._bases.used), files)
 
     def to_xml(self) -> str:
-        """Return the whole session as one XML document, which ``restore`` reads back to the same bytes."""
+        """Return the whole session as one XML document, from which ``restore`` gets the same bytes back."""
         return to_xml(self.snapshot())
 
     def run(
@@ -147,7 +147,7 @@ class Session(Shown, Engine):
     ) -> None:
         """Run as ``Engine.run`` says; if the scene has a ``<record>``, record from the first run to ``close``.
 
-        With ``progress`` one line of the standard error says how far it is; the State is the same as without.
+        With ``progress`` a line on the standard error shows how far the run is; the State is the same as without.
 
         Raises
         ------
@@ -172,7 +172,7 @@ class Session(Shown, Engine):
             super().run(seconds, until=until, each=both, every=often)
 
     def _carry_in(self) -> None:
-        """Let the participant's earlier sessions count before anything acts, and begin to note what this one uses."""
+        """Count the participant's earlier sessions before anything acts, and begin to note what this session uses."""
         if self._participant is not None:
             before = self.state.tobytes()
             told = self._participant.carry_in()
@@ -187,9 +187,9 @@ class Session(Shown, Engine):
         Raises
         ------
         RecordingError
-            If the file can't be written, or the session is being recorded.
+            If the file can't be written, or the session is being recorded already.
         SceneError
-            If the scene chooses a channel that there is not.
+            If the scene chooses a channel that does not exist.
         """
         if self.recorder is not None:
             raise RecordingError(f"the session is being recorded to '{self.recorder.path}'")
@@ -200,7 +200,7 @@ class Session(Shown, Engine):
             os.makedirs(os.path.dirname(target) or ".", exist_ok=True)
         except OSError as error:
             raise RecordingError(f"cannot write '{target}': {error.strerror or error}") from error
-        if pathlib.Path(target).is_fifo():  # a recorder that opens it waits for a reader, and outlives everybody
+        if pathlib.Path(target).is_fifo():  # the recorder's process would wait for a reader, even after this one's end
             raise RecordingError(f"cannot write '{target}': it is a pipe, not a file")
         recorder = Recorder(self, self._asked, target, tracks)
         self._record_by(recorder)
@@ -216,7 +216,7 @@ class Session(Shown, Engine):
         self.fault_hooks.append(recorder.hear)
 
     def onwards(self, to: Session) -> Onwards | None:
-        """Return what it takes to let a recording go on with another session; None: there is none, or it can't."""
+        """Return what the recording needs to go on with another session; None: there is no recording, or it can't."""
         if self.recorder is None or to.state.dtype != self.state.dtype:
             return None
         return self.recorder.onwards(to)
@@ -234,7 +234,8 @@ class Session(Shown, Engine):
         Returns
         -------
         bool
-            False if there is none, or if the other State has other fields: it stays here, and can be ended.
+            False if there is no recording, or if the other State has other fields: then the recording stays with this
+            session, and can be ended.
         """
         recorder = self.recorder
         if recorder is None or recorder.failure or to.state.dtype != self.state.dtype:
@@ -264,9 +265,9 @@ class Session(Shown, Engine):
         self.note_fault("recording", recorder.failure)
 
     def note_fault(self, trip: str, cause: str) -> None:
-        """Note a loss of what is kept, ``recording`` or ``saving``, and tell it at once.
+        """Note a loss of the session's data, ``trip`` being "recording" or "saving", and call the loss hooks at once.
 
-        If the scene's ``<record>`` says so the session ends after this tick.  The same loss again is counted, not told.
+        If the scene's ``<record>`` says so, the session ends after this tick.  The same loss again is only counted.
         """
         element, tick = self.model.scene.record, int(self.state["tick"])
         seconds = tick * self.model.period
@@ -287,10 +288,10 @@ class Session(Shown, Engine):
             self.stop()
 
     def make_safe(self, fault: DeviceFaultError) -> None:
-        """Make every device safe; whoever wants to know of the tick that failed is told before that.
+        """Make every device safe; before that, call the fault hooks.
 
-        One of them that fails, or Ctrl-C, waits until that is done: an error is then a note of the fault, all else is
-        raised.
+        What a hook raises, or Ctrl-C, is held back until all is safe: an ``Exception`` then becomes a note of the
+        fault, anything else is raised.
 
         Raises
         ------
@@ -298,7 +299,7 @@ class Session(Shown, Engine):
             What was raised meanwhile and is no ``Exception``.
         """
         failed: BaseException | None = None
-        for hook in tuple(self.fault_hooks):  # a recorder that fails takes itself out
+        for hook in tuple(self.fault_hooks):  # a copy, because a recorder that fails removes itself
             try:
                 hook(fault)
             except BaseException as error:
@@ -315,7 +316,7 @@ class Session(Shown, Engine):
     def enable(self, *, opens: bool = True) -> None:
         """Enable as ``Engine.enable`` says; a recording notes the State after it, because it came from outside.
 
-        Twins that are enabled, as after a restore, are left alone: one reading more would be another run.
+        Twins that are enabled already, as after a restore, are left alone: an extra reading would change the run.
         """
         if self._enabled and all(device.twin and not device.remote for device in self.model.devices.values()):
             return
@@ -326,7 +327,7 @@ class Session(Shown, Engine):
         self.note_outside("enable")
 
     def settle(self, *, always: bool = False) -> None:
-        """Where there is hardware (or ``always``), begin from where it is: it may have moved since the last tick."""
+        """Begin anew from where hardware is, which may have moved since the last tick; ``always``: also on twins."""
         if always or any(not device.twin for device in self.model.devices.values()):
             for rig in self._rigs:
                 rig.toucher.settle()
@@ -351,7 +352,7 @@ class Session(Shown, Engine):
         self.note_outside("reconnect")
 
     def park(self) -> Outcome:
-        """Park as ``Engine.park`` says; a recording notes the State before it, because what follows is no tick."""
+        """Park as ``Engine.park`` says; a recording notes the State before it, because what follows is not a tick."""
         self.note_outside("park")
         try:
             return super().park()
@@ -359,7 +360,7 @@ class Session(Shown, Engine):
             self._rest()
 
     def _get_guarded(self) -> None:
-        """Let a guardian watch over hardware that would keep its last command if this process died.
+        """Start a guardian over hardware, which would keep its last command if this process died, unless one is there.
 
         Raises
         ------
@@ -451,10 +452,10 @@ class Session(Shown, Engine):
             self.fault_hooks.remove(recorder.hear)
 
     def open_readable(self) -> None:
-        """Open the hardware that does not move by it, so that it can be read; enabling stays an explicit act."""
+        """Open the hardware that opening does not move, so that it can be read; enabling it stays an explicit step."""
         held = claim_wires([one for one in self.runners if not one.model.cls.moves_on_open])
         self._notes += tuple(f"device '{name}' stays closed: {why}" for name, why in held.items())
-        if any(not self.model.devices[name].optional for name in held):  # no other one either: they belong together
+        if any(not self.model.devices[name].optional for name in held):  # then open no other either: all are needed
             return
         for runner in self.runners:
             model = runner.model
@@ -482,14 +483,14 @@ class Session(Shown, Engine):
             raise DeviceError("\n".join(f"device '{name}': {why}" for name, why in held.items()))
 
     def find_hardware(self) -> None:
-        """Open the hardware that does not move by it, all at once: what is missing is told before anybody waits.
+        """Open the hardware that opening does not move, all at once: what is missing is told before anybody waits.
 
-        It may be called again while somebody waits: what is open is read once more.
+        It may be called again while somebody waits: devices that are open are then read once more.
 
         Raises
         ------
         DeviceError
-            With everything that is missing, or has failed since, and is needed.
+            With every device that is not optional and is missing, or has failed since.
         """
         wanted = [one for one in self.runners if not one.model.twin and not one.model.optional]
         moving = [one.model for one in wanted if one.model.cls.moves_on_open and one.status is Status.CLOSED]
@@ -500,7 +501,7 @@ class Session(Shown, Engine):
             raise DeviceError("\n".join(f"device '{name}': {why}" for name, why in failures.items()))
 
     def stand_at(self, stored: bytes) -> None:
-        """Stand at a State with every status as it was, also of hardware: only for a replay, which opens nothing."""
+        """Take over a State with every status as stored, also of hardware; only for a replay, which opens nothing."""
         self.adopt(stored)
         self.state.raw[:] = np.frombuffer(stored, np.uint8)
         for runner in self.runners:
@@ -513,8 +514,8 @@ class Session(Shown, Engine):
         Raises
         ------
         SessionError
-            If its State can't be mapped to this program's, or can't be one; or, unless it only ``replays``, if a limit
-            would be looser than it was.
+            If its State can't be mapped to this program's, or is not a possible one; or, unless it only ``replays``, if
+            a limit would be looser than it was.
         """
         told = self._compare_limits(snapshot, replays=replays)
         stored, said = layout.adopt(
@@ -523,7 +524,7 @@ class Session(Shown, Engine):
         before = self.state.tobytes()
         self.adopt(stored)
         try:
-            with keeping(self._bases):  # twins lay their fields out by their bases
+            with keeping(self._bases):  # the layout of twins' fields depends on their bases
                 validate_state(self.model, self.state)
             self.statistics.load(snapshot.ledger)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
@@ -538,12 +539,12 @@ class Session(Shown, Engine):
             )
 
     def _compare_limits(self, snapshot: Snapshot, *, replays: bool) -> list[str]:
-        """Return what is said of limits that are others here than when the session was stored.
+        """Return a notice for each limit that differs from that with which the session was stored.
 
         Raises
         ------
         SessionError
-            If one is looser here.
+            If one is looser here, unless it only ``replays``, or if the stored limits are missing.
         """
         stored = snapshot.manifest.get("limits")
         if stored is None:

@@ -1,4 +1,4 @@
-"""What goes wrong with sessions."""
+"""The error of sessions."""
 
 from itouch.schema import ItouchError
 

@@ -1,7 +1,7 @@
-"""Calls in processes that are forked from this one; whatever becomes of one, the caller is told and never waits.
+"""Calls in processes that are forked from this one; whatever happens to one, the caller learns of it and never hangs.
 
 A ``multiprocessing.Pool`` waits for ever for a worker that was killed or has exited, and for an error that can't be
-read back from its bytes.
+unpickled.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from itouch.session.errors import SessionError
 
 #: How long a process that has nothing left to do may take to end [s].
 GRACE = 5.0
-_DONE, _RAISED, _KEPT = range(3)  # what a worker says: a result, an error, a result that can't be handed over
+_DONE, _RAISED, _KEPT = range(3)  # kinds of a worker's answer: a result, an error, a result that can't be pickled
 _LOST = "what `collect` returns for seed {seed} can't be handed from one process to another ({why}): return plain data"
 
 
 def forked(call: Callable[[int], Any], seeds: Sequence[int], count: int) -> list[Any]:
-    """Return what a call returns for each seed, in their order, made by so many forked processes.
+    """Return what a call returns for each seed, in the order of the seeds, made by ``count`` forked processes.
 
     Raises
     ------
@@ -31,7 +31,7 @@ def forked(call: Callable[[int], Any], seeds: Sequence[int], count: int) -> list
     SessionError
         If a process ends before its call does.
     BaseException
-        What a call raises, with its traceback as a note; the others are ended.
+        What a call raises, with its traceback as a note; the other processes are ended.
     """
     crew, grace = _Crew(call, count), 0.0
     try:
@@ -42,14 +42,14 @@ def forked(call: Callable[[int], Any], seeds: Sequence[int], count: int) -> list
 
 
 class _Crew:
-    """Processes that make calls, and the end of the pipe to each."""
+    """Worker processes that make calls, and this process's end of the pipe to each."""
 
     def __init__(self, call: Callable[[int], Any], count: int) -> None:
         context = multiprocessing.get_context("fork")
         self._workers: dict[Connection, Any] = {}
         for _ in range(count):
             ours, theirs = context.Pipe()
-            # A worker closes what it inherits of the others: their pipes must end when this process does.
+            # A worker closes the ends of pipes that it inherits: the others' pipes must end when this process does.
             process = context.Process(target=_worker, args=(call, theirs, [*self._workers, ours]), daemon=True)
             process.start()
             theirs.close()
@@ -106,17 +106,17 @@ class _Crew:
         )
 
     def end(self, grace: float) -> None:
-        """Let all processes end by themselves for so long [s] each, then end them, whatever they do."""
+        """Give each process this long [s] to end by itself, then kill it, whatever it does."""
         for pipe in self._workers:
             pipe.close()
         for process in self._workers.values():
             process.join(grace)
-            process.kill()  # a handler of signals that they have inherited could keep them at a gentler one
+            process.kill()  # an inherited signal handler could survive a gentler signal
             process.join()
 
 
 def _worker(call: Callable[[int], Any], pipe: Connection, others: Sequence[Connection]) -> None:
-    """Make the calls that a pipe asks for, until it ends."""
+    """Make the calls that are requested over a pipe, until it ends."""
     for other in others:
         other.close()
     while True:
@@ -126,7 +126,7 @@ def _worker(call: Callable[[int], Any], pipe: Connection, others: Sequence[Conne
             return
         try:
             answer = _result(call(seed))
-        except BaseException as error:  # also an exit: the caller is told, as it is when the call runs there
+        except BaseException as error:  # also SystemExit: the caller gets it as if the call ran in its own process
             answer = (_RAISED, _error(error), "".join(traceback.format_exception(error)))
         try:
             pipe.send(answer)
@@ -142,7 +142,7 @@ def _result(result: Any) -> tuple[int, bytes, str]:
 
 
 def _error(error: BaseException) -> bytes:
-    """Return an error as bytes that can be read back: itself, or one that names it."""
+    """Return an error as bytes that can be unpickled: the error itself, or else one that names it."""
     try:
         content = pickle.dumps(error)
         if type(pickle.loads(content)) is type(error):

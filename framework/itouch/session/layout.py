@@ -1,4 +1,4 @@
-"""From a stored State to this program's: field by field where the layout has changed."""
+"""The mapping of a stored State to this program's, field by field where the layout has changed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Difference:
         return not (self.lost or self.changed)
 
     def lines(self) -> list[str]:
-        """Say it, one line a field."""
+        """Return the difference in words, a line for each field."""
         found = [f"  + {text}: new, starts at its default" for text in self.added]
         found += [f"  ~ {text}: the same numbers in a wider type" for text in self.widened]
         found += [f"  - {text}: there is no such field any more" for text in self.lost]
@@ -61,14 +61,15 @@ def compare(old: np.dtype[Any], new: np.dtype[Any]) -> Difference:
 
 
 def _maps(old: np.dtype[Any], new: np.dtype[Any]) -> bool:
-    """Tell whether all numbers of one type are exactly numbers of the other, in the same shape."""
+    """Tell whether the other type can hold every number of this type exactly, in the same shape."""
     same = tuple(n for n in old.shape if n != 1) == tuple(n for n in new.shape if n != 1)
     plain = old.base.names is None and new.base.names is None
     return same and plain and np.can_cast(old.base, new.base, "safe")
 
 
-#: What had other names: of monitors before version 1.2, moved or started again (None) because it was counted in checks;
-#: of the operator's hand; and of probes, of what only carries a surface that is a modality's now.
+#: Former names of fields -> the present one, or None if the field is dropped: of monitors before version 1.2, some of
+#: which start again because they were counted in checks; of the operator's hand; and of a probe's surface, for what is
+#: the carrying modality's own now.
 _FORMER: dict[str, str | None] = {
     "contact_time": "surface.contact_time", "withdrawn": "surface.withdrawn", "strayed": None, "doubted": None,
     "near_since": None, "compared": None, "tracked": None, "track": None, "heat.touched": None, "heat.samples": None,
@@ -76,18 +77,18 @@ _FORMER: dict[str, str | None] = {
     "surface.press": None, "surface.free": None, "surface.unfelt": None, "surface.give": None, "surface.lag": None,
 }  # fmt: skip
 
-#: What the modality that carries a surface by default remembers itself, and where that stood before it was one.
+#: Fields of the modality that carries a surface by default -> the fields that held this before it was a modality.
 _REMEMBERED = {
     "surface.takes": "surface.renders", "surface.arrived": "surface.settled", "surface.lost": "surface.missed",
     "surface.yields": "plate_yield",
 }  # fmt: skip
 
-#: The greatest of the reasons for which a surface is missed that are the modality's own; more: safety keeps it away.
+#: The greatest code of ``surface.missed`` that is the modality's own; above it: safety keeps the surface away.
 _LOST = 2.0
 
 
 def _renamed(stored: NDArray[Any], state: Record, dropped: Collection[str]) -> NDArray[Any]:
-    """Return a stored State with its fields named as they are now."""
+    """Return a stored State with its fields renamed to their present names."""
     fields: Mapping[str, Any] = stored.dtype.fields or {}
     names: dict[str, str | None] = {}
     for name in fields:
@@ -117,25 +118,25 @@ def _renamed(stored: NDArray[Any], state: Record, dropped: Collection[str]) -> N
 
 
 def dropped_fields(model: Model) -> frozenset[str]:
-    """Return the fields of earlier versions whose content the model's modalities do not need any more."""
+    """Return the fields of earlier versions whose content the model's modalities no longer need."""
     return frozenset(f"{one.name}.{field}" for one in model.modalities for field in one.instance.dropped)
 
 
 def adopt(
     stored: NDArray[Any], state: Record, versions: Mapping[str, str], dropped: Collection[str] = ()
 ) -> tuple[bytes, list[str]]:
-    """Return the stored State in this program's layout, and what is said about it.
+    """Return the stored State in this program's layout, and a notice of how the layouts differ, if they do.
 
     Parameters
     ----------
     stored
-        One record of State, shape (1,), with the dtype and the units that it was written in.
+        One record of State, shape (1,), with the dtype and the units in which it was written.
     state
-        The State of a fresh engine: where fields take their defaults from.  It is not changed.
+        The State of a fresh engine, from which new fields take their defaults.  It is not changed.
     versions
-        Plugins and versions that wrote it, for the message.
+        The plugins that wrote it, with their versions, for the message.
     dropped
-        Fields that are not needed any more, see `dropped_fields`.
+        Fields that are no longer needed, see `dropped_fields`.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""The limits that were in force when a session was stored, and who had set them, compared with those in force here.
+"""The limits that were in force when a session was stored, and what had set them, compared with those in force here.
 
-What would be looser here is refused: the session was begun under tighter ones.  What is tighter here goes on.
+A session does not go on under looser limits than it was begun with; tighter ones are accepted.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from itouch.world import Model
 from itouch.world.limit_texts import shown
 from itouch.world.limits import DEFAULT
 
-#: Limits of which less is looser: how long a ramp-in takes.
+#: Limits of which a smaller value is looser: the duration of the ramp-in.
 _LEAST = frozenset({"ramp"})
 
-#: Device -> limit -> its value (a number, or lowest and highest), and who has set it.
+#: Device -> limit -> its value (a number, or lowest and highest), and what has set it.
 Stated = dict[str, dict[str, list[Any]]]
 
 
@@ -29,7 +29,7 @@ def stated(model: Model, before: Mapping[str, Any] | None = None) -> dict[str, A
     model
         The compiled scene.
     before
-        What a stored session said: who has set a limit that is still the same stays noted.
+        The limits of a stored session: for a limit that is still the same, its note of what has set it is kept.
     """
     devices: Stated = {}
     for name, device in model.devices.items():
@@ -62,12 +62,12 @@ def _listed(limits: Mapping[str, Any]) -> Iterator[tuple[str, str, Any, str]]:
 
 
 def compared(stored: Mapping[str, Any], model: Model) -> tuple[list[str], list[str]]:
-    """Return what is looser here than in a stored session, and what is tighter, one sentence each.
+    """Return the limits that are looser here than in a stored session, and those that are tighter, a sentence each.
 
     Raises
     ------
     SessionError
-        If what it says of its limits means nothing.
+        If the stored limits make no sense.
     """
     try:
         before = {(name, limit): (value, by) for name, limit, value, by in _listed(stored)}

@@ -18,24 +18,24 @@ from itouch.session.row_layout import replay_tracks
 if TYPE_CHECKING:
     from itouch.session.engine import Session
 
-#: Samples a second of each stream of numbers, at most; the loop hands over so many and no more.
+#: Greatest sampling rate [Hz] of each stream of numbers.
 RATE = 250.0
-#: Names of the streams of marks: ours, and those that are taken when they are offered by others.
+#: Name of this program's stream of marks, and the type of the streams from which marks of other programs are taken.
 MARKS, MARKER_TYPE = "itouch marks", "Markers"
 _LOOK = 0.05
-#: How long [s] the offset between two machines' clocks may take to be found.
+#: How long [s] finding the offset between two machines' clocks may take the first time.
 _FIRST_LOOK = 2.0
-#: How long [s] it may take later, when it is known: marks that wait behind it would come late.
+#: How long [s] it may take later, when the offset is known: marks that wait behind it would come late.
 _LOOK_AGAIN = 1e-3
 
 
 class Streams:
-    """Offers one stream a device and one of marks, and takes marks from other programs' marker streams.
+    """Offers a stream for each device and one of marks, and takes marks from other programs' marker streams.
 
-    Marks that come in are set between two ticks, named after their stream; streams of this program are not taken.
-    Their payload says when they happened: ``lsl_time`` by the clock of their own machine, ``correction_s`` what brings
-    it to this one's, and ``tick`` the tick at which that was, which is earlier than the one at which they arrive.  A
-    mark whose correction can't be found comes without these two.
+    Marks that come in are set between two ticks, and named after their stream; streams of this program are ignored.
+    Their payload says when they happened: ``lsl_time`` by the clock of their own machine, ``correction_s`` the
+    difference to this machine's clock, and ``tick`` the tick of that moment, which is earlier than the tick at which
+    they arrive.  A mark whose correction can't be found comes without the latter two.
     """
 
     def __init__(self, session: Session, *, rate: float = RATE) -> None:
@@ -65,7 +65,7 @@ class Streams:
         self._thread.join(2.0)
 
     def _outlet(self, track: Track) -> Any:
-        """Return the outlet of a device's channels, with their units."""
+        """Return the outlet for a device's channels, with their units."""
         labels = [
             (f"{track.name}.{label}", u) for c in track.columns for label, u in zip(c.labels, c.units, strict=True)
         ]
@@ -90,7 +90,7 @@ class Streams:
             self._told = count
 
     def _listen(self) -> None:
-        """Take marks from the marker streams of others until the session ends."""
+        """Take marks from the marker streams of other programs until the session ends."""
         resolver = self._lsl.ContinuousResolver(prop="type", value=MARKER_TYPE)
         inlets: dict[str, Any] = {}
         while not self._stop.wait(_LOOK):
@@ -98,7 +98,7 @@ class Streams:
                 key = str(info.uid())
                 if key not in inlets and not str(info.source_id()).startswith("itouch-"):
                     inlet = self._lsl.StreamInlet(info, recover=False)
-                    with contextlib.suppress(Exception):  # asked for the first time it takes a while; then it is known
+                    with contextlib.suppress(Exception):  # the first time this takes a while; then it is known
                         inlet.time_correction(_FIRST_LOOK)
                     inlets[key] = (str(info.name()), inlet)
             for name, inlet in inlets.values():
@@ -109,13 +109,13 @@ class Streams:
         while (pulled := inlet.pull_sample(timeout=0.0))[0] is not None:
             values, stamp = pulled
             when: dict[str, Any] = {"lsl_time": stamp}
-            with contextlib.suppress(Exception):  # not known yet, or its stream has ended: the mark was taken already
+            with contextlib.suppress(Exception):  # not known yet, or the stream has ended: the mark is set without it
                 correction = float(inlet.time_correction(_LOOK_AGAIN))
                 when |= {"correction_s": correction, "tick": self._tick_of(stamp + correction)}
             self._session.post_mark(name[:32] or "lsl", {"value": str(values[0])[:300], **when})
 
     def _tick_of(self, stamp: float) -> int:
-        """Return the tick at which it was ``stamp`` [s] by this machine's clock of LSL; at real time's pace only."""
+        """Return the tick of the moment ``stamp`` [s] of this machine's LSL clock; true only in real time."""
         age = float(self._lsl.local_clock()) - stamp
         return max(0, self._session.ticks - round(age / self._session.model.period))
 

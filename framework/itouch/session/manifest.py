@@ -1,4 +1,4 @@
-"""The manifest of a snapshot: version, commit and machine that wrote it, and its files with their digests."""
+"""The manifest of a snapshot: the version, commit and machine that wrote it, and the digests of its files."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def digest(data: bytes) -> str:
 def constant_part(
     model: Model, catalog: Catalog, xml: bytes, dtype: np.dtype[Any], before: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Return what does not change during a session; ``before``: the limits of the stored one that it goes on from."""
+    """Return what does not change during a session; ``before``: limits of the stored session from which it goes on."""
     scene = model.scene
     return {
         "format": FORMAT,
@@ -50,7 +50,7 @@ def constant_part(
 
 
 def plugin_versions(model: Model, catalog: Catalog) -> dict[str, str]:
-    """Return the version of every plugin that the scene uses, and of what brings surfaces by default."""
+    """Return the version of every plugin that the scene uses, also of the modalities that it uses by default."""
     scene = model.scene
     used = {device.plugin for device in scene.devices} | {part.plugin for part in scene.modalities}
     used |= {modality.plugin for modality in model.modalities}
@@ -60,7 +60,7 @@ def plugin_versions(model: Model, catalog: Catalog) -> dict[str, str]:
 
 @lru_cache(maxsize=1)
 def host_facts() -> Mapping[str, str | int | None]:
-    """Return what may matter for figures: system, processor, and the versions of what computes."""
+    """Return what may affect results: system, processor, and the versions of Python, NumPy and Numba."""
     return {
         "system": f"{platform.system()} {platform.release()}",
         "machine": platform.machine(),
@@ -82,7 +82,7 @@ def _processor() -> str:
 
 @lru_cache(maxsize=1)
 def git_revision() -> str | None:
-    """Return the commit of the checkout that runs, or None outside one."""
+    """Return the commit of the running program's checkout, or None if it is not in one."""
     for folder in Path(__file__).resolve().parents:
         git = folder / ".git"
         if git.is_dir():
@@ -105,7 +105,7 @@ def _head(git: Path) -> str | None:
 
 
 def model_digest(model: Model) -> str:
-    """Return a digest of all numbers of the compiled scene: equal digests go on byte for byte."""
+    """Return a digest of all numbers of the compiled scene: with equal digests a session goes on byte for byte."""
     found = hashlib.sha256()
     _feed(found, [(d.name, d.mount, dict(d.limits.table())) for d in model.devices.values()])
     _feed(found, [model.poses, model.geometry, model.period])
@@ -114,7 +114,7 @@ def model_digest(model: Model) -> str:
 
 
 def _feed(found: Any, value: Any, depth: int = 0) -> None:
-    """Add a value: arrays by their bytes, containers and dataclasses by their parts, the rest by its type or text."""
+    """Feed a value to a digest: arrays as bytes, containers part by part, plain values as text, else only the type."""
     if isinstance(value, np.ndarray):
         found.update(f"{value.dtype}{value.shape}".encode())
         found.update(np.ascontiguousarray(value).tobytes())

@@ -1,4 +1,4 @@
-"""Operator marks and trial markers: noted in State between two ticks, and told to the recording."""
+"""Operator marks and trial markers: noted in State between two ticks, and in the recording."""
 
 from __future__ import annotations
 

@@ -14,9 +14,9 @@ _QUIET = struct.pack("<d", math.nan)
 
 
 def to_text(values: NDArray[Any]) -> str:
-    """Return numbers of any shape (n, ...) and unit separated by blanks.
+    """Return numbers, of any shape (n, ...) and unit, as text, separated by blanks.
 
-    It is the shortest text that reads back to the same bits.
+    It is the shortest text that reads back to the same bits; values that are not numbers are written in hexadecimal.
     """
     if values.dtype.kind in "iub":
         return " ".join(str(int(value)) for value in values.ravel())
@@ -33,7 +33,7 @@ def _float(value: float) -> str:
 
 
 def from_text(text: str, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
-    """Return ``count`` numbers of a type.
+    """Return ``count`` numbers of a type from their text.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Opening a session, archive or XML, by what the file is."""
+"""Opening a stored session by what its file is: archive, XML document or recording."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from itouch.session.snapshot import Snapshot, read_snapshot
 
 Path = str | os.PathLike[str]
 
-#: How a recording begins.
+#: The first bytes of a recording.
 _RECORDING = b"\x89MCAP"
 
 
 def is_session(path: Path) -> bool:
     """Tell whether a file is a stored session: a snapshot or recording by its name, or a document with a ``<session>``.
 
-    A session goes on from the last whole State of a recording.
+    From a recording, a session goes on at its last whole State.
     """
     name = os.fspath(path)
     if name.endswith((".itouch", ".mcap")):

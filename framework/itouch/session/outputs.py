@@ -1,4 +1,4 @@
-"""The outputs of a running session beside its report: recording, snapshots now and then, streams, triggers."""
+"""The outputs of a running session besides its report: recording, periodic snapshots, streams, triggers."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ class Outputs:
     records
         False: do not record, whatever the scene says.
     save, every
-        File to save to every so many seconds; 0: not while it runs.
+        File to save to, and how often [s]; 0: not while it runs.
     streams
-        Offer Lab Streaming Layer streams.
+        Whether to offer Lab Streaming Layer streams.
     trigger, codes
-        Port that event codes are put on, and the codes of marks by name; empty: none.
+        Port on which event codes are put, empty: none; and the codes of marks by name.
     contacts
-        Codes of contacts: of ``begin``, ``end``, and of either with one object, ``begin:OBJECT``.
+        Codes of contacts by ``begin`` and ``end``, or for one object by ``begin:OBJECT`` and ``end:OBJECT``.
     """
 
     record: str = ""
@@ -49,12 +49,12 @@ class Outputs:
 
 @contextlib.contextmanager
 def open_outputs(session: Session, keep: Outputs) -> Iterator[None]:
-    """Keep what is asked for while the session runs.
+    """Keep what is asked for while the session runs in this context.
 
     Raises
     ------
     RecordingError, SessionError
-        If a file can't be written, or streams can't be offered.
+        If a file can't be written, streams can't be offered, or a code is for an object that does not exist.
     """
     session.records = keep.records
     with contextlib.ExitStack() as stack:

@@ -1,9 +1,9 @@
 """Budgets of a participant that outlast a session: thermal dose, and time on cold plates.
 
-The program keeps a file for each participant that a scene names, in two copies.  What was used goes into every later
-session, whatever its devices are called; of two figures the larger one counts.  Budgets begin anew a day after the last
-use.  The files guard against a new process, a crash or an older session file, and tell of an edit; they are no lock
-against somebody who is set on deceiving the program.
+The program keeps a file for each participant that a scene names, in two copies.  What was used counts in every later
+session, whatever its devices are called; if the copies differ, the larger figure counts.  Budgets begin anew a day
+after the last use.  The files keep budgets across processes, crashes and older session files, and reveal an edit; they
+are no lock against somebody who is set on deceiving the program.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ if TYPE_CHECKING:
 FORMAT = "itouch-py participant 1"
 #: Time [s] after the last use from which budgets begin anew: the project's choice, a day.
 LASTS = 86_400.0
-#: How often [s of the session] what was used is written, at most; most that is read of a file [bytes].
+#: Shortest time [s of the session] between two writes of what was used; how much of a file is read at most [bytes].
 EVERY, MOST = 1.0, 1 << 16
-#: What a participant may be called: it becomes the name of a file.
+#: What a participant's code may be: it becomes the name of a file.
 CODE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
-#: What is kept, by the name that it has in every monitor of heat.
+#: The budgets that are kept, by the names of the fields in every monitor of heat.
 BUDGETS = ("dose", "cold_time")
 
 
@@ -59,22 +59,22 @@ class Used:
 
     @property
     def values(self) -> tuple[float, float, float]:
-        """Its numbers in order."""
+        """The numbers in order."""
         return self.dose, self.cold_time, self.at
 
 
 def folder() -> Path:
-    """Return where the files of participants are: ``XDG_STATE_HOME`` or ``~/.local/state``."""
+    """Return the folder of participants' files, in ``XDG_STATE_HOME`` or ``~/.local/state``."""
     return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "itouch-py" / "participants"
 
 
 def read(code: str, now: float | None = None) -> tuple[Used, tuple[str, ...]]:
-    """Return what a participant has used, and what must be told of the files.
+    """Return what a participant has used, and notices about the files.
 
     Raises
     ------
     SessionError
-        If neither copy can be understood: nobody knows what was used then.
+        If the copies that exist can't be read: then nobody knows what was used.
     """
     found, told, bad = [], [], []
     for path in _paths(code):
@@ -82,7 +82,7 @@ def read(code: str, now: float | None = None) -> tuple[Used, tuple[str, ...]]:
             used, edited = _read(path, code)
         except FileNotFoundError:
             continue
-        except Exception as error:  # whatever stands in it
+        except Exception as error:  # whatever the file contains
             bad.append(f"'{path}': {str(error) or type(error).__name__}")
             continue
         found.append(used)
@@ -103,7 +103,7 @@ def read(code: str, now: float | None = None) -> tuple[Used, tuple[str, ...]]:
 
 
 def write(code: str, used: Used) -> None:
-    """Note what a participant has used, if it is more than what is noted; both copies, one after the other.
+    """Write what a participant has used, where it is more than what is written already, into both copies in turn.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def _digest(body: dict[str, Any]) -> str:
 
 
 def _read(path: Path, code: str) -> tuple[Used, bool]:
-    """Return what a file says, and whether somebody has edited it."""
+    """Return the use that a file tells, and whether somebody has edited it."""
     if not path.is_file() and path.exists():
         raise ValueError("it is no file")
     with path.open("rb") as stream:
@@ -147,7 +147,7 @@ def _read(path: Path, code: str) -> tuple[Used, bool]:
 
 
 class Participant:
-    """Carries the budgets of one participant into a session, and what it uses out of it."""
+    """Carries what one participant has used into a session, and what the session uses out of it."""
 
     def __init__(
         self, session: Running, scene: Scene, lost: Callable[[str, str], None], *,
@@ -157,7 +157,7 @@ class Participant:
         if not CODE.fullmatch(self.code):
             sentence = f"participant = '{self.code}' is no code: 1 to 64 letters, digits, '-' and '_'"
             raise SceneError([Problem("bad-value", sentence, scene.places.of(scene.safety, "participant"))])
-        #: Of each budget, the uses by the plates on one finger, finger by finger: they count together.
+        #: Budget -> for each finger, the fields of State with the uses by its plates, which count together.
         self._views = {
             name: [[post.state[name] for post in plates] for plates in _by_finger(session)] for name in BUDGETS
         }
@@ -166,17 +166,17 @@ class Participant:
         self._work: queue.Queue[Used | None] = queue.Queue(1)
         self._thread: threading.Thread | None = None
         self._failure = ""
-        #: The open file that shows others that the participant is in this session; -1: none.
+        #: The lock file that tells other sessions that the participant is in this one; -1: none is open.
         self._claimed = -1
 
     def carry_in(self) -> tuple[str, ...]:
-        """Raise every finger's budgets to what was used before; return what must be told.
+        """Raise every finger's use to what was used before; return notices about the files.
 
         Raises
         ------
         SessionError
-            If nobody knows what was used, or another session on hardware has the participant: each would count its own
-            use alone.
+            If nobody knows what was used, or another session on hardware has the participant: each of the two would
+            count its own use alone.
         """
         self._claim()
         used, told = read(self.code, self._clock())
@@ -187,7 +187,7 @@ class Participant:
         return told
 
     def begin(self) -> None:
-        """Begin to note what is used, while the session runs."""
+        """Begin to write down what is used while the session runs."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._write, name="participant", daemon=True)
             self._thread.start()
@@ -219,7 +219,7 @@ class Participant:
         return max((_sum(views) for views in self._views[name]), default=0.0)
 
     def end(self) -> None:
-        """Note the last of it, and wait until that is on the disk.
+        """Write down the last use, and wait until it is on the disk.
 
         Raises
         ------
@@ -248,7 +248,7 @@ class Participant:
 
     def _tap(self, tick: int) -> None:
         if self._failure:
-            said, self._failure, self._noted = self._failure, "", Used()  # it was not noted: try again
+            said, self._failure, self._noted = self._failure, "", Used()  # it was not written: try again
             self._lost("saving", said)
         if (tick + 1) % self._ticks:
             return
@@ -265,13 +265,13 @@ class Participant:
         while (used := self._work.get()) is not None:
             try:
                 write(self.code, used)
-            except Exception as error:  # without this thread nothing would be kept, and whoever waits for it would hang
+            except Exception as error:  # without this thread nothing would be written, and ``end`` would hang
                 said = f"what participant '{self.code}' has used can't be kept: {type(error).__name__}: {error}"
                 self._failure = str(error) if isinstance(error, SessionError) else said
 
 
 def _by_finger(session: Running) -> list[list[InstalledMonitor]]:
-    """Return what watches plates: those on one finger together, each that is alone by itself."""
+    """Return the monitors of plates, those on one finger together; a plate that is alone has a list of its own."""
     shared = {id(finger): finger for runner in session.runners for finger in runner.shared}
     alone = [[post] for runner in session.runners if not runner.shared for post in runner.heats]
     return [*(list(finger.plates) for finger in shared.values()), *alone]

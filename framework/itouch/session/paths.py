@@ -1,4 +1,4 @@
-"""Paths in what is given to others: a session names its scene's file, not the folders of the machine it was made on."""
+"""Paths in what is passed on to others: a session names its scene's file, not the folders of the machine it ran on."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ from pathlib import PurePath
 
 
 def without_folders(source: str) -> str:
-    """Return a path as it was given; of an absolute one the name only."""
+    """Return a path as it was given; of an absolute one only the file's name."""
     path = PurePath(source)
     return path.name if path.is_absolute() else source

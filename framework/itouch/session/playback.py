@@ -1,4 +1,4 @@
-"""Recorded readings in the place of devices, for a replay."""
+"""Recorded readings in place of devices, for a replay."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class PlaybackTwin(Twin, Stamped):
-    """Gives recorded readings in a twin's place; the twin goes on stepping underneath."""
+    """Gives recorded readings in place of a twin's, which goes on stepping underneath."""
 
     def __init__(self, name: str, inner: Twin, feed: Feed) -> None:
         super().__init__(None)
@@ -57,7 +57,7 @@ class PlaybackTwin(Twin, Stamped):
 
 
 class PlaybackDevice(Device, Stamped):
-    """Gives recorded readings in the place of hardware, and takes commands nowhere."""
+    """Gives recorded readings in place of hardware's, and drops commands."""
 
     def __init__(self, name: str, feed: Feed) -> None:
         super().__init__(None)
@@ -92,7 +92,7 @@ class PlaybackDevice(Device, Stamped):
 
 
 class Feed:
-    """The recorded rows, and which one is the present."""
+    """The recorded rows, and which of them is the current one."""
 
     def __init__(self, recording: Recording, session: Session) -> None:
         self._tables = {name: recording[name] for name, t in recording.tracks.items() if t.replay}
@@ -114,13 +114,13 @@ class Feed:
         self._hold = inputs["hold"] if inputs is not None and "hold" in (inputs.dtype.names or ()) else None
 
     def error_of(self, device: str) -> str:
-        """Return what a device said when it failed in this tick, or an empty string."""
+        """Return the error of a device that failed in this tick, or an empty string."""
         return self._errors.get((int(self.ticks[self.at]), device), "") if self.at < len(self.ticks) else ""
 
     def give(self, device: str, reading: Record) -> bool:
-        """Fill a reading from the present row; tell whether it was new then.
+        """Fill a reading from the current row; tell whether it was new.
 
-        A new one has another sequence number than State's; in the safe sequence, which counts none, other values.
+        A new one has another sequence number than State's; in the safe sequence, which does not count, other values.
 
         Raises
         ------
@@ -140,9 +140,9 @@ class Feed:
         return changed
 
     def uncounted(self, device: str) -> bool:
-        """Tell whether the present row is of the safe sequence: readings are neither counted there nor grow old.
+        """Tell whether the current row is of the safe sequence, in which readings are neither counted nor age.
 
-        A reading that came then and was as the one before left no trace: only the twin can tell that it came.
+        A reading that came there and equalled the one before left no trace: only the twin can tell that it came.
         """
         table, at = self._tables.get(device), self.at
         if table is None or at >= len(table) or device not in self._ages:
@@ -151,7 +151,7 @@ class Feed:
         return bool(same)
 
     def measured(self, device: str, tick: int, ticks: NDArray[np.int64]) -> None:
-        """Fill in when the present reading was measured; in a recording that does not say, in this tick.
+        """Fill in when the current reading was measured; in this tick, if the recording does not say.
 
         ``ticks`` (channels,): the number of a tick for each reading, written.
         """
@@ -169,6 +169,6 @@ class Feed:
         return int(table["left"][at])
 
     def inputs(self, state: Record) -> None:
-        """Write what else came from outside in this tick."""
+        """Write to State what else came from outside in this tick."""
         if self._hold is not None and "hold" in state and self.at < len(self._hold):
             state["hold"][...] = self._hold[self.at]

@@ -7,20 +7,20 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
-#: How often [s of the host] the line is written.
+#: How often [s of host time] the line is written.
 EVERY = 0.2
 
 
 @contextmanager
 def told(now: Callable[[], float], seconds: float | None) -> Iterator[Callable[[], None]]:
-    """Give what is to be called now and then during a run; it writes the line, and the context ends it.
+    """Yield a function to be called often during a run, which writes the line; the context ends the line.
 
     Parameters
     ----------
     now
         Returns the simulated time [s].
     seconds
-        How long the run is to be; None: nobody knows.
+        How long the run will be [s]; None: not known.
     """
     began, begin = time.monotonic(), now()
     last = [0.0]
@@ -31,7 +31,7 @@ def told(now: Callable[[], float], seconds: float | None) -> Iterator[Callable[[
         return f"{done:.1f}{of} s simulated, {done / max(took, 1e-9):.1f} x real time"
 
     def write(end: str) -> None:
-        with suppress(OSError, ValueError):  # whoever listens may be gone: the run goes on
+        with suppress(OSError, ValueError):  # the reader of the stream may be gone: the run goes on
             print(f"\r{line()}   ", end=end, file=sys.stderr, flush=True)
 
     def tell() -> None:

@@ -1,4 +1,4 @@
-"""Sessions out of recordings: a recording holds the scene, its files and bases, and whole States now and then."""
+"""Sessions from recordings: a recording holds the scene, its files and bases, and a whole State from time to time."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _MAX_STATE = 64 << 20
 
 
 def snapshot_at(recording: Recording, letter: Mapping[str, Any], catalog: Catalog) -> Snapshot:
-    """Return the snapshot that a recorded State is, with all that the recording holds of its session.
+    """Return a recorded State (a message of the recording) as a snapshot, with all that belongs to its session.
 
     Raises
     ------
     SessionError, RecordingError
-        If the recording lacks it, or it does not load here.
+        If the recording lacks some of it, or the session does not load here.
     """
     said = recording.session
     try:
@@ -43,12 +43,12 @@ def snapshot_at(recording: Recording, letter: Mapping[str, Any], catalog: Catalo
 
 
 def last_snapshot(path: str, catalog: Catalog) -> Snapshot:
-    """Return the last whole State of a recording from which a session can go on, whatever ended it.
+    """Return the last whole State of a recording from which a session can go on, however the recording ended.
 
     Raises
     ------
     SessionError
-        If the recording can't be read, or holds none.
+        If the recording can't be read, or holds no such State.
     """
     try:
         recording = read(path)
@@ -61,12 +61,12 @@ def last_snapshot(path: str, catalog: Catalog) -> Snapshot:
 
 
 def state_of(letter: Mapping[str, Any]) -> NDArray[Any]:
-    """Return the State of a message, one record of shape (1,).
+    """Return the State in a message, one record of shape (1,).
 
     Raises
     ------
     ValueError
-        If it is none.
+        If it holds none.
     """
     unpacker = zlib.decompressobj()
     data = unpacker.decompress(base64.b64decode(str(letter["npy"])), _MAX_STATE)

@@ -1,4 +1,4 @@
-"""The recorder's side in the loop: a tap that copies a row a tick into a ring, and the process that empties it."""
+"""The recorder's side in the loop: a tap that copies a row per tick into a ring, and the process that empties it."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ from itouch.session.snapshot import Snapshot
 from itouch.session.viewer_geometry import view_of
 from itouch.world.state import EVENTS
 
-#: Rows that the ring holds, and bytes for letters beside States; at 1 kHz the rows are 8 s.
+#: How many rows the ring holds (8 s at 1 kHz), and its room for messages besides States [bytes].
 ROWS, LETTERS = 8192, 1 << 20
-#: Seconds of simulated time between two whole States, and between two notes of the timing.
+#: Simulated time [s] between two whole States, and between two notes of the timing.
 STATE_EVERY, TIMING_EVERY = 10.0, 1.0
-#: Ticks between two looks at how the writing process is.
+#: Ticks between two checks of the writing process.
 _LOOK = 64
-#: Seconds that the writing process gets to begin, and to end.
+#: How long [s] the writing process may take to begin, and to end.
 _BEGIN, _END = 20.0, 60.0
 
 Tap = Callable[[int], None]
-#: For every row of the ring, where each piece of State goes, and where it comes from.
+#: For every row of the ring, pairs of where a piece of State goes to and where it comes from.
 Slots = list[tuple[tuple[memoryview, memoryview], ...]]
 
 
 class Onwards(NamedTuple):
-    """What it takes to record another session into the same file: its rows, and where they go."""
+    """What a recorder needs to record another session into the same file: its rows, and where they go."""
 
     rows: Rows
     slots: Slots
@@ -55,7 +55,7 @@ class Onwards(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What a recorder asks whom it records: its snapshot and report now; and whom it tells of losses and its end."""
+    """What a recorder calls of its session: for a snapshot or report now, at a loss of data, and when it has failed."""
 
     snapshot: Callable[[], Snapshot]
     report: Callable[[], dict[str, Any]]
@@ -64,7 +64,7 @@ class Asked:
 
 
 class Recorder:
-    """Records one session into one file; ``tap`` stands in the engine's taps."""
+    """Records one session into one file; ``tap`` is to be among the engine's taps."""
 
     def __init__(self, session: Running, asked: Asked, path: str, tracks: Sequence[Track]) -> None:
         self.session, self._asked, self.path, self.tracks = session, asked, path, tuple(tracks)
@@ -131,21 +131,21 @@ class Recorder:
 
     @property
     def process_id(self) -> int:
-        """The writing process."""
+        """The process id of the writing process."""
         return self._process.pid
 
     @property
     def lost(self) -> int:
-        """Samples that the writing process was too slow for."""
+        """How many samples were lost because the writing process was too slow."""
         return int(self._ring.words[ControlWord.LOST])
 
     @property
     def written(self) -> int:
-        """Bytes in the file."""
+        """How many bytes have been written to the file."""
         return int(self._ring.words[ControlWord.BYTES_WRITTEN])
 
     def _slots(self, rows: Rows) -> Slots:
-        """Return, for every row of the ring, where each piece of State goes, and where it comes from."""
+        """Return, for every row of the ring, where each piece of State goes to and where it comes from."""
         ring, shape = self._ring, self._ring.shape
         return [
             tuple((ring.rows[slot * shape.row + a : slot * shape.row + b], source) for source, a, b in rows.pieces)
@@ -153,7 +153,7 @@ class Recorder:
         ]
 
     def _make_tap(self) -> Tap:
-        """Return the function that copies a row; everything that it needs is at hand."""
+        """Return the function that copies a row; what it needs is bound to local names, for speed."""
         ring, shape, slots = self._ring, self._ring.shape, self._copied
         words, ticks, capacity, mask = ring.words, ring.ticks, shape.rows, shape.rows - 1
         count, whole, look = int(words[ControlWord.ROWS_IN]), slice(None), self._look
@@ -185,7 +185,7 @@ class Recorder:
         return tap
 
     def _full(self, count: int) -> int:
-        """Wait for room where time can wait; else count what is lost.  Return how far rows may go."""
+        """Wait for room on the virtual clock; count the sample as lost if none comes.  Return how far rows may go."""
         words, capacity = self._ring.words, self._ring.shape.rows
         if self.session.clock.pace != "real":
             self._wait(lambda: bool(words[ControlWord.ROWS_OUT] + capacity > count or self._over), 3600.0)
@@ -198,7 +198,7 @@ class Recorder:
         return self._ring.phase in (Phase.FAILED, Phase.DONE)
 
     def _look(self, tick: int, state_every: int, timing_every: int) -> None:
-        """Do what is done now and then: notes of State and timing, and seeing that the process lives."""
+        """Do what is due from time to time: note State and timing, and check that the process lives."""
         self._tell_faults()
         if tick - self._begun >= state_every and tick // state_every != (tick - _LOOK) // state_every:
             self.note_state("every")
@@ -233,14 +233,14 @@ class Recorder:
         self._post(STATE, int(self.session.state["tick"]), reason, self.session.state.tobytes())
 
     def onwards(self, session: Running) -> Onwards:
-        """Return what it takes to go on with another scene: some tenths of a second of work, which changes nothing."""
+        """Return what is needed to go on with another scene: some tenths of a second of work, without side effects."""
         rows = Rows(session.state, self.tracks, self._view.fields)
         return Onwards(rows, self._slots(rows))
 
     def follow(self, session: Running, asked: Asked, onwards: Onwards) -> None:
-        """Go on with another scene under the same devices, whose State has the same fields; ``tap`` is another then.
+        """Go on with another scene under the same devices, whose State has the same fields; ``tap`` is then a new one.
 
-        What follows can't be replayed: the file holds the first scene, and of the others their State.
+        Such a recording can't be replayed: the file holds only the first scene, and the State of the others.
         """
         self._tell_faults()
         self.session, self._asked = session, asked
@@ -251,7 +251,7 @@ class Recorder:
         self.note_state("scene")
 
     def hear(self, fault: DeviceFaultError) -> None:
-        """Record the State of a tick that has failed: its readings never come to be in a row."""
+        """Record the State of a tick that has failed, because its readings never get into a row."""
         self.note_state("fault")
 
     def tell(self, topic: str, tick: int, **content: Any) -> None:
@@ -259,7 +259,7 @@ class Recorder:
         self._post(MESSAGE, tick, topic, message(tick, self._period, **content))
 
     def _note_timing(self, tick: int) -> None:
-        """Record the loop's timing: percentiles of all ticks, histograms of those since the last note."""
+        """Record the loop's timing: percentiles of all ticks, and histograms of the ticks since the last note."""
         times, waiting = (
             self.session.times,
             self._ring.words[ControlWord.ROWS_IN] - self._ring.words[ControlWord.ROWS_OUT],
@@ -273,7 +273,7 @@ class Recorder:
                   waiting=waiting, lateness=_filled(late), ticks=_filled(spent))  # fmt: skip
 
     def _tell_report(self) -> None:
-        """Record the report as it is now; of very many contacts only what a replay does not give."""
+        """Record the report as it is now, without the contacts if it is too large: a replay gives them."""
         report = self._asked.report()
         report["scene"] = without_folders(str(report["scene"]))
         if len(json.dumps(report)) > LETTERS // 2:
@@ -331,6 +331,6 @@ class Recorder:
 
 
 def _filled(counts: NDArray[Any]) -> list[list[int]]:
-    """Return number and count of the bins that hold anything."""
+    """Return index and count of the bins that are not empty."""
     used = np.flatnonzero(counts)
     return np.stack((used, counts[used]), axis=1).tolist()  # type: ignore[no-any-return]

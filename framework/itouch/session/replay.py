@@ -22,13 +22,14 @@ from itouch.session.recorded import snapshot_at, state_of
 
 Path = str | os.PathLike[str]
 
-#: How late [s] any tick of hardware may have begun: that is not recorded.  What was not believed then is a fault there.
+#: How late [s] a tick of hardware is taken to have begun, which is not recorded: so late that no change of a reading is
+#: too fast.  A reading that was not believed is a recorded fault.
 LATE = 1e3
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a replay went: ticks that were replayed, commands compared, and what differed."""
+    """How a replay went: ticks replayed, values compared, how many differ and the first, rows skipped, losses."""
 
     ticks: int
     compared: int
@@ -39,12 +40,12 @@ class Outcome:
 
 
 def session_of(recording: Recording, *, catalog: Catalog | None = None) -> Session:
-    """Return a session built from what a recording holds of it, with its first State.
+    """Return the session of a recording, at its first State.
 
     Raises
     ------
     SessionError, RecordingError
-        If the recording lacks it, or it can't be built here.
+        If the recording does not hold it whole, its scene changed, or it can't be built here.
     """
     plugins = catalog or Catalog()
     if any(letter["reason"] == "scene" for letter in recording.states):
@@ -57,7 +58,10 @@ def session_of(recording: Recording, *, catalog: Catalog | None = None) -> Sessi
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a replay stands between two steps: the next row, the bytes of State, whether State belongs to that row."""
+    """Where a replay stands between two steps: the next row, the bytes of State, whether State belongs to that row.
+
+    ``parks``: whether the session parks at that row.
+    """
 
     at: int
     state: bytes
@@ -68,7 +72,7 @@ class Place:
 class Replay:
     """One replay; ``step`` takes it one recorded tick further, so that a window can show it.
 
-    With ``compares`` false it only goes through the recording, and may be sent to and fro with ``go`` and ``begin_at``.
+    With ``compares`` false nothing is compared, and it may be moved back and forth with ``go`` and ``begin_at``.
     """
 
     def __init__(self, recording: Recording, *, catalog: Catalog | None = None, compares: bool = True) -> None:
@@ -121,7 +125,7 @@ class Replay:
         return True
 
     def _fail(self, tick: int, letter: Mapping[str, Any]) -> bool:
-        """Replay what a fault did.  What was wrong in that tick never got into State: the fault itself is given."""
+        """Replay a recorded fault: its cause never got into a row, so the fault itself is taken from the recording."""
         said = next((f for f in self.recording.faults if int(f["tick"]) == tick and not f.get("optional")), None)
         trip = next((t for t in Trip if said is not None and t.label == said.get("trip")), None)
         if said is None or trip is None or str(said["device"]) not in self.session.model.devices:
@@ -133,7 +137,7 @@ class Replay:
         return self._going or self._skip()
 
     def _ready(self, tick: int) -> bool:
-        """Take up a recorded State where one begins at this tick; tell whether the engine stands at it."""
+        """Take over a recorded State if a stretch begins at this tick; tell whether the engine stands at this tick."""
         letter = self._starts.pop(tick, None)
         if letter is not None:
             stored, _ = layout.adopt(state_of(letter), self.session.state, {}, self._dropped)
@@ -144,7 +148,7 @@ class Replay:
         return self._going and int(self.session.state["tick"]) == tick
 
     def _skip(self) -> bool:
-        """Pass rows that nothing can be said of: after a gap, up to the next State."""
+        """Skip a row that can't be replayed: one after a gap, before the next State."""
         self._going = False
         self.feed.at += 1
         self.skipped += 1
@@ -158,7 +162,7 @@ class Replay:
             marks.put(self.session.state, str(mark["name"]).encode(), str(mark["payload"]).encode())
 
     def _leave_out(self, tick: int) -> None:
-        """Leave out what the loop has left out before this tick."""
+        """Leave out the time that the loop left out before this tick."""
         for said in self._left_out.get(tick, ()):
             self.session.leave_out(float(said["seconds"]), running=bool(said["running"]))
 
@@ -181,14 +185,14 @@ class Replay:
         self._going, self._parks = place.going, place.parks
 
     def begin_at(self, letter: Mapping[str, Any]) -> None:
-        """Stand before the row of a recorded State, one of ``recording.states`` that is not of a fault."""
+        """Go to the row of a recorded State, one of ``recording.states`` that is not of a fault."""
         tick = int(letter["tick"])
         self._turn_to(int(np.searchsorted(self.feed.ticks, tick)))
         self._starts.setdefault(tick, letter)
         self._going = self._parks = False
 
     def _turn_to(self, row: int) -> None:
-        """Make a row the next one; what a recording says of later ticks counts again."""
+        """Make a row the next one; the recorded States of its tick and later ones count again."""
         ticks = self.feed.ticks
         first = int(ticks[row]) if row < len(ticks) else int(ticks[-1]) + 1 if len(ticks) else 0
         self.feed.at = row
@@ -196,7 +200,7 @@ class Replay:
         self._failed = {tick: s for tick, s in _failures(self.recording).items() if tick >= first}
 
     def outcome(self) -> Outcome:
-        """Return how it went so far."""
+        """Return how the replay has gone so far."""
         self.comparison.settle()
         found = self.comparison
         return Outcome(self.ticks, found.compared, found.mismatches, found.first, self.skipped, self.recording.losses)
@@ -211,12 +215,12 @@ def _by_tick(letters: Iterable[Mapping[str, Any]]) -> dict[int, list[Mapping[str
 
 
 def _failures(recording: Recording) -> dict[int, Mapping[str, Any]]:
-    """Return by tick the States in which a tick has failed."""
+    """Return the States of ticks that failed, by tick."""
     return {int(letter["tick"]): letter for letter in recording.states if letter["reason"] == "fault"}
 
 
 def _starts(recording: Recording) -> dict[int, Mapping[str, Any]]:
-    """Return by tick the States that a replay must begin from: the first, after what came from outside, after gaps."""
+    """Return, by tick, the States from which a replay begins anew: the first, after acts from outside, after gaps."""
     after_gap = {int(t) for t in recording.ticks[1:][np.diff(recording.ticks) != 1]} if len(recording.ticks) else set()
     found: dict[int, Mapping[str, Any]] = {}
     gap = -1

@@ -1,4 +1,4 @@
-"""The row that is recorded every tick: which fields of State, in which order, copied in as few calls as can be."""
+"""The row that is recorded every tick: which fields of State, in which order, copied in as few calls as possible."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from itouch.plugin import Field, Record
 from itouch.recording.tracks import KINDS, Column, Track
 from itouch.world import Model, declared
 
-#: What is recorded of each device beside its channels; fields that a device does not have are left out.
+#: Fields that are recorded of each device besides its channels; those that a device does not have are left out.
 _STATUS = ("status", "trip", "ramp", "age", "sequence", "clamped", "dropped")
-#: What comes from outside the loop besides readings.
+#: Fields that come from outside the loop besides readings.
 _INPUTS = ("hold", "ready")
-#: What is recorded of each probe: enough to draw it, and to move a hand by it in another scene.
+#: Fields that are recorded of each probe: enough to draw it, and to move a hand by it in another scene.
 _PROBE = ("hip", "force", "penetration", "object")
-#: Gaps up to this many bytes are copied along: one copy more costs more.
+#: Gaps of up to this many bytes between fields are copied along: another copy would cost more.
 _GAP = 512
 
 #: A wish for channels: patterns of names, and the rate [Hz].
@@ -31,7 +31,7 @@ def replay_tracks(model: Model, state: Record) -> list[Track]:
         for kind in ("command", "sent"):
             names += [f"{kind}.{c.name}" for c in device.commands]
         names += [field for field in _STATUS if f"{name}.{field}" in state]
-        if device.wire:  # else a reading is of the tick in which it came, and a command leaves in which it is sent
+        if device.wire:  # without one, a reading is of the tick in which it came, and a command leaves at once
             names += ["measured", "left", *(f"out.{c.name}" for c in device.commands)]
         tracks.append(Track(name, 1, True, tuple(_column(state, known, f"{name}.{n}", in_track(n)) for n in names)))
     for probe in model.probes:
@@ -42,7 +42,7 @@ def replay_tracks(model: Model, state: Record) -> list[Track]:
 
 
 def chosen_tracks(model: Model, state: Record, wishes: Iterable[Wish]) -> list[Track]:
-    """Return the tracks of chosen channels, one an owner and a rate.
+    """Return the tracks of chosen channels, one for each owner and rate.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def chosen_tracks(model: Model, state: Record, wishes: Iterable[Wish]) -> list[T
 
 
 def real_device_of(model: Model, pattern: str) -> str:
-    """Return the device that is real here, and would have fields of that name if it were a twin; empty: none."""
+    """Return the device that is real here and would have matching fields if it were a twin; empty: none."""
     for name, device in model.devices.items():
         if not device.twin and fnmatch.filter([f"{name}.twin.{f.name}" for f in device.twin_fields()], pattern):
             return name
@@ -75,7 +75,7 @@ def real_device_of(model: Model, pattern: str) -> str:
 
 
 def in_track(name: str) -> str:
-    """Return what a field is called in a track, which has columns `tick` and `time` of its own."""
+    """Return a field's name in a track, which has columns `tick` and `time` of its own."""
     return f"{name}_" if name in ("tick", "time") else name
 
 
@@ -94,7 +94,7 @@ def _every(rate: float, period: float) -> int:
 
 
 def recordable(state: Record, name: str) -> bool:
-    """Tell whether a field is of numbers that a track can hold."""
+    """Tell whether a field consists of numbers that a track can hold."""
     base = state[name].dtype
     return base.names is None and base.str[1:] in KINDS and 0 < state[name].size <= 4096
 
@@ -106,7 +106,7 @@ def _column(state: Record, known: Mapping[str, Field], field: str, name: str) ->
 
 
 class Rows:
-    """Which bytes of State make a row, of tracks and of some fields more, and where each field stands in it."""
+    """The bytes of State that make up a row, for tracks and ``more`` fields, and where each field stands in it."""
 
     def __init__(self, state: Record, tracks: Iterable[Track], more: Iterable[str] = ()) -> None:
         table: Mapping[str, Any] = state.dtype.fields or {}
@@ -120,7 +120,7 @@ class Rows:
             else:
                 ranges.append([offset, offset + kind.itemsize])
         memory, self.places, at = memoryview(state.raw.data), {}, 0
-        #: Pieces of State and where each goes in a row.
+        #: Pieces of State, each with its begin and end in a row.
         self.pieces: list[tuple[memoryview, int, int]] = []
         for begin, end in ranges:
             self.pieces.append((memory[begin:end], at, at + end - begin))

@@ -1,4 +1,4 @@
-"""Snapshots now and then (`--save-every`) while a session runs, without holding up its loop."""
+"""Periodic snapshots (`--save-every`) while a session runs, without holding up its loop."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from itouch.plugin import Record
 from itouch.session.errors import SessionError
 from itouch.session.snapshot import write_snapshot
 
-#: Told of each loss of what is kept: which (``saving``), and why.
+#: Called at each loss of data: with its kind (``saving``), and why.
 Lost = Callable[[str, str], None]
 
 
@@ -22,14 +22,14 @@ class Pack(Protocol):
     """Makes the bytes of a snapshot."""
 
     def __call__(self, state: Record | None = None, ledger: dict[str, Any] | None = None) -> bytes:
-        """Return those of now, or of a State and a ledger that were taken before."""
+        """Return those of the session now, or of a State and a ledger that were taken before."""
 
 
 class Saving:
-    """Saves a session every so many seconds; a tap takes the State, a thread packs and writes it.
+    """Saves a session every ``every`` seconds: a tap takes the State, a thread packs and writes it.
 
-    On the virtual clock the loop waits for the thread, so that no snapshot is left out; in real time one is left out
-    if the disk has not taken the one before.
+    On the virtual clock the loop waits for the thread, so that no snapshot is left out; in real time a snapshot is left
+    out if the one before is not on the disk yet.
     """
 
     def __init__(self, session: Running, pack: Pack, lost: Lost, path: str, every: float) -> None:
@@ -40,7 +40,7 @@ class Saving:
         self.failure = ""
 
     def __enter__(self) -> Saving:
-        self._pack()  # what never changes is packed now, not in a tick
+        self._pack()  # packs now what never changes, not in a tick
         self._thread.start()
         self._session.taps.append(self._tap)
         return self
@@ -60,7 +60,7 @@ class Saving:
             return
         ledger = self._session.statistics.dump()
         taken = self._session.state.tobytes(), {**ledger, "contacts": list(ledger["contacts"])}
-        with suppress(queue.Full):  # the disk has not taken the one before
+        with suppress(queue.Full):  # the one before is not on the disk yet
             self._work.put(taken, block=self._session.clock.pace != "real")
 
     def _write(self) -> None:
@@ -73,7 +73,7 @@ class Saving:
                 self.failure = str(error)
 
     def _tell(self) -> None:
-        """Note a failure as a fault; the session goes on, and so does the saving."""
+        """Report a failure as a loss; the session goes on, and so does the saving."""
         if self.failure:
             self._lost("saving", self.failure)
             self.failure = ""

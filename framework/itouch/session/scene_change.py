@@ -1,9 +1,9 @@
 """Another scene under the same devices, between two ticks: what a study does from one trial to the next.
 
-The devices go on where they are, with their twins, calibrations, trips, doses and what safety remembers; time goes on.
-Hardware stays open, and is handed from one session to the other: it is at rest meanwhile, and enabled anew.
-Objects, modalities, probes and the operator's hand begin as the new scene says; of a modality goes on what it declares
-to be the person's, as the heat in the finger.
+The devices go on where they are, with their twins, calibrations, trips, doses and all that safety remembers; time goes
+on, too.  Hardware stays open and is handed from one session to the other: it is at rest meanwhile, and enabled anew.
+Objects, modalities, probes and the operator's hand begin as the new scene says; a modality's fields go on if it
+declares them to be the person's, as the heat in the finger.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from itouch.session.engine import Session
 from itouch.session.errors import SessionError
 from itouch.world import DeviceModel, Model
 
-#: What goes on beside the devices' own fields.
+#: Fields that go on besides the devices' own.
 _GOES_ON = ("tick", "seed", "ready", "hold", "events.count", "events.table", "marks.count", "marks.table")
 
-#: What goes on of a hand that waits for its skin: how warm that was at the session's start.
+#: Fields that go on of a hand that waits for its skin: the skin's temperature at the session's start.
 _BASELINE = ("baseline", "averaged")
 
 
@@ -26,20 +26,20 @@ def touching(session: Session) -> bool:
 
 
 def succeed(session: Session, before: Session) -> None:
-    """Let a session that has not run yet go on from one with the same devices, in which nothing touches.
+    """Let a session that has not run yet go on from one with the same devices, in which nothing is touched.
 
     Parameters
     ----------
     session
-        Of the new scene.
+        That of the new scene.
     before
-        The session that ends; of its State nothing changes but the status of hardware, which it has no more.
+        The session that ends; in its State only the status of hardware changes, which it no longer has.
 
     Raises
     ------
     SessionError
-        If a device is not the same in both scenes, something is touched, or hardware is not at rest; both are as
-        they were.
+        If a device is not the same in both scenes, something is touched, or hardware is not at rest; both sessions are
+        then as they were.
     """
     there, here = before.state.dtype, session.state.dtype
     known, wanted = set(there.names or ()), here.names or ()
@@ -64,13 +64,19 @@ def succeed(session: Session, before: Session) -> None:
     session.guarded = before.guarded
     session.settle(always=True)
     others = {runner.model.name: runner for runner in before.runners}
-    for runner in session.runners:  # last: from here on it is the new session that has the hardware
+    for runner in session.runners:  # last, because from here on the new session has the hardware
         if not runner.model.twin:
             runner.take_over(others[runner.model.name])
 
 
 def _same_hardware(session: Session, before: Session) -> None:
-    """See that each device that is real is the same in both, and at rest."""
+    """Check that each real device is the same in both sessions, and at rest.
+
+    Raises
+    ------
+    SessionError
+        If one is not.
+    """
     found = differing(session.model, before.model)
     if found:
         raise SessionError(found)
@@ -80,7 +86,7 @@ def _same_hardware(session: Session, before: Session) -> None:
 
 
 def differing(model: Model, before: Model) -> str:
-    """Say which device that is real is not the same in two scenes; empty: none."""
+    """Return the sentence on a real device, or on safety, that is not the same in two scenes; empty: all are."""
     for name in {**before.devices, **model.devices}:
         here, there = model.devices.get(name), before.devices.get(name)
         if all(one is None or one.twin for one in (here, there)):
@@ -94,7 +100,7 @@ def differing(model: Model, before: Model) -> str:
 
 
 def _driven(model: DeviceModel) -> tuple[object, ...]:
-    """Return what the driver of a device was made of."""
+    """Return all that the driver of a device depends on."""
     return (
         model.twin, model.cls, model.params, model.reads, model.commands, model.limits, model.servo_period, model.mount,
         model.mount_error, model.carrier, model.touch_off, model.optional, [type(one) for one in model.monitors],

@@ -1,4 +1,4 @@
-"""Snapshots: the canonical scene, the one record of State, the bases, a manifest and the ledger.  No pickle."""
+"""Snapshots: the canonical scene, the record of State, the bases, a manifest and the ledger.  No pickle."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from itouch.world import Model
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """What a snapshot holds; ``state`` is one record, shape (1,)."""
+    """The content of a snapshot; ``state`` is one record, shape (1,)."""
 
     scene: Scene
     state: NDArray[Any]
@@ -41,7 +41,7 @@ class Snapshot:
 
 
 class SnapshotWriter:
-    """Packs the snapshots of one session: what does not change is packed once."""
+    """Packs the snapshots of one session; what does not change is packed only once."""
 
     def __init__(
         self, model: Model, state: Record, bases: Bases, catalog: Catalog, before: Mapping[str, Any] | None = None
@@ -70,7 +70,7 @@ class SnapshotWriter:
         }
 
     def pack(self, state: Record, ledger: Mapping[str, Any]) -> bytes:
-        """Return the whole file."""
+        """Return the bytes of the whole file."""
         members = {
             "state.npy": write_record(self._header, state),
             "manifest.json": json.dumps(self.manifest(state)).encode(),
@@ -82,7 +82,7 @@ class SnapshotWriter:
 def write_snapshot(
     path: str | os.PathLike[str], data: bytes, *, writer: Callable[[str, bytes], None] = write_whole
 ) -> None:
-    """Put a packed snapshot in place.
+    """Write a packed snapshot to its file.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def read_snapshot(path: str | os.PathLike[str], catalog: Catalog) -> Snapshot:
     Raises
     ------
     SessionError
-        If it is missing, cut, altered, hostile, of a newer format, or its scene does not load here.
+        If it is missing, truncated, altered, malicious, of a newer format, or its scene does not load here.
     """
     name = os.fspath(path)
     members = read_members(name)
@@ -178,7 +178,7 @@ def _check_digest(name: str, what: str, manifest: Mapping[str, Any], data: bytes
 
 
 def check_format(name: str, manifest: Mapping[str, Any]) -> None:
-    """Refuse what a newer program wrote.
+    """Refuse a snapshot that a newer program wrote.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Whether a stored State can be one: what is an index, a count or a choice is in range, and nothing has yet to come."""
+"""Whether a stored State is a possible one: indices, counts and choices are in range, no time lies in the future."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from itouch.safety import Status
 from itouch.world import Model
 from itouch.world.state import layout
 
-#: Greatest count: one more must still be a number.
+#: Greatest count: one more must not overflow.
 _MOST = 1 << 62
 #: Most ticks that a session can have lasted, with those left out: 35 years at 1 kHz; far beyond, a time as a float no
 #: longer tells one tick from the next, and what is counted over time would stand still.
 _LONGEST = 1 << 40
-#: Times are rounded sums of periods: so much later [s] is not later.
+#: Tolerance [s] for times, which are rounded sums of periods.
 _ROUNDED = 1e-6
-#: How much later [s] a command may leave that is on its way: more than any exchange takes.
+#: How far in the future [s] a command that is on its way may leave: more than any exchange takes.
 _ON_ITS_WAY = 1.0
 
 
 def validate_state(model: Model, state: Record) -> None:
-    """Check every field by the range that it was declared with, that every count can go on, and that nothing is later.
+    """Check every field by its declared range, that every count can go on, and that no time lies in the future.
 
-    What supervises a device goes by when it looked last: a moment that is yet to come would let it look away till then.
+    Monitors are asked by when they looked last: a time in the future would let them look away until then.
 
     Raises
     ------
@@ -65,9 +65,9 @@ def _not_later(model: Model, state: Record) -> None:
 
 
 def _closed_is_off(model: Model, state: Record) -> None:
-    """Check that a closed twin, which nobody looks at, was sent last what is safe.
+    """Check that the commands sent last to a closed twin, which no monitor watches, are safe.
 
-    Not in a session that has not begun, nor what a surface is sent, which is a place.
+    Not in a session that has not begun, and not of surfaces, whose command is a pose.
     """
     for name, device in model.devices.items():
         if not device.twin or int(state["tick"]) == 0 or int(state[f"{name}.status"]) != Status.CLOSED:

@@ -13,12 +13,12 @@ from abc import ABC, abstractmethod
 
 from itouch.session.errors import SessionError
 
-#: Requests of Linux' parallel ports: claim, let go, set the data lines.
+#: Requests to Linux parallel ports: claim, release, set the data lines.
 _CLAIM, _LET_GO, _SET = 0x708B, 0x708C, 0x40017086
 
 
 class Wire(ABC):
-    """Eight lines that show a code until the next one; putting one never waits."""
+    """Eight lines that show a code until the next one; setting them never blocks."""
 
     def __init__(self, port: str) -> None:
         self.port = port
@@ -35,7 +35,7 @@ class Wire(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Let the port go."""
+        """Release the port."""
 
 
 class SerialWire(Wire):
@@ -50,7 +50,7 @@ class SerialWire(Wire):
         try:
             tty.setraw(self.handle)
             set_ = termios.tcgetattr(self.handle)
-            set_[2] |= termios.CLOCAL | termios.CREAD  # no modem's line is waited for
+            set_[2] |= termios.CLOCAL | termios.CREAD  # don't wait for modem control lines
             set_[4] = set_[5] = termios.B115200
             termios.tcsetattr(self.handle, termios.TCSANOW, set_)
         except (OSError, termios.error) as error:
@@ -67,7 +67,7 @@ class SerialWire(Wire):
 
 
 class ParallelWire(Wire):
-    """The data lines of a parallel port, by Linux' ``/dev/parportN``."""
+    """The data lines of a parallel port, by Linux's ``/dev/parportN``."""
 
     def __init__(self, port: str) -> None:
         super().__init__(port)
@@ -88,7 +88,7 @@ class ParallelWire(Wire):
         self._ask(_SET, bytes((code,)))
 
     def close(self) -> None:
-        """Let the port go."""
+        """Release the port."""
         with contextlib.suppress(OSError):
             self._ask(_LET_GO)
         os.close(self._handle)

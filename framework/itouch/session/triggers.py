@@ -1,4 +1,4 @@
-"""Event codes: marks and contacts that have one are put on a wire, for an amplifier that records lines."""
+"""Event codes of marks and contacts, put on a wire for an amplifier that records trigger lines."""
 
 from __future__ import annotations
 
@@ -16,21 +16,22 @@ if TYPE_CHECKING:
 
 #: How long a code is shown [s] before the lines are 0 again: amplifiers that sample at 250 Hz see it twice.
 PULSE: Final = 0.010
-#: The mark that says that codes are not shown any more, and the one that says which code a contact got.
+#: Name of the mark that codes are no longer shown, and of the mark that tells which code a contact got.
 LOST: Final = "trigger lost"
 CONTACT: Final = "contact code"
-#: What of a contact can have a code, and what comes between it and the name of an object.
+#: Events of a contact that can have a code, and what separates them from the name of an object.
 KINDS: Final[Mapping[int, str]] = {Contact.BEGIN: "begin", Contact.END: "end"}
 OF: Final = ":"
 
 
 class Triggers:
-    """Puts codes on a wire while the context lasts; also what was put, and when on the monotonic clock [ns].
+    """Puts codes on a wire while the context lasts; ``put`` lists the times, on the monotonic clock [ns], and codes.
 
     A mark's code is the number ``code`` of its payload, else that of its name; a mark without one is not shown.  The
-    begin and the end of a contact have the code of ``begin:OBJECT``, else of ``begin`` (``end``); it is on the wire
-    before their tick has ended, and a mark `contact code` tells code, kind, object, probe and that tick.  Two codes
-    within one pulse: the second shows at once.  A wire that fails is told by a mark, and the session goes on.
+    beginning and the end of a contact have the code of ``begin:OBJECT`` (``end:OBJECT``), else of ``begin`` (``end``);
+    it is on the wire before their tick has ended, and a mark `contact code` tells code, kind, object, probe and that
+    tick.  If two codes fall within one pulse, the second shows at once.  If the wire fails, a mark tells it, and the
+    session goes on.
     """
 
     def __init__(self, session: Session, wire: Wire, codes: Mapping[str, int] | None = None,
@@ -65,7 +66,7 @@ class Triggers:
         return self._codes.get(name, 0)
 
     def of_contact(self, kind: str, name: str) -> int:
-        """Return the code of the start or end of a contact with an object, or 0."""
+        """Return the code of the beginning or end of a contact with an object, or 0."""
         return self._contacts.get(f"{kind}{OF}{name}", self._contacts.get(kind, 0))
 
     def _hear(self, name: str, payload: Any) -> None:
@@ -81,7 +82,7 @@ class Triggers:
             self._show(0)
 
     def _look(self) -> None:
-        """Show the contacts that have begun or ended in this tick."""
+        """Show the codes of contacts that have begun or ended in this tick."""
         state, model = self._session.state, self._session.model
         count = int(state["events.count"])
         for number in range(max(self._seen, count - EVENTS), count):

@@ -1,4 +1,4 @@
-"""What of a model is drawn by 3-D viewers that open a recording: solids, the frames that they are fixed to, forces."""
+"""What 3-D viewers that open a recording draw of a model: solids, the frames to which they are fixed, forces."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from itouch.session.row_layout import recordable
 from itouch.world import Model
 from itouch.world.rig import DeviceModel
 
-#: Half side [m] of the square that stands for an endless plane, and thickness [m] of it and of a device's face.
+#: Half side [m] of the square that stands for an infinite plane, its thickness [m], and that of a device's face [m].
 _PLANE, _THIN, _FACE = 0.3, 5e-4, 4e-3
-#: Most points of a mesh that are drawn; a larger one is drawn as the box around it.
+#: Greatest number of points of a mesh that is drawn; a larger mesh is drawn as its bounding box.
 _MOST_POINTS: Final = 60_000
 _UNPAINTED, _DEVICE, _FINGER = (0.62, 0.62, 0.64, 1.0), (0.45, 0.5, 0.6, 1.0), (0.34, 0.71, 0.91, 0.55)
 
 
 def view_of(model: Model, state: Record) -> View:
-    """Return what is drawn of a session, with the fields of State that move it."""
+    """Return what is drawn of a session, with the names of the fields of State that move it."""
     frames, solids = [], []
     moves = recordable(state, "objects.pose") if len(model.objects) else False
     for index, name in enumerate(model.objects):
@@ -52,7 +52,7 @@ def _mount(device: str) -> str:
 
 
 def _frames(model: Model, device: DeviceModel, state: Record) -> Iterator[Frame]:
-    """Yield the frame of a device as mount, calibration and carrier say, and the one that it carries others in."""
+    """Yield the frame of a device, from mount, calibration and carrier, and the frame in which it carries others."""
     parent = _carried(device.carrier) if device.carrier else WORLD
     yield Frame(_mount(device.name), parent, f"{device.name}.calibration", 0, 7, tuple(np.ravel(device.mount).tolist()))
     pose = device.field(Role.TRACKED_POSE)

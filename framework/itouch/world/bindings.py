@@ -1,4 +1,4 @@
-"""Whether a scene's parts fit: channels that are needed, axes that are locked, one writer for each command, reach."""
+"""Whether a scene's parts fit together: needed channels, locked axes, one writer for each command, reach."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from itouch.schema.fields import specs
 from itouch.world.rig import DeviceModel
 
 _LINEAR = (0, 1, 2)
-#: How far a surface's z may be tilted [rad]: moved sideways it then rises no faster than it may near a finger.
+#: How far a surface's z axis may be tilted [rad]: moved sideways, it then rises no faster than it may near a finger.
 MOST_TILT = math.asin(SPEED_NEAR / SPEED)
 
 
 def check_bindings(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator[Problem]:
-    """Find references to devices that lack the channels, or that can only command locked degrees of freedom."""
+    """Find references to devices that lack the needed channels, or that can only command locked degrees of freedom."""
     for probe in scene.probes:
         yield from _channels(scene, probe, f"probe '{probe.name}'", devices)
         yield from _locked(scene, probe, "force_to", Role.FORCE_ON_OPERATOR, devices)
@@ -71,7 +71,7 @@ def _locked(
 
 
 def _tilted(scene: Scene, probe: Probe, devices: Mapping[str, DeviceModel]) -> Iterator[Problem]:
-    """Find a surface that is mounted so that it does not rise along its own z, which is what limits of speed go by."""
+    """Find a surface that is mounted so tilted that it does not rise along its own z, by which speeds are limited."""
     device = devices.get(probe.surface_to)
     if device is None or device.command(Role.SURFACE_POSE) is None:
         return
@@ -114,7 +114,7 @@ def _operators(scene: Scene) -> Iterator[Problem]:
 
 
 def check_writers(scene: Scene, writers: list[tuple[str, Any, str, str]]) -> Iterator[Problem]:
-    """Find commands with two writers; ``writers`` holds (command, element, attribute, who)."""
+    """Find commands with two writers; ``writers`` holds (command, element, attribute, who writes it)."""
     first: dict[str, tuple[Any, str, str]] = {}
     for command, element, attribute, who in writers:
         if command not in first:
@@ -132,10 +132,10 @@ def check_writers(scene: Scene, writers: list[tuple[str, Any, str, str]]) -> Ite
 def check_fingers(
     scene: Scene, devices: Mapping[str, DeviceModel], writers: list[tuple[str, Any, str, str]]
 ) -> Iterator[Problem]:
-    """Find commands to what pushes a finger, or moves a surface to it, where no probe says where that finger is.
+    """Find commands to a device that pushes a finger, or brings a surface to it, while no probe locates that finger.
 
-    Whoever commands it, its monitors would be shown no finger: neither its speed (K2), nor how near it is (K5), nor for
-    how long it touches (T4).  ``writers`` as in ``check_writers``.
+    Whoever commands it, its monitors would know neither the finger's speed (K2), nor how near it is (K5), nor for how
+    long it touches (T4).  ``writers`` as in ``check_writers``.
     """
     blind = unseen(scene, devices)
     for command, element, attribute, who in writers:
@@ -149,7 +149,7 @@ def check_fingers(
 
 
 def unseen(scene: Scene, devices: Mapping[str, DeviceModel]) -> dict[tuple[str, str], str]:
-    """Return the commands (device, channel) that act on a finger of which no probe tells, each with what is missing."""
+    """Return the commands (device, channel) that act on a finger which no probe locates, each with what is missing."""
     tracked = {name for probe in scene.probes for name in (probe.pose_from, probe.force_to)}
     met = {probe.surface_to for probe in scene.probes}
     found = {}
@@ -163,7 +163,7 @@ def unseen(scene: Scene, devices: Mapping[str, DeviceModel]) -> dict[tuple[str, 
 
 
 def _chain(name: str, devices: Mapping[str, DeviceModel]) -> Iterator[str]:
-    """Yield a device, what carries it, what carries that, and so on."""
+    """Yield a device, the one that carries it, the one that carries that, and so on."""
     seen: set[str] = set()
     while name in devices and name not in seen:
         seen.add(name)
@@ -172,9 +172,9 @@ def _chain(name: str, devices: Mapping[str, DeviceModel]) -> Iterator[str]:
 
 
 def blind(scene: Scene, devices: Mapping[str, DeviceModel]) -> dict[str, str]:
-    """Return the hardware that acts on a finger of which no probe tells, each with a sentence: it can't be enabled.
+    """Return the hardware that can't be enabled, because it acts on a finger which no probe locates: name -> sentence.
 
-    Whatever else may command it (a script, another process), nothing would show its monitors that finger.
+    Whatever else may command it (a script, another process), its monitors would know nothing of that finger.
     """
     found = {}
     for (name, called), missing in unseen(scene, devices).items():
@@ -189,7 +189,7 @@ def check_reach(
 ) -> Iterator[Problem]:
     """Warn of objects that the table under a probe can't carry a surface to.
 
-    ``boxes`` has the lower and the upper corner of each mesh by object's name, in its own frame [m].
+    ``boxes``: object's name -> lower and upper corner of its mesh, in its own frame [m].
     """
     for probe in scene.probes:
         table = devices.get(probe.surface_to)
@@ -225,7 +225,10 @@ def _world_box(mount: Any, low: Any, high: Any) -> tuple[Any, Any]:
 
 
 def extent(element: Any, boxes: Mapping[str, Any]) -> tuple[Any, Any] | None:
-    """Return the axis-aligned extent of a shape in the world; None for what has no bounds."""
+    """Return the axis-aligned extent of a shape in the world: lower and upper corner [m]; None if it has no bounds.
+
+    ``boxes`` as in `check_reach`.
+    """
     centre = np.array(element.pos)
     if element.name in boxes:
         try:
@@ -252,6 +255,12 @@ def extent(element: Any, boxes: Mapping[str, Any]) -> tuple[Any, Any] | None:
 
 
 def pose_of(element: Any) -> Any:
-    """Return the place of an object as the scene has it, shape (7,); a ValueError if its orientation is none."""
+    """Return the pose of an object as the scene has it, shape (7,) [m; quaternion].
+
+    Raises
+    ------
+    ValueError
+        If its quaternion is no orientation.
+    """
     quat = element.quat or (poses.quaternion_from_rpy(element.rpy) if element.rpy else (1.0, 0.0, 0.0, 0.0))
     return np.array([*element.pos, *poses.normalized(quat)])

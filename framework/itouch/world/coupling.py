@@ -1,7 +1,7 @@
 """Virtual coupling: the stiffness that is stable on a device, K <= 2 (b - B) / T, and its own limit.
 
 ``b`` is the damping of device and hand, ``B`` that of the material, ``T`` the servo period (Colgate and Brown 1994,
-for a virtual wall).  B is lowered before K; what is rendered instead is said once, when the scene is compiled.
+for a virtual wall).  B is lowered before K; a notice tells what is rendered instead when the scene is compiled.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def couplings(
     period: float,
     notices: list[str],
 ) -> tuple[Coupling, ...]:
-    """Return the coupling for each object, and add to ``notices`` what differs from the material."""
+    """Return the coupling for each object, and add a notice where it differs from the material."""
     found, told = [], set()
     ceiling, damping, unstated = _arm_limits(probe, arm)
     if unstated and arm is not None and materials:
@@ -60,19 +60,19 @@ def _arm_limits(probe: Probe, arm: DeviceModel | None) -> tuple[float, float, bo
 
 
 def relied(probe: Probe, tracker: DeviceModel | None, arm: DeviceModel | None) -> float | None:
-    """Return the damping of hand and arm [N s/m] that counts where a wire makes pose or force late; None: none does."""
+    """Return the damping of hand and arm [N s/m] to rely on if a wire makes pose or force late; None: no wire does."""
     late = any(device is not None and device.wire for device in (tracker, arm))
     return _arm_limits(probe, arm)[1] if arm is not None and late else None
 
 
-#: K T^2 / m and B T / m at most, for a free body of mass m under several fingers, turning included.
+#: Greatest K T^2 / m and B T / m for a free body of mass m under several fingers, its rotation included.
 BODY_STIFFNESS, BODY_DAMPING = 0.2, 0.1
 
 
 def on_bodies(
     coupling: Sequence[Coupling], objects: Sequence[Any], period: float, notices: list[str]
 ) -> tuple[Coupling, ...]:
-    """Return the couplings with those to light rigid bodies lowered to what a step of their motion allows."""
+    """Return the couplings, lowered for light rigid bodies to what the time step of their motion allows."""
     found = []
     for own, element in zip(coupling, objects, strict=True):
         if element.dynamics is None:
@@ -101,7 +101,7 @@ def stable_effects(
     period: float,
     notices: list[str],
 ) -> tuple[Effects, ...]:
-    """Return the effects with their drag lowered to what the coupling leaves, K T / 2 + viscosity <= b, and say so."""
+    """Return the effects, viscosities lowered with a notice to what the coupling leaves: K T / 2 + viscosity <= b."""
     if arm is None:
         return tuple(effects)
     _, damping, _ = _arm_limits(probe, arm)
@@ -120,7 +120,10 @@ def stable_effects(
 
 
 def stable(stiffness: float, material_damping: float, damping: float, ceiling: float, period: float) -> Coupling:
-    """Lower B first, then K, until K <= 2 (b - B) / T and K <= ceiling."""
+    """Return the coupling with K <= 2 (b - B) / T and K <= ceiling: B is lowered first, then K.
+
+    ``stiffness`` and ``ceiling`` [N/m]; ``material_damping``: B [N s/m]; ``damping``: b [N s/m]; ``period``: T [s].
+    """
     wanted = min(stiffness, ceiling)
     room = damping - wanted * period / 2
     lowered = min(material_damping, max(0.0, room))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itouch.plugin import Field
 
-#: Cells of a finger's tissue under what is worn on it.
+#: How many cells the tissue of a finger has under a worn device.
 CELLS = 24
 
 #: The figures that one tick writes, in the order of ``itouch.loop.render``.
@@ -49,7 +49,7 @@ _FIGURES = (
     Field("tracking", unit="m", doc="distance of the plate from its command"),
 )
 
-#: What a tick remembers of a carried surface, whoever carries it, in the order of ``itouch.loop.surface.memory``.
+#: What a tick remembers of a carried surface, in the order of ``itouch.loop.surface.memory``.
 _SURFACE = (
     Field("surface.renders", unit="1", doc="1: the contact is the plate's to render, 0: the arm's alone"),
     Field("surface.present", unit="1", doc="1: the plate is at the finger in a contact, or still felt"),
@@ -101,7 +101,7 @@ _SURFACE = (
 
 
 def probe_fields(objects: int) -> tuple[Field, ...]:
-    """Return the State of a probe in a scene of so many objects."""
+    """Return the State of a probe in a scene with this many objects."""
     return (
         *_FIGURES,
         *_SURFACE,
@@ -174,7 +174,7 @@ _CONTACT = (
 
 
 def coupling_fields(objects: int) -> tuple[Field, ...]:
-    """Return how late the arm of a probe is, where a wire is between it and the loop (`itouch.loop.late_coupling`)."""
+    """Return the State of a probe whose arm is behind a wire: how late it is (`itouch.loop.late_coupling`)."""
     late = "how old the pose is and for how long a force has acted, together, a mean"
     lost = "greatest part of its stiffness that a touched object was rendered without"
     return (
@@ -185,7 +185,7 @@ def coupling_fields(objects: int) -> tuple[Field, ...]:
 
 
 def skin_fields(worn: int, cells: int) -> tuple[Field, ...]:
-    """Return the State of a finger's skin under so many worn devices, with so many cells of tissue."""
+    """Return the State of a finger's skin under this many worn devices, with this many cells of tissue."""
     return (
         Field("skin", "f8", 3, unit="K", doc="temperature of the skin under what is worn: now, lowest, highest so far"),
         Field("tissue", "f8", cells, unit="K", doc="how much warmer the tissue is than at rest, from the skin inwards"),
@@ -193,7 +193,7 @@ def skin_fields(worn: int, cells: int) -> tuple[Field, ...]:
     )
 
 
-#: The operator's hand that leads a finger's twin.
+#: The State of the operator's hand that leads a finger's twin.
 HAND = (
     Field("position", "f8", 3, unit="m", doc="where the operator's finger twin is"),
     Field("velocity", "f8", 3, unit="m/s", doc="velocity of the operator's finger twin"),
@@ -206,7 +206,7 @@ HAND = (
 
 
 def wait_fields(waits: int) -> tuple[Field, ...]:
-    """Return the State of a hand that waits for the skin so many times on its way."""
+    """Return the State of a hand that waits this many times for the skin on its way."""
     return (
         Field("baseline", low=0.0, unit="K", doc="the skin at the session's start, averaged over a second"),
         Field("averaged", "i8", low=0, unit="tick", doc="over how many readings so far; all once touched"),

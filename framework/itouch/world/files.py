@@ -1,4 +1,4 @@
-"""The files that a scene names besides XML: read once, from its folder or out of the session, and kept for sessions."""
+"""The files that a scene names besides XML: read once, from its folder or from a session, and kept for sessions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from itouch.contact.meshfile import MeshFile
 
 
-#: What all files of a scene may take together [bytes]; they are kept in memory for sessions.
+#: Greatest size of all files of a scene together [bytes]; they are kept in memory for sessions.
 MOST_BYTES = 1 << 30
 
 
@@ -28,7 +28,7 @@ class SceneFile:
     file
         Its name as the scene has it, relative to the scene's folder.
     data
-        Its content. Of a glTF that refers to other files: the same glTF with their content inside.
+        Its content; for a glTF that refers to other files, the same glTF with their content embedded.
     digest
         SHA-256 of ``data``, hexadecimal.
     """
@@ -88,7 +88,7 @@ class SceneFiles:
         return self._known[file].data
 
     def all(self) -> tuple[SceneFile, ...]:
-        """Return what was read, sorted by name."""
+        """Return the files that were read, sorted by name."""
         return tuple(self._known[name] for name in sorted(self._known))
 
     def _keep(self, found: SceneFile) -> None:

@@ -17,7 +17,7 @@ from itouch.schema.quantities import QuantityError, parse_quantity
 def injections(
     scene: Scene, device: DeviceElement, channels: Sequence[Channel], problems: list[Problem]
 ) -> tuple[Injection, ...]:
-    """Return the plan of a device's faults, in file order; what is wrong with them becomes problems."""
+    """Return the faults to inject into a device, in file order; what is wrong with them becomes problems."""
     found = []
     for fault in scene.faults:
         if fault.device != device.name:
@@ -32,7 +32,7 @@ def injections(
 
 
 def injection(scene: Scene, fault: Fault, channels: Sequence[Channel], problems: list[Problem]) -> Injection:
-    """Return the plan of one fault."""
+    """Return one fault to inject; what is wrong with it becomes a problem."""
     rate = scene.rates.servo
     begin = round(fault.at * rate)
     end = FOREVER if fault.for_ is None else begin + max(1, round(fault.for_ * rate))

@@ -13,7 +13,7 @@ from itouch.schema import Problem
 from itouch.world.rig import DeviceModel
 
 Vector = tuple[float, float, float]
-#: What a person leads a hand by.
+#: Input sources with which a person leads a hand.
 PERSON = ("mouse", "keyboard", "gamepad")
 
 
@@ -22,8 +22,8 @@ def hand_of(
 ) -> tuple[Operator | None, Vector]:
     """Return the operator of a probe, and where its hand begins if it has no motion, in the world [m].
 
-    An arm that a person leads needs a hand: a scene without an operator gets one with the defaults, for the first of
-    all probes on that arm; the others are on the same finger.
+    An arm that a person leads needs a hand: if the scene has no operator, one with the defaults is made for the first
+    probe on that arm; the other probes are on the same finger.
     """
     operator = next((o for o in scene.operators if o.probe == probe.name), None)
     arm = devices.get(probe.pose_from)

@@ -1,4 +1,4 @@
-"""What is wrong with the limits that a scene asks for: looser than the default or the device, or of nothing."""
+"""What is wrong with the limits that a scene asks for: looser than default or device, or without a channel to limit."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def device_problems(
 
 
 def _without(name: str, commands: tuple[Channel, ...]) -> str:
-    """Say what to do about a limit of what a device does not have: keep it, if the device may heat all the same."""
+    """Return what to do about a limit that no channel of a device has: keep it, if the device may heat all the same."""
     if name == "temperature" and any(channel.role in HURTING for channel in commands):
         return (
             "keep the limit; nothing tells how hot the device is: its plugin must declare the reading of what the skin "

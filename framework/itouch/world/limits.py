@@ -1,6 +1,6 @@
-"""The limits in force: the hardware's ceiling, then what the scene tightens, then the defaults; nothing loosens them.
+"""The limits in force: the hardware's ceilings and the defaults, as the scene tightens them; nothing loosens them.
 
-What the defaults are is in `itouch.monitors.limits`; this finds which of them a device has, by the roles of its
+The defaults are in `itouch.monitors.limits`; this module finds which of them apply to a device, by the roles of its
 channels, and what the scene makes of them.
 """
 
@@ -75,7 +75,7 @@ Ceiling = tuple[Any, str]
 
 
 def ceilings(reads: tuple[Channel, ...], commands: tuple[Channel, ...]) -> dict[str, Ceiling]:
-    """Return what holds before the scene says anything, with who set it: the smaller of default and hardware."""
+    """Return the limits that hold if the scene sets none, each with its source: the smaller of default and hardware."""
     roles, measured = {channel.role for channel in commands}, {channel.role for channel in reads}
     found: dict[str, Ceiling] = {}
     if Role.FORCE_ON_OPERATOR in roles:
@@ -110,13 +110,13 @@ def _of(channels: tuple[Channel, ...], role: Role) -> list[Channel]:
 
 
 def _strongest(channels: list[Channel]) -> float | None:
-    """Return the greatest force that any of these can exert, or None if one does not say."""
+    """Return the greatest force that any of these can exert, or None if one does not state it."""
     found = [channel.magnitude or max(channel.high, default=math.inf) for channel in channels]
     return max(found) if math.isfinite(max(found)) else None
 
 
 def greatest_torque(channel: Channel) -> float:
-    """Return the greatest torque [N m] about any axis that a channel of a wrench says that it can exert; 0: none."""
+    """Return the greatest torque [N m] about any axis that a wrench channel states; 0: none."""
     free = [axis for axis in ROTATIONS if axis < len(channel.high) and axis not in channel.locked]
     found = [min(abs(channel.low[axis]), abs(channel.high[axis])) for axis in free]
     return max((most for most in found if math.isfinite(most)), default=0.0)
@@ -152,9 +152,9 @@ def resolve(
 
 
 def _asked(scene: Scene, device: DeviceElement, name: str) -> Iterator[Ceiling]:
-    """Yield what device and scene ask for, with where they do.
+    """Yield the values of a limit that device and scene ask for, with where they do.
 
-    No surface presses harder than the whole finger may, and no torque is more than the force that is asked for makes.
+    A force limit of the whole finger also limits surfaces, and a force limit also limits torques, by a finger's lever.
     """
     if name == "plate_force" and scene.safety.force is not None:
         yield scene.safety.force, _said_by(scene, scene.safety, "force")
@@ -169,7 +169,7 @@ def _asked(scene: Scene, device: DeviceElement, name: str) -> Iterator[Ceiling]:
 
 
 def _asked_of_all(scene: Scene, name: str) -> Iterator[Ceiling]:
-    """Yield what the scene asks of everything."""
+    """Yield the value of a limit that the scene sets for all devices, with where it does."""
     wanted = getattr(scene.safety, name)
     if wanted is not None:
         yield wanted, _said_by(scene, scene.safety, name)
@@ -199,7 +199,7 @@ def _narrowed(ceiling: Ceiling, asked: list[Ceiling]) -> Ceiling:
 
 
 def _contact_time(scene: Scene, ceiling: Ceiling) -> Ceiling:
-    """Return how long a contact may last: a scene may ask for less, and for as much as 60 s."""
+    """Return how long a contact may last: a scene may ask for less than the default, or for more, below 60 s."""
     wanted = scene.safety.contact_time
     if wanted is None:
         return ceiling
@@ -207,7 +207,7 @@ def _contact_time(scene: Scene, ceiling: Ceiling) -> Ceiling:
 
 
 def _ramp(scene: Scene, device: DeviceElement) -> Ceiling:
-    """Return the ramp-in after enabling: at least that of the default on hardware; on twins what the scene says."""
+    """Return the ramp-in after enabling: on hardware at least the default; on twins what the scene says, or none."""
     wanted, least = scene.safety.ramp, 0.0 if device.twin else RAMP
     if wanted is not None and wanted >= least:
         return wanted, _said_by(scene, scene.safety, "ramp")

@@ -1,10 +1,10 @@
-"""Marks in State: what the operator noted and which trial began, the last of them with their payloads."""
+"""Marks in State: the operator's notes and the beginnings of trials; the last ones with their payloads."""
 
 from __future__ import annotations
 
 from itouch.plugin import Field
 
-#: How many marks State remembers (a recording has them all); bytes of a name, and of a payload.
+#: How many marks State remembers (a recording has them all); greatest size of a name and of a payload [bytes].
 MARKS, NAME, PAYLOAD = 8, 32, 512
 #: One remembered mark: the tick before which it was set, its name and payload in UTF-8.
 MARK_DTYPE = [("tick", "i8"), ("name", f"S{NAME}"), ("payload", f"S{PAYLOAD}")]

@@ -1,4 +1,4 @@
-"""The modalities of a scene: compiled with what they may know of it, each after those that it refers to."""
+"""The modalities of a scene: compiled with what they may know of it, each after the modalities that it refers to."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from itouch.world.rig import DeviceModel
 
 @dataclass(frozen=True, slots=True)
 class ModalityModel:
-    """A modality, its read-only model, every how many ticks it is updated, and whether it attends to all."""
+    """A modality with its read-only model; it is updated every ``every`` ticks, and may attend to those between."""
 
     name: str
     plugin: str
@@ -32,11 +32,11 @@ class ModalityModel:
     every: int
     commands: tuple[str, ...]
     attends: bool = False
-    #: The surface that it brings to a finger, if it does.
+    #: The surface that it brings to a finger, if it brings one.
     carries: Carries | None = None
     #: The fields that it declares, without its name in front.
     fields: tuple[str, ...] = ()
-    #: The probe whose surface it brings because no element of the scene says who does; it has none itself.
+    #: The probe whose surface it brings by default, because no modality of the scene does; it has no element itself.
     default_of: str = ""
 
 
@@ -49,14 +49,14 @@ def build_modalities(
     period: float,
     problems: list[Problem],
 ) -> list[ModalityModel]:
-    """Return the modalities in the order of their updates; what is wrong becomes problems, and those are left out."""
+    """Return the modalities in the order of their updates; faulty ones are left out, with problems."""
     world = _world(scene, devices, surfaces, reader, period)
     rates = dict(scene.rates.modalities)
     found: list[ModalityModel] = []
     for part in _ordered(scene, problems):
         every = _every(scene, part, rates.get(part.name, scene.rates.servo), problems)
         cls = catalog.modality(part.plugin, part.local)
-        if cls is None or not _has_devices(scene, part, devices, problems):  # told while the scene was read
+        if cls is None or not _has_devices(scene, part, devices, problems):  # reported while the scene was read
             continue
         own = replace(world, objects=_objects(scene, part.plugin), period=period * every)
         found += _compiled(scene, part, cls(), own, every, devices, problems)
@@ -69,7 +69,7 @@ def _compiled(
     scene: Scene, part: PluginPart, instance: Modality, world: World, every: int, devices: Mapping[str, DeviceModel],
     problems: list[Problem], probe: Probe | None = None,
 ) -> Iterator[ModalityModel]:  # fmt: skip
-    """Yield a modality, if it can be compiled; ``probe``: the one that it serves without an element in the scene."""
+    """Yield a modality, if it can be compiled; ``probe``: that of a default carrier, which has no element itself."""
     place = scene.places.of(part) if probe is None else scene.places.of(probe, "surface_to")
     who = f"modality '{part.name}'"
     try:
@@ -98,10 +98,10 @@ def _default_carriers(
     scene: Scene, catalog: Catalog, devices: Mapping[str, DeviceModel], world: World, known: Sequence[ModalityModel],
     problems: list[Problem],
 ) -> list[ModalityModel]:  # fmt: skip
-    """Return what brings a surface to each probe that is to be met by one, and to which no modality brings it.
+    """Return a default modality for each probe that a surface is to meet and to which no modality brings one.
 
-    It is called ``PROBE.surface``, and ``PROBE.carrier`` where the probe names it: its fields are a stranger's, who may
-    call them as the framework does its own of the surface.
+    It is called ``PROBE.surface``, or ``PROBE.carrier`` where the probe names its plugin: that plugin may be anybody's,
+    and its fields may have the names of the framework's own fields of the surface.
     """
     served = {one.carries.probe for one in known if one.carries is not None}
     alone = [probe for probe in scene.probes if probe.name in world.surfaces and probe.name not in served]
@@ -138,7 +138,7 @@ def _default_carriers(
 
 
 def _wanting(cls: type[Modality]) -> str:
-    """Say what keeps a modality from being made by the name of its probe alone: nothing, as a rule."""
+    """Return what keeps a modality from being made from the name of its probe alone; empty: nothing does."""
     table = specs(cls.Params)
     if "probe" not in table or table["probe"].target != "probe":
         return "it has no attribute 'probe'"
@@ -147,7 +147,7 @@ def _wanting(cls: type[Modality]) -> str:
 
 
 def _has_devices(scene: Scene, part: PluginPart, devices: Mapping[str, DeviceModel], problems: list[Problem]) -> bool:
-    """Tell whether every device that a modality refers to could be built; only an optional one's lack is told here."""
+    """Tell whether every device that a modality refers to could be built; only a missing optional one is told here."""
     for name, spec in specs(type(part.params)).items():
         wanted = getattr(part.params, name) if spec.kind == "ref" and spec.target == "device" else ""
         if not wanted or wanted in devices:
@@ -161,7 +161,7 @@ def _has_devices(scene: Scene, part: PluginPart, devices: Mapping[str, DeviceMod
 
 
 def _ordered(scene: Scene, problems: list[Problem]) -> list[PluginPart]:
-    """Return the modalities in file order, but each after those that it takes something from."""
+    """Return the modalities in file order, but each after those from which it takes input."""
     parts = {part.name: part for part in scene.modalities}
     found: list[PluginPart] = []
     for part in scene.modalities:
@@ -237,5 +237,5 @@ def _every(scene: Scene, part: PluginPart, rate: float, problems: list[Problem])
 
 
 def notices_of(modalities: Sequence[ModalityModel]) -> list[str]:
-    """Return what the modalities want to be known before a run."""
+    """Return the notices of the modalities before a run."""
     return [f"{m.name}: {notice}" for m in modalities for notice in m.instance.notices(m.model)]

@@ -1,4 +1,4 @@
-"""Scene -> Model: everything that the loop needs and that never changes; illegal combinations are found here."""
+"""Scene -> Model: everything that the loop needs and that never changes; impossible combinations are found here."""
 
 from __future__ import annotations
 
@@ -39,9 +39,10 @@ from itouch.world.unitless_lengths import large
 
 @dataclass(frozen=True, slots=True)
 class ProbeModel:
-    """A probe with its bindings; ``coupling`` has one row an object; a hand without a motion begins at ``start``.
+    """A probe with its bindings; ``coupling`` has an entry per object; a hand without a motion begins at ``start`` [m].
 
-    ``relied``: damping of hand and arm [N s/m] that the coupling relies on behind a wire; None: there is no wire.
+    ``face``: the device that the finger touches on its table; ``relied``: damping of hand and arm [N s/m] that the
+    coupling relies on behind a wire, None: there is no wire.
     """
 
     name: str
@@ -75,11 +76,11 @@ class Model:
     files: tuple[SceneFile, ...] = ()
     effects: tuple[Effects, ...] = ()
     motions: Motions = NO_MOTIONS
-    #: What is brought to each probe that is met by a surface.
+    #: The surface that is brought to each probe, for probes that are met by one.
     surfaces: Mapping[str, WorldSurface] = field(default_factory=dict)
-    #: Devices and modalities by their names, once they were asked for.
+    #: Cache of `place_of`: the elements of devices and modalities by name.
     _parts: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
-    #: What State declares, once it was asked for.
+    #: Cache of `itouch.world.state.declared`.
     declared: list[Any] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def carrier_to(self, probe: str) -> ModalityModel | None:
@@ -88,7 +89,7 @@ class Model:
 
     @property
     def framed(self) -> frozenset[str]:
-        """The devices whose frame in the world State has: those that track, push or meet a finger."""
+        """The devices whose frame in the world is in State: those that track, push or meet a finger."""
         bound = ((one.scene.pose_from, one.scene.force_to, one.scene.surface_to) for one in self.probes)
         return frozenset(name for names in bound for name in names if name in self.devices)
 
@@ -103,9 +104,10 @@ class Model:
         return sum(other.operator is None for other in same if other.name != probe.name)
 
     def worn(self, probe: ProbeModel) -> tuple[DeviceModel, ...]:
-        """Return the twins that the finger's twin of a probe wears: what is mounted on its tracker, through whatever.
+        """Return the twins worn on the operator's finger of a probe: those mounted, directly or not, on its tracker.
 
-        What a probe follows or acts by is not worn, and where two probes share a tracker the first operator's is it.
+        Devices that a probe follows or acts by are not worn; where probes share a tracker, only the first one with an
+        operator wears them.
         """
         same = (one for one in self.probes if one.scene.pose_from == probe.scene.pose_from and one.operator is not None)
         if next(same, None) is not probe or not self.devices[probe.scene.pose_from].twin:
@@ -113,7 +115,7 @@ class Model:
         return worn_on(self.scene, self.devices, probe.scene.pose_from)
 
     def place_of(self, name: str) -> Place | None:
-        """Return where in the scene a device or a modality stands."""
+        """Return where in the scene's files a device or a modality stands."""
         if not self._parts:
             parts: tuple[Any, ...] = (*self.scene.devices, *self.scene.modalities)
             probes = {probe.name: probe for probe in self.scene.probes}
@@ -187,11 +189,11 @@ def _compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[P
 def further(scene: Scene, catalog: Catalog, known: Iterable[Problem]) -> list[Problem]:
     """Return what else is wrong with a scene that has problems already, so that all are told at once.
 
-    Devices, limits and files are looked at, which hang on little else.  What stands in the line of a ``known`` problem
-    may come of it, and is left for later.
+    Only devices, limits and files are checked, which depend on little else.  A problem in the line of a ``known`` one
+    may be its consequence, and is left for later.
     """
     problems: list[Problem] = []
-    with contextlib.suppress(Exception):  # of half a scene no more may be known than this
+    with contextlib.suppress(Exception):  # half a scene may not allow more checks than this
         scene = fitted(scene, catalog)
         problems += check_safety(scene)
         reader = SceneFiles(scene)
@@ -206,7 +208,7 @@ def further(scene: Scene, catalog: Catalog, known: Iterable[Problem]) -> list[Pr
 
 
 def worn_on(scene: Scene, devices: Mapping[str, DeviceModel], tracker: str) -> tuple[DeviceModel, ...]:
-    """Return the twins that are mounted on what tracks a finger, and are none that a probe follows or acts by."""
+    """Return the twins that are mounted on a finger's tracker, without those that a probe follows or acts by."""
     named = {name for one in scene.probes for name in (one.pose_from, one.force_to, one.surface_to)}
     return tuple(
         one for name, one in devices.items() if one.twin and name not in named and tracker in _carriers(devices, one)
@@ -214,14 +216,14 @@ def worn_on(scene: Scene, devices: Mapping[str, DeviceModel], tracker: str) -> t
 
 
 def _carriers(devices: Mapping[str, DeviceModel], device: DeviceModel) -> Iterator[str]:
-    """Yield what carries a device, what carries that, and so on."""
+    """Yield the device that carries this one, the device that carries that, and so on."""
     while device.carrier and device.carrier in devices:
         yield device.carrier
         device = devices[device.carrier]
 
 
 def _worn_notices(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator[str]:
-    """Say what sits on a finger's twin."""
+    """Yield a notice for each device that is worn on a finger's twin."""
     fingers = {operator.probe for operator in scene.operators}
     for probe in scene.probes:
         tracker = devices.get(probe.pose_from)
@@ -270,7 +272,7 @@ def _writers(
                 writers.append((f"{device.name}.{channel.name}", probe, bound, f"probe '{probe.name}'"))
     parts = {part.name: part for part in scene.modalities}
     for modality in modalities:
-        for command in modality.commands if not modality.default_of else ():  # told of the probe
+        for command in modality.commands if not modality.default_of else ():  # its probe counts as the writer
             writers.append((command, parts[modality.name].params, "", f"modality '{modality.name}'"))
     return writers
 

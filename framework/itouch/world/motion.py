@@ -1,4 +1,4 @@
-"""From the motions of a world's objects to the tables that move them."""
+"""The motions of a world's objects, compiled to the tables that move them."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ Floats = NDArray[np.float64]
 #: Greatest file of a recorded motion [bytes], and how many rows it may have.
 MAX_BYTES = 64 << 20
 MAX_ROWS = 1_000_000
-#: How far [m] and by how much [rad] the end of a motion that repeats may be away from its beginning.
+#: How far [m and rad] the end of a motion that repeats may be from its beginning.
 CLOSED = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Carried:
-    """An object that a device carries: its number, the device, and its pose in what the device carries (7,)."""
+    """An object that a device carries: its number, the device, its pose on the device's end (7,) [m; quaternion]."""
 
     index: int
     device: str
@@ -113,7 +113,7 @@ def build_motions(
 
 
 def _bodies(scene: Scene, rows: Floats, shapes: Sequence[Shape], problems: list[Problem]) -> Bodies | None:
-    """Return the world of rigid bodies; None if no object is one, or if it cannot be made, which is told."""
+    """Return the world of rigid bodies; None if no object is one, or if it cannot be made, which becomes a problem."""
     free = [element for element in scene.objects if element.dynamics is not None]
     if not free or any(problem.severity == "error" for problem in problems):
         return None
@@ -195,7 +195,7 @@ def _piece(start: float, time: float, smooth: bool, a: Floats, b: Floats) -> tup
 
 
 def _turn(a: Floats, b: Floats) -> tuple[float, ...]:
-    """Rotation vector in the world from one orientation to another, the short way round [rad]."""
+    """Return the rotation vector [rad] in the world from one orientation to another, the short way round."""
     w, x, y, z = pose.multiply(b, pose.conjugate(a))
     sine = math.sqrt(x * x + y * y + z * z)
     if sine < 1e-15:

@@ -1,4 +1,4 @@
-"""Which solids of different materials overlap: the scene does not say which of them the finger finds there."""
+"""Which solids of different materials overlap: there the scene does not tell which of them the finger meets."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from itouch.scene import Scene
 from itouch.scene.elements import Box, Sphere
 from itouch.world.bindings import extent, pose_of
 
-#: Solids that go into one another by no more than this only touch [m].
+#: Solids that penetrate each other by no more than this only touch [m].
 TOUCH = 1e-6
-#: Most objects of which every pair is looked at.
+#: Greatest number of objects of which every pair is checked.
 MOST = 200
 
 
 def overlaps(scene: Scene, boxes: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the sentences of ``overlapping``."""
+    """Yield a notice for each pair that ``overlapping`` finds."""
     for _, _, sentence in overlapping(scene, boxes):
         yield f"{sentence}; move them apart"
 
@@ -28,7 +28,7 @@ def overlaps(scene: Scene, boxes: Mapping[str, Any]) -> Iterator[str]:
 def overlapping(scene: Scene, boxes: Mapping[str, Any]) -> Iterator[tuple[Any, Any, str]]:
     """Yield two elements and a sentence for each pair of resting boxes and spheres of different materials that overlap.
 
-    Of other shapes nothing is said: what holds them may overlap where they do not.  ``boxes`` is as for ``extent``.
+    Other shapes are not checked: their bounding boxes may overlap where they do not.  ``boxes`` as in ``extent``.
     """
     solids = [(element, found) for element in scene.objects if (found := _solid(element, boxes)) is not None]
     for (one, first), (other, second) in combinations(solids[:MOST], 2):
@@ -49,7 +49,7 @@ def _solid(element: Any, boxes: Mapping[str, Any]) -> tuple[Any, Any] | None:
 
 
 def _apart(one: Any, first: tuple[Any, Any], other: Any, second: tuple[Any, Any]) -> bool:
-    """Tell whether two solids are apart, by their bounds along the world's axes and along those of either box."""
+    """Tell whether two solids are apart, by their bounds along separating axes: the world's and those of the boxes."""
     if np.any(np.minimum(first[1], second[1]) - np.maximum(first[0], second[0]) <= TOUCH):
         return True
     turns = [poses.matrix(pose_of(element)[3:]) for element in (one, other) if isinstance(element, Box)]
@@ -70,7 +70,7 @@ def _apart(one: Any, first: tuple[Any, Any], other: Any, second: tuple[Any, Any]
 
 
 def _nearest(one: Any, other: Any) -> Any:
-    """Return the direction between two solids, of which one is a sphere, where they are nearest, shape (3,)."""
+    """Return the direction between the nearest points of two solids, one of them a sphere, shape (3,)."""
     ball, solid = (one, other) if isinstance(one, Sphere) else (other, one)
     away = np.subtract(ball.pos, solid.pos)
     if not isinstance(solid, Box):
@@ -81,7 +81,7 @@ def _nearest(one: Any, other: Any) -> Any:
 
 
 def _reach(element: Any, along: Any) -> float:
-    """Return how far a solid goes from its centre along a direction (3,) of length 1 [m]."""
+    """Return how far a solid extends from its centre along a unit vector (3,) [m]."""
     if isinstance(element, Sphere):
         return float(element.radius)
     return float(np.abs(along @ np.asarray(poses.matrix(pose_of(element)[3:]))) @ (np.array(element.size) / 2))

@@ -1,4 +1,4 @@
-"""Errors in a plugin's code while a scene is built: told as problems at the plugin's place in the scene."""
+"""Errors in a plugin's code while a scene is built: reported as problems at the plugin's place in the scene."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def failing(what: str, method: str, place: Place | None) -> Iterator[None]:
     Raises
     ------
     SceneError
-        If anything is raised inside but an ``ItouchError``, which is handed on.
+        If anything is raised inside but an ``ItouchError`` or a KeyboardInterrupt, which are passed on.
     """
     try:
         yield

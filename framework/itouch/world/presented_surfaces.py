@@ -1,4 +1,4 @@
-"""Surfaces that are brought to fingers: what is known of each, and whether what a modality says of its own is so."""
+"""Surfaces that are brought to fingers: what is known of each, and whether a modality's claims about its own hold."""
 
 from __future__ import annotations
 
@@ -13,18 +13,21 @@ from itouch.schema.fields import xml_name
 from itouch.world.limits import PLATE_FORCE
 from itouch.world.rig import DeviceModel
 
-#: Attributes of a probe that say how the default carries a surface; others may keep to them.
+#: Attributes of a probe that say how the default modality carries a surface; others may keep to them.
 _OWN = ("clearance", "plate_angle")
 #: Kind and size of a field that holds one number.
 _ONE = (("f8", 0), ("f8", 1), ("i8", 0), ("i8", 1))
-#: Stiffness [N/m] and damping [N s/m] of the pad of a finger of which nothing is known.
+#: Stiffness [N/m] and damping [N s/m] of a finger's pad if nothing is known of it.
 PAD_STIFFNESS, PAD_DAMPING = 1e3, 2.0
-#: What a plate's force stays below the scene's limit [N].
+#: How far a plate's force stays below the scene's limit [N].
 ROOM = 0.15
 
 
 def face_of(table: str, devices: Mapping[str, DeviceModel]) -> str:
-    """Return what of all that a table carries the finger touches: what reads the temperature of it, else the first."""
+    """Return the device on a table that the finger touches: the one that reads the temperature there, else the first.
+
+    If the table carries nothing, it is the table itself.
+    """
     carried = [device for device in devices.values() if device.carrier and device.carrier == table]
     touched = [d for d in carried if any(c.role is Role.SKIN_CONTACT_TEMPERATURE for c in d.reads)]
     return next((device.name for device in (*touched, *carried)), table)
@@ -33,10 +36,10 @@ def face_of(table: str, devices: Mapping[str, DeviceModel]) -> str:
 def surfaces_of(
     scene: Scene, devices: Mapping[str, DeviceModel], operators: Mapping[str, Operator | None]
 ) -> dict[str, WorldSurface]:
-    """Return what is brought to each probe that is met by a surface; ``operators``: of each probe, if it has one.
+    """Return the surface that is brought to each probe that is met by one; ``operators``: of each probe, None: none.
 
-    A finger is what one device tracks, whatever probes it has: its pad is that of the operator of any of them, and the
-    surfaces that are brought to it share what may press on it.
+    A finger is what one device tracks, however many probes it has: its pad is that of the operator of any of them, and
+    the surfaces that are brought to it share the force that may press on it.
     """
     found = {}
     for probe in scene.probes:

@@ -1,4 +1,4 @@
-"""A recorded motion: where a finger was, out of a recording that the scene names."""
+"""A recorded motion: where a finger was, from a recording that the scene names."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST = 256 << 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedMotion:
-    """Positions [m] of a fingertip, shape (n, 3), and the time between two of them [s]."""
+    """The positions [m] of a fingertip, shape (n, 3), and the time from one to the next [s]."""
 
     positions: NDArray[np.float64]
     period: float
@@ -31,7 +31,7 @@ class RecordedMotion:
 def recorded_motion(
     scene: Scene, operator: Operator | None, reader: SceneFiles, problems: list[Problem]
 ) -> RecordedMotion | None:
-    """Return the motion that an operator's file holds, or None; what is wrong becomes a problem."""
+    """Return the motion in an operator's file, or None; what is wrong becomes a problem."""
     if operator is None or not operator.motion.file:
         return None
     motion = operator.motion

@@ -1,4 +1,4 @@
-"""What another rig under a scene changes about the limits in force: listed by name; what can't apply is left out."""
+"""What another rig under a scene changes in the limits in force: listed by name; what can't apply is dropped."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from itouch.world.limit_texts import shown
 from itouch.world.limits import DEFAULT, ceilings
 from itouch.world.rig import DeviceModel, build_devices
 
-#: Limits of a scene's own device that mean nothing for another that has no such command.
+#: Limits of a scene's own device that mean nothing for another one without such a command.
 _OF_COMMANDS = ("force", "torque", "speed", "current")
 
 
 def fitted(scene: Scene, catalog: Catalog) -> Scene:
-    """Return the scene without limits of its own devices that the rig's hardware keeps by itself.
+    """Return the scene without those limits of its own devices that the rig's devices keep by themselves.
 
-    A limit that stands above what the rig's device can do, or is of a command that it does not have, asks for nothing;
-    a limit that the rig's device would have to keep and can't stays, and is told as a problem.
+    A limit above what the rig's device can do, or on a command that it does not have, has no effect; a limit that the
+    rig's device would have to keep and can't is kept, and becomes a problem.
     """
     if scene.swapped is None:
         return scene
@@ -36,7 +36,7 @@ def _fitted(scene: Scene, device: DeviceElement, own: DeviceElement | None, cata
     params = next((part.params for part in device.parts if part.plugin == device.plugin), None)
     try:
         most = ceilings(*cls.channels(cls.Params() if params is None else params))
-    except Exception:  # told when the device is built
+    except Exception:  # reported when the device is built
         return device
     moot = {name: None for name in _OF_COMMANDS if _is_moot(getattr(own.limits, name), device.limits, name, most)}
     if not moot:
@@ -56,7 +56,7 @@ def _is_moot(own: float | None, limits: Any, name: str, most: Mapping[str, tuple
 
 
 def differences(scene: Scene, devices: Mapping[str, DeviceModel], catalog: Catalog) -> Iterator[str]:
-    """Say which limits are others than on the scene's own devices, and who has set them."""
+    """Yield a notice for each limit that differs from that of the scene's own device, with who has set it."""
     if scene.swapped is None:
         return
     before = replace(scene, devices=scene.swapped.devices, safety=scene.swapped.safety, swapped=None, faults=())

@@ -1,4 +1,4 @@
-"""Devices of a scene with their plugins: channels, mounts and limits in force."""
+"""The devices of a scene with their plugins: channels, mounts and limits in force."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from itouch.world.safe_values import acting_at_rest, stale, too_slow, unfelt, wi
 from itouch.world.supervision import monitors_of, supervision, supervision_problems, watched
 
 Vector = tuple[float, float, float]
-#: What State calls the place of a device's frame in the world.
+#: Name of the field of State with a device's frame in the world.
 FRAME = "frame"
-#: What State has of a device beside channels and supervision: when readings were measured, and when commands left.
+#: Names of a device's fields beside channels and supervision: when readings were measured, and when commands left.
 STAMPS = frozenset({"measured", "left", "gone", "goings"})
-#: So many commands that have left are remembered of a surface.
+#: How many commands that have left are remembered of a surface.
 GONE = 32
 
 
@@ -38,8 +38,8 @@ GONE = 32
 class DeviceModel:
     """What the loop needs to know of one device; all of it is read-only.
 
-    ``mount`` is the pose of the device in its carrier (or the world), shape (7,); ``mount_error`` is what is
-    written minus what is true, in the same frame.
+    ``mount`` is the pose of the device in its carrier (or the world), shape (7,) [m; quaternion]; ``mount_error`` is
+    the written position minus the true one, in the same frame [m].
     """
 
     name: str
@@ -81,15 +81,15 @@ class DeviceModel:
 
     @property
     def wires(self) -> tuple[str, ...]:
-        """What no other device may command over while this one is open; none of a twin, or of what obeys nothing."""
+        """The wires that no other device may use while this one is open; none for a twin, or without commands."""
         return () if self.twin or not self.commands else tuple(self.cls.wires(self.params))
 
     def command(self, of: str | Role) -> Channel | None:
-        """Return the command channel of a name that a scene or a plugin gives, or the first of a role; or None."""
+        """Return the command channel of this name, or the first of this role; None: there is none."""
         return next((channel for channel in self.commands if of in (channel.name, channel.role)), None)
 
     def reading(self, of: str | Role) -> Channel | None:
-        """Return the reading channel of a name that a scene or a plugin gives, or the first of a role; or None."""
+        """Return the reading channel of this name, or the first of this role; None: there is none."""
         return next((channel for channel in self.reads if of in (channel.name, channel.role)), None)
 
     def field(self, of: Role, kind: str = "") -> str:
@@ -103,7 +103,7 @@ class DeviceModel:
         return f"{self.name}.{kind}.{channel.name}" if kind else f"{self.name}.{channel.name}"
 
     def twin_fields(self) -> tuple[Field, ...]:
-        """Return what the State of its own twin consists of, without wire and faults."""
+        """Return the fields of the State of its own twin, without simulated wire and faults."""
         return tuple(self._bare_twin().fields())
 
     def _bare_twin(self) -> Twin:
@@ -111,7 +111,7 @@ class DeviceModel:
         return IdealTwin(self.params, self.cls) if cls is None else cls(self.bound)
 
     def make_twin(self) -> Twin:
-        """Return the twin that the plugin brings, or the ideal one."""
+        """Return the plugin's twin, or else the ideal one, with its simulated wire and injected faults."""
         twin = self._bare_twin()
         twin.set_environment(self.ambient, self.skin_temperature)
         if self.late:
@@ -122,7 +122,7 @@ class DeviceModel:
         return twin
 
     def make_device(self) -> Device:
-        """Return the device itself; behind a thread if it makes its caller wait."""
+        """Return the device itself, in a thread of its own if it makes its caller wait."""
         device = self.cls(self.bound)
         device.limits = self.limits.table()
         made = device
@@ -137,7 +137,7 @@ class DeviceModel:
 def build_devices(
     scene: Scene, catalog: Catalog, problems: list[Problem], reader: SceneFiles | None = None
 ) -> dict[str, DeviceModel]:
-    """Return the devices by name; what is wrong becomes problems, and those devices are left out."""
+    """Return the devices by name; faulty ones are left out, with problems."""
     devices: dict[str, DeviceModel] = {}
     reader = reader or SceneFiles(scene)
     for element in scene.devices:
@@ -232,7 +232,7 @@ def _build(
 
 
 def _clash(reads: tuple[Channel, ...]) -> str:
-    """Say which reading has the name of another one, or of what State keeps of every device; empty: none."""
+    """Return what is wrong if a reading has the name of another one, or of a field of every device; empty: nothing."""
     kept = {field.name for field in supervision(())} | STAMPS | {FRAME}
     for index, channel in enumerate(reads):
         if channel.name in kept:
@@ -246,7 +246,7 @@ def _monitors(
     element: DeviceElement, channels: tuple[tuple[Channel, ...], tuple[Channel, ...]], limits: DeviceLimits,
     params: Any, catalog: Catalog, problems: list[Problem], place: Place | None,
 ) -> tuple[Monitor, ...]:  # fmt: skip
-    """Return the monitors of a device; what nobody watches, and a monitor that can't be had, become problems."""
+    """Return the monitors of a device; unmonitored drives, and monitors that can't be loaded, become problems."""
     seen = watched(element.name, element.plugin, params, channels, limits, twin=bool(element.twin))
     kinds = catalog.monitors()
     for failure in catalog.monitor_failures:
@@ -291,7 +291,7 @@ def _params(scene: Scene, element: DeviceElement, cls: type[Device], problems: l
 def _bound(
     scene: Scene, element: DeviceElement, cls: type[Device], params: Any, reader: SceneFiles, problems: list[Problem]
 ) -> Any:
-    """Return the parameters with the files that they name; None if those cannot be used."""
+    """Return the parameters as the plugin binds them to the files that they name; None if these cannot be used."""
     try:
         return cls.bind(params, reader.read)
     except MeshError as error:  # its file is missing, too large, or elsewhere

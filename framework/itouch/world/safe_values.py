@@ -1,4 +1,4 @@
-"""What each command is when its device must be safe: a drive is off, a surface retracts, whatever was left open."""
+"""The safe value of each command: a drive is off, a surface retracts; what a plugin has left open is filled in."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from itouch.schema import Place, Problem
 from itouch.world import limits as default
 from itouch.world.limits import DeviceLimits
 
-#: Roles whose command acts by its size: nothing is what is safe.
+#: Roles whose commands act by their magnitude, so that zero is safe.
 _ACTING = (HURTING - {Role.SURFACE_POSE, Role.TEMPERATURE_TARGET}) | {Role.OUTPUT_SWITCH}
 
 
 def with_safe_values(commands: Sequence[Channel], limits: DeviceLimits) -> tuple[Channel, ...]:
-    """Return the commands of a device, each with what it is when the device must be safe.
+    """Return the commands of a device, each with its safe value.
 
-    A drive or a switch that is held would go on heating or pressing after a trip: it is off, or as little as its range
-    allows.  A temperature that is held goes to the middle of what limits and range leave, unless a switch turns the
-    output off, and one that its plugin calls safe is no further than the limits.  A surface whose plugin says nothing
+    A drive or a switch that were held would go on heating or pressing after a trip: its safe value is off, or as little
+    as its range allows.  A temperature target goes to the middle of what limits and range leave, unless a switch turns
+    the output off; one that its plugin calls safe is brought within the limits.  A surface whose plugin says nothing
     retracts.
     """
     switched = any(channel.role is Role.OUTPUT_SWITCH for channel in commands)
@@ -53,7 +53,7 @@ def _resolved_target(channel: Channel, limits: tuple[float, float], switched: bo
 
 
 def _within(limits: tuple[float, float], low: float, high: float) -> tuple[float, float]:
-    """Return what a range leaves of limits, or its end that is nearest to them."""
+    """Return the part of the limits within a range, or the end of the range that is nearest to them."""
     return min(max(limits[0], low), high), max(min(limits[1], high), low)
 
 
@@ -64,12 +64,12 @@ def _ranges(channel: Channel) -> list[tuple[float, float]]:
 
 
 def _least(channel: Channel) -> tuple[float, ...]:
-    """Return what of the range of a channel is nearest to nothing."""
+    """Return the values in the range of a channel that are nearest to zero."""
     return tuple(min(max(0.0, low), high) for low, high in _ranges(channel))
 
 
 def acting_at_rest(name: str, commands: Sequence[Channel], place: Place | None) -> Iterator[Problem]:
-    """Find drives and switches whose plugin calls another value safe than none."""
+    """Find drives and switches whose plugin calls a value safe that still acts."""
     for channel in commands:
         if channel.role in _ACTING and isinstance(channel.safe, tuple) and channel.safe != _least(channel):
             shown = " ".join(f"{value:g}" for value in channel.safe)
@@ -79,7 +79,7 @@ def acting_at_rest(name: str, commands: Sequence[Channel], place: Place | None) 
 
 
 def too_slow(cls: type[Device], watchdog: float) -> str:
-    """Say why no reading of a device can be as new as its watchdog [s] wants; empty: they can be."""
+    """Return why readings of a device can't be as new as its watchdog [s] demands; empty: they can."""
     for what, time in (("exchanges every", cls.period), ("takes for an exchange", cls.delay)):
         if time > watchdog:
             return f"{what} {time:g} s, but a reading may be {watchdog:g} s old at most (W1)"
@@ -87,10 +87,10 @@ def too_slow(cls: type[Device], watchdog: float) -> str:
 
 
 def oldest(cls: type[Device], params: Any, *, twin: bool) -> float:
-    """Return how old [s] a reading gets before the next one comes, of a device behind a wire; 0: no wire is between.
+    """Return how old [s] a reading of a device behind a wire gets before the next one comes; 0: there is no wire.
 
-    A twin's reading was measured when its exchange began.  Of hardware it was measured in the middle of it, unless its
-    driver says otherwise (`Stamps`), and what ``waits`` may do so for that long.
+    A twin's reading was measured when its exchange began.  That of hardware was measured in the middle of the exchange,
+    unless its driver tells otherwise (`Stamps`), and the next exchange may begin ``waits`` seconds later.
     """
     if not cls.blocking:
         return 0.0
@@ -104,9 +104,9 @@ def stale(
     name: str, cls: type[Device], params: Any, reads: Sequence[Channel], watchdog: float, tick: float,
     place: Place | None, *, twin: bool,
 ) -> Iterator[Problem]:  # fmt: skip
-    """Find a device whose readings get older between two exchanges than its watchdog [s] lets them (W1).
+    """Find a device whose readings get older between two exchanges than its watchdog [s] allows (W1).
 
-    ``tick`` [s]: when a reading was measured is known to a period of the loop.
+    ``tick``: period of the loop [s], to which it is known when a reading was measured.
     """
     timely = [channel.name for channel in reads if channel.role in TIMELY]
     age = oldest(cls, params, twin=twin)
@@ -132,7 +132,7 @@ def unfelt(
     twin: bool,
     touch_off: bool,
 ) -> Iterator[Problem]:
-    """Find a device that carries a surface to a finger and measures no force: nothing watches what it presses with."""
+    """Find a device that carries a surface to a finger and measures no force: nothing watches how hard it presses."""
     carries = any(channel.role is Role.SURFACE_POSE for channel in commands)
     if not carries or any(channel.role is Role.CONTACT_FORCE for channel in reads):
         return

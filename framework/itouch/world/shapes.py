@@ -1,4 +1,4 @@
-"""From the elements of a world to the shapes that contact knows."""
+"""The shapes of a world's objects, as the contact engine takes them, made from the scene's elements."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ class Shapes:
     Attributes
     ----------
     shapes
-        One an object; a plane for what could not be made, which is told.
+        One for each object; a plane in place of one that could not be made, which is a problem.
     boxes
-        By object's name, for meshes: the lower and the upper corner of the box that holds it, in its own frame [m].
+        For meshes, object's name -> lower and upper corner of its bounding box, in its own frame [m].
     files
         Every file that was read.
     notices
-        What was mended.
+        What was repaired in meshes.
     """
 
     shapes: list[Shape] = field(default_factory=list)
@@ -78,7 +78,7 @@ def _mesh(
     loaded: dict[tuple[str, float, str | None], LoadedMesh],
     problems: list[Problem],
 ) -> LoadedMesh | None:
-    """Load an object's mesh; objects with the same file, scale and sides share one."""
+    """Load an object's mesh; objects with the same file, scale and sides share one; None: it became a problem."""
     scaled = scene.places.given(element, "scale") or element.scale != 1.0
     sides = element.sides if scene.places.given(element, "sides") or element.sides == "two" else None
     key = (element.file, element.scale, sides)
@@ -102,7 +102,7 @@ def _mesh(
 
 
 def _told(scene: Scene, element: elements.Mesh, mesh: LoadedMesh, problems: list[Problem]) -> list[str]:
-    """Tell what was found: what may be meant otherwise as a warning with its place, mends as notices."""
+    """Report what was found in a mesh: doubtful things become warnings with their place, repairs are returned."""
     notices = []
     for finding in mesh.findings:
         if finding.severity == "warning":

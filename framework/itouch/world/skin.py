@@ -1,6 +1,6 @@
-"""Where the temperature of a finger's skin is known from, by role: a sensor that looks at it, or else its twin.
+"""The source of a finger's skin temperature, found by role: a sensor of it, or else a twin.
 
-Also by what rule it counts as recovered: a script's ``hold="until skin ..."`` and a study's trials go by the same one.
+Also the rule by which the skin counts as recovered, for a script's ``hold="until skin ..."`` and for a study's trials.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from itouch.schema import Problem
 from itouch.schema.hold_until import SKIN, WORD, Until
 from itouch.world.rig import DeviceModel
 
-#: When a skin has recovered: over what that of the session's start is averaged [s], over what the skin now, and how
-#: long a wait for it may be.
+#: For the recovery of skin: averaging time [s] of the baseline at the session's start, averaging time [s] of the skin
+#: now, and longest wait for it [s].
 BASELINE, WINDOW, LONGEST = 1.0, 0.1, 60.0
 
 
 class Finger(Protocol):
-    """What must be known of a probe: its element, who moves it, and the device that it meets."""
+    """What must be known of a probe here: its element, who moves it, and the device that it meets."""
 
     @property
     def name(self) -> str:
@@ -34,15 +34,15 @@ class Finger(Protocol):
 
     @property
     def operator(self) -> Operator | None:
-        """Whose hand moves it, if a twin's does."""
+        """The operator twin that moves it; None: there is none."""
 
     @property
     def face(self) -> str:
-        """The device of all that its table carries which it touches; empty: none."""
+        """Name of the device on its table that it touches; empty: none."""
 
 
 class Rigged(Protocol):
-    """What must be known of a compiled scene."""
+    """What must be known of a compiled scene here."""
 
     @property
     def scene(self) -> Any:
@@ -57,14 +57,14 @@ class Rigged(Protocol):
         """Its devices by name."""
 
     def worn(self, probe: Any) -> tuple[DeviceModel, ...]:
-        """Return what the finger's twin of a probe wears."""
+        """Return the twins worn on the operator's finger of a probe."""
 
 
 @dataclass(frozen=True, slots=True)
 class SkinSource:
     """The field of State with the skin's temperature [K], and the one that says whether it is valid (empty: always).
 
-    ``sensed``: a device reads it; else a finger's twin tells it.
+    ``sensed``: a device measures it; else a twin tells it.
     """
 
     field: str
@@ -73,12 +73,12 @@ class SkinSource:
 
 
 def is_back(skin: float, baseline: float, within: float) -> bool:
-    """Tell whether a skin [K] has recovered to within so many kelvin of its baseline [K]."""
+    """Tell whether a skin temperature [K] has recovered to within ``within`` [K] of its baseline [K]."""
     return abs(skin - baseline) <= within
 
 
 def sensed_skin(model: Rigged, probe: Finger) -> SkinSource | None:
-    """Return the reading that is the skin of a probe's finger; None: no device measures it."""
+    """Return the reading of the skin of a probe's finger; None: no device measures it."""
     for device in _near(model, probe):
         if field := device.field(Role.SKIN_TEMPERATURE):
             return SkinSource(field, device.field(Role.SKIN_VALID))
@@ -86,7 +86,7 @@ def sensed_skin(model: Rigged, probe: Finger) -> SkinSource | None:
 
 
 def skin_of(model: Rigged, probe: Finger) -> SkinSource | None:
-    """Return what tells the skin of a probe's finger: a sensor, else its twin; None: nothing does."""
+    """Return the source of the skin temperature of a probe's finger: a sensor, else a twin; None: there is none."""
     sensed = sensed_skin(model, probe)
     if sensed is not None:
         return sensed
@@ -101,7 +101,7 @@ def skin_of(model: Rigged, probe: Finger) -> SkinSource | None:
 
 
 def unfelt(model: Rigged) -> Iterator[Problem]:
-    """Find waits for a skin that nothing tells the temperature of."""
+    """Find waits for a skin whose temperature nothing tells."""
     for probe in model.probes:
         if probe.operator is None:
             continue
@@ -120,7 +120,7 @@ def _same(one: Finger, other: Finger) -> bool:
 
 
 def _near(model: Rigged, probe: Finger) -> list[DeviceModel]:
-    """Return the devices at a probe's finger: its plate, what is on what moves it, then what is at no other finger."""
+    """Return the devices at a probe's finger: its plate, those on its devices, then those at no other finger."""
     mine = {name for one in model.probes if _same(one, probe) for name in _bound(one)}
     others = {name for one in model.probes if not _same(one, probe) for name in _bound(one)} - mine
     carriers = {name: {name, *_carriers(model, device)} for name, device in model.devices.items()}
@@ -142,6 +142,6 @@ def _carriers(model: Rigged, device: DeviceModel) -> Iterator[str]:
 
 
 def window_ticks(period: float) -> tuple[int, int, int]:
-    """Return how many ticks of so many seconds `BASELINE`, `WINDOW` and `LONGEST` are."""
+    """Return `BASELINE`, `WINDOW` and `LONGEST` in ticks of a period [s]."""
     baseline, window, longest = (max(1, math.ceil(seconds / period - 1e-9)) for seconds in (BASELINE, WINDOW, LONGEST))
     return baseline, window, longest

@@ -17,7 +17,7 @@ from itouch.world.plugin_errors import failing
 from itouch.world.rig import FRAME, GONE, DeviceModel
 from itouch.world.supervision import supervision
 
-#: The range of what must be a number.
+#: The range of what must be a finite number.
 _FINITE = (-sys.float_info.max, sys.float_info.max)
 #: How many contact events are remembered in State.
 EVENTS = 64
@@ -48,7 +48,7 @@ _EVENTS = (
     f"the last {EVENTS}: kind (0 near, 1 begin, 2 move, 3 end), tick, probe, object, point [m], normal, distance [m], "
     "speed [m/s], tangential_velocity [m/s], penetration [m], force [N], time_to_contact [s], area [m2]"
 )
-#: Of the session: how far it is, its seed, and what holds for all devices.
+#: Fields of the session: its time, its seed, and what holds for all devices.
 _SESSION = (
     Field("tick", "i8", low=0, unit="tick", doc="ticks since the start; a tick lasts 1 / `<rates servo>`"),
     Field("seed", "u8", unit="1", doc="seed of all noise"),
@@ -83,7 +83,7 @@ def layout(model: Model) -> tuple[Field, ...]:
 
 
 def _objects(model: Model) -> list[Field]:
-    """Return where the objects are, and what moves them."""
+    """Return the fields of the objects: where they are, and what moves them."""
     count, where = len(model.objects), "position and quaternion w x y z of each object in the world"
     fields = [
         Field("objects.pose", "f8", (count, 7), unit="m", doc=where),
@@ -99,7 +99,7 @@ def _objects(model: Model) -> list[Field]:
 
 
 def _probe(model: Model, probe: ProbeModel) -> list[Field]:
-    """Return what a probe renders and remembers, and the hand and finger that lead it."""
+    """Return the fields of a probe: what it renders and remembers, and the hand and finger that lead it."""
     name = probe.name
     fields = _own(name, probe_fields(len(model.objects)))
     low, high = model.geometry.memory_range()
@@ -125,7 +125,7 @@ def _probe(model: Model, probe: ProbeModel) -> list[Field]:
 
 
 def declared(model: Model) -> Mapping[str, Field]:
-    """Return what every field of State is, by name, in order; of one model it is put together once."""
+    """Return the declaration of every field of State, by name, in order; it is put together once for each model."""
     if not model.declared:
         model.declared.append({field.name: field for field in layout(model)})
     found: Mapping[str, Field] = model.declared[0]
@@ -133,14 +133,17 @@ def declared(model: Model) -> Mapping[str, Field]:
 
 
 def truth(model: Model, device: str, role: Role) -> str:
-    """Return the field in which a device's twin keeps what is true of a role, beside what sensors say; empty: none."""
+    """Return the field in which a device's twin keeps the true value of a role, beside its sensors; empty: none."""
     own, faults = f"{device}.twin.", f"{device}.twin.fault."
     named = (name for name, field in declared(model).items() if field.role is role and name.startswith(own))
     return next((name for name in named if not name.startswith(faults)), "")
 
 
 def undeclared(model: Model) -> tuple[str, ...]:
-    """Return what plugins of the scene leave unsaid of their channels and fields, or say in an older way, once each."""
+    """Return what the scene's plugins do not declare of their channels and fields, or declare in an outdated way.
+
+    Each sentence comes once.
+    """
     found: list[str] = []
     for device in model.devices.values():
         said = [*faults_of(device.reads, "reading"), *faults_of(device.commands, "command")]
@@ -158,7 +161,7 @@ def _prefixed(prefix: str, fields: Iterable[Field]) -> list[Field]:
 
 
 def _own(prefix: str, fields: Iterable[Field]) -> list[Field]:
-    """Return fields of the framework itself: of those only what says where is plotted."""
+    """Return the framework's own fields with a prefix; of these only those that say where are plotted."""
     return [replace(field, show=field.show or "no") for field in _prefixed(prefix, fields)]
 
 

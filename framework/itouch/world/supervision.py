@@ -1,4 +1,4 @@
-"""What supervises a device: its monitors, found by the roles of its channels, and the drives that none of them watches.
+"""The supervision of a device: its monitors, found by the roles of its channels, and drives that no monitor watches.
 
 Everything that supervision remembers is State, so that a restored session trips where it must.
 """
@@ -35,7 +35,7 @@ _EVERY = (
     Field("rearmed", "i8", REARMS, unit="tick", doc="when it was re-armed last, and before; -1: never"),
 )
 
-#: What each monitor has besides its own fields.
+#: Fields that each monitor has besides its own.
 _MONITOR = (
     Field("share", low=0.0, high=1.0, unit="1", doc="share of the drive that this monitor leaves"),
     Field(
@@ -56,16 +56,16 @@ _SURFACE = (
 )
 
 _TEMPERATURE = "Role.TEMPERATURE_TARGET"
-#: Units of commands that can hurt, if nobody says what they are for.
+#: Units of commands that can hurt if their role is not declared, with the roles that they may have.
 _DANGEROUS = {
     "A": "Role.DRIVE, Role.ELECTRODE", "V": "Role.DRIVE, Role.ELECTRODE", "W": "Role.DRIVE, Role.ULTRASOUND",
     "K": _TEMPERATURE, "N": "Role.FORCE_ON_OPERATOR", "Pa": "Role.PRESSURE, Role.ULTRASOUND",
     "W/m^2": "Role.DRIVE, Role.ULTRASOUND", "N*m": "Role.FORCE_ON_OPERATOR", "A*s": "Role.ELECTRODE",
     "A/m^2": "Role.ELECTRODE", "V/m": "Role.ELECTRODE",
 }  # fmt: skip
-#: The same by dimension: a part or a multiple of a unit hurts as well.
+#: The same by dimension: a command in a submultiple or a multiple of a unit can hurt as well.
 _DANGERS = {parse_unit(unit).dimension: roles for unit, roles in _DANGEROUS.items()}
-#: What watches a drive: what to write.
+#: What a plugin must declare so that a drive is watched.
 _ADVICE = {
     Role.DRIVE: "declare the temperature of what it heats: temperature(NAME, Role.SKIN_CONTACT_TEMPERATURE)",
     Role.TEMPERATURE_TARGET: "declare what it reaches: temperature(NAME, Role.SKIN_CONTACT_TEMPERATURE)",
@@ -78,7 +78,7 @@ def watched(
     name: str, plugin: str, params: Any, channels: tuple[tuple[Channel, ...], tuple[Channel, ...]],
     limits: DeviceLimits, *, twin: bool,
 ) -> Watched:  # fmt: skip
-    """Return a device as its monitors see it."""
+    """Return the device as its monitors see it."""
     values: dict[str, Any] = dict(limits.table())
     values |= {"speed_near": limits.speed_near, "ramp": limits.ramp}
     values |= {"finger_force": limits.finger_force, "finger_torque": limits.finger_torque}
@@ -94,7 +94,7 @@ def monitors_of(device: Watched, offered: Sequence[type[Monitor]]) -> tuple[Moni
     Raises
     ------
     ValueError
-        If two have one name.
+        If two have the same name, or one names a field in ``moments`` that it does not have.
     """
     found = [*own_monitors(device), *(monitor for kind in offered for monitor in kind.of(device))]
     names = [monitor.name for monitor in found]
@@ -130,7 +130,10 @@ def rules(monitors: Sequence[Monitor]) -> Iterator[Rule]:
 
 
 def supervision_problems(device: Watched, monitors: Sequence[Monitor], place: Place | None) -> Iterator[Problem]:
-    """Find commands whose effect on a person nobody watches: errors on hardware, warnings on twins."""
+    """Find commands whose effect on a person nothing watches, or that are declared wrongly.
+
+    An unmonitored drive is an error on hardware, a warning on a twin.
+    """
     seen = {name for monitor in monitors for name in monitor.watches}
     for channel in device.commands:
         what = f"device '{device.name}': command '{channel.name}' [{channel.unit}]"
@@ -151,7 +154,7 @@ def supervision_problems(device: Watched, monitors: Sequence[Monitor], place: Pl
 
 
 def _danger(channel: Channel) -> str:
-    """Return what a command in its unit may be for, if it can hurt or nobody knows the unit; empty: it can't."""
+    """Return the roles that a command of its unit may have if it can hurt, "unknown" for an unknown one; else empty."""
     try:
         return _DANGERS.get(parse_unit(channel.unit).dimension, "")
     except ValueError:

@@ -1,4 +1,4 @@
-"""From a material's elements to the friction and the effects of each object's surface."""
+"""Friction and effects of each object's surface, made from the elements of its material."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from itouch.world.files import SceneFiles
 
 
 def contact_of(scene: Scene, element: Any, problems: list[Problem]) -> elements.ContactMaterial:
-    """Return how an object resists; one that says nothing of it is a problem."""
+    """Return the contact properties of an object's material; a material without any becomes a problem."""
     material = material_of(scene, element)
     if material is not None and material.contact is not None:
         return material.contact
@@ -27,7 +27,7 @@ def contact_of(scene: Scene, element: Any, problems: list[Problem]) -> elements.
 
 
 def material_of(scene: Scene, element: Any) -> elements.Material | None:
-    """Return an object's material; None if there is none of that name, which the loader has told."""
+    """Return an object's material; None if there is none of that name, which the loader has reported."""
     return next((material for material in scene.materials if material.name == element.material), None)
 
 
@@ -38,7 +38,7 @@ def build_friction(scene: Scene, problems: list[Problem]) -> list[Friction]:
 
 
 def build_effects(scene: Scene, reader: SceneFiles, problems: list[Problem], notices: list[str]) -> tuple[Effects, ...]:
-    """Return what each object's surface adds; objects of the same material share it."""
+    """Return the effects of each object's surface; objects of the same material share them."""
     built: dict[str, Effects] = {}
     for element in scene.objects:
         material = material_of(scene, element)
@@ -68,7 +68,7 @@ def _effects(
 def _texture(
     scene: Scene, material: elements.Material, reader: SceneFiles, problems: list[Problem], notices: list[str]
 ) -> Texture | None:
-    """Read a height map; the flanks of a steep one are smoothed, which is said."""
+    """Read a height map; the flanks of a steep one are smoothed, with a notice."""
     texture = material.texture
     if texture is None:
         return None
@@ -99,7 +99,7 @@ def _texture(
 
 
 def _check(scene: Scene, material: elements.Material, problems: list[Problem]) -> None:
-    """Find vibrations that the loop is too slow for, and magnets that reach beyond what a probe looks for."""
+    """Find vibrations too fast for the loop, magnets that reach beyond a probe's ``near``, and too many layers."""
     buzz, magnet = material.vibration, material.magnetic
     if material.softness is not None and not 1 <= len(material.softness.layers) <= MAX_LAYERS:
         sentence = f"<softness> has {len(material.softness.layers)} layers; 1 to {MAX_LAYERS} are possible"

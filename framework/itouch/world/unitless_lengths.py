@@ -1,4 +1,4 @@
-"""Lengths without a unit that are metres, and hardly meant so: ``size="60 60 20"`` is a box of 60 metres."""
+"""Lengths without a unit, which are metres but hardly meant so: ``size="60 60 20"`` is a box of 60 metres."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 from itouch.scene import Scene
 from itouch.schema import Place, Problem
 
-#: A length beyond this [m] within a scene for a finger is asked for, if no unit stands at it.
+#: A length above this [m], large for a scene for a finger, gives a warning if it has no unit.
 LARGE = 1.5
-#: What of an object is a length.
+#: Attributes of an object that are lengths.
 _LENGTHS = ("size", "radius", "length", "pos")
 
 

@@ -1,1 +1,1 @@
-"""The carried surface of one probe in a tick: what is below the finger, who renders it, and what each of them does."""
+"""The carried surface of one probe in a tick: what is below the finger, who renders it, and what arm and plate do."""

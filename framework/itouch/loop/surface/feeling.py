@@ -1,4 +1,4 @@
-"""With what force a contact is felt: that of the plate where it is there, else the virtual one."""
+"""The force with which a contact is felt: that of the plate where it is present, else the virtual one."""
 
 from __future__ import annotations
 
@@ -21,20 +21,21 @@ from itouch.loop.surface.memory import (
 
 Floats = NDArray[np.float64]
 
-#: How long [s] the virtual force stands for one that is not felt yet, and in which time it is blended into the other.
+#: How long [s] the virtual force stands in for a plate that is not felt yet, and in what time it blends into the
+#: plate's.
 WAIT, BLEND = 0.080, 0.020
-#: Least force [N] that a contact is said to be felt with.
+#: Least felt force [N] of a contact that the plate renders.
 LEAST = 1e-3
 
 
 @kernel
 def feel(c: Floats, figures: Floats, memory: Floats, load: float, touching: bool) -> None:
-    """Say with what force [N] the finger feels the contact: the plate's where the plate renders, else the virtual one.
+    """Write with what force [N] the finger feels the contact: the plate's where the plate is present, else the virtual.
 
-    At first it is the virtual one, until the plate is felt, and then it is blended into the other.
+    Until the plate is felt it is the virtual force, which is then blended into the plate's.
 
     ``c`` (CONSTANTS,) and ``figures`` (FIGURES,), ``memory`` (MEMORY,) of the surface; ``load``: the force that the
-    plate reads [N].
+    plate reads [N]; a finger that presses makes it negative.
     """
     if not touching:
         memory[PRESSED] = memory[FELT] = memory[FELT_WEIGHT] = memory[FELT_FORCE] = 0.0
@@ -55,10 +56,10 @@ def feel(c: Floats, figures: Floats, memory: Floats, load: float, touching: bool
 
 @kernel
 def linger(c: Floats, memory: Floats, load: float, touching: bool, time: float) -> None:
-    """Remember for how long the plate was felt at most after a virtual contact had ended [s], and when that was.
+    """Remember the longest time [s] for which the plate was felt after a virtual contact had ended, and when that was.
 
-    ``c`` (CONSTANTS,), ``memory`` (MEMORY,) of the surface; ``load``: the force that the plate reads [N]; ``time`` of
-    the tick [s].
+    ``c`` (CONSTANTS,), ``memory`` (MEMORY,) of the surface; ``load``: the force that the plate reads [N], negative when
+    pressed; ``time`` of the tick [s].
     """
     if touching:
         memory[LINGERS] = 0.0

@@ -1,8 +1,8 @@
-"""What the arm gives of a contact's force: where a plate renders the contact, only what the plate does not.
+"""The arm's part of a contact's force: where a plate renders the contact, only what the plate does not give.
 
-No force is given twice, and arm and plate together never push harder than the scene allows.  Where the contact goes
-over from one to the other, the sum of both changes in small steps: what the plate's force does is seen in its reading,
-and the arm's follows it.
+No force is given twice, and arm and plate together never push harder than the scene allows.  While the contact is
+handed over from one to the other, the sum of both changes in small steps: the plate's force is measured, and the arm's
+force follows it.
 """
 
 from __future__ import annotations
@@ -50,28 +50,31 @@ from itouch.twin.frame_rotation import turned_in, turned_out
 
 Floats = NDArray[np.float64]
 
-#: Greatest change a tick [N] of the normal force that the arm takes over or gives back.
+#: Greatest change per tick [N] of the normal force that the arm takes over or gives back.
 HAND_STEP = 0.03
-#: Greatest change a tick [N] of the sum of arm and plate while the contact goes over from one to the other.
+#: Greatest change per tick [N] of the sum of arm and plate while the contact is handed over from one to the other.
 STEP = 0.065
-#: The same just before the plate is felt, and as it sets out or turns round: what its force does then is not seen
-#: coming.
+#: The same just before the plate is felt, and while it sets out or turns round: how its force changes then cannot be
+#: foreseen.
 FIRST_STEP = 0.02
-#: For how long [s] it is still led after the plate has come or gone.
+#: For how long [s] the sum is still kept to such steps after the plate has come or gone.
 AFTER = 0.05
-#: For how long the plate sets out or turns round after a change [s].
+#: For how long [s] the plate sets out or turns round after a change of hands.
 SETS_OUT = 0.005
 #: How near the plate is to the finger when it may be felt in the next tick [m].
 SOON = 1e-4
-#: How much less than the virtual force it may change by where that itself changes quickly [N]: the plate adds to it.
+#: How much less per tick than a quickly changing virtual force the sum may change [N]: the plate adds to it.
 BELOW = 0.02
-#: What that sum stays below the scene's limit [N], because the plate's force is known a tick late.
+#: How far the sum stays below the scene's limit [N], because the plate's force is known a tick late.
 SPARE = 0.06
 
 
 @kernel
 def _part(c: Floats, figures: Floats, memory: Floats, normal: float, pressed: float, touching: bool) -> float:
-    """Return the part of the normal force [N] that the arm gives: what the plate does not, and no force twice."""
+    """Return the arm's share of the normal force, 0 to 1: what the plate does not give, so that no force acts twice.
+
+    ``normal`` and ``pressed``: virtual normal force and the plate's measured force [N].
+    """
     wanted = 1.0
     if touching and c[HAS_TABLE] > 0.0 and memory[RENDERS] > 0.0:
         wanted = min(1.0, max(0.0, figures[PLATE_GAP] / HAND_OVER))
@@ -85,13 +88,13 @@ def _part(c: Floats, figures: Floats, memory: Floats, normal: float, pressed: fl
     if touching and normal > 0.0 and share > 0.0:
         felt = max(0.0, pressed - NOTHING) * along_plate(c, figures[NORMAL : NORMAL + 3])
         share = min(share, max(0.0, 1.0 - felt / normal))
-        memory[SHARE] = max(share, min(memory[SHARE], wanted))  # it goes on from what it is
+        memory[SHARE] = max(share, min(memory[SHARE], wanted))  # the next tick goes on from what it really is
     return float(share)
 
 
 @kernel
 def _still_changes(c: Floats, memory: Floats, touching: bool) -> bool:
-    """Tell whether the contact still goes over from one to the other; one that ends is led for one more tick."""
+    """Tell whether the contact is still handed over between arm and plate; one that ends is so for one more tick."""
     left = memory[CHANGING]
     if left <= 0.0:
         return False
@@ -103,14 +106,14 @@ def _still_changes(c: Floats, memory: Floats, touching: bool) -> bool:
 
 @kernel
 def _within(c: Floats, memory: Floats, force: Floats, most: float) -> None:
-    """Cut a force (3,) to what the plate leaves of the limit; the limit comes back in small steps."""
+    """Cut a force (3,) to ``most`` [N], what the plate leaves of the limit; the limit comes back in small steps."""
     memory[CUT] = max(c[FORCE_LIMIT] - max(0.0, most), memory[CUT] - 2.0 * HAND_STEP, 0.0)
     _shorten(force, c[FORCE_LIMIT] - memory[CUT])
 
 
 @kernel
 def _shorten(force: Floats, most: float) -> None:
-    """Make a force (3,) no larger than so many newtons; nothing is left where that is less than none."""
+    """Shorten a force (3,) to at most ``most`` [N]; to zero where that is negative."""
     size, most = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2), max(0.0, most)
     if size > most:
         for i in range(3):
@@ -119,9 +122,9 @@ def _shorten(force: Floats, most: float) -> None:
 
 @kernel
 def _lead(c: Floats, sent: Floats, force: Floats, rise: float, step: float) -> bool:
-    """Bring a force (3,) so near to the one sent last that the sum with the plate's, which rises, changes little.
+    """Bring a force (3,) near enough to the one sent last that its sum with the plate's changes by at most a step [N].
 
-    Return whether it is not what it was to be.
+    ``rise``: change of the plate's force in this tick [N].  Return whether the force had to be changed for that.
     """
     before, change = np.empty(3), np.empty(3)
     before[0], before[1], before[2] = turned_out(c, ARM, sent[0], sent[1], sent[2])
@@ -138,7 +141,7 @@ def _lead(c: Floats, sent: Floats, force: Floats, rise: float, step: float) -> b
 
 @kernel
 def _anew(memory: Floats, begin: int, force: Floats) -> float:
-    """Remember a force (3,) from a place of the memory on, and return by how much it has changed in a tick [N]."""
+    """Store a force (3,) in the memory from index ``begin`` on, and return how much it has changed in this tick [N]."""
     square = 0.0
     for i in range(3):
         square += (force[i] - memory[begin + i]) ** 2
@@ -148,7 +151,7 @@ def _anew(memory: Floats, begin: int, force: Floats) -> float:
 
 @kernel
 def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Floats, load: float, touching: bool) -> None:
-    """Command the arm: where the plate renders the contact, the normal part only as far as the plate does not give it.
+    """Command the arm; where the plate renders the contact, only that part of the normal force which it does not give.
 
     Parameters
     ----------
@@ -169,7 +172,7 @@ def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Float
     pressed = max(0.0, -load)
     rise = pressed - memory[LOAD] if c[HAS_LOAD] > 0.0 else 0.0
     if memory[LOAD] <= NOTHING:
-        # What a sensor reads of nothing does not rise; the pad's damping gives a force at once, and only once.
+        # What a sensor reads without a touch is no rise; the pad's damping gives a force at once, and only once.
         rise = min(rise, HAND_STEP) if pressed > NOTHING else 0.0
     memory[LOAD] = pressed
     along *= 1.0 - _part(c, figures, memory, along, pressed, touching)
@@ -183,18 +186,18 @@ def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Float
         _within(c, memory, force, c[FORCE_LIMIT] - (pressed + spare if near else 0.0))
     own, virtual = _anew(memory, WANTED, force), _anew(memory, VIRTUAL, figures[CONTACT_FORCE : CONTACT_FORCE + 3])
     if memory[RENDERS] > 0.0 and memory[PRESSED] > AFTER and own > virtual + HAND_STEP:
-        memory[CHANGING] = max(memory[CHANGING], AFTER)  # the plate gives another part, as where the normal jumps
+        memory[CHANGING] = max(memory[CHANGING], AFTER)  # the plate's part has changed, as where the normal jumps
     if _still_changes(c, memory, touching):
         unseen = (abs(depth) < SOON and pressed < NOTHING) or memory[CHANGING] > LED - SETS_OUT
         step = FIRST_STEP if unseen else STEP
         if memory[CHANGING] <= AFTER and memory[SETTLED] > 0.0:
-            # What goes on between two surfaces is over: friction that turns round is not to be followed late.
+            # The handover is over: friction that reverses must not be followed late.
             step = max(step, max(virtual, memory[STIRS], memory[STIRS + 1]) - BELOW)
         if memory[CHANGING] <= AFTER and memory[SHARE] >= 1.0 and memory[CUT] <= 0.0 and depth < -ABOUT:
             step = max(
                 step, 1.1 * own
-            )  # the plate is away since long: it may do what the virtual force does, and catch up
-        if _lead(c, sent, force, rise, step):  # it is led on until it is there
+            )  # the plate has long been away: the arm's force may follow the virtual one, and catch up with it
+        if _lead(c, sent, force, rise, step):  # it goes on in steps until it has arrived
             memory[CHANGING] = max(memory[CHANGING], c[PERIOD])
         _shorten(force, c[FORCE_LIMIT] - memory[CUT])
     memory[STIRS + 1], memory[STIRS] = memory[STIRS], virtual

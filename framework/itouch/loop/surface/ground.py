@@ -1,4 +1,4 @@
-"""The virtual surface below a finger: how high, how steep, and how its height changes as the finger goes on."""
+"""The virtual surface below a finger: its height, its slope, and how its height changes as the finger moves on."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ Floats = NDArray[np.float64]
 
 #: How far below the finger a surface is looked for [m].
 REACH = 0.2
-#: Time constant with which the finger's speed is smoothed, as its height is: an arm reads in steps [s].  The slope is
-#: not: where that jumps from one face to the next, the speed of the height jumps.
+#: Time constant [s] with which the finger's speed is smoothed, as its height is: an arm reads in steps.  The slope is
+#: not smoothed: where it jumps from one face to the next, the speed of the height jumps, too.
 SMOOTHLY = 0.005
-#: How far ahead of the finger the slope is looked at [s], or the ticks that are nearest to that, one at least: what
-#: carries a plate needs that to change its speed.
+#: How far ahead of the finger [s] the slope is looked at, rounded to whole ticks, one at least: the device that carries
+#: a plate needs this time to change its speed.
 AHEAD = 0.003
-#: How near above a surface that is looked at [m], and how far it must be ahead to be another one [m].
+#: How near above a surface the finger must be for that [m], and how far ahead a place must be to be another one [m].
 NEAR, ELSEWHERE = 2e-3, 1e-5
-#: Cosine of the steepest slope whose change of height is reckoned with: no plate renders a steeper one.
+#: Cosine of the steepest slope whose change of height is followed: no plate renders a steeper one.
 STEEPEST = 0.3
-#: What is found so far below the touched surface [m] is another one: the finger has been pressed past that.
+#: A surface found this far below the touched one [m] is another one: the finger has been pressed past the touched one.
 PAST = 1e-3
 
 
@@ -46,24 +46,24 @@ def find(
     c: Floats, world: Floats, mesh: Any, poses: Floats, twists: Floats, figures: Floats, memory: Floats, down: Floats,
     normal: Floats, start: Floats,
 ) -> int:  # fmt: skip
-    """Find the highest virtual surface below the finger, also where it is pressed through the one that it touches.
+    """Find the highest virtual surface below the finger, even where the finger is pressed through the one it touches.
 
     Parameters
     ----------
     c
         Constants of the probe, shape (CONSTANTS,).
     world, mesh, poses, twists
-        The objects; see ``itouch.contact``.  One that moves takes its surface along.
+        The objects; see ``itouch.contact``.  A moving object takes its surface along.
     figures, memory
         The probe's part of State, and that of the carried surface.
     down, normal, start
-        The direction downwards, and room for a normal and a place, shape (3,): memory that is asked for in each tick
-        costs more than what is done with it.
+        The direction downwards, and room for a normal and a point, shape (3,): to allocate memory in each tick would
+        cost more than the computation.
 
     Returns
     -------
     int
-        Whose surface it is, -1 for nobody's.
+        Index of the object whose surface it is, -1: none.
     """
     figures[SURFACE_HEIGHT], memory[UPRIGHT], memory[CLIMB] = -np.inf, 1.0, 0.0
     memory[TURNS] = memory[HASTENS] = 0.0
@@ -76,9 +76,9 @@ def find(
     distance, hit = sphere_cast(world, mesh, poses, start, down, c[RADIUS], REACH, normal)
     above = _past(figures, distance)
     if above > PAST:
-        # Nothing stops a hand but a few newtons: it may be beyond a thin object, or far inside one, which it touches
-        # from above all the same.  From in there a cast would find nothing, or what is further below.
-        above += PAST  # well clear of it: what just touches is taken for either
+        # Only a few newtons stop a hand: it may be beyond a thin object, or far inside one, which it still touches from
+        # above.  From in there a cast would find nothing, or what is further below.
+        above += PAST  # well clear of it: a sphere that just touches may count as either
         start[2] += above
         held, touched = sphere_cast(world, mesh, poses, start, down, c[RADIUS], REACH, normal)
         if touched >= 0:
@@ -104,7 +104,7 @@ def find(
 
 @kernel
 def _nothing(memory: Floats, hit: int) -> int:
-    """Forget slope and speed of a surface: there is none, or one on which no plate is; return what is hit."""
+    """Forget slope and speed of the surface: there is none, or one too steep for a plate; return what is hit."""
     memory[LIFTS] = memory[SLOPE] = memory[SLOPE + 1] = 0.0
     return int(hit)
 
@@ -114,12 +114,12 @@ def _slope_ahead(
     c: Floats, world: Floats, mesh: Any, poses: Floats, memory: Floats, start: Floats, down: Floats, normal: Floats,
     x: float, y: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """Return how steep the surface is in x and y where the finger will be soon: faces of a mesh meet in a kink.
+    """Return the slope of the surface in x and y where the finger will be soon: faces of a mesh meet in a kink.
 
-    What no plate renders there does not count: it is as if it went on as it was.
+    Where a plate would not render the surface there, the slope stays as it was.
 
-    All as in `find`; ``start`` (3,): from where the surface was found; it and ``normal`` are written; ``x``, ``y``: how
-    steep it is here [1].
+    Arguments as in `find`; ``start`` (3,): the point from which the surface was found; it and ``normal`` are written;
+    ``x``, ``y``: the slope here [1].
     """
     ahead = max(1.0, np.rint(AHEAD / c[PERIOD])) * c[PERIOD]
     u, v = ahead * memory[GOES], ahead * memory[GOES + 1]
@@ -134,7 +134,7 @@ def _slope_ahead(
 
 @kernel
 def _past(figures: Floats, distance: float) -> float:
-    """Return how far the finger is below the plane that it touches from above [m]; 0: what it has found is that.
+    """Return how far the finger is below the plane that it touches from above [m]; 0: the surface found is that plane.
 
     ``figures`` (FIGURES,); ``distance``: how far below the finger a surface was found [m].
     """
@@ -151,7 +151,7 @@ def _past(figures: Floats, distance: float) -> float:
 def _rises(
     c: Floats, poses: Floats, twists: Floats, hit: int, figures: Floats, distance: float, normal: Floats
 ) -> float:  # fmt: skip
-    """Return how fast the surface that is hit moves along its normal [m/s], where the finger would rest on it."""
+    """Return how fast the surface that was hit moves along its normal [m/s], where the finger would rest on it."""
     x = figures[HIP] - c[RADIUS] * normal[0] - poses[hit, 0]
     y = figures[HIP + 1] - c[RADIUS] * normal[1] - poses[hit, 1]
     z = figures[HIP + 2] - distance - c[RADIUS] * normal[2] - poses[hit, 2]

@@ -1,6 +1,6 @@
-"""The plate of a carried surface: where its top is, and how high it may go that it presses no harder than it may.
+"""The plate of a carried surface: where its top is, and how high it may go without pressing harder than it may.
 
-Where it goes is said by whoever carries it; what is here holds for all of them.
+The modality that carries the plate decides where it goes; what is here holds for all such modalities.
 """
 
 from __future__ import annotations
@@ -32,26 +32,26 @@ Floats = NDArray[np.float64]
 
 #: How fast the plate yields above its greatest force [m/s per N], and how fast it comes back [m/s].
 YIELD_RATE, YIELD_RETURN = 0.02, 0.005
-#: What two ways of reckoning one height may differ by [m].
+#: By how much two ways of computing one height may differ [m].
 ROUNDING = 1e-12
-#: How far ahead a plate's force is seen, for a table needs time [s].
+#: How far ahead a plate's force is predicted [s], because a table needs time to move.
 AHEAD = 0.008
-#: Time constant [s] with which it is seen that a plate is felt sooner or later than its height says.
+#: Time constant [s] with which it is learned that a plate is felt sooner or later than its height says.
 SETTLE = 0.02
 #: Time constant with which the plate's own speed is smoothed [s].
 SMOOTHLY = 0.003
-#: Gains of the filter on the finger's height, a g-h filter that forgets in about 5 ms (Benedict and Bordner 1962);
-#: and the difference from which on it begins anew [m].
+#: Gains of the g-h filter on the finger's height, which forgets in about 5 ms (Benedict and Bordner 1962), and the
+#: difference from which on it begins anew [m].
 G, H, LOST = 0.3, 0.3**2 / (2.0 - 0.3), 2e-3
-#: How fast the force of a plate that safety takes away goes from the finger [N/s]: the arm's has to follow it.
+#: How fast the force of a plate that safety takes away decreases [N/s]: the arm's has to follow it.
 LETS_GO = 25.0
-#: How far below the finger one that measures no force is felt no more, whatever its height is off [m].
+#: How far below the finger a plate that measures no force is surely no longer felt, however wrong its height [m].
 CLEAR_OF = 1.5e-3
 
 
 @kernel
 def _smooth(c: Floats, memory: Floats, lowest: float) -> None:
-    """Follow the finger's lowest point: an arm's reading goes in steps, and no plate should."""
+    """Smooth the height of the finger's lowest point: an arm reads in steps, which the plate must not follow."""
     ahead = memory[LEVEL] + memory[SINK] * c[PERIOD]
     off = lowest - ahead
     if abs(off) > LOST:
@@ -65,8 +65,8 @@ def _smooth(c: Floats, memory: Floats, lowest: float) -> None:
 def foresee(c: Floats, table: Floats, figures: Floats, memory: Floats, load: float) -> None:
     """Follow the finger's lowest point, and how much deeper it seems to be in the plate than the force explains.
 
-    ``c`` (CONSTANTS,), ``figures`` (FIGURES,), ``memory`` (MEMORY,) of the surface; ``table`` (7,): what its device
-    reads of its pose [m; quaternion], whatever else is said of it; ``load``: what it reads of the force on it [N].
+    ``c`` (CONSTANTS,), ``figures`` (FIGURES,), ``memory`` (MEMORY,) of the surface; ``table`` (7,): the device's own
+    reading of its pose [m; quaternion], whatever a modality says; ``load``: its reading of the force on it [N].
     """
     _smooth(c, memory, figures[HIP + 2] - c[RADIUS])
     pressed = max(0.0, -load)
@@ -79,7 +79,7 @@ def foresee(c: Floats, table: Floats, figures: Floats, memory: Floats, load: flo
 
 @kernel
 def _yield(c: Floats, figures: Floats, pressed: float) -> float:
-    """Give way while the plate presses harder than it may."""
+    """Return how far the plate yields [m]: more while it presses harder than it may, less again afterwards."""
     limit, given = c[PLATE_LIMIT], figures[PLATE_YIELD]
     if pressed > limit:
         given += YIELD_RATE * (pressed - limit) * c[PERIOD]
@@ -91,10 +91,10 @@ def _yield(c: Floats, figures: Floats, pressed: float) -> float:
 
 @kernel
 def move(c: Floats, memory: Floats, before: float, now: float) -> None:
-    """Follow how fast the plate goes up or down by itself: as the surface does that it stands for.
+    """Follow how fast the plate goes up or down: as fast as the virtual surface that it renders.
 
-    Where it does not render there may be no such surface, as off a rim: then it is as fast as it is.  A limit that
-    jumped at a change of hands would be felt.
+    Where it does not render there may be no such surface, as beyond a rim: then its own speed is taken.  It is smoothed
+    because a limit that jumped at a change of hands would be felt.
 
     ``c`` (CONSTANTS,), ``memory`` (MEMORY,) of the surface; ``before`` and ``now``: its height a tick ago, and now [m].
     """
@@ -104,9 +104,9 @@ def move(c: Floats, memory: Floats, before: float, now: float) -> None:
 
 @kernel
 def _bearable(c: Floats, memory: Floats) -> float:
-    """Return the greatest height [m] to which the plate may go, so that it presses no harder than it may.
+    """Return the greatest height [m] to which the plate may go without pressing harder than it may.
 
-    A finger that comes down takes the plate with it: the table is told ahead of time where it will be.
+    A finger that comes down takes the plate with it: the table is told ahead of time where the finger will be.
     """
     soon = memory[LEVEL] + min(0.0, memory[SINK] - min(0.0, memory[RISES])) * AHEAD
     most = min(c[PLATE_LIMIT], c[FORCE_LIMIT] - ROOM)
@@ -115,10 +115,10 @@ def _bearable(c: Floats, memory: Floats) -> float:
 
 @kernel
 def top(c: Floats, pose: Floats) -> float:
-    """Return the height of the plate's top [m] in the world if its carrier has a pose (7,).
+    """Return the height of the plate's top [m] in the world for a pose (7,) of its device.
 
-    That is where the lowest point of a finger is that touches it: on one that is mounted at an angle, a little above
-    the point of the plate below the finger.
+    It is the height of the lowest point of a finger that touches the plate: on a plate mounted at an angle, that is a
+    little above the point of the plate below the finger.
     """
     _, _, z = turned_out(c, TABLE, pose[0] + c[OFFSET], pose[1] + c[OFFSET + 1], pose[2] + c[OFFSET + 2])
     return float(z + c[TABLE + 2] + beside(c[RADIUS], c[TABLE + 11]))
@@ -126,12 +126,12 @@ def top(c: Floats, pose: Floats) -> float:
 
 @kernel
 def leave(c: Floats, memory: Floats, goal: Floats, sent: Floats, pressed: float) -> float:
-    """Return how low [m] a plate that is taken away goes in this tick, along its device's third axis.
+    """Return how low [m] a plate that safety takes away may go in this tick, along its device's third axis.
 
-    It leaves the finger slowly, however the finger moves, and never comes up; -inf: it is clear of it.
+    It leaves the finger slowly, however the finger moves, and never comes up; -inf: it is clear of the finger.
 
-    ``c`` (CONSTANTS,), ``memory`` (MEMORY,) of the surface; ``goal`` and ``sent`` (7,): where its device was to go, and
-    was sent last [m; quaternion]; ``pressed``: the force on it now [N].
+    ``c`` (CONSTANTS,), ``memory`` (MEMORY,) of the surface; ``goal`` and ``sent`` (7,): its device's command, and the
+    pose sent last [m; quaternion]; ``pressed``: the force on it now [N].
     """
     last = top(c, sent)
     if pressed < LEFT and last - memory[LEVEL] < (0.0 if c[HAS_LOAD] > 0.0 else -CLEAR_OF):
@@ -142,9 +142,9 @@ def leave(c: Floats, memory: Floats, goal: Floats, sent: Floats, pressed: float)
 
 @kernel
 def stray(figures: Floats, sent: Floats, table: Floats) -> None:
-    """Write how far what carries a surface is from where it was sent; poses (7,).
+    """Write how far the device of a surface is from where it was sent [m].
 
-    ``figures`` (FIGURES,); ``sent`` and ``table`` (7,) [m; quaternion].
+    ``figures`` (FIGURES,); ``sent`` and ``table`` (7,): the pose sent last, and the one read [m; quaternion].
     """
     square = 0.0
     for i in range(3):
@@ -154,10 +154,11 @@ def stray(figures: Floats, sent: Floats, table: Floats) -> None:
 
 @kernel
 def spare(c: Floats, figures: Floats, memory: Floats, goal: Floats, pressed: float, yields: float) -> None:
-    """Lower the goal (7,) of a surface to where it presses no harder than it may (K4), whoever carries it.
+    """Lower the goal (7,) of a surface to where it presses no harder than it may (K4), whichever modality carries it.
 
     ``c`` (CONSTANTS,), ``figures`` (FIGURES,), ``memory`` (MEMORY,) of the surface; ``goal`` (7,) [m; quaternion];
-    ``pressed``: the force on it now [N]; ``yields``: how far it has given way already [m], below 0: not said.
+    ``pressed``: the force on it now [N]; ``yields``: how far the modality's command gives way already [m], below 0: not
+    said.
     """
     if c[HAS_LOAD] > 0.0:
         wanted = top(c, goal)
@@ -167,7 +168,7 @@ def spare(c: Floats, figures: Floats, memory: Floats, goal: Floats, pressed: flo
         elif memory[SETTLED] > 0.0:
             allowed = min(wanted - max(0.0, _yield(c, figures, pressed) - yields), most)
         else:
-            figures[PLATE_YIELD] = 0.0  # what it yielded is in how far it is in the finger
+            figures[PLATE_YIELD] = 0.0  # what it yielded is contained in its depth in the finger
             allowed = min(wanted, most)
         if wanted - allowed > ROUNDING:
             x, y, z = turned_in(c, TABLE, 0.0, 0.0, allowed - wanted)

@@ -1,4 +1,4 @@
-"""What a modality says of the surface that it carries, as the framework remembers it: who renders, what is missed."""
+"""What the framework remembers of what a modality says of its surface: who renders the contact, and what is missed."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from itouch.loop.surface.memory import (
 
 Floats = NDArray[np.float64]
 
-#: After a change of hands the force is led over for so long at least [s].
+#: For how long at least [s] the force is handed over in small steps after arm or plate has taken over the contact.
 LED = 0.3
 
 
 @kernel
 def _miss(memory: Floats, what: float, depth: float, pressed: float, touching: bool, time: float) -> None:
-    """Leave the contact to the arm: the surface is not where its height says."""
+    """Leave the contact to the arm, because the surface is not where its height says."""
     if memory[MISSES] == 0.0:
         memory[MISSED_AT], memory[MISSED_DEPTH], memory[MISSED_LOAD] = time, depth, pressed
     memory[MISSES] += 1.0
@@ -43,7 +43,7 @@ def _miss(memory: Floats, what: float, depth: float, pressed: float, touching: b
 
 @kernel
 def miss(c: Floats, figures: Floats, memory: Floats, said: float, pressed: float, touching: bool, time: float) -> None:
-    """Remember why a surface renders no more, as who carries it says it; T4 has the last word.
+    """Remember why a surface no longer renders, as its modality says; a withdrawal by safety (T4) overrules it.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def miss(c: Floats, figures: Floats, memory: Floats, said: float, pressed: float
     said
         LOW, HIGH, or 0: nothing is wrong.
     pressed
-        What the table reads of the force on it [N].
+        Force with which the finger presses on the table [N].
     touching, time
         Whether there is a virtual contact, and the time of the tick [s].
     """
@@ -70,10 +70,10 @@ def miss(c: Floats, figures: Floats, memory: Floats, said: float, pressed: float
 def take_over(
     c: Floats, memory: Floats, renders: bool, present: bool, away: float, coming: float, touching: bool
 ) -> None:  # fmt: skip
-    """Remember who renders a contact, as who carries the surface says it, ``away`` from the finger [m].
+    """Remember who renders a contact, as the surface's modality says.
 
-    ``c`` (CONSTANTS,), ``memory`` (MEMORY,) of the surface; ``coming``: how far it is still to come or to go [m], below
-    0: not said.  What is missed, or withdrawn, renders nothing.
+    ``c`` (CONSTANTS,), ``memory`` (MEMORY,) of the surface; ``away``: its distance from the finger [m]; ``coming``: how
+    far it has still to come or to go [m], below 0: not said.  A surface that is missed or withdrawn renders nothing.
     """
     renders = renders and memory[MISSED] == 0.0
     if touching and memory[PRESSED] > 0.0 and renders != (memory[RENDERS] > 0.0):
