@@ -211,7 +211,7 @@ def _marks(stream: Any, path: str, listed: list[tuple[float, dict[str, Any] | No
 
 
 def _vector(arrow: dict[str, Any]) -> list[float]:
-    """Return the vector from an arrow's start to its end: the schema's arrows point along the x axis of their pose."""
+    """Return the vector from an arrow's start to its end; the schema's arrows point along the x axis of their pose."""
     length = arrow["shaft_length"] + arrow["head_length"]
     pose = np.array(_numbers(arrow["pose"] or {}))
     return np.asarray(poses.transform(pose, np.array([length, 0.0, 0.0])) - pose[:3]).tolist()  # type: ignore[no-any-return]
@@ -270,7 +270,7 @@ def blueprint(tracks: Iterable[Track]) -> Any:
         if column.unit and not column.name.startswith("command.")
     ))[:PANELS]  # fmt: skip
     shown = [{"K": "degC"}.get(unit, unit) for unit in units]
-    legend = rrb.PlotLegend(visible=False)  # it would hide the curves; a curve's name is shown when it is pointed at
+    legend = rrb.PlotLegend(visible=False)  # it would hide the curves, whose names are shown at the mouse anyway
     panels = [
         rrb.TimeSeriesView(origin=f"/curves/{_part(unit)}", name=f"[{unit}]", plot_legend=legend) for unit in shown
     ]
