@@ -130,7 +130,7 @@ def modes(samples: Samples, count: int) -> list[tuple[float, float, float]]:
 
 
 def strokes() -> Iterator[tuple[str, Samples, int]]:
-    """Strike each of the four materials in one session; yield name, the half second after the stroke, and mode count."""
+    """Strike each of the four materials in one session; yield its name, 0.5 s of sound, and its number of modes."""
     names = list(MATERIALS)
     boxes, motion = [], []
     for index, name in enumerate(names):
