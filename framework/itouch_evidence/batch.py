@@ -45,7 +45,7 @@ def _ticks(session: Session) -> int:
 
 
 def _run(model: Model, count: int, seconds: float | None, workers: int) -> tuple[float, float]:
-    """Run so many sessions; return sessions per second, and simulated seconds per second."""
+    """Run ``count`` sessions; return sessions per second, and simulated seconds per second."""
     begin = now()
     ticks = batch(model, seeds=range(count), until=seconds, collect=_ticks, workers=workers)
     spent = now() - begin

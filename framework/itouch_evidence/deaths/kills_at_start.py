@@ -233,7 +233,7 @@ def cases(count: int, seed: int) -> Iterator[tuple[str, float, bool]]:
 
 
 def campaign(count: int, seed: int, *, tell: bool, keep: str | None = None) -> list[Kill]:
-    """Kill so many times, without those kept in a file already; print the results, and return all that are kept."""
+    """Kill ``count`` times, except where the result is kept already; print the results, and return all kept ones."""
     kept, new = Kept(keep), 0
     for number, (victim, after, running) in enumerate(cases(count, seed)):
         if (seed, number) in kept:

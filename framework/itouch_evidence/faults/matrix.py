@@ -22,7 +22,7 @@ KINDS = tuple(kind for kind in Kind if kind is not Kind.NONE)
 class Cell:
     """The result of one fault, or of two: which trip stopped it, after what time, and which limits the truth broke.
 
-    ``told`` is whether the report names the faults, ``cause`` what it says of the trip; times are in [s].
+    ``told`` says whether the report names the faults, ``cause`` what it says of the trip; times are in [s].
     """
 
     faults: tuple[tuple[str, str], ...]

@@ -16,7 +16,7 @@ from itouch.schema import ItouchError
 from itouch.schema.diagnostics import Problem
 from itouch_tools.authoring.fixes import mended
 
-#: So many times a text is mended and examined again: what is inside a misspelt element is seen only then.
+#: Most rounds of fixing and checking again: what is inside a misspelt element is only seen once that is fixed.
 _ROUNDS = 10
 
 
@@ -35,7 +35,7 @@ class Fixed:
 
 
 def fixed(path: str, examine: Callable[[str], Sequence[Problem]]) -> Fixed | None:
-    """Mend a copy of a scene in its folder until no more can be mended; None if there is nothing to mend.
+    """Fix a copy of a scene in its folder until nothing more can be fixed; None if there is nothing to fix.
 
     A change after which there are more errors than before is dropped, unless it mended an element: the errors inside
     that element could not be seen before.

@@ -21,7 +21,7 @@ from itouch_tools.sound.synth import Synth
 
 #: Samples in a block: 10 ms, in which this thread must get its turn beside the window's.
 BLOCK = RATE // 100
-#: The output's latency is read once in so many blocks.
+#: After how many blocks the output's latency is read again.
 _LOOK = 8
 #: How far ahead of real time [s] an output may be fed.
 _AHEAD = 0.25
@@ -47,7 +47,7 @@ class Speaker:
         self._lock, self._closing = threading.Lock(), threading.Event()
         #: Whether nothing can be heard: because it was started mute, or because there is no card.
         self.muted = mute
-        #: Whether a person has turned the sound off; it goes on unheard, and is heard again from where it is by then.
+        #: Whether a person has muted the sound; it goes on silently, and is heard from its current point when unmuted.
         self.hushed = False
         self._gain = 1.0
         #: Name of the output that plays; empty until it is open.
@@ -61,7 +61,7 @@ class Speaker:
             self._thread.start()
 
     def hear(self, state: Record) -> None:
-        """Take note of a State."""
+        """Receive a State, so that its sound is played."""
         with self._lock:
             self._synth.hear(state)
             self.heard = time.perf_counter()

@@ -64,7 +64,7 @@ class Synth:
         self._stands = round(max(STANDS, 4.0 * model.period) * RATE)
 
     def hear(self, state: Record) -> None:
-        """Take note of a State: new contacts, sliding, faults; not every State need be told."""
+        """Receive a State, with its new contacts, sliding and faults; states may be left out."""
         count, table, tick = int(state["events.count"]), state["events.table"], int(state["tick"])
         if tick != self._last:
             self._last, self._stood = tick, 0

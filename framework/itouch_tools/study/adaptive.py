@@ -56,7 +56,7 @@ class Staircase:
     prior
         Standard deviation of the prior of the threshold [unit of the level].
     trials, reversals
-        The procedure ends after so many trials, the up-down procedure also after so many reversals.
+        The procedure ends after ``trials`` trials, the up-down procedure also after ``reversals`` reversals.
     """
 
     procedure: Procedure

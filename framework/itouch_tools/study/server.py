@@ -173,7 +173,7 @@ class Door:
             self._events.register(line, selectors.EVENT_READ, caller)
 
     def _make_room(self) -> bool:
-        """Disconnect the caller without a key that has been here longest, so that such callers keep nobody out.
+        """Disconnect the caller without a key that has been here longest, so that such callers do not keep others out.
 
         Tell whether there was one.
         """

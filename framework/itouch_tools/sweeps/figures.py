@@ -28,7 +28,7 @@ def confusion(features: NDArray[np.float64], labels: NDArray[np.intp], count: in
     labels
         What was touched, as numbers from 0, shape (touches,).
     count
-        How many different things there are to touch.
+        Number of different objects that can be touched.
     noise
         Standard deviation of a person's noise, added to each cue; 0: none.
     """

@@ -75,7 +75,7 @@ class Triangles:
 
 
 class Paint:
-    """Coloured vertices that are uploaded anew for each draw: lines and filled triangles of grid and charts."""
+    """Coloured vertices that are uploaded again for each draw: lines and filled triangles of grid and charts."""
 
     def __init__(self, program: Program) -> None:
         self._program = program

@@ -59,7 +59,7 @@ class Playback:
         self._cursor = min(last, max(first, seconds / self.model.period))
 
     def step(self, ticks: int) -> None:
-        """Pause, and move on by so many recorded ticks (back if negative)."""
+        """Pause, and move on by ``ticks`` recorded ticks (back if negative)."""
         self.line.playing = False
         row = int(np.searchsorted(self._reel.ticks, np.floor(self._cursor), side="right")) - 1 + ticks
         self._cursor = float(self._reel.ticks[min(len(self._reel.ticks) - 1, max(0, row))])

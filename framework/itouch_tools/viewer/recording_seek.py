@@ -84,7 +84,7 @@ class SeekableRecording:
         return {row: letter for row, letter in sorted(found.items()) if row < len(self.ticks)}
 
     def _tap(self, tick: int) -> None:
-        """Take note of a tick that was replayed; also called within the safe sequence."""
+        """Note a tick that was replayed; also called within the safe sequence."""
         row = self._replay.feed.at - 1
         if row < 0 or int(self.ticks[row]) != tick:
             return

@@ -65,7 +65,7 @@ class Curves(Protocol):
     charts: tuple[Chart, ...]
 
     def add(self, state: Record) -> None:
-        """Take note of a State."""
+        """Add the values of a State."""
 
     def curves(self, chart: Chart) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the times [s], shape (n,), and the values, shape (signals, n), of the last seconds, oldest first."""

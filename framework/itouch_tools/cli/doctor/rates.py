@@ -77,7 +77,7 @@ def _over(own: int, late: int, taken: int) -> str:
 def rates(scene: Scene, seconds: float, *, beside: int = 0) -> Iterator[Held]:
     """Yield the measurement of each rate, run for some seconds; one that does not suit the scene has a ``problem``.
 
-    With ``beside`` > 0 so many processes compute at the same time, and a loop that only waits is measured, too.
+    If ``beside`` > 0, that many processes compute at the same time, and a loop that only waits is measured, too.
     """
     with busy(beside):
         for rate in RATES:

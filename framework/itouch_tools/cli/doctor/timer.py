@@ -52,7 +52,7 @@ def beside_the_loop(rate: float, seconds: float, work: float) -> tuple[int, int,
 
 @contextmanager
 def busy(count: int) -> Iterator[None]:
-    """Let so many processes compute while the context lasts."""
+    """Let ``count`` processes compute while the context lasts."""
     processes = [subprocess.Popen([sys.executable, "-c", _BUSY]) for _ in range(count)]
     try:
         yield

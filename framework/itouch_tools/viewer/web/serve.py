@@ -20,7 +20,7 @@ from itouch.world import Model
 from itouch_tools.viewer.web.access import Access, Gate
 from itouch_tools.viewer.web.browser_scene import Scenery
 
-#: Updates a second; the words are renewed once in so many updates; and the niceness of this process.
+#: Updates a second; after how many updates the text is renewed; and the niceness of this process.
 RATE, WORDS, NICE = 30.0, 6, 10
 
 
