@@ -1,7 +1,7 @@
-"""``itouch-py bench batch``: how many sessions per second run here, and what the cores gain over plain computing.
+"""``itouch-py bench batch``: how many sessions per second run here, and how well a batch uses all cores.
 
 The gain of a batch over one worker is compared with that of plain compute loops, in the same run: on a busy machine, or
-where cores share what they compute with, both are less than the number of cores.
+where cores share hardware, both are less than the number of cores.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from itouch.session import Session, load_scene
 from itouch.session.batch import batch
 from itouch.world import Model
 
-#: What part of the gain of plain compute loops a batch must have.
+#: The share of the gain of plain compute loops that a batch must reach.
 SHARE = 0.9
 
 
@@ -32,9 +32,9 @@ def _compute(rounds: int) -> int:
 
 
 def computed(workers: int, rounds: int) -> float:
-    """Return how many loops a second as many processes run."""
+    """Return how many compute loops a second this many processes run."""
     with multiprocessing.get_context("fork").Pool(workers) as pool:
-        pool.map(_compute, [1000] * workers)  # they are there
+        pool.map(_compute, [1000] * workers)  # after this the workers have started
         begin = now()
         pool.map(_compute, [rounds] * workers, chunksize=1)
         return workers / (now() - begin)
@@ -45,7 +45,7 @@ def _ticks(session: Session) -> int:
 
 
 def _run(model: Model, count: int, seconds: float | None, workers: int) -> tuple[float, float]:
-    """Return sessions a second, and simulated seconds a second, of so many sessions."""
+    """Run ``count`` sessions; return sessions per second, and simulated seconds per second."""
     begin = now()
     ticks = batch(model, seeds=range(count), until=seconds, collect=_ticks, workers=workers)
     spent = now() - begin
@@ -53,7 +53,7 @@ def _run(model: Model, count: int, seconds: float | None, workers: int) -> tuple
 
 
 def measure(model: Model, sessions: int, seconds: float | None, rounds: int = 3_000_000) -> dict[str, Any]:
-    """Return sessions a second with one worker and with one a core, and the gains."""
+    """Return sessions per second with one worker and with one per core, and the gains."""
     count = cores()
     one, loop_one = _run(model, sessions, seconds, 1), computed(1, rounds)
     many, loop_many = _run(model, sessions * count, seconds, count), computed(count, rounds)
@@ -91,5 +91,5 @@ def main(argv: Sequence[str]) -> int:
 
 
 def judged(share: float) -> str:
-    """Say what part of the gain of plain loops a batch has, beside what it must have."""
+    """Return a sentence on the share of plain loops' gain that a batch has, beside what it must have."""
     return f"{share:.2f} of that, at least {SHARE:g}{' MISSED' if share < SHARE else ''}"

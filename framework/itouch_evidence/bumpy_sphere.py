@@ -1,4 +1,4 @@
-"""A closed mesh of as many triangles as are asked for, to draw: a sphere with bumps."""
+"""A closed mesh with any number of triangles, to draw: a sphere with bumps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 def bumpy_sphere(triangles: int) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-    """Return vertices [m] and faces of a closed surface of about so many triangles."""
+    """Return vertices (v, 3) [m] and faces (n, 3) of a closed surface of about ``triangles`` triangles."""
     rings = max(4, round((triangles / 4) ** 0.5))
     around = 2 * rings
     polar, azimuth = np.meshgrid(np.linspace(0, np.pi, rings + 1)[1:-1], np.arange(around) * 2 * np.pi / around,

@@ -1,4 +1,4 @@
-"""``itouch-py bench check``: the time of a check per element, in a small file and in the largest allowed."""
+"""``itouch-py bench check``: the time that a check takes per element, in a small file and in the largest allowed."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-#: A small file, and the largest: what stands round the elements counts, too.
+#: Elements of a small file, and of the largest: the elements around them count, too.
 FEW, MANY = 1_000, 100_000 - 20
-#: How many times longer an element may take in the large file.
+#: How many times as long an element may take in the large file.
 BOUND = 2.0
-#: So many small files are checked by one command; what a command takes itself is that of so many elements.
+#: Number of small files that one command checks; and number of elements with which a command's own time is measured.
 _COPIES, _NEARLY_NONE = 50, 4
 
 _WOOD = '<materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>'
@@ -44,7 +44,7 @@ def _materials(count: int) -> str:
 
 
 def _bases(count: int) -> str:
-    """Return materials each of which is made of the next one."""
+    """Return materials each of which has the next one as its base."""
     listed = [f'<material name="m{i}" base="m{i + 1}"/>' for i in range(count - 2)]
     last = f'<material name="m{count - 2}"><contact stiffness="1 N/mm"/></material>'
     return "<materials>" + "\n".join([*listed, last]) + "</materials>"
@@ -76,7 +76,7 @@ def _one_line(count: int) -> str:
     return _boxes(count).replace("\n", "")
 
 
-#: The content of a scene of so many elements, by kind.  The last five are wrong, or odd to read.
+#: Functions that return the content of a scene with so many elements, by kind.  The last five are wrong, or unusual.
 KINDS: dict[str, Callable[[int], str]] = {
     "boxes": _boxes, "spheres": _spheres, "materials": _materials, "bases": _bases, "targets": _targets,
     "faults": _faults, "included": _boxes, "misspelt": _misspelt, "unknown": _unknown, "same-name": _twice,
@@ -105,9 +105,9 @@ def main(argv: Sequence[str]) -> int:
 
 
 def times(kind: str, many: int) -> tuple[float, float]:
-    """Return how long [s] an element takes in scenes of few and in one of many, without what the command takes itself.
+    """Return the time [s] per element in scenes of few and in one of many, without the command's own time.
 
-    As many elements are checked in all of the small scenes, by one command, as in the large one, or half as many.
+    One command checks all small scenes, which together have as many elements as the large one, or half as many.
     """
     with tempfile.TemporaryDirectory() as folder:
         itself = check([written(kind, _NEARLY_NONE, Path(folder, "none"))])

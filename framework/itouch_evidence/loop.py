@@ -1,6 +1,6 @@
 """``itouch-py bench loop``: the loop in a thread, in a process, and in a process with real-time priority, side by side.
 
-Each runs on the same scene, idle and beside loads that a window makes: a thread of Python that computes, and drawing.
+Each runs the same scene, alone and beside loads as of a window: a thread that computes in Python, and drawing.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from itouch.servo import ServoError
 from itouch.session import build
 from itouch_tools.cli.doctor.loop import bench_scene, in_process, may_have_priority
 
-#: What the loop runs in, in the order of the table.
+#: Where the loop runs, in the order of the table.
 THREAD, PROCESS, PRIORITY = "thread", "process", "process, priority"
-#: What runs beside it.
+#: The load that runs beside it.
 IDLE, PYTHON, DRAWING = "none", "python thread", "drawing"
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One measurement: how late ticks began and how long they took [us], and what was missed."""
+    """One measurement: how late ticks began and how long they took [us], overruns and skipped ticks."""
 
     architecture: str
     load: str
@@ -53,7 +53,7 @@ def _row(architecture: str, load: str, times: Timing) -> Row:
 
 
 def in_thread(description: Scene, seconds: float) -> Timing:
-    """Run in a thread of this process for some seconds of the host; the usual way to do it, for comparison."""
+    """Run in a thread of this process for some seconds of real time: the common design, for comparison."""
     engine = build(description, clock=WallClock())
     end = time.monotonic() + seconds
     thread = threading.Thread(target=lambda: engine.run(until=lambda: time.monotonic() >= end))
@@ -65,7 +65,7 @@ def in_thread(description: Scene, seconds: float) -> Timing:
 
 @contextmanager
 def beside(load: Callable[[threading.Event], None] | None) -> Iterator[None]:
-    """Let a load run in a thread of this process."""
+    """Run a load in a thread of this process meanwhile."""
     ending = threading.Event()
     thread = threading.Thread(target=load, args=(ending,)) if load is not None else None
     if thread is not None:
@@ -79,13 +79,13 @@ def beside(load: Callable[[threading.Event], None] | None) -> Iterator[None]:
 
 
 def computing(ending: threading.Event) -> None:
-    """Compute in plain Python, as a plug-in of a window might."""
+    """Compute in plain Python, as a plugin of a window might."""
     while not ending.is_set():
         sum(range(10_000))
 
 
 def drawer(description: Scene) -> Callable[[threading.Event], None] | None:
-    """Return a load that draws the scene without a pause, or None where nothing can be drawn."""
+    """Return a load that draws the scene again and again, or None where nothing can be drawn."""
     from itouch.world import Model, make_state
     from itouch_tools.viewer.offscreen import Offscreen
 
@@ -107,7 +107,7 @@ def drawer(description: Scene) -> Callable[[threading.Event], None] | None:
 def measure(
     seconds: float, *, loads_wanted: Sequence[str], architectures: Sequence[str], tell: Callable[[Row], None]
 ) -> list[Row]:
-    """Measure every pair of architecture and load; ``tell`` hears of each."""
+    """Measure every pair of architecture and load; ``tell`` is called with each row."""
     description = bench_scene()
     known: dict[str, Callable[[threading.Event], None] | None] = {IDLE: None, PYTHON: computing}
     if DRAWING in loads_wanted and (draw := drawer(description)) is not None:

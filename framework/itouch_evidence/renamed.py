@@ -1,6 +1,6 @@
-"""The same plugins under other names: every channel and field is called something else, and nothing else changes.
+"""The same plugins with other names: every channel and field has a random name, and nothing else changes.
 
-What acts on meaning does with these exactly what it does with the plugins as they are; what acts on a name is found.
+Code that goes by roles works with them exactly as with the original plugins; code that goes by a name is found.
 Names that the framework gives, and those of devices, probes and objects in the scene, stay.
 """
 
@@ -29,7 +29,7 @@ Q = TypeVar("Q", bound=Quantity)
 
 
 class Words:
-    """A random word of letters for each name, always the same one of a seed, and none for two."""
+    """A random word for each name: no two names get the same, and a seed always gives the same words."""
 
     def __init__(self, seed: int) -> None:
         self._random = random.Random(seed)
@@ -46,17 +46,17 @@ class Words:
         return self._words[name]
 
     def back(self, text: str) -> str:
-        """Return a text with every word put back to the name that it stands for."""
+        """Return a text with every word replaced by the name that it stands for."""
         names = {word: name for name, word in self._words.items()}
         return re.sub(r"[a-z]+", lambda found: names.get(found[0], found[0]), text)
 
     def of(self, quantities: Sequence[Q]) -> tuple[Q, ...]:
-        """Return the same quantities under their words."""
+        """Return the same quantities, named by their words."""
         return tuple(replace(one, name=self(one.name)) for one in quantities)
 
 
 class Relabelled(Record):
-    """The same memory as another record; ``names`` are its own names for fields, by what they are called there."""
+    """A record over the memory of another; ``names`` maps the names of fields there to the names here."""
 
     __slots__ = ()
 
@@ -69,12 +69,12 @@ class Relabelled(Record):
             "itemsize": whole.dtype.itemsize,
         }
         super().__init__(np.dtype(kind) if table else np.dtype([]), whole.raw)  # type: ignore[call-overload]
-        for name, view in whole.items():  # its views, which may be written where those may
+        for name, view in whole.items():  # the other record's views: read-only where those are
             dict.__setitem__(self, names.get(name, name), view)
 
 
 class _Labels:
-    """Makes relabelled records, one for each record that comes again and again, and keeps none alive."""
+    """Makes relabelled records; the last few are used again as long as the records behind them live."""
 
     def __init__(self, names: Mapping[str, str]) -> None:
         self._names = names
@@ -96,10 +96,10 @@ class _Labels:
 
 
 def renamed_device(kind: type[Device], words: Words) -> type[Device]:
-    """Return a device class with channels, and a twin with fields, under other names."""
+    """Return a device class whose channels, and the fields of its twin, have other names."""
 
     class Other(kind):  # type: ignore[misc, valid-type]
-        """The same device."""
+        """The same device with other names."""
 
         reads = words.of(kind.reads)
         commands = words.of(kind.commands)
@@ -111,7 +111,7 @@ def renamed_device(kind: type[Device], words: Words) -> type[Device]:
 
         @classmethod
         def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
-            """Return the channels under their other names."""
+            """Return the renamed channels."""
             reads, commands = kind.channels(params)
             return words.of(reads), words.of(commands)
 
@@ -121,11 +121,11 @@ def renamed_device(kind: type[Device], words: Words) -> type[Device]:
             return found
 
         def write(self, command: Record) -> None:
-            """Write."""
+            """Write a renamed command."""
             super().write(self._inner(command))
 
         def make_safe(self, safe: Record) -> None:
-            """Make it safe."""
+            """Make the device safe, from a renamed command."""
             super().make_safe(self._inner(safe))
 
     _pass_for(Other, kind)
@@ -134,7 +134,7 @@ def renamed_device(kind: type[Device], words: Words) -> type[Device]:
 
 def _renamed_twin(kind: type[Twin], cls: type[Device], words: Words) -> type[Twin]:
     class Other(Twin):
-        """The same twin, behind other names."""
+        """The same twin with other names."""
 
         def __init__(self, params: Any) -> None:
             super().__init__(params)
@@ -148,7 +148,7 @@ def _renamed_twin(kind: type[Twin], cls: type[Device], words: Words) -> type[Twi
             return self._state(state)
 
         def set_environment(self, ambient: float, skin_temperature: float | None) -> None:
-            """Learn the temperatures."""
+            """Pass the temperatures on to the twin."""
             self.twin.set_environment(ambient, skin_temperature)
 
         def fields(self) -> tuple[Field, ...]:
@@ -160,7 +160,7 @@ def _renamed_twin(kind: type[Twin], cls: type[Device], words: Words) -> type[Twi
             self.twin.reset(self._own(state), rng)
 
         def position(self, state: Record) -> NDArray[np.float64] | None:
-            """Return the true position of what it carries."""
+            """Return the true position of what the twin carries."""
             return self.twin.position(self._own(state))
 
         def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
@@ -168,7 +168,7 @@ def _renamed_twin(kind: type[Twin], cls: type[Device], words: Words) -> type[Twi
             self.twin.step(self._own(state), self._command(command), touch, period)
 
         def bound_step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> Bound | None:
-            """Return the step as one call."""
+            """Return the twin's step on these records as one compiled call."""
             return self.twin.bound_step(self._own(state), self._command(command), touch, period)
 
         def read(self, state: Record, reading: Record) -> bool | None:
@@ -176,7 +176,7 @@ def _renamed_twin(kind: type[Twin], cls: type[Device], words: Words) -> type[Twi
             return self.twin.read(self._own(state), self._command(reading))
 
         def bound_read(self, state: Record, reading: Record) -> Bound | None:
-            """Return the reading as one call."""
+            """Return the twin's read on these records as one compiled call."""
             if not is_newest(type(self.twin), "bound_read", "read"):
                 return None
             return self.twin.bound_read(self._own(state), self._command(reading))
@@ -185,14 +185,14 @@ def _renamed_twin(kind: type[Twin], cls: type[Device], words: Words) -> type[Twi
 
 
 def renamed_modality(cls: type[Modality], words: Words, known: dict[str, str]) -> type[Modality]:
-    """Return a modality class whose fields have other names; ``known`` is filled with what they are to those inside."""
+    """Return a modality class whose fields have other names; ``known`` gets the original name of each."""
     labels = _Labels(known)
 
     class Other(cls):  # type: ignore[misc, valid-type]
-        """The same modality."""
+        """The same modality with other names."""
 
         def compile(self, name: str, params: Any, world: World) -> Any:
-            """Compile, and keep the name."""
+            """Compile the element, and keep its name."""
             self._named = name
             return super().compile(name, params, world)
 
@@ -207,11 +207,11 @@ def renamed_modality(cls: type[Modality], words: Words, known: dict[str, str]) -
             super().reset(model, labels(state))
 
         def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:
-            """Hear."""
+            """Pass a contact event on, with the renamed state."""
             super().on_contact(event, model, labels(state))
 
         def between(self, model: Any, state: Record) -> None:
-            """Attend."""
+            """Do the work between touches on the renamed state."""
             super().between(model, labels(state))
 
         def update(self, model: Any, state: Record, period: float) -> None:
@@ -219,25 +219,25 @@ def renamed_modality(cls: type[Modality], words: Words, known: dict[str, str]) -
             super().update(model, labels(state), period)
 
         def witness(self, model: Any, state: Record, twins: Mapping[str, Record]) -> None:
-            """Take note of the truth."""
+            """Note the truth of the twins in the renamed state."""
             super().witness(model, labels(state), twins)
 
         def bound_update(self, model: Any, state: Record, period: float) -> Bound | None:
-            """Return the update as one call."""
+            """Return the update on the renamed state as one compiled call."""
             found: Bound | None = super().bound_update(model, labels(state), period)
             return found
 
         def measures(self, model: Any, state: Record, probe: str, object_index: int) -> Any:
-            """Measure."""
+            """Return the measures from the renamed state."""
             return super().measures(model, labels(state), probe, object_index)
 
         def status(self, model: Any, state: Record) -> str:
-            """Tell."""
+            """Return the status from the renamed state."""
             found: str = super().status(model, labels(state))
             return found
 
         def report(self, model: Any, state: Record) -> dict[str, Any]:
-            """Report."""
+            """Return the report from the renamed state."""
             found: dict[str, Any] = super().report(model, labels(state))
             return found
 
@@ -246,13 +246,13 @@ def renamed_modality(cls: type[Modality], words: Words, known: dict[str, str]) -
 
 
 def _pass_for(other: type, cls: type) -> None:
-    """Give a class the name, the place and the sentence of another one."""
+    """Give a class the name, module and docstring of another one."""
     other.__name__, other.__qualname__ = cls.__name__, cls.__qualname__
     other.__module__, other.__doc__ = cls.__module__, cls.__doc__
 
 
 class RenamedCatalog(Catalog):
-    """A catalog whose plugins have channels and fields of other names."""
+    """A catalog whose plugins have other names for their channels and fields."""
 
     def __init__(self, seed: int, finder: Callable[[str], dict[str, Found]] | None = None) -> None:
         super().__init__(*(() if finder is None else (finder,)))
@@ -261,14 +261,14 @@ class RenamedCatalog(Catalog):
         self._made: dict[type, type] = {}
 
     def device(self, name: str) -> type[Device] | None:
-        """Return a device class under other names."""
+        """Return a device class with other names."""
         cls = super().device(name)
         if cls is not None and cls not in self._made:
             self._made[cls] = renamed_device(cls, self.words)
         return None if cls is None else self._made[cls]
 
     def modality(self, plugin: str, local: str) -> type[Modality] | None:
-        """Return a modality class under other names."""
+        """Return a modality class with other names."""
         cls = super().modality(plugin, local)
         if cls is not None and cls not in self._made:
             self._made[cls] = renamed_modality(cls, self.words, self._known)

@@ -1,4 +1,4 @@
-"""A campaign that is kept: each result is a line of a file, so that it can be stopped, gone on with, and added to."""
+"""Results of a campaign in a file, one a line, so that it can be stopped, continued and extended."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 
 
 class Kept:
-    """What a campaign has found so far, by seed and number; without a file only in memory.
+    """The results of a campaign so far, by seed and number; without a file, only in memory.
 
-    Several campaigns with different seeds may write into one file, one after the other: their sum is one campaign's.
-    A line that a kill has cut off is not counted, and is run again.
+    Campaigns with different seeds may write into one file, one after the other, and then count as one.
+    A line that was cut off by a kill is ignored, so its case runs again.
     """
 
     def __init__(self, path: str | os.PathLike[str] | None = None) -> None:
@@ -42,12 +42,12 @@ class Kept:
 
     @property
     def seeds(self) -> list[int]:
-        """Of which seeds there are results."""
+        """The seeds that have results, in order."""
         return sorted({seed for seed, _ in self.rows})
 
 
 def _row(line: str) -> dict[str, Any] | None:
-    """Return a line's result; None if it is cut off."""
+    """Return the result in a line; None if the line is incomplete."""
     try:
         row: dict[str, Any] = json.loads(line)
         return row if line.endswith("\n") and row["seed"] is not None and row["number"] is not None else None

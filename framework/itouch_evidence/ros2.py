@@ -1,7 +1,7 @@
-"""``itouch-py bench ros2``: how late messages of a running session are in another process, and how many come.
+"""``itouch-py bench ros2``: how late messages of a running session arrive in another process, and how many.
 
-The session runs in real time; `itouch-py view --ros2` tells it, and this process listens as any Zenoh client would, by
-a router of its own.  Lateness is from the stamp, which is when the State was published, to the arrival.
+The session runs in real time; `itouch-py view --ros2` publishes it, and this process listens as any Zenoh client
+would, through a router of its own.  Lateness is from the stamp, the time when the state was published, to the arrival.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from itouch.scene import bundled_scenes
 from itouch.schema import ItouchError
 from itouch.schema.extras import need
 
-#: How long [s] the topics may take to be there, and what is left out at the start.
+#: How long [s] to wait for the first message, and what is left out after it.
 OPENING, SETTLING = 180.0, 1.0
 
 
 @dataclass(slots=True)
 class Line:
-    """What came on one topic: when [ns], how late [s] where a stamp tells, and the first message that did not fit."""
+    """Messages of one topic: their type, arrival times [ns], and lateness [s] if they have a stamp."""
 
     kind: str
     came: list[int] = field(default_factory=list)
     late: list[float] = field(default_factory=list)
 
     def figures(self, topic: str, seconds: float) -> dict[str, Any]:
-        """Return what is printed: messages a second, and lateness in ms."""
+        """Return the figures of a topic over some seconds: messages a second, longest gap, and lateness in ms."""
         found = 1e3 * np.array(self.late)
         told = {f"late_{name}_ms": float(np.percentile(found, percent)) if len(found) else None
                 for name, percent in (("p50", 50), ("p99", 99), ("max", 100))}  # fmt: skip
@@ -47,7 +47,7 @@ class Line:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Measure the topics of ROS 2 that `view --ros2` tells of a running session."""
+    """Measure the topics of ROS 2 that `view --ros2` publishes of a running session."""
     parser = argparse.ArgumentParser(prog="itouch-py bench ros2", description=main.__doc__)
     parser.add_argument("--seconds", type=float, default=10.0, metavar="S", help="how long to listen (default 10)")
     parser.add_argument("--rate", type=float, default=100.0, metavar="HZ", help="messages a second (default 100)")
@@ -71,12 +71,12 @@ def main(argv: Sequence[str]) -> int:
 
 
 def measure(seconds: float, rate: float) -> list[dict[str, Any]]:
-    """Return the figures of each topic over some seconds, told at a rate [Hz].
+    """Return the figures of each topic over some seconds, published at a rate [Hz].
 
     Raises
     ------
     ItouchError
-        If the topics do not come.
+        If no message comes.
     """
     from itouch.servo import launch
 
@@ -105,7 +105,7 @@ def measure(seconds: float, rate: float) -> list[dict[str, Any]]:
 
 @contextlib.contextmanager
 def listening(port: int = 0) -> Iterator[tuple[int, dict[str, Line]]]:
-    """Yield the port of a router on this machine, a free one if none is named, and what comes on each topic."""
+    """Yield the port of a router on this machine, by default a free one, and the messages by topic."""
     import zenoh
 
     from itouch_tools.export.ros_messages import store
@@ -158,6 +158,6 @@ def _await(there: Any, process: subprocess.Popen[str]) -> None:
         time.sleep(0.05)
 
 
-if __name__ == "__main__":  # a listener at a port, until it is killed
+if __name__ == "__main__":  # listens at a port until it is killed
     with listening(int(sys.argv[1])):
         threading.Event().wait()

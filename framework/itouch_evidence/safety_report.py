@@ -60,7 +60,10 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _tested(scene: Scene, *, every: bool) -> list[Tested]:
-    """Inject every kind of fault into every twin, in contact if the script has a whole one, else at the start."""
+    """Inject every kind of fault into every twin, and return what followed.
+
+    The faults come in contact, or with ``every`` in each phase of a touch; at the start if the script has no whole one.
+    """
     from itouch.loop import DeviceFaultError
     from itouch_evidence.faults import phases, prepared, single
     from itouch_tools.report.safety import Tested

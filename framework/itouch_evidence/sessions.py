@@ -21,7 +21,7 @@ from itouch.recording.spec import Spec
 from itouch.recording.tracks import Column, Track
 from itouch.session import Session, build, restore
 
-#: Channels and rate of the recorder's task.
+#: Number and rate [Hz] of the channels that are recorded.
 CHANNELS, RATE = 60, 1000.0
 _SECONDS = 60.0
 
@@ -38,11 +38,11 @@ class Figure:
 
     @property
     def good(self) -> bool:
-        """Whether it is within its limit."""
+        """Whether the value is within its limit."""
         return self.value >= self.limit if self.at_least else self.value <= self.limit
 
     def line(self) -> str:
-        """Return it for the screen."""
+        """Return the figure and its limit as a line for the screen."""
         head = f"{self.name:<58} {self.value:9.3f} {self.unit:<3}"
         if self.limit == float("inf"):
             return head
@@ -74,7 +74,7 @@ def _four_materials() -> str:
 
 
 def measure(scene: str) -> list[Figure]:
-    """Return the figures; best of several, because the machine does other things, too."""
+    """Return the figures, each the best of several tries, because the machine does other things, too."""
     with tempfile.TemporaryDirectory() as folder:
         session = build(scene)
         for _ in range(3000):
@@ -92,7 +92,7 @@ def measure(scene: str) -> list[Figure]:
 
 
 def _publishing(session: Session, path: str) -> tuple[float, float]:
-    """Return seconds of a tick, and of the recorder's tap alone."""
+    """Return how long a tick takes, and the recorder's part of it alone [s]."""
     recorder = session.record(path)
     session.taps.remove(recorder.tap)
     ticks, taps, number = [], [], int(session.state["tick"])
@@ -117,7 +117,7 @@ def _each(work: Callable[[], object], count: int) -> float:
 
 
 def recording(path: str) -> float:
-    """Return how many times faster than real time the writing process's work is: ring to file, by itself."""
+    """Return how many times faster than real time the writing process is, from ring to file, measured alone."""
     track = Track("bench", 1, True, tuple(Column(f"bench.c{i}", f"c{i}", "f8", 0, "m") for i in range(CHANNELS)))
     places = {column.field: 8 * index for index, column in enumerate(track.columns)}
     spec = Spec((track,), places, {}, 1.0 / RATE, 0, {"manifest": {}, "layout": []}, {})

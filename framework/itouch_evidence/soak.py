@@ -17,16 +17,16 @@ from itouch.servo import launch
 from itouch.session import build
 from itouch_tools.cli.doctor.touch_scene import scene
 
-#: How often memory is looked at in a run, and the share of it that passes before the first look counts.
+#: How often memory is measured in a run, and the fraction of the run before the first measurement that counts.
 LOOKS, SETTLED = 20, 0.1
-#: Growth of memory [%] that an hour may cost: a report of two thousand contacts is kept.
+#: Growth of memory [%] that is allowed: in an hour, a report of two thousand contacts accumulates.
 GROWTH = 1.0
 _TOUCH = 1.8
 
 
 @dataclass(frozen=True, slots=True)
 class Soak:
-    """What a long run cost: memory [MiB] at each look, open files, threads, contacts and faults."""
+    """Figures of a long run: memory [MiB] over time; open files and threads, early and at the end; contacts; faults."""
 
     pace: str
     simulated_s: float
@@ -38,13 +38,13 @@ class Soak:
 
     @property
     def growth(self) -> float:
-        """Growth of memory [%] from the first look that counts to the last."""
+        """Growth of memory [%] from the first measurement that counts to the last."""
         first = self.resident_mib[int(SETTLED * len(self.resident_mib))]
         return (self.resident_mib[-1] - first) / first * 100.0
 
     @property
     def passed(self) -> bool:
-        """Whether nothing grew and nothing tripped."""
+        """Whether memory and open files did not grow, and nothing tripped; threads are only shown."""
         return self.growth <= GROWTH and self.files[0] >= self.files[1] and not self.faults
 
 
@@ -63,7 +63,7 @@ def _files_and_threads(pid: int) -> tuple[int, int]:
 
 
 def simulated(length: float) -> Soak:
-    """Run for ``length`` simulated seconds in this process."""
+    """Run for ``length`` simulated seconds in this process, on the virtual clock."""
     engine, pid = build(_scene(length)), os.getpid()
     resident, before = [], (0, 0)
     for look in range(LOOKS):
@@ -75,7 +75,7 @@ def simulated(length: float) -> Soak:
 
 
 def real(length: float) -> Soak:
-    """Run for ``length`` seconds in a servo process."""
+    """Run for ``length`` seconds of real time in a servo process."""
     resident, before, after = [], (0, 0), (0, 0)
     with launch(_scene(length), seconds=length) as handle:
         while not handle.wait(length / LOOKS):

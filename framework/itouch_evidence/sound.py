@@ -1,4 +1,4 @@
-"""``itouch-py bench sound``: what making sound costs, and how long after a State it is heard."""
+"""``itouch-py bench sound``: what making sound costs, and how long after the state it is heard."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _SCENE = """<itouch version="1.0">
   <devices><device name="arm" plugin="usb-arm"/></devices>
   <interaction><probe name="finger" radius="8 mm" pose-from="arm" force-to="arm"/></interaction>
 </itouch>"""
-#: Seconds between two strokes, and until the first: a sound server settles when a stream begins.
+#: Seconds between two strokes, and before the first, in which the sound server settles.
 _EVERY, _SETTLE = 0.5, 1.5
-#: A frame of the window at 60 Hz [s], which a State may wait for.
+#: Time of a frame of the window at 60 Hz [s]; a published state waits for it at most this long.
 _FRAME = 1.0 / 60.0
 
 
 def main(argv: Sequence[str]) -> int:
-    """Print the cost of a block, and the time from a State to the ear."""
+    """Print the cost of a block, and the time from a published state to its sound."""
     parser = argparse.ArgumentParser(prog="itouch-py bench sound", description=main.__doc__)
     parser.add_argument("--strokes", type=int, default=10, metavar="N", help="strokes that are timed (default 10)")
     parser.add_argument("--monitor", metavar="SOURCE",
@@ -61,7 +61,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _judge(keep: Path | None, path: str | None) -> int:
-    """Print each figure beside its bound; 1 if one is outside."""
+    """Print each figure beside its bounds, and return the exit code: 1 if one is outside."""
     from itouch_evidence.sound_analysis import judged
 
     rows = judged(keep)
@@ -98,7 +98,7 @@ def measure(strokes: int, monitor: str | None) -> dict[str, Any]:
     found: dict[str, Any] = {"block_ms": 1e3 * BLOCK / RATE, "making_a_block_ms": 1e3 * _cost(session)}
     ear = _Ear(monitor) if monitor else None
     speaker = Speaker(session.model)
-    speaker.hear(session.state)  # what was before the first State is not heard
+    speaker.hear(session.state)  # contacts before this state make no sound
     time.sleep(_SETTLE)
     told, made, ahead = [], [], []
     rng = np.random.default_rng(1)
@@ -128,7 +128,7 @@ def _spread(seconds: list[float]) -> list[float]:
 
 
 def _strike(state: Any) -> None:
-    """Put a BEGIN into the State, as a contact at 0.3 m/s does."""
+    """Put the event of a beginning contact at 0.3 m/s into the state."""
     table, count = state["events.table"], int(state["events.count"])
     row = table[count % len(table)]
     row["kind"], row["object"], row["speed"], row["tick"] = 1, 0, 0.3, int(state["tick"])
@@ -137,7 +137,7 @@ def _strike(state: Any) -> None:
 
 
 def _cost(session: Any) -> float:
-    """Return the least time [s] that a block of all modes takes."""
+    """Return the least time [s] in which a block with all modes is rendered."""
     from itouch_tools.sound.player import BLOCK
     from itouch_tools.sound.synth import Synth
 
@@ -153,7 +153,7 @@ def _cost(session: Any) -> float:
 
 
 class _Ear:
-    """Records a PulseAudio source; ``stop`` returns its samples and when each piece of them arrived."""
+    """Records a PulseAudio source in a thread, until ``stop``."""
 
     def __init__(self, source: str) -> None:
         words = ["parec", "-d", source, "--raw", "--format=s16le", "--rate=48000", "--channels=1", "--latency-msec=10"]
@@ -171,7 +171,7 @@ class _Ear:
             self._pieces.append((time.perf_counter(), data))
 
     def stop(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-        """Return samples, arrival times [s], and how many samples had come by each.
+        """Return the samples, the arrival time [s] of each piece, and how many samples had come with it.
 
         Raises
         ------
@@ -190,7 +190,7 @@ class _Ear:
 def _analysed(
     samples: NDArray[np.float64], arrived: NDArray[np.float64], counts: NDArray[np.int64], told: list[float]
 ) -> dict[str, Any]:
-    """Return when the strokes came out, and their modes."""
+    """Return how long after its state each stroke was heard, and how far off its modes are."""
     rate, late, modes = 48_000, [], []
     for when in told:
         begin = int(counts[max(0, int(np.searchsorted(arrived, when)) - 1)])

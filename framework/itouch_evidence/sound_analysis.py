@@ -1,8 +1,8 @@
-"""What is heard, judged: strokes, slides and textures are rendered by whole sessions and looked at as samples.
+"""The sounds of whole sessions, compared with measurements: strokes, slides and textures are judged by their samples.
 
-Modes are found in the samples alone, by ESPRIT (Roy and Kailath 1989: the turns and the damping of the exponentials of
-which a signal is the sum, from the shift of its signal space).  They are compared with what was measured of materials;
-every bound names its source.
+Modes are found in the samples alone, by ESPRIT (Roy and Kailath 1989: the frequencies and damping of the exponentials
+whose sum is the signal, from the shift invariance of its signal subspace), and compared with what was measured on
+materials; every bound names its source.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Samples = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What is known of a material's sound.
+    """What is known about the sound of a material.
 
     Loss factors eta: ``measured`` on supported samples (qualia.webs.com, table "damping"), and the law a / w + b w of
     Ren, Yeh and Lin 2013 (``a`` [1/s], ``b`` [s]); ``plate`` is the first mode [Hz] of a free square plate, 100 mm
@@ -41,7 +41,7 @@ class Known:
     plate: float
 
     def loss(self, frequency: float) -> tuple[float, float]:
-        """Return the least and the greatest loss factor that was found at a frequency [Hz]."""
+        """Return the least and the greatest loss factor known at a frequency [Hz]."""
         low, high = self.measured
         if self.law is not None:
             w = 2.0 * math.pi * frequency
@@ -50,7 +50,8 @@ class Known:
         return low, high
 
 
-#: The four materials, the one that rings longest first; a mode's loss factor may be this many times off.
+#: The four materials, the one that rings longest first.  A mode's loss factor may be off by FACTOR either way, and the
+#: frequency of the first mode by this fraction.
 MATERIALS = {
     "aluminium": Known((0.004, 0.004), (6.30, 2.12e-8), 3300.0),
     "pyrex": Known((0.033, 0.033), (18.3, 1.43e-7), 3500.0),
@@ -58,8 +59,9 @@ MATERIALS = {
     "polystyrene": Known((0.055, 0.17), None, 350.0),
 }
 FACTOR, FIRST_MODE = 3.0, 0.2
-#: Speeds [m/s] of slides; how the level grows with speed: of dry rough surfaces a power law with an exponent of about
-#: 3/4 was measured ("Influence of sliding speed on roughness noise", 2019); the pitch goes with the speed itself.
+#: Speeds [m/s] of slides, and bounds of the exponents by which level and pitch grow with speed.  For the level of dry
+#: rough surfaces, about 3/4 was measured ("Influence of sliding speed on roughness noise", 2019); the pitch is
+#: proportional to the speed.
 SPEEDS = (0.05, 0.1, 0.2)
 LEVEL, PITCH = (0.6, 0.9), (0.85, 1.15)
 #: Distance [m] of the ridges in the scene of slides.
@@ -83,14 +85,14 @@ _SLIDE = """<itouch version="1.0">
   <interaction><probe name="finger" radius="5 mm" pose-from="arm" force-to="arm"/>
     <operator probe="finger"><motion>{motion}</motion></operator></interaction>
 </itouch>"""
-#: How long [s] a slide takes, the part of it to either side of its middle that is looked at; samples after a stroke in
-#: which modes are looked for.
+#: Duration of a slide [s], the fraction of it on either side of its middle that is analysed, and how many samples after
+#: a stroke are searched for modes.
 _SLIDING, _MIDDLE, _PIECE = 1.6, 0.11, 900
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One figure beside its bound."""
+    """One figure with its bounds."""
 
     what: str
     value: float
@@ -100,7 +102,7 @@ class Row:
 
     @property
     def good(self) -> bool:
-        """Whether it is within."""
+        """Whether the value is within its bounds."""
         return self.low <= self.value <= self.high
 
 
@@ -112,7 +114,7 @@ def modes(samples: Samples, count: int) -> list[tuple[float, float, float]]:
     rows = len(samples) // 2
     hankel = np.lib.stride_tricks.sliding_window_view(samples, len(samples) - rows)
     left, _, _ = np.linalg.svd(hankel, full_matrices=False)
-    space = left[:, : 2 * count + 4]  # room for what is no mode: friction, rounding
+    space = left[:, : 2 * count + 4]  # room for what is not a mode: friction, rounding
     turns = np.linalg.eigvals(np.linalg.lstsq(space[:-1], space[1:], rcond=None)[0])
     turns = turns[np.imag(turns) > 0.0]
     ladder = np.exp(np.outer(np.arange(len(samples)), np.log(turns)))
@@ -128,7 +130,7 @@ def modes(samples: Samples, count: int) -> list[tuple[float, float, float]]:
 
 
 def strokes() -> Iterator[tuple[str, Samples, int]]:
-    """Strike each of the four materials in one session; yield name, samples from the stroke on, and its modes."""
+    """Strike each of the four materials in one session; yield its name, 0.5 s of sound, and its number of modes."""
     names = list(MATERIALS)
     boxes, motion = [], []
     for index, name in enumerate(names):
@@ -144,12 +146,12 @@ def strokes() -> Iterator[tuple[str, Samples, int]]:
 
 
 def slides(grain: float = 5e-4) -> Iterator[tuple[float, Samples]]:
-    """Slide over a plate of ridges at each of the speeds; yield the mean speed [m/s] and what was heard."""
+    """Slide over a ridged plate at each of the speeds; yield the mean speed [m/s] and the samples of the middle."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "slide.xml"
         np.save(Path(folder) / "ridges.npy", np.tile(0.5 + 0.5 * np.sin(np.pi * (np.arange(80) + 0.5) / 10), (8, 1)))
         for speed in SPEEDS:
-            end = -90.0 + 1e3 * speed * _SLIDING / 1.875  # a way of least jerk is fastest in its middle
+            end = -90.0 + 1e3 * speed * _SLIDING / 1.875  # a minimum-jerk motion is fastest in its middle
             motion = f'<to pos="-90 0 3 mm" in="0.3 s"/><to pos="{end:g} 0 3 mm" in="{_SLIDING:g} s"/>'
             path.write_text(_SLIDE.format(width=4e3 * RIDGES, grain=1e3 * grain, motion=motion), encoding="utf-8")
             _, heard, speeds = _played(path)
@@ -160,7 +162,7 @@ def slides(grain: float = 5e-4) -> Iterator[tuple[float, Samples]]:
 
 
 def _played(scene: str | Path) -> tuple[Any, Samples, list[float]]:
-    """Run a scene and return its session, what was heard, and the finger's speed [m/s] in each tick."""
+    """Run a scene; return its session, the samples of its sound, and the finger's speed [m/s] in each tick."""
     session = build(scene) if isinstance(scene, Path) else build(loads(scene.encode(), Catalog()))
     track, speeds = SoundTrack(session), []
     session.taps.append(track.tap)
@@ -170,7 +172,7 @@ def _played(scene: str | Path) -> tuple[Any, Samples, list[float]]:
 
 
 def judged(keep: Path | None = None) -> list[Row]:
-    """Return every figure beside its bound; ``keep``: a folder in which the sounds are written as files."""
+    """Return every figure with its bounds; ``keep`` is a folder to which the sounds are written as files."""
     rows: list[Row] = []
     losses, loudest = {}, 0.0
     for name, heard, count in strokes():
@@ -200,7 +202,7 @@ def judged(keep: Path | None = None) -> list[Row]:
 
 
 def _order(losses: dict[str, list[tuple[float, float, float]]]) -> Iterator[Row]:
-    """Yield by how much longer each material rings than the next one, and whether wood is damped more at the top."""
+    """Yield how many times longer each material rings than the next one, and how wood's loss grows with frequency."""
     at = np.geomspace(500.0, 4000.0, 7)
     laws = {name: np.interp(np.log(at), np.log([f for f, _, _ in found]), [loss for _, loss, _ in found])
             for name, found in losses.items()}  # fmt: skip
@@ -215,18 +217,18 @@ def _order(losses: dict[str, list[tuple[float, float, float]]]) -> Iterator[Row]
 
 
 def slope(x: list[float], y: list[float]) -> float:
-    """Return the exponent of a power law through points."""
+    """Return the exponent of the power law fitted to points."""
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
 def centroid(samples: Samples) -> float:
-    """Return the middle of the power [Hz] in the spectrum of samples (n,)."""
+    """Return the centroid [Hz] of the power spectrum of samples (n,)."""
     power = np.abs(np.fft.rfft(samples * np.hanning(len(samples)))) ** 2
     return float((power * np.fft.rfftfreq(len(samples), 1.0 / RATE)).sum() / power.sum())
 
 
 def ridges(samples: Samples, about: float) -> float:
-    """Return the frequency [Hz] of the line in the spectrum of samples (n,), within a factor of two of ``about``."""
+    """Return the highest peak [Hz] in the spectrum of samples (n,), within a factor of two of ``about``."""
     size = np.abs(np.fft.rfft(samples * np.hanning(len(samples)), 1 << 18))
     frequency = np.fft.rfftfreq(1 << 18, 1.0 / RATE)
     size[(frequency < about / 2) | (frequency > about * 2)] = 0.0

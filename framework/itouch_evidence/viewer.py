@@ -88,7 +88,7 @@ def _write(rows: list[dict[str, Any]], path: str | None) -> None:
 
 
 def measure(triangles: int, frames: int, width: int, height: int) -> dict[str, Any]:
-    """Return the frame times [ms] of a bumpy sphere of about so many triangles, with curves and words."""
+    """Return the frame times [ms] of a bumpy sphere of about ``triangles`` triangles, with curves and text."""
     from itouch.contact import Surface
     from itouch.contact.shapes import Mesh
     from itouch.plugin.discovery import Catalog

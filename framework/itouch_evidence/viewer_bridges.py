@@ -1,4 +1,4 @@
-"""``itouch-py bench viewer --servo --rerun`` and ``--ros2``: the loop beside programs that are told of a session."""
+"""``itouch-py bench viewer --servo --rerun`` and ``--ros2``: the loop beside programs to which a session is sent."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from itouch_evidence.viewer_servo import OPENING, Viewers, processor_time
 
 
 class Told(Viewers):
-    """Opens a program on a port of this machine, and `itouch-py view` that tells it of a session.
+    """Opens a program on a port of this machine, and `itouch-py view`, which sends it a session.
 
-    The program is killed and frozen, with all that it has started; what tells it is killed with it, and not frozen.
+    The program is killed or frozen, with all its processes; `view` is killed with it, but never frozen.
     """
 
-    #: The program, which takes the number of its port as the last word, and how `view` is told of it.
+    #: Arguments of Python that start the program, before the number of its port, and the extra that it needs.
     program: tuple[str, ...] = ()
     extra = ""
 
@@ -34,15 +34,15 @@ class Told(Viewers):
         self._other: subprocess.Popen[bytes] | None = None
 
     def told(self, port: int) -> list[str]:
-        """Return the words by which `view` finds the program."""
+        """Return the options by which `view` finds the program."""
         raise NotImplementedError
 
     def words(self, name: str) -> list[str]:
-        """Return the command that tells of a session."""
+        """Return the command that sends a session."""
         return [sys.executable, "-m", "itouch_tools.cli", "view", name, *self.told(self._port)]
 
     def open(self, name: str) -> None:
-        """Open the program, and what tells it."""
+        """Open the program, and `view` once the program listens."""
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             self._port = int(probe.getsockname()[1])
@@ -63,13 +63,13 @@ class Told(Viewers):
         super().open(name)
 
     def signal(self, number: int) -> None:
-        """Send the program a signal."""
+        """Send a signal to all processes of the program."""
         if self._other is not None:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self._other.pid, number)
 
     def end(self) -> None:
-        """Kill both."""
+        """Kill `view` and the program."""
         super().end()
         self.signal(signal.SIGKILL)
         other, self._other = self._other, None
@@ -78,29 +78,29 @@ class Told(Viewers):
 
     @property
     def used(self) -> float:
-        """Processor time [s] that both have used."""
+        """CPU time [s] of `view` and of the program."""
         return super().used + (0.0 if self._other is None else sum(map(processor_time, _group(self._other.pid))))
 
 
 class Reruns(Told):
-    """Rerun, drawing off the screen."""
+    """Opens Rerun, drawing off-screen."""
 
     program = ("-m", "rerun", "--headless", "--window-size", "1280x720", "--port")
     extra = "rerun"
 
     def told(self, port: int) -> list[str]:
-        """Return how Rerun is told."""
+        """Return the options for Rerun."""
         return ["--rerun", "--to", f"rerun+http://127.0.0.1:{port}/proxy"]
 
 
 class Listeners(Told):
-    """A Zenoh router with a listener to all topics, as ROS 2 has them."""
+    """Opens a Zenoh router with a listener to all topics, as ROS 2 has them."""
 
     program = ("-m", "itouch_evidence.ros2")
     extra = "ros2"
 
     def told(self, port: int) -> list[str]:
-        """Return how ROS 2 is told."""
+        """Return the options for ROS 2."""
         return ["--ros2", "--router", f"127.0.0.1:{port}"]
 
 
@@ -113,7 +113,7 @@ def _listens(port: int) -> bool:
 
 
 def _group(leader: int) -> list[int]:
-    """Return the processes of a group."""
+    """Return the ids of the processes in a process group."""
     found = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdecimal():

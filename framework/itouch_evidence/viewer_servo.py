@@ -1,7 +1,7 @@
-"""``itouch-py bench viewer --servo``: the servo loop beside a viewer that is there, killed, frozen or overloaded.
+"""``itouch-py bench viewer --servo``: the servo loop beside a viewer that is open, killed, frozen or overloaded.
 
-One session runs with a small scene and one with a great mesh; each situation is measured in it in turn, in every
-round, so that all share what else the machine has to do.  The viewers are processes of their own: `itouch-py view`.
+One session runs with a small scene and one with a large mesh; in each of them, every round measures all situations in
+turn, so that other work of the machine affects all alike.  The viewers are processes of `itouch-py view`.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from itouch_evidence.bumpy_sphere import bumpy_sphere, write_stl
 from itouch_tools.cli.doctor.touch_scene import scene
 
 NONE, THERE, KILLED, FROZEN = "no viewer", "viewer", "viewer killed and reopened", "viewer frozen"
-#: How long [s] a viewer may take to open, and how long the loop is given to settle after a change.
+#: How long [s] a viewer may take to open, and how long the loop settles after a change.
 OPENING, SETTLING = 180.0, 0.5
-#: What to draw: words of the situation, and what is done to the viewer.
+#: Situations that are measured with the small scene, and with the large mesh.
 _SMALL, _GREAT = (NONE, THERE, KILLED, FROZEN), (NONE, THERE)
 
 
 @dataclass(slots=True)
 class Row:
-    """One situation: the ticks that were timed in it, and what the viewer took of a core."""
+    """One situation: the timing of the ticks in it, and the CPU time of the viewer."""
 
     situation: str
     triangles: int
@@ -52,7 +52,7 @@ class Row:
     work: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(edges()) - 1, np.int64))
 
     def figures(self) -> dict[str, Any]:
-        """Return what is printed: times in us, the viewer's share of one core."""
+        """Return the figures that are printed: times in us, and how many cores the viewer used."""
         return {
             "situation": self.situation, "triangles": self.triangles, "ticks": self.ticks, "overruns": self.overruns,
             "late_p50_us": _us(self.late, 50), "late_p99_us": _us(self.late, 99), "late_max_us": _us(self.late, 100),
@@ -73,12 +73,12 @@ class Viewers:
         self._process: subprocess.Popen[str] | None = None
 
     def open(self, name: str) -> None:
-        """Open one, and wait until it shows the session.
+        """Open a viewer, and wait until it shows the session.
 
         Raises
         ------
         ItouchError
-            If it does not.
+            If it does not show it.
         """
         self._process = subprocess.Popen(
             self.words(name), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=self._environment
@@ -90,28 +90,28 @@ class Viewers:
         return [sys.executable, "-m", "itouch_tools.cli", "view", name, "--mute"]
 
     def await_line(self, begin: str) -> None:
-        """Wait until the viewer says something that begins so.
+        """Wait until the viewer prints a line that begins with ``begin``.
 
         Raises
         ------
         ItouchError
-            If it ends or is silent instead.
+            If it ends or takes too long.
         """
         if self._process is not None:
             _await_line(self._process, begin)
 
     def first_line(self) -> str:
-        """Return the first line of what it wrote as its result."""
+        """Return the first line of its standard output."""
         stream = None if self._process is None else self._process.stdout
         return "" if stream is None else stream.readline().strip()
 
     def signal(self, number: int) -> None:
-        """Send it a signal."""
+        """Send a signal to the viewer."""
         if self._process is not None:
             self._process.send_signal(number)
 
     def end(self) -> None:
-        """Kill it."""
+        """Kill the viewer."""
         process, self._process = self._process, None
         if process is not None:
             process.kill()
@@ -121,17 +121,17 @@ class Viewers:
                     stream.close()
 
     def close(self) -> None:
-        """End what is left."""
+        """End everything that is still open."""
         self.end()
 
     @property
     def used(self) -> float:
-        """Processor time [s] that it has used."""
+        """CPU time [s] of the viewer so far; 0 if none is open."""
         return 0.0 if self._process is None else processor_time(self._process.pid)
 
 
 def processor_time(pid: int) -> float:
-    """Return the processor time [s] that a process has used; 0 if there is none."""
+    """Return the CPU time [s] that a process has used; 0 if there is no such process."""
     try:
         text = Path(f"/proc/{pid}/stat").read_text()
     except OSError:
@@ -141,12 +141,12 @@ def processor_time(pid: int) -> float:
 
 
 def _await_line(process: subprocess.Popen[str], begin: str) -> None:
-    """Wait until a viewer says something that begins so.
+    """Wait until a viewer prints a line that begins with ``begin``.
 
     Raises
     ------
     ItouchError
-        If it ends or is silent instead.
+        If it ends or takes too long.
     """
     late, said = threading.Timer(OPENING, process.kill), ""
     late.start()
@@ -190,9 +190,9 @@ def display() -> Iterator[dict[str, str]]:
 def measure(
     seconds: float, rounds: int = 1, triangles: int = 2_000_000, browsers: Callable[[], Viewers] | None = None
 ) -> list[Row]:
-    """Measure every situation for some seconds a round; ``triangles``: of the great mesh.
+    """Measure every situation for some seconds a round, with a large mesh of ``triangles`` triangles.
 
-    ``browsers`` makes the viewers where they are browsers; the great mesh is then left out.
+    ``browsers`` makes the viewers if they are other programs, such as browsers; the large mesh is then left out.
 
     Raises
     ------
@@ -217,7 +217,7 @@ def measure(
 
 
 def _write(folder: Path, triangles: int) -> Path:
-    """Write the scene: a finger that touches a block again and again; beside it a mesh of so many triangles."""
+    """Write a scene in which a finger touches a block again and again, with a mesh of ``triangles`` triangles."""
     text = scene(touches=2000, remote=False, hold=False)
     if triangles:
         write_stl(folder / "ball.stl", *bumpy_sphere(triangles))
@@ -229,7 +229,7 @@ def _write(folder: Path, triangles: int) -> Path:
 
 
 def _begin(handle: Handle) -> None:
-    """Wait for the first touch to begin: before it the finger stands still."""
+    """Wait until the session has run for 1 s: before the first touch the finger stands still."""
     while handle.running and handle.link.seconds < 1.0:
         time.sleep(0.01)
 

@@ -1,4 +1,4 @@
-"""``itouch-py bench viewer --servo --web``: the servo loop beside a browser that looks, is killed, or hangs."""
+"""``itouch-py bench viewer --servo --web``: the servo loop beside a browser that is open, killed, or frozen."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import tempfile
 from itouch.schema import ItouchError
 from itouch_evidence.viewer_servo import Viewers, processor_time
 
-#: What the browser is told: it draws off the screen, by software where there is no other way, and asks no network.
+#: Options of the browser: it draws off-screen, without a GPU, and does not use the network by itself.
 _FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-sync", "--window-size=1280,720",
           "--disable-background-networking", "--disable-component-update")  # fmt: skip
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 
 class Browsers(Viewers):
-    """Opens `itouch-py view --web` on sessions and a headless Chromium on it: the browser is killed and frozen.
+    """Opens `itouch-py view --web` on sessions, and a headless Chromium on its page, which is killed or frozen.
 
     Raises
     ------
@@ -42,7 +42,7 @@ class Browsers(Viewers):
         return [sys.executable, "-m", "itouch_tools.cli", "view", name, "--web", "--port", "0"]
 
     def open(self, name: str) -> None:
-        """Open a browser on a session, and wait until it shows it; the server is opened with the first one."""
+        """Open a browser on a session, and wait until it shows it; the first time, the server is opened, too."""
         if self._process is None:
             super().open(name)
             self._address = self.first_line()
@@ -54,12 +54,12 @@ class Browsers(Viewers):
         self.await_line("a browser looks")
 
     def signal(self, number: int) -> None:
-        """Send all of the browser's processes a signal."""
+        """Send a signal to all processes of the browser."""
         if self._browser is not None:
             os.killpg(self._browser.pid, number)
 
     def end(self) -> None:
-        """Kill the browser; what serves it stays for the next one."""
+        """Kill the browser; the server stays for the next one."""
         browser, self._browser = self._browser, None
         if browser is not None:
             os.killpg(browser.pid, signal.SIGKILL)
@@ -68,11 +68,11 @@ class Browsers(Viewers):
             self._folder.cleanup()
 
     def close(self) -> None:
-        """Kill both."""
+        """Kill the browser and the server."""
         self.end()
         super().end()
 
     @property
     def used(self) -> float:
-        """Processor time [s] that the server has used, and the browser's first process."""
+        """CPU time [s] of the server and of the browser's first process."""
         return super().used + (processor_time(self._browser.pid) if self._browser is not None else 0.0)

@@ -1,4 +1,4 @@
-"""What people use the framework with: the command line, the window, sound, pages, studies, sweeps and beginnings.
+"""The tools with which people use the framework: command line, window, sound, pages, studies, sweeps and templates.
 
-All of it imports ``itouch``, which imports nothing of it: a touch needs none of this.
+All of them import ``itouch``, which imports none of them: a touch does not need them.
 """

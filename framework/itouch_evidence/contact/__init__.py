@@ -1,4 +1,4 @@
-"""``itouch-py bench contact``: what a step of contact costs beside what a Python user would pick instead."""
+"""``itouch-py bench contact``: what a step of contact costs, compared with libraries that a Python user might take."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _works(options: argparse.Namespace) -> Iterator[tuple[Work, str]]:
-    """Yield what is measured, and the size by which its times are judged."""
+    """Yield the works to measure, each with the size by which its times are judged ("": they are not)."""
     if options.mesh is not None:
         vertices, faces = _read(options)
         yield around(options.mesh.name, vertices, faces, options.steps, options.speed), ""
@@ -55,12 +55,12 @@ def _works(options: argparse.Namespace) -> Iterator[tuple[Work, str]]:
 
 
 def _read(options: argparse.Namespace) -> tuple[Floats, Ints]:
-    """Return the triangles of a mesh file, mended as in a scene; say how long it takes with and without the cache.
+    """Return the triangles of a mesh file, mended as in a scene; print how long it takes with and without the cache.
 
     Raises
     ------
     ItouchError
-        If it is no mesh that can be touched.
+        If it is not a mesh that can be touched.
     """
     from itouch.contact.meshfile import MeshError, load_mesh
 
@@ -82,7 +82,7 @@ def _read(options: argparse.Namespace) -> tuple[Floats, Ints]:
 
 
 def _rows(work: Work, with_peers: bool) -> tuple[list[Row], list[str]]:
-    """All rows of one work, and why peers are missing."""
+    """Measure one work; return all rows, and why peers are missing."""
     surface, built, memory = building(lambda: Surface(work.vertices, work.faces, work.two_sided))
     rows = [*proxy_rows(surface, work, FRICTION), *proxy_rows(surface, work, (0.0, 0.0))]
     rows.append(closest_row(surface, work, built, max(memory, surface.memory_bytes / 1e6)))
@@ -95,7 +95,7 @@ def _rows(work: Work, with_peers: bool) -> tuple[list[Row], list[str]]:
             rows.append(peer_row(name, peer, work, most_queries))
         except ImportError:
             missing.append(f"{name}: not installed (pip install {PACKAGES[name]})")
-        except Exception as reason:  # a peer that refuses a surface is no fault of the bench
+        except Exception as reason:  # a peer may refuse a surface, which is no error of the bench
             missing.append(f"{name}: {type(reason).__name__}: {reason}")
     return rows, missing
 

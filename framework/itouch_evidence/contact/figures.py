@@ -1,4 +1,4 @@
-"""The bounds that the speed of contact must keep, and whether this run kept them."""
+"""The bounds on the time of a contact step, and whether a run kept them."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass
 
 from itouch_evidence.contact.measure import Row
 
-#: CHAI3D 3.3.0's step with friction, 99th percentile [us], measured once for these surfaces on one machine; and the
-#: share of it that is allowed.
+#: Time of a step of CHAI3D 3.3.0 with friction, 99th percentile [us], measured once for these surfaces on one machine;
+#: and the share of it that is allowed.
 CHAI3D = {"10k": (12.0, 0.45), "100k": (86.0, 0.1), "1M": (1005.0, 0.02)}
 #: Greatest time of a step in the compiled loop, in contact, median [us].
 LOOP = {"10k": 1.0, "100k": 1.5, "1M": 3.0}
@@ -29,15 +29,15 @@ class Figure:
 
     @property
     def passed(self) -> bool:
-        """Whether it is reached."""
+        """Whether the limit is kept."""
         return self.measured <= self.limit
 
     def as_dict(self) -> dict[str, object]:
-        """Return it with its verdict."""
+        """Return the figure as plain data, with its verdict."""
         return {**asdict(self), "pass": self.passed}
 
     def line(self) -> str:
-        """Lay it out."""
+        """Return the figure as a line of the table."""
         verdict = "pass" if self.passed else "FAIL"
         return f"  {verdict}  {self.work:<10} {self.name:<66} {self.measured:9.3g} <= {self.limit:g} {self.unit}"
 
@@ -48,11 +48,11 @@ def judged(work: str, size: str, rows: Sequence[Row], *, smooth: bool) -> Iterat
     Parameters
     ----------
     work
-        Its name.
+        The work's name.
     size
         "10k", "100k" or "1M" for the standard height fields, else empty: no absolute times are judged.
     rows
-        What was measured.
+        The measurements.
     smooth
         Whether the force without friction must be that of the exact penetration.
     """

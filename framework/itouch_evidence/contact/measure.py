@@ -1,4 +1,4 @@
-"""Time one engine or peer on one work."""
+"""Measures the time of one engine or peer library on one work."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ PASSES = 3
 _BUILDING = 2.0
 CHUNK = 40  # steps of the compiled loop that are timed together
 STIFFNESS = 1000.0
-TOO_MUCH = 2.0  # a force above this times the greatest that is right counts as locked
+TOO_MUCH = 2.0  # a force of more than this many times the greatest right one counts as locked
 _TETRAHEDRON = (np.eye(4)[:, :3], np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], np.int32))
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One line of the table; times in microseconds per step or query, the best of three passes for each."""
+    """One line of the table; times are in microseconds per step or query, the best of three passes for each."""
 
     name: str
     p50_us: float
@@ -42,17 +42,17 @@ class Row:
     error_p99_n: float | None = None
 
     def as_dict(self) -> dict[str, object]:
-        """Only what was measured."""
+        """Return the row as plain data, without what was not measured."""
         return {key: value for key, value in asdict(self).items() if value is not None}
 
 
 def resident_mb() -> float:
-    """Memory of this process [MB]."""
+    """Return the resident memory of this process [MB]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
 
 
 def building(make: Callable[[], Made]) -> tuple[Made, float, float]:
-    """Make something up to three times within two seconds; return it, the least time [ms], and what it takes [MB]."""
+    """Make something up to three times within two seconds; return it, the least time [ms], and its memory [MB]."""
     before, spent = resident_mb(), []
     while True:
         begin = time.perf_counter()
@@ -65,7 +65,7 @@ def building(make: Callable[[], Made]) -> tuple[Made, float, float]:
 
 
 def times(call: Callable[[Floats], object], start: Callable[[], object], points: Floats) -> Floats:
-    """Time of each call (n,) [s], the least of three passes over the same points (n, 3) [m]."""
+    """Return the time of each call (n,) [s], the least of three passes over the same points (n, 3) [m]."""
     best = np.full(len(points), np.inf)
     clock = time.perf_counter
     for turn in range(PASSES + 1):
@@ -85,13 +85,13 @@ def _row(name: str, seconds: Floats, **more: float | None) -> Row:
 
 
 def closest_row(surface: Surface, work: Work, build_ms: float, memory_mb: float) -> Row:
-    """Search alone, called from Python."""
+    """Measure the search for the closest point alone, called from Python."""
     seconds = times(surface.closest, lambda: None, work.hips)
     return _row("itouch closest", seconds, build_ms=build_ms, memory_mb=memory_mb)
 
 
 def proxy_rows(surface: Surface, work: Work, friction: tuple[float, float]) -> list[Row]:
-    """Step called from Python, and step inside the compiled loop while in contact."""
+    """Measure a step called from Python, and a step inside the compiled loop while in contact."""
     proxy = Proxy(surface, radius=work.radius, stiffness=STIFFNESS, static_friction=friction[0],
                   dynamic_friction=friction[1])  # fmt: skip
     first = work.hips[0]
@@ -115,7 +115,7 @@ def proxy_rows(surface: Surface, work: Work, friction: tuple[float, float]) -> l
 
 
 def _through(surface: Surface, work: Work, forces: Floats, away: Floats) -> int:
-    """Count steps whose proxy has sunk in, or that press without any force: the probe is through the surface."""
+    """Count steps whose proxy has sunk in, or that press without any force: the probe has popped through."""
     proxies = work.hips + forces / STIFFNESS
     _, clear, _ = surface.closest(proxies)
     slack = 1e-4 * work.radius
@@ -153,8 +153,8 @@ def _looped(proxy: Proxy, work: Work, size: Floats, kind: str) -> list[Row]:
 
 
 def peer_row(name: str, peer: Peer, work: Work, most: int) -> Row:
-    """One query of another library."""
-    peer(*_TETRAHEDRON, work.radius)  # what a library does once is not counted
+    """Measure a query of another library, ``most`` of them at most."""
+    peer(*_TETRAHEDRON, work.radius)  # what a library does only once is not counted
     query, built, memory = building(lambda: peer(work.vertices, work.faces, work.radius))
     seconds = times(query, lambda: None, work.hips[:: max(1, len(work.hips) // most)])
     return _row(name, seconds, build_ms=built, memory_mb=memory)

@@ -1,6 +1,6 @@
-"""Other libraries' searches for the point of a mesh nearest to a probe, each as one call per query.
+"""Other libraries' searches for the point of a mesh that is nearest to a probe, with one call per query.
 
-A library that is not installed is left out and named.
+A library that is not installed is left out, and the output names it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from itouch_evidence.contact.workload import Faces
 
 Query = Callable[[Floats], object]
 Peer = Callable[[Floats, Faces, float], Query]
-FEW = 40  # queries of the slow ones
+FEW = 40  # number of queries for slow libraries
 
 
 def _open3d(vertices: Floats, faces: Faces, radius: float) -> Query:
@@ -110,7 +110,7 @@ def _mujoco(vertices: Floats, faces: Faces, radius: float) -> Query:
     return query
 
 
-PEERS: dict[str, tuple[Peer, int, int]] = {  # what it does; queries at most; triangles at most
+PEERS: dict[str, tuple[Peer, int, int]] = {  # by what the query does: peer, most queries, most triangles
     "open3d compute_closest_points": (_open3d, 10**9, 10**9),
     "libigl AABB.squared_distance": (_igl, 10**9, 10**9),
     "python-fcl distance, sphere": (_fcl, 200, 10**9),
@@ -119,5 +119,5 @@ PEERS: dict[str, tuple[Peer, int, int]] = {  # what it does; queries at most; tr
     "mujoco collision with the convex hull": (_mujoco, 10**9, 200_000),
 }
 
-#: What to install for each.
+#: The packages to install for each peer.
 PACKAGES = dict(zip(PEERS, ("open3d", "libigl", "python-fcl", "coal", "trimesh rtree", "mujoco"), strict=True))

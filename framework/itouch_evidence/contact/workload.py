@@ -1,4 +1,4 @@
-"""The surfaces and the paths that contact is measured on, and what the force on them should be."""
+"""The surfaces and the paths over them on which contact is measured."""
 
 from __future__ import annotations
 
@@ -20,16 +20,18 @@ SPHERE_SUBDIVISIONS = {"1k": 3, "10k": 5, "100k": 6, "1M": 8}
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """A surface with a path over it: the HIP dives below the offset surface half of the time.
+    """A surface with a path over it, on which the HIP is below the offset surface half of the time.
 
     Attributes
     ----------
     vertices, faces
         (v, 3) [m] and (m, 3).
     hips
-        (n, 3) [m], one a millisecond.
+        (n, 3) [m], one per millisecond.
     radius
-        Of the probe [m].
+        Radius of the probe [m].
+    two_sided
+        Whether the surface can be touched from both sides.
     """
 
     name: str
@@ -41,7 +43,7 @@ class Work:
 
 
 def height_field(cells: int) -> tuple[Floats, Faces]:
-    """Triangles of z = 0.05 sin(3 pi x) cos(3 pi y) over the square of side 1 m, cells split along one diagonal."""
+    """Return triangles of z = 0.05 sin(3 pi x) cos(3 pi y) over a square of side 1 m, cells split along a diagonal."""
     line = np.linspace(-0.5, 0.5, cells + 1)
     x, y = np.meshgrid(line, line, indexing="ij")
     vertices = np.stack([x, y, height(x, y)], axis=-1).reshape(-1, 3)
@@ -52,12 +54,12 @@ def height_field(cells: int) -> tuple[Floats, Faces]:
 
 
 def height(x: Floats, y: Floats) -> Floats:
-    """Height of the field at (x, y) [m]."""
+    """Return the height of the field at (x, y) [m]."""
     return np.asarray(0.05 * np.sin(3 * np.pi * x) * np.cos(3 * np.pi * y))
 
 
 def icosphere(subdivisions: int, radius: float = 0.5) -> tuple[Floats, Faces]:
-    """Triangles of a sphere: an icosahedron whose faces are split into four again and again."""
+    """Return triangles of a sphere: an icosahedron whose faces are repeatedly split into four."""
     g = (1 + 5**0.5) / 2
     corners = np.array([(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0)], dtype=float)
     vertices = np.concatenate([corners, np.roll(corners, 1, axis=1), np.roll(corners, 2, axis=1)])
@@ -81,26 +83,26 @@ def icosphere(subdivisions: int, radius: float = 0.5) -> tuple[Floats, Faces]:
 
 
 def depth(steps: int) -> Floats:
-    """How far the HIP is above the offset surface, every 1 ms [m]; below 0 it presses."""
+    """Return the height of the HIP above the offset surface (steps,) [m], one per millisecond; below 0 it presses."""
     return np.asarray(DEPTH * np.sin(2 * np.pi * 0.5 * TICK * np.arange(steps)))
 
 
 def over_height_field(steps: int, speed: float, radius: float) -> Floats:
-    """Path over the height field (steps, 3) [m]."""
+    """Return a path over the height field (steps, 3) [m]."""
     s = speed * TICK * np.arange(steps)
     x, y = 0.4 * np.sin(2 * np.pi * 0.31 * s), 0.4 * np.sin(2 * np.pi * 0.23 * s + 0.5)
     return np.stack([x, y, height(x, y) + radius + depth(steps)], axis=1)
 
 
 def directions(steps: int, speed: float) -> Floats:
-    """Directions from the middle of a sphere along the path over it (steps, 3)."""
+    """Return the directions from a sphere's centre along a path over it (steps, 3)."""
     s = speed * TICK * np.arange(steps)
     theta, phi = np.pi / 2 + 0.9 * np.sin(2 * np.pi * 0.23 * s), 2.5 * np.sin(2 * np.pi * 0.17 * s)
     return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=1)
 
 
 def standard(kind: str, size: str, steps: int, speed: float, radius: float) -> Work:
-    """One of the standard works: kind "hf" or "ico", size "1k" to "1M"."""
+    """Return a standard work: kind "hf" (height field) or "ico" (icosphere), size "1k" to "1M"."""
     if kind == "hf":
         vertices, faces = height_field(HEIGHT_FIELD_CELLS[size])
         return Work(f"hf {size}", vertices, faces, over_height_field(steps, speed, radius), radius)
@@ -110,9 +112,11 @@ def standard(kind: str, size: str, steps: int, speed: float, radius: float) -> W
 
 
 def around(name: str, vertices: Floats, faces: Faces, steps: int, speed: float) -> Work:
-    """Path over any surface: what is nearest to a point that circles about it; lengths in proportion to its size.
+    """Return a work with a path over any surface: along the nearest points to a point that moves around it.
 
-    A surface that is no solid is touched from both sides, because the path goes round it.
+    Lengths are in proportion to the surface's size.
+
+    A surface that is no solid is touched from both sides, because the path goes around it.
 
     ``vertices`` (v, 3) [m], ``faces`` (n, 3).
     """

@@ -1,1 +1,1 @@
-"""Processes of a session are killed, suspended or starved; the twins tell how soon all was safe."""
+"""Campaigns that kill, suspend or starve processes of a session; the twins tell how soon everything was safe."""

@@ -1,7 +1,7 @@
 """``itouch-py bench deaths``: kill a process of a session at random instants, and measure at the twins what follows.
 
 The servo process, a viewer that holds the dead-man's switch, or a recorder is killed (SIGKILL), suspended (SIGSTOP) or
-starved of memory.  The twins run in processes of their own and say, step by step, whether what acts is safe.
+starved of memory.  The twins run in processes of their own, and report at every step whether what acts on them is safe.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from itouch_evidence.deaths.memory_exhaustion import HUNGER
 from itouch_evidence.deaths.observer import Observer
 from itouch_tools.cli.doctor.touch_scene import scene
 
-#: What W2 allows [s].
+#: The time [s] that W2 allows.
 LIMIT = 0.2
 VICTIMS, MANNERS = ("servo", "viewer", "recorder"), ("kill", "stop", "memory")
-#: After a recorder's death the session must go on for this long [s], and is ended then.
+#: After a recorder's death the session must go on for this long [s]; then it is ended.
 _GOES_ON = 0.3
 _END = 15.0
 
@@ -43,7 +43,7 @@ class Outcome:
     """What followed one death.
 
     ``safe_s`` is how long each device took until what acts on it was safe for good (None: never); ``left`` names what
-    was still there afterwards; ``said`` is what the launcher was told.
+    was still there afterwards; ``said`` is the message that the launcher got.
     """
 
     victim: str
@@ -60,7 +60,7 @@ class Outcome:
 
 
 def strike(victim: str, manner: str, wait: float) -> Outcome:
-    """Run a session, end one of its processes after ``wait`` seconds, and measure."""
+    """Run a session, hit one of its processes after ``wait`` seconds, and measure what follows."""
     before = _processes()
     with tempfile.TemporaryDirectory() as folder, _hungry_children(folder):
         path = Path(folder, "deaths.xml")
@@ -91,7 +91,7 @@ def _strike(handle: Handle, victim: str, manner: str, wait: float, before: froze
 def _end(
     handle: Handle, stand: subprocess.Popen[str] | None, manner: str, wait: float, victim: str
 ) -> tuple[int, float, str]:
-    """Let the session run, hit the victim; return when [ns], the session's time then [s], and what was said."""
+    """Let the session run and hit the victim; return when [ns], the session's time then [s], and the message."""
     _await_motion(handle)
     time.sleep(wait)
     if not handle.running:
@@ -106,14 +106,14 @@ def _end(
 
 
 def _await_motion(handle: Handle) -> None:
-    """Wait until the loop runs: there is nothing to make safe before."""
+    """Wait until the loop runs: before that there is nothing to make safe."""
     while handle.running and handle.link.tick == 0:
         time.sleep(0.005)
 
 
 @contextmanager
 def _stand_in(what: str, handle: Handle) -> Iterator[subprocess.Popen[str] | None]:
-    """Attach a process that stands for a viewer or a recorder; the servo stands for itself."""
+    """Attach a process that stands in for a viewer or a recorder; for the servo process there is none."""
     if what == "servo":
         yield None
         return
@@ -151,7 +151,7 @@ def _go_on(handle: Handle) -> int:
 
 
 def _ending(handle: Handle, after: int = 0) -> str:
-    """Wait for the session's end, and return what was said about it; a fault before a tick is none of this death."""
+    """Wait for the session's end, and return its message; a fault before the tick ``after`` has another cause."""
     try:
         return "ended" if handle.wait(_END) else "did not end"
     except ItouchError as error:
@@ -174,7 +174,7 @@ def _processes() -> frozenset[int]:
 
 
 def _left(name: str, before: frozenset[int]) -> tuple[str, ...]:
-    """Return what a session has left behind, after a second to go."""
+    """Return what a session has left behind, after giving it up to 3 s to go."""
     deadline = time.monotonic() + 3.0
     while True:
         left = [f"process {pid}" for pid in _processes() - before if _belongs(pid, name)]
@@ -193,7 +193,7 @@ def _belongs(pid: int, name: str) -> bool:
 
 @contextmanager
 def _hungry_children(folder: str) -> Iterator[None]:
-    """Let every Python process started here starve when it is told to."""
+    """Make every Python process that is started here starve itself of memory when it gets the signal."""
     line = "from itouch_evidence.deaths.memory_exhaustion import starve_on_signal\nstarve_on_signal()\n"
     Path(folder, "sitecustomize.py").write_text(line, encoding="utf-8")
     sys.path.insert(0, folder)
@@ -210,7 +210,7 @@ def _hungry_children(folder: str) -> Iterator[None]:
 
 
 def cases(count: int, seed: int) -> Iterator[tuple[str, str, float]]:
-    """Yield victim, manner and instant [s]: every pair in turn, instants over two touches."""
+    """Yield victim, manner and instant [s]: all pairs in turn, at random instants during two touches."""
     draw = random.Random(seed)
     pairs = [(victim, manner) for victim in VICTIMS for manner in MANNERS]
     for index in range(count):
@@ -235,7 +235,7 @@ def main(argv: Sequence[str]) -> int:
     for victim, manner, wait in cases(options.instants, options.seed):
         try:
             outcome = strike_again(victim, manner, wait)
-        except ItouchError as error:  # a machine too busy for any session; what was measured is told all the same
+        except ItouchError as error:  # the machine is too busy for any session; earlier results are still printed
             print(f"given up: {error}", file=sys.stderr, flush=True)
             whole = False
             break
@@ -252,7 +252,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def strike_again(victim: str, manner: str, wait: float, *, attempts: int = 8) -> Outcome:
-    """Strike; a session that ends by itself before, on a busy machine, is told, and tried again."""
+    """Strike; if on a busy machine the session ended by itself before that, print so and try again."""
     for _ in range(attempts - 1):
         try:
             return strike(victim, manner, wait)

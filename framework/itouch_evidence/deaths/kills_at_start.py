@@ -1,7 +1,7 @@
 """Kills from the first millisecond of a start on: launcher, guardian, servo, recorder, viewer and twin.
 
-A launcher of its own starts a session with remote twins and a recording; all processes that come of it carry a mark in
-their environment.  One is killed some time after it has come to be; then all that is left must end by itself.
+A launcher in its own process starts a session with remote twins and a recording; all processes that descend from it
+carry a mark in their environment.  One is killed some time after it appeared; then all others must end by themselves.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from itouch_evidence.deaths.observer import Observer
 from itouch_evidence.resumable import Kept
 from itouch_tools.cli.doctor.touch_scene import scene
 
-#: What devices may take to be safe [s], and all processes to end.
+#: Longest time [s] until devices are safe, and until all processes have ended.
 SAFE, GONE = 0.2, 5.0
 VICTIMS = ("launcher", "guardian", "servo", "recorder", "viewer", "twin")
 DEVICES = ("arm", "table", "peltier")
 _MARK = "ITOUCH_DEATHS"
-#: What a process is, by a word of its command line.
+#: The role of a process, by a word in its command line.
 _ROLES = {
     "itouch_evidence.deaths.recording_launcher": "launcher", "itouch.servo.process": "servo",
     "itouch.servo.guardian": "guardian",
     "itouch.servo.twin": "twin", "itouch.recording.process": "recorder", "itouch.servo.compile_ahead": "companion",
     "itouch_evidence.deaths.simulated_clients": "viewer",
 }  # fmt: skip
-#: How long [s] a victim may take to come to be; how long after a kill is looked.
+#: How long [s] a victim may take to appear, and for how long after a kill processes are looked for.
 _COMES, _LOOKS = 60.0, 90.0
-#: For how long [s] nothing must be seen any more.
+#: For how long [s] nothing must be seen before everything counts as gone.
 _CALM = 0.3
 
 
@@ -49,9 +49,8 @@ _CALM = 0.3
 class Kill:
     """What followed one kill.
 
-    ``after_s``: how old the victim was; ``gone_s``: how long until nothing was alive; ``safe_s``: how long until each
-    device that obeyed was safe for good (None: never); ``left``: what was there when nobody lived any more, or for
-    too long.
+    ``after_s``: how old the victim was; ``gone_s``: how long until no process was alive; ``safe_s``: how long until
+    each device that had obeyed was safe for good (None: never); ``left``: what was still there then, or at a timeout.
     """
 
     victim: str
@@ -67,14 +66,14 @@ class Kill:
 
     @property
     def good(self) -> bool:
-        """Whether all was safe in time, and nothing is left."""
+        """Whether everything was safe and gone in time, and nothing is left."""
         return self.worst <= SAFE and self.gone_s <= GONE and not self.left
 
 
 def kill(victim: str, after: float, *, running: bool = False) -> Kill:
-    """Start a session, kill one of its processes ``after`` seconds after that has come to be, and look.
+    """Start a session, kill one of its processes ``after`` seconds after that appeared, and measure what follows.
 
-    ``running``: so long after the devices have begun to obey.
+    With ``running`` the time counts from when devices began to obey.
     """
     mark = f"{os.getpid()}-{monotonic()}"
     with tempfile.TemporaryDirectory() as folder:
@@ -104,7 +103,7 @@ def kill(victim: str, after: float, *, running: bool = False) -> Kill:
             event = monotonic()
             with contextlib.suppress(ProcessLookupError):
                 os.kill(found, signal.SIGKILL)
-            if victim in ("recorder", "viewer"):  # the session may go on, or wait for another: it is told to end
+            if victim in ("recorder", "viewer"):  # the session may go on, or wait for another viewer: it is told to end
                 time.sleep(0.5)
                 event = monotonic() if victim == "recorder" else event
                 with contextlib.suppress(ProcessLookupError):
@@ -129,7 +128,7 @@ def _quiet(words: Sequence[str], environment: dict[str, str]) -> subprocess.Pope
 
 
 class _Watched:
-    """Observes each twin from when it can be asked."""
+    """Observes each twin from the time at which it can be connected to."""
 
     def __init__(self, name: str) -> None:
         self._name, self.over = name, False
@@ -147,7 +146,7 @@ class _Watched:
                 time.sleep(0.01)
 
     def await_begun(self) -> None:
-        """Wait until some device has obeyed, or nobody is left who could."""
+        """Wait until some device has obeyed, or nothing is left that could command one."""
         end = time.monotonic() + _COMES
         while time.monotonic() < end and "launcher" in _marked(self._name).values():
             if any(o.seen[n] and o.seen[n][-1][1] & wire.BEGUN for n, o in list(self._observers.items())):
@@ -155,7 +154,7 @@ class _Watched:
             time.sleep(0.02)
 
     def safe_after(self, event: int, victim: str) -> dict[str, float | None]:
-        """Return how long [s] each device took that obeyed; of twins one has been killed, and tells nothing more."""
+        """Return how long [s] each device that obeyed took to be safe, without a twin that was killed itself."""
         self.over = True
         found: dict[str, float | None] = {}
         for name, observer in self._observers.items():
@@ -167,7 +166,7 @@ class _Watched:
 
 
 def _marked(mark: str) -> dict[int, str]:
-    """Return the living processes that carry a mark, with their roles."""
+    """Return the roles of the living processes that carry a mark, by process id."""
     found = {}
     wanted = f"{_MARK}={mark}".encode()
     for folder in Path("/proc").iterdir():
@@ -181,7 +180,7 @@ def _marked(mark: str) -> dict[int, str]:
 
 
 def _come(victim: str, mark: str) -> int:
-    """Wait until the victim has come to be; return its id."""
+    """Wait until the victim has appeared; return its process id."""
     end = time.monotonic() + _COMES
     while time.monotonic() < end:
         for process, role in _marked(mark).items():
@@ -192,26 +191,26 @@ def _come(victim: str, mark: str) -> int:
 
 
 def _await_nothing(mark: str, started: Sequence[subprocess.Popen[bytes]]) -> float:
-    """Wait until no process lives, and no socket of one that the kernel is still taking apart is listed.
+    """Wait until no process lives, and the kernel lists no socket of one that it is still cleaning up.
 
     Returns
     -------
     float
-        After how long [s] something was seen last.  A process that is just being started by one that is killed has no
-        environment for a moment, and is not seen in it: nothing must be seen for a while.
+        After how long [s] something was last seen.  A process that was just being started by one that was killed has no
+        environment for a moment, and can't be seen then: so nothing must be seen for a while.
     """
     begin = seen = time.monotonic()
     while time.monotonic() < min(seen + _CALM, begin + _LOOKS):
         if any(_left(mark)):
             seen = time.monotonic()
         for process in started:
-            process.poll()  # what has ended is buried
+            process.poll()  # so that an ended process does not stay a zombie
         time.sleep(0.02)
     return seen - begin
 
 
 def _left(mark: str) -> Iterator[str]:
-    """Find what is still there: processes, and local sockets in the kernel's list."""
+    """Yield what is still there: processes, and local sockets in the kernel's list."""
     yield from (f"{role} {process}" for process, role in _marked(mark).items())
     sockets = Path("/proc/net/unix").read_text(encoding="utf-8", errors="replace")
     if f"@itouch/{mark}" in sockets:
@@ -223,7 +222,7 @@ def _files(folder: Path, known: set[str]) -> Iterator[str]:
 
 
 def cases(count: int, seed: int) -> Iterator[tuple[str, float, bool]]:
-    """Yield victim, instant [s], and whether that counts from when devices obey instead of from the victim's begin.
+    """Yield victim, instant [s], and whether that counts from when devices obey instead of from the victim's start.
 
     A third are killed in their first second, a third in their first four, a third while devices obey.
     """
@@ -234,7 +233,7 @@ def cases(count: int, seed: int) -> Iterator[tuple[str, float, bool]]:
 
 
 def campaign(count: int, seed: int, *, tell: bool, keep: str | None = None) -> list[Kill]:
-    """Kill so many times, or as often as is not kept yet; tell how that went, and return all that is kept."""
+    """Kill ``count`` times, except where the result is kept already; print the results, and return all kept ones."""
     kept, new = Kept(keep), 0
     for number, (victim, after, running) in enumerate(cases(count, seed)):
         if (seed, number) in kept:

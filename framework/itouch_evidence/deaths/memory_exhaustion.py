@@ -1,6 +1,6 @@
-"""Eating memory on demand, up to a limit that the machine does not feel: then Python can't allocate any more.
+"""Uses up memory on demand, up to a limit that does not harm the machine: then Python can't allocate any more.
 
-(The kernel's own answer to a machine without memory is SIGKILL, which the deaths try by itself.)
+(The kernel's own response when a machine runs out of memory is SIGKILL, which the campaign tries separately.)
 """
 
 from __future__ import annotations
@@ -9,14 +9,14 @@ import resource
 import signal
 from pathlib import Path
 
-#: What may be eaten [bytes].
+#: How much memory may be used up [bytes].
 LIMIT = 64 << 20
-#: The signal that makes hungry.
+#: The signal on which a process starts to use up memory.
 HUNGER = signal.SIGUSR2
 
 
 def starve_on_signal() -> None:
-    """Let this process eat memory until it can't go on, when the signal comes."""
+    """Make this process use up memory until it can't go on, when the signal comes."""
     signal.signal(HUNGER, _starve)
 
 

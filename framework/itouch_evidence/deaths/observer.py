@@ -12,11 +12,11 @@ from itouch.servo import wire
 
 
 class Observer:
-    """Watches the twins of one session until they hang up."""
+    """Watches the twins of one session until they close their connections."""
 
     def __init__(self, session: str, devices: Iterable[str]) -> None:
         self._lines = {wire.connect(wire.address(session, name), 10.0): name for name in devices}
-        #: Device -> (time [ns], flags) of each of its steps, in order.
+        #: For each device the (time [ns], flags) of its steps, in order.
         self.seen: dict[str, list[tuple[int, int]]] = {name: [] for name in self._lines.values()}
         for line in self._lines:
             line.send(wire.WATCH)
@@ -41,7 +41,7 @@ class Observer:
         return bool(packet)
 
     def wait(self, timeout: float) -> bool:
-        """Wait until every twin has hung up; tell whether they have."""
+        """Wait until every twin has closed its connection; tell whether all have."""
         self._thread.join(timeout)
         for line in self._lines:
             with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""A launcher that records, as a lab would.
+"""A launcher that records, as a laboratory would.
 
 ``python -m itouch_evidence.deaths.recording_launcher SCENE NAME RECORDING PARENT``
 """
@@ -16,13 +16,13 @@ from itouch.session.outputs import Outputs
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run a session to its end; SIGTERM asks for it."""
+    """Run a session to its end; SIGTERM asks it to end."""
     try:
         with launch(argv[0], name=argv[1], keep=Outputs(record=argv[2])) as handle:
             signal.signal(signal.SIGTERM, lambda number, frame: handle.request_stop())
             print("launched", flush=True)
             while not handle.wait(0.2):
-                if gone(int(argv[3])):  # nobody kills it any more
+                if gone(int(argv[3])):  # the campaign that would end it is gone
                     handle.request_stop()
     except ItouchError as error:
         print(error, flush=True)

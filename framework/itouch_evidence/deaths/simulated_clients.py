@@ -3,7 +3,7 @@
 ``python -m itouch_evidence.deaths.simulated_clients viewer|recorder NAME``
 
 The viewer copies the newest State sixty times a second and holds the dead-man's switch; the recorder takes every State.
-Told by a signal, a stand-in eats memory until the kernel, or Python, stops it.
+On a signal a stand-in uses up memory until the kernel, or Python, stops it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from itouch_evidence.deaths.memory_exhaustion import starve_on_signal
 
 def _view(link: Link) -> None:
     state = link.state
-    while lives(link.pid):  # a start may be silent for longer than a session: its twins are waited for
+    while lives(link.pid):  # a starting session may be silent for longer than a running one: it waits for its twins
         link.hold()
         link.refresh(state)
         time.sleep(1 / 60)
@@ -35,7 +35,7 @@ def _follow(link: Link) -> None:
 
 
 def _attached(name: str, patience: float) -> Link:
-    """Attach to a session, or to one that is only about to be there."""
+    """Attach to a session, or to one that is about to start."""
     end = time.monotonic() + patience
     while True:
         try:
@@ -47,7 +47,13 @@ def _attached(name: str, patience: float) -> Link:
 
 
 def _published(name: str) -> Link:
-    """Attach to a session that has something to show."""
+    """Attach to a session that has published a State.
+
+    Raises
+    ------
+    ServoError
+        If there is none.
+    """
     with contextlib.ExitStack() as stack:
         link = stack.enter_context(attach(name))
         _ = link.state

@@ -1,4 +1,4 @@
-"""``itouch-py bench faults``: what the supervisor does about every fault in every device in every phase of a touch."""
+"""``itouch-py bench faults``: how the supervisor handles every fault in every device in every phase of a touch."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _exchanged(options: argparse.Namespace) -> int:
     scene = options.scene or shipped_scene()
     pair = Pair(scene, options.exchange, threads=False, slots=1 + options.pairs)
     phases = stored(pair)
-    if options.threads:  # the phases are found in step; what follows is in real time
+    if options.threads:  # the phases are found in lockstep; what follows is in real time
         pair.close()
         pair = Pair(scene, options.exchange, threads=True, slots=1 + options.pairs)
     try:
@@ -81,14 +81,14 @@ def _cells(scene: Path | str, catalog: Catalog | None, *, paired: bool) -> Itera
 
 
 def differing(one: Cell, other: Cell, words: Words) -> list[str]:
-    """Return in what a cell and the same one under other names differ; names in sentences are put back."""
+    """Return the fields in which a cell and the same one under other names differ; names in sentences are put back."""
     said = words.back(other.cause).replace("_", " ") == one.cause.replace("_", " ")
     apart = [part.name for part in fields(Cell) if getattr(one, part.name) != getattr(other, part.name)]
     return [name for name in apart if name != "cause" or not said]
 
 
 def _compare(cells: Iterable[Cell], others: Iterable[Cell], words: Words) -> int:
-    """Print every cell that is another one under other names, and how many there are."""
+    """Print every cell whose result differs under other names, and how many there are."""
     count = wrong = 0
     for one, other in zip(cells, others, strict=True):
         count += 1
@@ -103,7 +103,7 @@ def _compare(cells: Iterable[Cell], others: Iterable[Cell], words: Words) -> int
 
 
 def shipped_scene() -> Path:
-    """Return the four-material scene that does not wait for the skin, of the checkout or of the installed program."""
+    """Return the path of the four-material scene that does not wait for the skin, in a checkout or an installation."""
     import itouch
 
     package = Path(itouch.__file__).parent

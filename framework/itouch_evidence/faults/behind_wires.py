@@ -1,7 +1,7 @@
-"""The matrix through the entrance that hardware uses: a host's session drives devices behind exchanges.
+"""The matrix through the entrance of hardware: a host's session drives devices behind exchanges.
 
-Behind the exchanges stands another session, whose twins fail as planned.  In step an exchange takes so many ticks, and
-the result depends on nothing else; through threads it takes that long on the clock of the wall.
+Behind the exchanges is another session, whose twins fail as planned.  In lockstep an exchange takes a number of ticks,
+and the result depends on nothing else; through threads it takes that long in real time.
 """
 
 from __future__ import annotations
@@ -26,26 +26,26 @@ from itouch_evidence.faults.matrix import DELAY, KINDS, LASTS, RUN, Cell
 from itouch_evidence.faults.phases import PHASES, moments, prepared
 from itouch_evidence.faults.truth import Truth
 
-#: What finds the entry points of a group.
+#: A function that finds the entry points of a group.
 Finder = Callable[[str], dict[str, Found]]
-#: How long a cell runs before its fault [s]: what is enabled anew ramps in.
+#: How long a cell runs before its fault [s]: devices that are enabled anew ramp up first.
 BEFORE = 1.2
-#: How long an exchange takes with a device that carries a surface, and with one that heats nothing and moves nothing.
+#: Ticks of an exchange with a device that carries a surface, and with one that neither heats nor moves anything.
 _SURFACE_TICKS, _OTHER_TICKS = 5, 1
-#: How much later [s] than its watchdog a device is looked at that hears nothing.
+#: How much later [s] than its watchdog a device without commands is examined.
 _GRACE = 0.02
 _STEP = 10
 
 
 @dataclasses.dataclass
 class Box:
-    """What passes between a host's device and the twin behind it."""
+    """What is passed between a host's device and the twin behind it."""
 
     reading: bytes = b""
     count: int = 0
     error: DeviceError | None = None
     command: bytes = b""
-    #: Whether the world stands still, as it does while a host is enabled: what is asked then answers all the same.
+    #: Whether the world stands still, as it does while a host is being enabled: reads are answered all the same then.
     rests: bool = False
 
 
@@ -53,27 +53,27 @@ class Line(Device):
     """The host's end of an exchange."""
 
     box: ClassVar[Box]
-    #: How long an exchange takes [s of the wall]; 0 in step.
+    #: How long an exchange takes in real time [s]; 0 in lockstep.
     lasts: ClassVar[float] = 0.0
 
     def open(self) -> None:
-        """Begin with the first reading."""
+        """Take the next reading as new."""
         self._taken = -1
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: no resource is held."""
 
     def write(self, command: Record) -> None:
-        """Send."""
+        """Send a command."""
         self.box.command = command.tobytes()
 
     def read(self, reading: Record) -> bool | None:
-        """Take what has come.
+        """Take the reading that has come; False if there is no new one.
 
         Raises
         ------
         DeviceError
-            While the twin behind it is disconnected.
+            While the twin behind the exchange is disconnected.
         """
         if self.lasts:
             time.sleep(self.lasts)
@@ -93,12 +93,12 @@ class _Entry:
         self._loaded = loaded
 
     def load(self) -> type[Device]:
-        """Return it."""
+        """Return the class."""
         return self._loaded
 
 
 def _lined(cls: type[Device], ticks: int, period: float, threads: bool) -> type[Device]:
-    """Return a device class with the meaning of another one, whose readings come by an exchange."""
+    """Return a device class with the declarations of another, but whose readings come through an exchange."""
     own = {
         "__init__": Device.__init__, "box": Box(), "lasts": ticks * period if threads else 0.0,
         "blocking": True, "period": 0.0, "delay": 0.0, "exchange_time": ticks * period, "waits": 0.0,
@@ -112,10 +112,10 @@ def _lined(cls: type[Device], ticks: int, period: float, threads: bool) -> type[
 
 
 class Pair:
-    """A host and the world behind it, tick by tick together.
+    """A host and the world behind it, which advance together, tick by tick.
 
-    ``stored``: the State of such a world, and a session of its host, from which both go on; else they begin.
-    ``catalog`` makes the host's catalog of plugins, which may call all that they have something else.
+    ``stored``: the State of such a world, and a saved session of its host, from which both go on; else they begin anew.
+    ``catalog`` makes the host's catalog of plugins, which may rename everything that they have.
     """
 
     def __init__(
@@ -148,7 +148,7 @@ class Pair:
         if not threads:
             self._take_into_step()
         self._heats = [post for runner in self.host.runners for post in runner.heats]
-        #: Checks of heat, and over how many seconds of enabled devices.
+        #: Number of checks of heat, and the time [s] over which they were counted.
         self.checks, self.watched = 0, 0.0
         self._checked = -1
         self._surfaces = [(r, r.true_position()) for r in self.world.runners if r.model.command(Role.SURFACE_POSE)]
@@ -163,13 +163,13 @@ class Pair:
         return _SURFACE_TICKS if device.command(Role.SURFACE_POSE) is not None else _OTHER_TICKS
 
     def _take_into_step(self) -> None:
-        """Let each device exchange in the tick itself."""
+        """Let each device make its exchanges in the tick itself, not in a thread."""
         for runner in self.host.runners:
             if isinstance(runner.device, ThreadedDevice):
                 runner.device = EveryNth(runner.device.device, self._takes(runner.model.name))
 
     def _tick(self, tick: int) -> None:
-        """Let the world go on by a period after a tick of the host; somebody holds the switch all the time."""
+        """Advance the world by a period after a tick of the host; the dead-man's switch is held all the time."""
         self._rest(False)
         if self.host.state["stopping"].item():
             self._persist()
@@ -183,7 +183,7 @@ class Pair:
         self.watched += self.world.model.period * bool(self._heats)
 
     def _persist(self) -> None:
-        """Let the faults last that are there when all is stopped: one that is mended in the middle is another plan."""
+        """Let the faults that are present when everything is stopped last: one that ends meanwhile is another case."""
         for runner, _ in self._boxes:
             state = runner.twin_state
             there = (state["fault.begin"] <= state["fault.tick"]) & (state["fault.tick"] < state["fault.end"])
@@ -201,11 +201,11 @@ class Pair:
         for runner, box in self._boxes:
             if box.command:
                 runner.sent.raw.data[:] = box.command
-        self.world.step_twins(bool(self.host.state["ready"].item()))  # nobody touches before the touch-off is over
+        self.world.step_twins(bool(self.host.state["ready"].item()))  # nobody touches before the touch-off has ended
         self.measure()
 
     def measure(self) -> None:
-        """Let every twin measure."""
+        """Take the readings of all twins."""
         for runner, box in self._boxes:
             if runner.twin is None:
                 continue
@@ -232,10 +232,10 @@ class Pair:
         self._began = self.host.seconds
 
     def truly_safe(self, since: float, deaf: float = 0.0) -> bool:
-        """Tell whether, ``since`` a host's time [s], surfaces have gone back, and nothing else is driven.
+        """Tell whether since a host's time [s] surfaces have retracted, and nothing else is driven.
 
-        A device that hears nothing any more is given the time of its own watchdog, from when it is ``deaf``: that may
-        be later, where the session was stopped by something else before.
+        A device that no longer gets commands is given the time of its own watchdog, from the time ``deaf`` [s] at which
+        its fault began: that may be later, if something else had stopped the session before.
         """
         period = self.host.model.period
         longest = max(device.limits.watchdog for device in self.world.model.devices.values()) + _GRACE
@@ -248,11 +248,11 @@ class Pair:
         return back and all(self._acts_safely(runner) for runner in self.world.runners)
 
     def _spent(self, since: float) -> float:
-        """Return how long [s] after the start of the cell a host's time was."""
+        """Return a host's time [s] relative to the start of the cell."""
         return since - self._began
 
     def _acts_safely(self, runner: Runner) -> bool:
-        """Tell whether what a twin has received last is safe, but for what retracts or is held."""
+        """Tell whether the last commands that a twin received have their safe values, if these are numbers."""
         received = runner.twin_state["fault.received"]
         at = 0
         for channel in runner.model.commands:
@@ -262,12 +262,12 @@ class Pair:
         return True
 
     def close(self) -> None:
-        """Let go of both."""
+        """Close both sessions."""
         self.host.close()
         self.world.close()
 
     def enable(self) -> None:
-        """Measure once, and enable.
+        """Take readings once, and enable the host's devices.
 
         Raises
         ------
@@ -281,12 +281,12 @@ class Pair:
 
 
 def stored(pair: Pair) -> dict[str, tuple[bytes, bytes]]:
-    """Run a pair through its first contact, and return both States from which each phase is reached.
+    """Run a pair through its first contact, and return for each phase both States from which it is reached.
 
     Raises
     ------
     ValueError
-        If there is no whole contact in the scene's script.
+        If there is no complete contact in the scene's script.
     """
     host, world, kept = pair.host, pair.world, {}
     start = world.state.tobytes(), host.state.tobytes()
@@ -313,7 +313,10 @@ def _ready(state: bytes, session: Session) -> bool:
 def cells(
     pair: Pair, phases: Mapping[str, tuple[bytes, bytes]], *, both: bool = False, every: int = 1
 ) -> Iterator[Cell]:
-    """Run every fault in every device in every phase, or, in contact, every pair of faults; or one in ``every``."""
+    """Run every fault in every device in every phase, or with ``both`` every pair of faults in contact.
+
+    Only one cell in ``every`` is run.
+    """
     single = [(device, kind) for device in pair.host.model.devices for kind in KINDS]
     if both:
         for (one, first), (other, second) in list(combinations(single, 2))[::every]:
@@ -324,7 +327,7 @@ def cells(
 
 
 def run(pair: Pair, phase: str, state: tuple[bytes, bytes], faults: Sequence[tuple[str, Kind, int]]) -> Cell:
-    """Run one cell."""
+    """Run one cell from the stored States of its phase; ``faults``: device, kind and slot of each."""
     pair.adopt(state)
     early = phase == "closed-open"
     begin = pair.world.seconds + (0.0 if early else BEFORE + DELAY)
@@ -350,11 +353,11 @@ def _cell(pair: Pair, phase: str, faults: Sequence[tuple[str, Kind, int]], begin
     reached = bool(refused) or safe is None or bool(safe["reached"])
     if (
         not reached and first is not None and safe is not None
-    ):  # sensors that lie verify nothing: then what is true counts, and that it is said
+    ):  # faulty sensors can't verify anything: then the truth counts, and that the report admits it
         honest = ("can't be verified", "retracted", "goes the wrong way")
         said = [text for text in safe["devices"].values() if text.startswith(honest)]
         reached = bool(said) and pair.truly_safe(first["time_s"], begin)
-    early = first is not None and first["time_s"] < begin - 1e-9  # stopped before: by a machine that is too busy
+    early = first is not None and first["time_s"] < begin - 1e-9  # stopped before its fault: the machine was too busy
     return Cell(
         faults=wanted, phase=phase,
         trip=first["trip"] if first is not None else "refused" if refused else "",

@@ -13,14 +13,17 @@ from itouch.plugin import DeviceError
 from itouch.session import Session
 from itouch_evidence.faults.truth import Truth
 
-#: When a fault begins after the phase does, how long it lasts, and how long is run [s].
+#: How long after its phase a fault begins, how long it lasts, and how long the cell runs [s].
 DELAY, LASTS, RUN = 0.02, 1.0, 1.1
 KINDS = tuple(kind for kind in Kind if kind is not Kind.NONE)
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """What became of one fault, or of two: which trip stopped it, after what time, and what was true meanwhile."""
+    """The result of one fault, or of two: which trip stopped it, after what time, and which limits the truth broke.
+
+    ``told`` says whether the report names the faults, ``cause`` what it says of the trip; times are in [s].
+    """
 
     faults: tuple[tuple[str, str], ...]
     phase: str
@@ -34,12 +37,12 @@ class Cell:
 
     @property
     def good(self) -> bool:
-        """Whether no absolute limit was passed, what tripped was made safe in time, and the report names the fault."""
+        """Whether no absolute limit was passed, every trip made all safe in time, and the report has the fault."""
         return not self.broken and self.safe and self.told
 
     @property
     def early(self) -> bool:
-        """Whether it was stopped before its fault began, by a busy machine: it shows nothing of that fault."""
+        """Whether it was stopped before its fault began, because the machine was busy: it shows nothing then."""
         return self.after is not None and self.after < -1e-9
 
 

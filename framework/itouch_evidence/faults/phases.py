@@ -15,7 +15,7 @@ from itouch.session import Session, build, load_scene
 
 #: The phases, in order.
 PHASES = ("closed-open", "idle", "approach", "contact", "release")
-#: How long before its start a contact is approached, how long after it is settled, how long before its end [s].
+#: Times [s] of phases: the approach before a contact's start, the settled contact after it, the release before its end.
 BEFORE, INTO, UNTIL = 0.25, 1.5, 0.15
 _STEP = 10
 
@@ -23,7 +23,7 @@ _STEP = 10
 def prepared(
     scene: str | os.PathLike[str] | Scene, *, slots: int = 1, seed: int = 0, catalog: Catalog | None = None
 ) -> Session:
-    """Build a session whose every device has slots for injected faults, none of which ever begins by itself."""
+    """Build a session in which every device has slots for injected faults, none of which begins by itself."""
     scene = scene if isinstance(scene, Scene) else load_scene(scene, catalog=catalog)
     late = 1e6
     faults = tuple(Fault(device=d.name, kind="freeze", at=late) for d in scene.devices for _ in range(slots))
@@ -36,7 +36,7 @@ def phases(session: Session) -> dict[str, bytes]:
     Raises
     ------
     ValueError
-        If there is no contact from start to end in the scene's script.
+        If there is no complete contact in the scene's script.
     """
     start = session.state.tobytes()
     stored: dict[int, bytes] = {}
@@ -53,12 +53,12 @@ def phases(session: Session) -> dict[str, bytes]:
 
 
 def moments(session: Session, ready: int) -> dict[str, float]:
-    """Return when each phase is [ticks], of a session that has run through its first contact.
+    """Return the tick of each phase, for a session that has run through its first contact.
 
     Raises
     ------
     ValueError
-        If there was none.
+        If there was no contact.
     """
     if not session.statistics.contacts:
         raise ValueError("the scene's script has no whole contact")

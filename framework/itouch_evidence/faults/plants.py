@@ -1,4 +1,4 @@
-"""Plants for random rigs: plates and a tapped table that know nothing of the framework's names."""
+"""Devices for random rigs: plates, an arm and a tapped table, whose channels have names of their own."""
 
 from __future__ import annotations
 
@@ -37,7 +37,11 @@ class Nothing:
 
 @dataclass(frozen=True)
 class PlateKind:
-    """How a plate is made: names of device, reading and command, power [W] and heat capacity [J/K], rhythm [s]."""
+    """Parameters of a plate.
+
+    ``device``, ``reads`` and ``obeys`` are the names of the device, its reading and its command; ``target`` says
+    whether the command is a temperature instead of a current; ``power`` [W], ``capacity`` [J/K], ``period`` [s].
+    """
 
     device: str
     reads: str
@@ -49,7 +53,7 @@ class PlateKind:
 
 
 class _Plate(Twin):
-    """A lumped plate that loses a tenth of a watt a kelvin."""
+    """A plate of one temperature, which loses 0.1 W for each kelvin above the room."""
 
     kind: ClassVar[PlateKind]
 
@@ -94,7 +98,7 @@ class _Arm(Twin):
     names: ClassVar[tuple[str, str]]
 
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
-        """Stand."""
+        """Do nothing: the finger stands still."""
 
     def read(self, state: Record, reading: Record) -> bool | None:
         reading[_POSE.name] = (0.0, 0.0, 0.035, 1.0, 0.0, 0.0, 0.0)
@@ -107,7 +111,7 @@ def arm() -> type[Device]:
 
 
 class _Table(Twin):
-    """A table that goes where it is told, and is tapped: so long on, so long off [s], with a force [N]."""
+    """A table that follows its target at once, and is tapped: ``tapping`` is time on, time off [s], and force [N]."""
 
     tapping: ClassVar[tuple[float, float, float]]
 
@@ -159,7 +163,7 @@ def _device(twin: type[Twin], seen: tuple[Channel, ...], obeyed: tuple[Channel, 
 
 
 class Evil(Modality):
-    """A modality that drives as hard as it can, and writes what is not its own."""
+    """A modality that commands the same targets all the time, and from ``since`` [s] on writes fields of others."""
 
     Params = Nothing
     targets: ClassVar[tuple[tuple[str, float], ...]] = ()
@@ -167,23 +171,23 @@ class Evil(Modality):
     since: ClassVar[float] = 0.0
 
     def compile(self, name: str, params: Any, world: World) -> Any:
-        """Know nothing."""
+        """Return the name as the model."""
         return name
 
     def fields(self, model: Any) -> tuple[Field, ...]:
-        """Return a clock."""
+        """Return one field, the time so far."""
         return (Field("time", unit="s", doc="time so far"),)
 
     def reset(self, model: Any, state: Record) -> None:
-        """Begin."""
+        """Set the time to zero."""
         state[f"{model}.time"] = 0.0
 
     def commands(self, model: Any) -> tuple[str, ...]:
-        """Return all that it commands."""
+        """Return the commands that it drives."""
         return tuple(name for name, _ in self.targets)
 
     def update(self, model: Any, state: Record, period: float) -> None:
-        """Drive, and after a while meddle."""
+        """Command the targets, and from ``since`` on write the fields of others, too."""
         state[f"{model}.time"] += period
         for name, value in self.targets:
             device, _, channel = name.partition(".")

@@ -20,18 +20,18 @@ from itouch.session import Session, build
 from itouch_evidence.faults.plants import FELT, Evil, PlateKind, arm, plate, table
 from itouch_evidence.resumable import Kept
 
-#: Seconds that a case runs at most.
+#: Longest run of a case before its restores [s].
 LONGEST = 14.0
 _KINDS = (
     "disconnect", "freeze", "nan", "spike", "delay", "drop", "reversed-sign", "saturated", "wrong-units", "garbage",
 )  # fmt: skip
 
-#: Range of temperature [K] that a rig keeps however often it is tightened.
+#: Narrowest range of temperature [K] to which the limits of a rig are tightened.
 NARROWEST = 1.0
 
 
 class _Entry:
-    """An entry point that is made here."""
+    """Stands in for the entry point of a plugin that exists only in this process."""
 
     value = "a random rig"
 
@@ -39,7 +39,7 @@ class _Entry:
         self._loaded = loaded
 
     def load(self) -> Any:
-        """Return it."""
+        """Return the plugin's class."""
         return self._loaded
 
 
@@ -56,14 +56,14 @@ class Case:
     seconds: float
     restores: int
     tightens: bool = False
-    #: What is left of every budget when it begins, as a part of the whole.
+    #: Fraction of every budget that is left when the case begins.
     left: float = 1.0
     broken: list[str] = field(default_factory=list)
     trips: list[str] = field(default_factory=list)
 
 
 def draw(number: int, seed: int) -> Case:
-    """Draw a case."""
+    """Draw a case at random; the same ``number`` and ``seed`` always give the same one."""
     rng = random.Random(f"{seed} {number}")
     words = _words(rng)
     plates = [
@@ -137,16 +137,16 @@ def _foreign(rng: random.Random, plates: list[PlateKind], tapped: bool) -> tuple
 
 
 class Truth:
-    """What truly happens to the finger, over all restores of a case."""
+    """The true temperatures, forces and exposures of the finger, over all restores of a case."""
 
     def __init__(self, case: Case) -> None:
         self.case, self.dose, self.cold, self.touch = case, 0.0, 0.0, 0.0
         self.low, self.high, self.push = np.inf, -np.inf, 0.0
-        # A sensor that fails may be off by the kelvin that the count begins earlier for; one that does not may not.
+        # The monitors count cold from COLD_FROM, a kelvin early, so that a failing sensor may be off by that much.
         self.cold_from = limits.COLD_ABSOLUTE if "<fault " in case.scene else limits.COLD_FROM - 1e-2
 
     def follow(self, session: Session) -> None:
-        """Look after each tick of a session."""
+        """Note the truth after each tick of a session."""
         plates = [session.state[f"{kind.device}.twin.true"] for kind in self.case.plates]
         period = session.model.period
         devices, tapped = session.model.devices, self.case.tapped
@@ -186,7 +186,7 @@ class Truth:
 
 
 def run(case: Case) -> Case:
-    """Run a case: to its end, or to a fault; then try each way back to acting."""
+    """Run a case to its end or to a fault; then restore and re-arm it as often as it says."""
     truth, text = Truth(case), case.scene
     session = _built(text, case)
     _use_up(session, case.left, truth)
@@ -201,7 +201,7 @@ def run(case: Case) -> Case:
             session = _built(text, case)
             truth.follow(session)
             session.take_up(stored)
-            if spent and not _spent(session):  # used up is used up, under tighter limits all the more
+            if spent and not _spent(session):  # tighter limits give back even less
                 case.broken.append(f"a budget came back: {spent}")
         try:
             session.rearm()
@@ -214,7 +214,7 @@ def run(case: Case) -> Case:
 
 
 def _use_up(session: Session, left: float, truth: Truth) -> None:
-    """Begin with a part of every budget used, as with a participant who was here before; plates share a finger."""
+    """Use a part of every budget up, as by an earlier session of the participant; all plates touch one finger."""
     for runner in session.runners:
         most, part = runner.model.limits, (1.0 - left) / len(truth.case.plates)
         for post in runner.heats:
@@ -224,12 +224,12 @@ def _use_up(session: Session, left: float, truth: Truth) -> None:
 
 
 def _spent(session: Session) -> str:
-    """Return which budget of which device is used up; empty: none."""
+    """Return the first device with a used-up budget, and which budget; empty if there is none."""
     return next((f"{r.model.name} {said}" for r in session.runners if (said := r.device_monitors.spent())), "")
 
 
 def tightened(text: str, seed: int) -> str:
-    """Return a scene with its limits drawn anew, none looser."""
+    """Return a scene whose limits are drawn again, none of them looser than before."""
     rng = random.Random(seed)
 
     def less(found: re.Match[str]) -> str:
@@ -237,7 +237,7 @@ def tightened(text: str, seed: int) -> str:
 
     def narrower(found: re.Match[str]) -> str:
         low, high = float(found[1]) + rng.uniform(0.0, 3.0), float(found[2]) - rng.uniform(0.0, 3.0)
-        if high - low < NARROWEST:  # a rig is tightened at each of its ways back: what is left is no range any more
+        if high - low < NARROWEST:  # after several restores, too little of the range may be left
             return found[0]
         return f'temperature="{low:.1f} {high:.1f}'
 
@@ -261,12 +261,12 @@ def _go(session: Session, case: Case, seconds: float) -> None:
 
 
 def campaign(count: int, seed: int, keep: str | None = None) -> int:
-    """Run so many cases, or those of them that are not kept yet, and print what came of all that are kept.
+    """Run ``count`` cases, except those whose results are kept already, and print a summary of all results.
 
     Returns
     -------
     int
-        How many passed an absolute limit.
+        How many cases passed an absolute limit or got a used-up budget back.
     """
     kept = Kept(keep)
     for number in range(count):

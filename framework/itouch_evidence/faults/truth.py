@@ -1,4 +1,4 @@
-"""What is true of the plant in a cell, whatever sensors say: the greatest temperature, force and speed."""
+"""The true state of the devices in a cell, whatever sensors read: the greatest temperature, force and speed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from itouch.world import limits, truth
 
 @dataclass
 class Truth:
-    """Follows a session tick by tick, also through its safe sequence."""
+    """Notes the extremes of the true state tick by tick, also in the safe sequence after a trip."""
 
     session: Session
     plate: tuple[float, float] = (math.inf, -math.inf)
@@ -45,13 +45,13 @@ class Truth:
         self.clear()
 
     def clear(self) -> None:
-        """Begin a cell."""
+        """Forget what was noted: a new cell begins."""
         self.plate, self.sink = (math.inf, -math.inf), -math.inf
         self.force = self.plate_force = self.finger_speed = self.surface_speed = 0.0
         self._before = [place.copy() for place in self._surfaces]
 
     def note(self, tick: int) -> None:
-        """Look at the plant after a tick."""
+        """Note the true state after a tick."""
         views = self._views
         if "plate" in views:
             plate = views["plate"].item()
@@ -87,6 +87,6 @@ class Truth:
         return found
 
     def _ceiling(self, command: Role) -> float:
-        """Return the greatest force that the hardware has (K1: what never passes)."""
+        """Return the greatest force [N] that any device can apply by this command."""
         channels = [device.command(command) for device in self.session.model.devices.values()]
         return max((channel.magnitude or math.inf for channel in channels if channel is not None), default=math.inf)

@@ -1,4 +1,4 @@
-"""``itouch-py bench start``: what a first and a later start cost, stage by stage, each in a process of its own."""
+"""``itouch-py bench start``: what a first and a later start cost, stage by stage, each in its own process."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-#: How often a later start, and the help, are tried; the least of them counts.
+#: How often a later start, and the help, are measured; the least counts.
 TIMES = 3
-#: How many times a later start a first one may take where nothing is compiled, as from a wheel; what the help may [s].
+#: Bounds: the first start as a multiple of a later one where nothing is compiled, as from a wheel; CPU of the help [s].
 FIRST, HELP = 1.5, 0.15
 #: Longest that a start may take [s].
 _PATIENCE = 900.0
@@ -25,7 +25,7 @@ _PATIENCE = 900.0
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """One start: processor and host seconds of the whole process, and its stages."""
+    """One start: CPU and wall time [s] of the whole process, and its stages."""
 
     name: str
     cpu: float
@@ -39,7 +39,7 @@ class Start:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Measure a first start, with nothing kept, and later ones, to the first tick."""
+    """Measure a first start, with nothing cached, and later ones, to the first tick."""
     parser = argparse.ArgumentParser(prog="itouch-py bench start", description=main.__doc__)
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="default: the four-material scene")
     parser.add_argument("--times", type=int, default=TIMES, metavar="N", help="how many later starts; the least counts")
@@ -60,12 +60,12 @@ def main(argv: Sequence[str]) -> int:
 
 
 def measure(scene: str, times: int) -> tuple[Start, Start]:
-    """Return a start with nothing kept, and the quickest of some that find what it kept.
+    """Return a start with empty caches, and the quickest of some with the caches that it filled.
 
     Raises
     ------
     subprocess.CalledProcessError
-        If a start fails; what it said has been printed.
+        If a start fails; its error has been printed.
     """
     with tempfile.TemporaryDirectory(prefix="itouch-start-") as folder:
         kept = {"NUMBA_CACHE_DIR": "kernels", "ITOUCH_KEPT": "found", "ITOUCH_MESH_CACHE": "meshes"}
@@ -76,12 +76,12 @@ def measure(scene: str, times: int) -> tuple[Start, Start]:
 
 
 def help_seconds() -> float:
-    """Return the processor time [s] of ``itouch-py --help``."""
+    """Return the CPU time [s] of ``itouch-py --help``."""
     return _run([sys.executable, "-m", "itouch_tools.cli", "--help"], {})[1]
 
 
 def table(first: Start, later: Start) -> list[str]:
-    """Return both starts side by side, a stage a line."""
+    """Return the lines of a table with both starts side by side, a stage in each."""
     lines = [f"{'':<13}{'first start':>20}{'':>12}{'later start':>20}", f"{'':<13}{_HEAD}{_HEAD}"]
     pairs = zip(first.stages, later.stages, strict=True)
     lines += [f"{one['stage']:<13}{_cells(one)}{_cells(other)}" for one, other in pairs]
@@ -112,7 +112,7 @@ def _start(name: str, scene: str, more: Mapping[str, str]) -> Start:
 
 
 def _run(words: Sequence[str], more: Mapping[str, str]) -> tuple[str, float, float]:
-    """Return what a process printed, its processor seconds, and how long it took [s]."""
+    """Run a process; return what it printed, its CPU time, and how long it took [s]."""
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     done = subprocess.run(
         words, env={**os.environ, **more}, stdout=subprocess.PIPE, text=True, timeout=_PATIENCE, check=True

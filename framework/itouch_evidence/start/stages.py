@@ -1,4 +1,4 @@
-"""One start, stage by stage: run in a process of its own, which prints what each took as JSON.
+"""One start, stage by stage, in its own process, which prints the cost of each stage as JSON.
 
 ``python -m itouch_evidence.start.stages SCENE``
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 
-_BEGUN = time.process_time(), time.perf_counter()  # before anything else is imported: the interpreter's own part
+_BEGUN = time.process_time(), time.perf_counter()  # before other imports: the interpreter's own part
 
 import json  # noqa: E402
 import sys  # noqa: E402
@@ -17,7 +17,7 @@ from typing import Any  # noqa: E402
 
 
 class Stages:
-    """Notes processor and host seconds of one stage after the other, and how many functions it compiled."""
+    """Notes the CPU and wall time of each stage, and how many functions were compiled in it."""
 
     def __init__(self) -> None:
         self.rows: list[dict[str, Any]] = [{"stage": "interpreter", "cpu": _BEGUN[0], "wall": 0.0, "compiled": 0}]
@@ -59,7 +59,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _count(stages: Stages) -> None:
-    """Count what Numba compiles, if it can be asked."""
+    """Count the functions that Numba compiles, if Numba is there."""
     try:
         from numba.core import event
     except ImportError:

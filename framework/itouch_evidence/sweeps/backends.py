@@ -1,4 +1,4 @@
-"""The same sessions by hand, by a sweep in one process, in as many as cores, and by Dask, one beside the other."""
+"""Compares the same sessions run by hand, by a sweep in one process, in one process a core, and by Dask."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ SWEEP = """<sweep version="1.0" name="bench" scene="{scene}">
   <collect><report name="contacts" key="contacts[*].peak_force_N" reduce="count"/></collect>
 </sweep>
 """
-#: What as many processes as cores must have of the gain of plain loops, and Dask of the rate of processes.
+#: Least ratio of the gain by one process a core to that of plain loops, and of Dask's rate to that of processes.
 SHARE = 0.9
-#: Turns of a plain compute loop: about a second of work.
+#: Iterations of a plain compute loop: about a second of work.
 LOOP = 10_000_000
 
 
 @dataclass(slots=True)
 class Rate:
-    """Sessions and the seconds between the first and the last of them; ``whole_s`` with start and end."""
+    """How many sessions ended in how many seconds after the first; ``whole`` and ``whole_s`` include start and end."""
 
     sessions: float = 0.0
     seconds: float = 0.0
@@ -46,7 +46,7 @@ class Rate:
         return self.sessions / self.seconds if self.seconds > 0.0 else float("nan")
 
     def add(self, other: Rate) -> None:
-        """Take what was measured in another round."""
+        """Add the sessions and seconds of another round."""
         self.sessions += other.sessions
         self.seconds += other.seconds
         self.whole += other.whole
@@ -55,7 +55,7 @@ class Rate:
 
 @dataclass(slots=True)
 class Measured:
-    """What all ways did in the same run: rates by way, and of plain loops in one process and in all."""
+    """Rates of all ways in one measurement, and of plain loops in one process (``one``) and in one a core (``all``)."""
 
     scene: str
     cores: int
@@ -65,36 +65,36 @@ class Measured:
 
     @property
     def gain(self) -> float:
-        """How much quicker the sweep is in as many processes as cores than in one."""
+        """Rate of the sweep in one process a core, as a multiple of that in one process."""
         return self.ways["processes"].per_s / self.ways["one process"].per_s
 
     @property
     def plain(self) -> float:
-        """The same of plain compute loops."""
+        """The same multiple for plain compute loops."""
         return self.loops["all"].per_s / self.loops["one"].per_s
 
     @property
     def share(self) -> float:
-        """What the sweep has of the gain of plain loops."""
+        """Gain of the sweep as a fraction of that of plain loops."""
         return self.gain / self.plain
 
     @property
     def dask(self) -> float | None:
-        """What Dask has of the rate of processes."""
+        """Rate of Dask as a fraction of that of processes; None if it was not measured."""
         found = self.ways.get("Dask")
         return None if found is None else found.per_s / self.ways["processes"].per_s
 
     def bounds(self) -> list[tuple[str, float]]:
-        """Return what is promised to be `SHARE` at least, and what it is."""
+        """Return the name and value of each figure that must be `SHARE` at least."""
         found = [(f"share of the gain of {self.cores} plain loops", self.share)]
         return found if self.dask is None else [*found, ("rate of Dask beside that of processes", self.dask)]
 
 
 def by_hand(scene: Path, count: int, seconds: float | None) -> Rate:
-    """Run the loop that one would write."""
+    """Run the sessions in a plain loop, as one would write it."""
     import itouch
 
-    itouch.build(scene, seed=0).close()  # what is compiled once is compiled
+    itouch.build(scene, seed=0).close()  # compile before the time is taken
     begin = time.perf_counter()
     for seed in range(count):
         session = itouch.build(scene, seed=seed)
@@ -106,7 +106,7 @@ def by_hand(scene: Path, count: int, seconds: float | None) -> Rate:
 
 
 def written(folder: Path, scene: Path, count: int, seconds: float | None) -> Path:
-    """Write the sweep of a scene with so many seeds."""
+    """Write a sweep of a scene over ``count`` seeds, and return its path."""
     file = folder / "bench.xml"
     rule = "" if seconds is None else f'<run for="{seconds} s"/>'
     file.write_text(SWEEP.format(scene=os.path.relpath(scene, folder), count=count, rule=rule), encoding="utf-8")
@@ -114,7 +114,7 @@ def written(folder: Path, scene: Path, count: int, seconds: float | None) -> Pat
 
 
 def by_sweep(scene: Path, count: int, seconds: float | None, **engine: Any) -> tuple[Rate, float]:
-    """Run a sweep; return its rate, and the bytes of a row."""
+    """Run a sweep; return its rate and the mean size of a row [bytes]."""
     with tempfile.TemporaryDirectory(prefix="itouch-bench-") as inner:
         file, rows = written(Path(inner), scene, count, seconds), Path(inner) / "rows"
         marks: list[tuple[float, int]] = []
@@ -127,7 +127,7 @@ def by_sweep(scene: Path, count: int, seconds: float | None, **engine: Any) -> t
 
 
 def steady(marks: Sequence[tuple[float, int]]) -> tuple[int, float]:
-    """Return how many rows came between the first and the last that came, and in how many seconds."""
+    """Return how many rows came after the first ones until the last, and in how many seconds."""
     seen = [mark for mark in marks if mark[1] > 0]
     if not seen or seen[-1][1] <= seen[0][1]:
         return 0, float("nan")
@@ -137,7 +137,7 @@ def steady(marks: Sequence[tuple[float, int]]) -> tuple[int, float]:
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """A Dask cluster on this machine: its address, and the processes of scheduler and workers."""
+    """A Dask cluster on this machine: the address of its scheduler, and the processes of scheduler and workers."""
 
     address: str
     scheduler: subprocess.Popen[bytes]
@@ -146,7 +146,7 @@ class Cluster:
 
 @contextlib.contextmanager
 def dask_cluster(workers: int, address: str = "") -> Iterator[Cluster]:
-    """Begin a scheduler, at this address if there is one, and so many workers here, by Dask's own commands."""
+    """Start a scheduler, at ``address`` if one is given, and ``workers`` workers here, by Dask's own commands."""
     if not address:
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
@@ -170,25 +170,25 @@ def dask_cluster(workers: int, address: str = "") -> Iterator[Cluster]:
 
 
 def loops(workers: int, turns: int = LOOP) -> Rate:
-    """Return the rate of plain compute loops in so many processes."""
+    """Return the rate of plain compute loops in ``workers`` processes."""
     return Rate(workers, workers / computed(workers, turns))
 
 
 def measure(scene: Path, sessions: int, seconds: float | None, *, dask: bool, rounds: int = 2) -> Measured:
-    """Measure all ways, round by round; plain loops run before and after each of them that they are compared with.
+    """Measure all ways, round by round; plain loops run before and after the ways that are compared with them.
 
     Parameters
     ----------
     scene
-        It runs on twins.
+        A scene that runs on twins.
     sessions
-        Of each process and round; by hand a quarter of them.
+        Sessions of each process and round; by hand a quarter of them.
     seconds
-        Simulated, of each; None: its whole motion.
+        Simulated time of each session; None: the whole motion.
     dask
-        Whether a cluster is begun, too.
+        Whether Dask is measured, too, on a cluster here.
     rounds
-        How often all of it is done; sessions and seconds are summed.
+        How often everything is measured; sessions and seconds are summed.
     """
     count = cores()
     found = Measured(scene.name, count)
@@ -213,7 +213,7 @@ def measure(scene: Path, sessions: int, seconds: float | None, *, dask: bool, ro
 
 
 def shown(found: Measured) -> list[str]:
-    """Return the lines of a measurement: each way, and each promise beside what was measured."""
+    """Return the lines of a measurement: the rate of each way, and each figure that has a bound."""
     lines = [f"{found.scene}, {found.rounds} rounds, sessions a second (between the first row and the last):"]
     for name, rate in found.ways.items():
         whole = f"; {rate.whole / rate.whole_s:.3f} with start and end" if rate.whole_s > rate.seconds else ""
@@ -226,7 +226,7 @@ def shown(found: Measured) -> list[str]:
 
 
 def plain(found: Measured) -> Mapping[str, Any]:
-    """Return a measurement as it is printed as JSON."""
+    """Return a measurement as printed in JSON."""
     rates = {name: {"per_s": rate.per_s, "sessions": rate.sessions, "seconds": rate.seconds}
              for name, rate in found.ways.items()}  # fmt: skip
     return {"scene": found.scene, "cores": found.cores, "rounds": found.rounds, "sessions": rates, "gain": found.gain,

@@ -1,8 +1,8 @@
 """``itouch-py bench sweep-deaths``: kill what a sweep works with, and see whether a row is lost or doubled.
 
 Clients are killed while they begin, while rows come, and at each step of a write; a worker and the scheduler of a Dask
-cluster are killed; a disk is full; a worker has no memory; a function ends its process on one row of a thousand.  What
-remains is ended by the same command, and compared with a sweep that nobody has disturbed, byte for byte.
+cluster are killed; a disk is full; a worker has no memory; a function kills its process on one run of a thousand.  The
+same command then finishes each sweep, and all its rows must equal those of an undisturbed sweep.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from itouch_tools.sweeps.store import INCOMING, paths_of, rows, table
 
 #: Runs for each client that is killed, so that the sweep does not end before.
 RUNS = 60
-#: Seconds in which what a killed client has begun must be gone, and in which a client must have come to rows.
+#: Seconds in which the processes of a killed client must be gone, and in which a client must have written rows.
 GONE, BEGUN = 30.0, 900.0
 STAGES = ("begin", "rows", "write", "rows", "write")
-#: Where a client ends itself: before its Nth file is on the disk, before it is renamed, after it is.
+#: Where a client kills itself: before its Nth file is synced to the disk, before it is renamed, or afterwards.
 PLACES = ("before fsync", "before rename", "after rename")
 _ENDING = """
 import os, signal, sys
@@ -57,7 +57,7 @@ _MARK = "ITOUCH_SWEEP_DEATHS"
 
 
 def begun(words: Sequence[str], mark: str, log: Path) -> subprocess.Popen[bytes]:
-    """Begin a program of this campaign."""
+    """Start a program of this campaign, with a mark in its environment."""
     with open(log, "ab") as stream:
         return subprocess.Popen(
             words, stdout=stream, stderr=stream, start_new_session=True, env={**os.environ, _MARK: mark}
@@ -65,9 +65,9 @@ def begun(words: Sequence[str], mark: str, log: Path) -> subprocess.Popen[bytes]
 
 
 def strike(path: Path, out: Path, number: int, rng: random.Random) -> dict[str, Any]:
-    """Begin a client, kill it, and return what became of the rows: one outcome of the campaign.
+    """Start a client, kill it, and return what became of the rows: one outcome of the campaign.
 
-    ``good``: no row that was there is lost, none is doubled, each file can be read, and nothing goes on working.
+    ``good``: no row that was there is lost, none is doubled, and no process is left; a file that cannot be read raises.
     """
     stage, mark, before = STAGES[number % len(STAGES)], uuid.uuid4().hex, _digests(out)
     words = ["sweep", os.fspath(path), "-o", os.fspath(out), "--workers", "1"]
@@ -92,7 +92,7 @@ def strike(path: Path, out: Path, number: int, rng: random.Random) -> dict[str, 
 
 
 def _wait(client: subprocess.Popen[bytes], stage: str, out: Path, files: int, rng: random.Random) -> None:
-    """Wait until the instant at which a client is to be killed, or has ended itself."""
+    """Wait until the client should be killed, or has ended by itself."""
     end = time.monotonic() + (rng.uniform(0.0, 12.0) if stage == "begin" else BEGUN)
     while time.monotonic() < end and client.poll() is None:
         if stage == "rows" and len(paths_of(out)) > files:
@@ -106,7 +106,7 @@ def _digests(out: Path) -> list[str]:
 
 
 def _left(mark: str) -> int:
-    """Return how many processes of a client are left, after a while to go."""
+    """Return how many processes of a client are left; wait `GONE` at most for none."""
     deadline, wanted = time.monotonic() + GONE, f"{_MARK}={mark}".encode()
     while True:
         left = 0
@@ -119,7 +119,7 @@ def _left(mark: str) -> int:
 
 
 def compared(path: Path, out: Path, alone: Path) -> dict[str, Any]:
-    """Let the same command end a sweep, run it undisturbed on one core, and compare the rows."""
+    """Let the same command finish a sweep, run it undisturbed in another folder, and compare the rows."""
     words = [sys.executable, "-m", "itouch_tools.cli", "sweep", os.fspath(path), "--workers", "1", "-o"]
     codes = [subprocess.run([*words, os.fspath(each)], capture_output=True, check=False).returncode
              for each in (out, alone)]  # fmt: skip
@@ -131,7 +131,7 @@ def compared(path: Path, out: Path, alone: Path) -> dict[str, Any]:
 
 
 def clients(count: int, seed: int, home: Path, kept: Kept, tell: Callable[[str], None]) -> None:
-    """Kill so many clients, one after the other, of sweeps in a folder; then end these sweeps and compare them."""
+    """Kill ``count`` clients of sweeps in a folder, one after the other; then finish these sweeps and compare them."""
     path = small(home / "clients", RUNS * max(count, 5))
     turn = max((row["turn"] for row in kept.rows.values() if row["case"] == "client"), default=1)
     for number in range(count):
@@ -139,7 +139,7 @@ def clients(count: int, seed: int, home: Path, kept: Kept, tell: Callable[[str],
             continue
         rng = random.Random(f"{seed} {number}")
         outcome = strike(path, home / f"rows-{turn}", number, rng)
-        while not outcome["killed"] and outcome["whole"]:  # it was ended before: another one
+        while not outcome["killed"] and outcome["whole"]:  # the sweep ended before the kill: take another one
             turn += 1
             outcome = strike(path, home / f"rows-{turn}", number, rng)
         kept.add(seed, number, {**outcome, "turn": turn})

@@ -1,4 +1,4 @@
-"""Runs that take no time: what the client alone can do, or with an engine and its scheduler, and what they need."""
+"""Runs that take no time: what the client alone costs, or the client with an engine and its scheduler."""
 
 from __future__ import annotations
 
@@ -22,35 +22,35 @@ from itouch_tools.sweeps.worker import Done
 
 
 class Instant:
-    """Answers every task at once, with rows of the right shape that nobody has run."""
+    """A pool that answers every task at once, with invented rows of the right shape."""
 
     name, count, alive = "instant", 1, True
 
     @contextlib.contextmanager
     def working(self) -> Iterator[Instant]:
-        """Work."""
+        """Yield this pool."""
         yield self
 
     def results(self, tasks: Iterator[Task]) -> Iterator[Done]:
-        """Yield what the tasks would return."""
+        """Yield the answer to each task."""
         for _, (_, runs, key) in tasks:
             yield answered(runs, key)
 
 
 def answered(runs: Sequence[Run], key: int) -> Done:
-    """Return what a task would return; called here or in a worker of an engine."""
+    """Return the answer to a task, without running it; called here or in a worker of an engine."""
     return Done([_row(run) for run in runs], [0.01] * len(runs), key=key)
 
 
 class Timeless:
-    """An engine that hands out the tasks as ever; its workers answer at once."""
+    """An engine that hands out the tasks as usual, to workers that answer at once."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine, self.name = engine, engine.name
 
     @contextlib.contextmanager
     def working(self) -> Iterator[_TimelessPool]:
-        """Work, as the engine does."""
+        """Yield a pool of the engine, whose workers answer at once."""
         with self._engine.working() as pool:
             yield _TimelessPool(pool)
 
@@ -74,10 +74,10 @@ def _row(run: Run) -> dict[str, Any]:
 
 
 def client_alone(sweep: Path) -> dict[str, float]:
-    """Return what a client does with all runs of a sweep if these take no time.
+    """Return the figures of a client for all runs of a sweep that take no time.
 
-    Rows a second, files and bytes of the rows, seconds to open the folder again, and the memory [MiB] that this
-    process has needed at most beyond what it had before.
+    Rows a second, number of files, bytes of a row, seconds to open the folder again, and by how much the peak memory
+    of this process grew [MiB].
     """
     catalog = Catalog()
     with tempfile.TemporaryDirectory(prefix="itouch-bench-") as inner:
@@ -100,7 +100,7 @@ def client_alone(sweep: Path) -> dict[str, float]:
 
 
 def _memory() -> float:
-    """Return the most memory that this process has had [MiB]."""
+    """Return the peak memory of this process so far [MiB]."""
     import resource
 
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

@@ -1,4 +1,4 @@
-"""What befalls a sweep besides the death of its client: a cluster that dies, a full disk, no memory, a bad function."""
+"""Failures of a sweep besides the death of its client: a cluster that dies, a full disk, no memory, a bad function."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from itouch.schema import ItouchError
 from itouch_evidence.sweeps.backends import dask_cluster
 from itouch_tools.sweeps.store import rows, table
 
-#: Runs of the sweep whose function ends its process on one of them, on a cluster, and of the others; which run is hit.
+#: Runs of the sweep with a crashing function, on the cluster, and without memory (a full disk: four times as many); the
+#: seed that crashes.
 MANY, CLUSTER, SOME, HIT = 1000, 1500, 200, 503
-#: Seconds within which each of them must have come to its end.
+#: Longest time of each sweep [s].
 PATIENCE = 3000.0
 _CRASHES = f"""import os, signal
 def count(session):
@@ -42,7 +43,7 @@ _OWN = '<call name="own" function="own.py:count" results="seed"/>'
 
 
 def small(folder: Path, seeds: int, *, run: str = "0.2 s", more: str = "", own: str = "") -> Path:
-    """Write a sweep of the smallest scene with so many seeds into a folder."""
+    """Write a sweep of the smallest scene over ``seeds`` seeds into a folder, and return its path."""
     home = bundled_scenes.folder()
     if home is None:
         raise ItouchError("the shipped scenes are not there")
@@ -82,7 +83,7 @@ def _wait(what: Callable[[], bool]) -> None:
 
 
 def cluster(home: Path) -> dict[str, Any]:
-    """Kill a worker of a Dask cluster, then its scheduler and all others; begin them anew at the same address."""
+    """Kill a worker of a Dask cluster, then its scheduler and all workers; start a new one at the same address."""
     path, out = small(home, CLUSTER, run="1 s"), home / "rows"
     with dask_cluster(3) as one:
         client = subprocess.Popen(
@@ -108,7 +109,7 @@ def cluster(home: Path) -> dict[str, Any]:
 
 
 def disk(home: Path) -> dict[str, Any]:
-    """Let a disk be full when the first rows are on it, then have room again: in a file system of a megabyte."""
+    """Let a disk, a file system of 1 MB in memory, be full after the first rows, then have room again."""
     path, out = small(home, 4 * SOME, run="1 s"), home / "small"
     out.mkdir(exist_ok=True)
     command = " ".join(f"'{word}'" for word in _sweep(path, out / "rows", "--workers", "1"))
@@ -134,7 +135,7 @@ cp -r '{out}/rows' '{home}/rows'; exit $code
 
 
 def memory(home: Path) -> dict[str, Any]:
-    """Let runs have no memory, or be ended for want of it, for a while; the same command tries them again."""
+    """Let runs get no memory, or be killed as if for lack of it; then let the same command run them again."""
     home.mkdir(parents=True, exist_ok=True)
     flag = home / "hungry"
     path = small(home, SOME, more=_OWN, own=f"FLAG = {os.fspath(flag)!r}\n{_HUNGRY}")
@@ -153,7 +154,7 @@ def memory(home: Path) -> dict[str, Any]:
 
 
 def crash(home: Path) -> dict[str, Any]:
-    """Let a function end its process on one row of a thousand."""
+    """Let a function crash its process on one run of a thousand."""
     path = small(home, MANY, run="0.01 s", more=_OWN, own=_CRASHES)
     done = _ran(_sweep(path, home / "rows"))
     others = {row["seed"]: row for row in rows(home / "rows", ["seed", "status", "reason", "own_seed"])}

@@ -1,7 +1,7 @@
-"""Sweeps of more and more runs beside the cost model: what they take, and whether memory stays bounded.
+"""Compares sweeps of more and more runs with the cost model: how long they take, and whether memory stays bounded.
 
 The parts of the model (`Parts`) are measured by a small sweep of the same runs; then sweeps of more and more of them
-run through the real engine, each client in a process of its own, so that its memory and time can be told.
+run on the real engine, each client in its own process, so that its memory and time can be measured.
 """
 
 from __future__ import annotations
@@ -27,16 +27,15 @@ from itouch_tools.sweeps.progress import Progress
 from itouch_tools.sweeps.reading import load_sweep
 from itouch_tools.sweeps.store import paths_of
 
-#: Runs by which the parts of the model are measured.
+#: Runs of the sweep that measures the parts of the model.
 PILOTS = 60
-#: Rows in one file at most and in one partition (``itouch_tools.sweeps.store``), and bytes that resuming needs for a
-#: row.
+#: Most rows in a file and in a partition (``itouch_tools.sweeps.store``), and bytes of memory a row for resuming.
 FILE, PARTITION, DIGEST = 2000, 10_000, 8
 
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """The cost model: seconds until the first row, seconds a run in one process, gain of the cores, bytes of a row."""
+    """The cost model: seconds until the first row, seconds a run in one process, gain of all cores, bytes a row."""
 
     begin_s: float
     run_s: float
@@ -44,13 +43,13 @@ class Parts:
     row_bytes: float
 
     def seconds(self, runs: int) -> float:
-        """Return how long a sweep of so many runs takes here."""
+        """Return how long a sweep of ``runs`` runs takes here by the model [s]."""
         return self.begin_s + runs * self.run_s / self.gain
 
 
 @dataclass(frozen=True, slots=True)
 class Client:
-    """What a client did: rows, seconds until first and last, its processor time between them, its most memory."""
+    """What a client did: rows, seconds to the first and to its end, CPU time in between, and peak memory."""
 
     rows: int
     first_s: float
@@ -61,7 +60,7 @@ class Client:
 
 @dataclass(frozen=True, slots=True)
 class Grown:
-    """A sweep of so many runs beside the model; of the scheduler its processor time and its most memory."""
+    """A sweep and what the model says of it, with the CPU time and peak memory of the scheduler."""
 
     runs: int
     client: Client
@@ -73,12 +72,12 @@ class Grown:
 
     @property
     def ratio(self) -> float:
-        """How long it took, beside what the model says."""
+        """The measured time as a multiple of the model's."""
         return self.client.whole_s / self.model_s
 
 
 def client(file: Path, folder: Path, engine: str, scheduler: str, workers: int, *, timeless: bool = False) -> Client:
-    """Run a sweep in this process, which does nothing else; ``timeless``: with runs that take no time."""
+    """Run a sweep in this process, which does nothing else; with ``timeless``, its runs take no time."""
     import resource
 
     begin, first, busy = time.perf_counter(), 0.0, time.process_time()
@@ -96,12 +95,12 @@ def client(file: Path, folder: Path, engine: str, scheduler: str, workers: int, 
 
 
 def apart(file: Path, folder: Path, cluster: Cluster | None, workers: int, *, timeless: bool = False) -> Client:
-    """Run a sweep by a client that is a process of its own.
+    """Run a sweep by a client in a new process, and return what it did.
 
     Raises
     ------
     ItouchError
-        If it does not end well.
+        If the client fails.
     """
     engine = ("dask", cluster.address) if cluster else ("processes", "")
     words = [
@@ -133,7 +132,7 @@ def parts(scene: Path, seconds: float | None) -> Parts:
 def grown(
     scene: Path, counts: Sequence[int], seconds: float | None, model: Parts | None, *, dask: bool
 ) -> Iterator[Grown]:  # fmt: skip
-    """Yield a sweep of each number of runs as it ends; without a model the runs take no time."""
+    """Run a sweep of each number of runs, and yield its figures; without a model the runs take no time."""
     no_time = model is None
     for count in counts:
         with tempfile.TemporaryDirectory(prefix="itouch-bench-") as inner:
@@ -152,7 +151,7 @@ def grown(
 
 
 def process(pid: int) -> tuple[float, float]:
-    """Return the processor time [s] and the most memory [MiB] of a process, where the system tells them."""
+    """Return the CPU time [s] and the peak memory [MiB] of a process; NaN where the system does not give them."""
     try:
         after = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
         status = Path(f"/proc/{pid}/status").read_text(encoding="ascii", errors="replace")
@@ -164,9 +163,9 @@ def process(pid: int) -> tuple[float, float]:
 
 
 def scheduler_s(cluster: Cluster, tasks: int = 100, idle_s: float = 3.0) -> float:
-    """Return the processor time [s] that a scheduler spends on a task, beyond what it spends on waiting.
+    """Return the CPU time [s] that a scheduler spends on a task, without what it uses while idle.
 
-    The tasks do nothing, and are handed out as ever.
+    The tasks do nothing, and are handed out as usual.
     """
     pid = cluster.scheduler.pid
     with Engine("dask", cluster.address).working() as pool:
@@ -187,18 +186,18 @@ def _nothing(number: int) -> int:
 def extrapolated(
     largest: Grown, runs: float, workers: float, run_s: float, task_s: float, *, each_s: float = 0.0
 ) -> list[str]:  # fmt: skip
-    """Return what so many runs of so many seconds on so many workers would ask of each part, and which breaks.
+    """Return the lines that say what a far larger sweep would demand of each part, and which part would break.
 
     Parameters
     ----------
     largest
-        The sweep by which the client is judged.
+        The sweep that shows what a row costs the client.
     runs, workers, run_s
-        Of the sweep that is asked about.
+        Number of runs, number of workers, and seconds of a run in the larger sweep.
     task_s
         Seconds of work in a task.
     each_s
-        Processor time of the scheduler for a task; 0: nobody knows.
+        CPU time of the scheduler for a task [s]; 0: unknown.
     """
     rate, client_s = workers / run_s, largest.client.cpu_s / largest.runs
     lines = [f"{runs:.0e} runs of {run_s:g} s on {workers:.0e} workers: {runs * run_s / workers / 3600.0:.1f} h, "
@@ -219,7 +218,7 @@ def _load(share: float) -> str:
 
 
 def line(one: Grown) -> str:
-    """Return a sweep as a line."""
+    """Return the line of a sweep for the screen."""
     told = one.client
     model = f", model {one.model_s:8.1f} s ({one.ratio:.2f})" if one.model_s > 0.0 else ""
     theirs = f"; scheduler {one.scheduler_MiB:.0f} MiB, {one.scheduler_cpu_s:.1f} s" if one.scheduler_MiB else ""

@@ -1,8 +1,8 @@
-"""``itouch-py bench sweep``: sessions a second, written by hand, by processes and by Dask, beside plain computing.
+"""``itouch-py bench sweep``: sessions a second by hand, by processes and by Dask, beside plain computing.
 
-All of them in one run, because on a busy machine only the ratios mean anything.  With ``--cost`` the parts of the cost
-model: seconds and bytes of a run, what the engine adds to a task, and how long a worker takes to begin.  With
-``--grow`` that model beside sweeps of more and more runs.
+All are measured in one run, because on a busy machine only the ratios mean anything.  ``--cost`` measures the parts of
+the cost model instead: seconds and bytes of a run, what the engine adds to a task, and how long a worker takes to
+begin.  ``--grow`` compares that model with sweeps of more and more runs.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from itouch_evidence.sweeps import backends, growth
 from itouch_evidence.sweeps.empty_runs import client_alone
 from itouch_tools.sweeps.client import TASK
 
-#: The sweep to which the model is stretched: runs, workers.
+#: Runs and workers of the sweep to which the figures are extrapolated.
 FAR = (1e8, 1e4)
 
 
 def overhead(tasks: int = 200) -> dict[str, float]:
-    """Return what the engine adds to a task [s], and how long it takes until the first worker answers [s]."""
+    """Return what the engine adds to a task [s], and how long its workers take to begin [s]."""
     from joblib import Parallel, delayed
 
     begin = time.perf_counter()

@@ -1,1 +1,1 @@
-"""What helps to write scenes: notes on what is odd, fixes of misspellings, the schema for editors, the reference."""
+"""Help with writing scenes: notes on what is odd, fixes of misspellings, the schema for editors, the reference."""

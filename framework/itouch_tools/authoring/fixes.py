@@ -1,4 +1,4 @@
-"""Mending of a scene's text: what is misspelt and can have meant one thing only, and nothing that bears on safety."""
+"""Fixes a scene's text: misspelt words that can have meant one thing only, and nothing that bears on safety."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from xml.parsers import expat
 
 from itouch.schema.diagnostics import Place, Problem
 
-#: Nothing in these elements is mended, nor are they themselves: what was meant must be said by a person.
+#: These elements, and anything in them, are never fixed: there a person must say what was meant.
 UNTOUCHED = frozenset({"safety", "devices", "device", "limits"})
 _NAME = re.compile(rb"[^\s/><=]+")
 _EMPTY = re.compile(rb"""<[^\s/>]+(?:\s+[^\s=<>/]+\s*=\s*(?:"[^"]*"|'[^']*'))*\s*/>""")
@@ -18,7 +18,7 @@ _VALUE = re.compile(rb"""([^\s=<>/]+)\s*=\s*(["'])""")
 
 @dataclass(frozen=True, slots=True)
 class Edit:
-    """A word to replace: line and column from 1, how many letters, by what."""
+    """A word to replace: its line and column, from 1, its number of letters, and the new text."""
 
     line: int
     column: int
@@ -28,7 +28,7 @@ class Edit:
 
 @dataclass(frozen=True, slots=True)
 class _Element:
-    """Where an element begins and its end tag does, if it has one [bytes]; its names from the root."""
+    """Where an element and its end tag, if it has one, begin [bytes], and the tags from the root down to it."""
 
     start: int
     end: int
@@ -36,7 +36,7 @@ class _Element:
 
 
 def mended(data: bytes, file: str, problems: Iterable[Problem]) -> tuple[bytes, list[Problem]]:
-    """Mend what is unambiguous in the text of a file.
+    """Fix what is unambiguous in the text of a file.
 
     Parameters
     ----------
@@ -45,13 +45,13 @@ def mended(data: bytes, file: str, problems: Iterable[Problem]) -> tuple[bytes, 
     file
         Its name in the problems' places; problems of other files are passed over.
     problems
-        What was found in it.
+        The problems that were found in it.
 
     Returns
     -------
     tuple
-        The text with every word replaced for which a problem says the only one that can have been meant, and those
-        problems.  An element or attribute that limits, or that stands in one of ``UNTOUCHED``, is left as it is.
+        The text with each word replaced for which a problem names the only one that can have been meant, and those
+        problems.  An element or attribute that limits, or that is inside one of ``UNTOUCHED``, is left as it is.
     """
     elements = _elements(data)
     changes: dict[int, tuple[int, bytes]] = {}
@@ -70,7 +70,7 @@ def mended(data: bytes, file: str, problems: Iterable[Problem]) -> tuple[bytes, 
 
 
 def edits(data: bytes, file: str, problem: Problem) -> list[Edit]:
-    """Return what ``mended`` replaces for one problem of a file, as an editor counts; nothing where it leaves it."""
+    """Return what ``mended`` replaces for one problem of a file, columns in letters; nothing where it leaves it."""
     if problem.mend is None or problem.place is None or problem.place.file != file:
         return []
     found = []
@@ -85,7 +85,7 @@ def edits(data: bytes, file: str, problem: Problem) -> list[Edit]:
 def _changes(
     data: bytes, place: Place, mend: tuple[str, str], code: str, elements: list[_Element]
 ) -> list[tuple[int, int, bytes]]:
-    """Return the bytes to replace: where, how many, by what; none where nothing may be, or the word is not there."""
+    """Return the bytes to replace: where, how many, by what; none where that is not allowed or the word is missing."""
     wrong, right = (word.encode() for word in mend)
     at = _offset(data, place)
     element = max((one for one in elements if one.start <= at), key=lambda one: one.start, default=None)

@@ -1,4 +1,4 @@
-"""The reference of the scene language, out of the dataclasses that are its grammar."""
+"""The reference of the scene language, generated from the dataclasses that are its grammar."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def reference(extensions: Extensions) -> str:
 
 
 def elements_of(cls: type, where: str) -> str:
-    """Return the reference of one element and all that may stand in it."""
+    """Return the reference of one element and of all that may stand inside it, as Markdown."""
     return "\n".join(_element(cls, tag_of(cls), where, set())) + "\n"
 
 
@@ -75,7 +75,7 @@ def _element(cls: type, tag: str, where: str, seen: set[type], prefix: str = "")
 
 
 def _file_of(cls: type) -> str:
-    """Return the file that declares an element, from its package on."""
+    """Return the path of the file that declares an element, from its top-level package on."""
     name = cls.__module__.replace(".", "/")
     return f"{name}/__init__.py" if hasattr(sys.modules[cls.__module__], "__path__") else f"{name}.py"
 
@@ -122,5 +122,5 @@ def _default(value: Any, spec: Spec) -> str:
 
 
 def _rounded(text: str) -> str:
-    """Return a text whose numbers of many digits, as a third or 25 degrees in radians have, are rounded to six."""
+    """Return a text with its long numbers, such as a third or 25 degrees in radians, rounded to six digits."""
     return re.sub(r"\d+\.\d{9,}", lambda found: f"{float(found[0]):.6g}", text)

@@ -1,4 +1,4 @@
-"""What is legal in a scene, but odd: with its line and what to do; ``check`` looks for it, ``run`` does not."""
+"""Finds what is legal in a scene, but odd, with its line and what to do; ``check`` looks for it, ``run`` does not."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from itouch.world.surfaces import contact_of
 
 Points = NDArray[np.float64]
 
-#: Distance [m] between two points of a scripted path that are looked at.
+#: Distance [m] between the points of a scripted path that are examined.
 STEP = 2e-3
-#: Heights that differ by less [m] are one.
+#: Heights that differ by less than this [m] count as equal.
 FLAT = 5e-4
 
 
@@ -36,7 +36,7 @@ def odd(model: Model) -> Iterator[Problem]:
 
 
 def _boxes(model: Model) -> dict[str, Any]:
-    """Return the corners of each mesh's box in its own frame, by object."""
+    """Return the lower and upper corner (3,) [m] of each mesh's bounding box in its own frame, by object."""
     found = {}
     for name, shape in zip(model.objects, model.shapes, strict=True):
         surface = getattr(shape, "surface", None)
@@ -55,7 +55,7 @@ def _overlaps(model: Model, boxes: dict[str, Any]) -> Iterator[Problem]:
 
 
 def _clipped(model: Model) -> Iterator[Problem]:
-    """Find materials that are rendered softer than they say."""
+    """Find materials that are rendered softer than they state."""
     told = set()
     for probe in model.probes:
         for element, coupling in zip(model.scene.objects, probe.coupling, strict=True):
@@ -73,7 +73,7 @@ def _clipped(model: Model) -> Iterator[Problem]:
 
 
 def _outside_band(model: Model) -> Iterator[Problem]:
-    """Find objects whose temperature no plate under the fingers can have."""
+    """Find objects whose temperature is outside the limits of a plate under the fingers."""
     for device in model.devices.values():
         band = device.limits.temperature
         if device.reading(Role.SKIN_CONTACT_TEMPERATURE) is None or band is None:
@@ -93,7 +93,7 @@ def _outside_band(model: Model) -> Iterator[Problem]:
 
 
 def _touches(model: Model, probe: ProbeModel, boxes: dict[str, Any]) -> Iterator[Problem]:
-    """Find an operator that never touches anything, and fingers that lie on two heights."""
+    """Find an operator that never touches anything, and fingers that rest on two heights."""
     operator, radius = probe.operator, probe.scene.radius
     if operator is None or not operator.motion.targets or probe.recorded is not None or not model.objects:
         return
@@ -116,7 +116,7 @@ def _touches(model: Model, probe: ProbeModel, boxes: dict[str, Any]) -> Iterator
 
 
 def _two_heights(model: Model, probe: ProbeModel, near: list[Any], ends: Points) -> Iterator[Problem]:
-    """Find places where the finger rests over two tops: the flat plate can have one height only."""
+    """Find places where the finger rests over the tops of two objects: the flat plate can have only one height."""
     operator, radius = probe.operator, probe.scene.radius
     for key, end in zip(operator.motion.targets if operator else (), ends, strict=True):
         tops = [(float(high[2]), element) for element, low, high, _ in near if _aside(end, low, high) < 0.5 * radius]
@@ -143,11 +143,11 @@ def _path(operator: Operator) -> tuple[Points, Points]:
 
 
 def _distance(points: Points, low: Any, high: Any) -> Points:
-    """Return the distance (n,) of points to a box, 0 inside."""
+    """Return the distance (n,) [m] of points (n, 3) from a box with these corners (3,); 0 inside."""
     outside = np.maximum(np.maximum(low - points, points - high), 0.0)
     return np.asarray(np.linalg.norm(outside, axis=1), np.float64)
 
 
 def _aside(point: Points, low: Any, high: Any) -> float:
-    """Return how far aside of a box a point is, in the plane."""
+    """Return the horizontal distance [m] of a point (3,) from a box with these corners (3,); 0 above or below it."""
     return float(np.linalg.norm(np.maximum(np.maximum(low[:2] - point[:2], point[:2] - high[:2]), 0.0)))

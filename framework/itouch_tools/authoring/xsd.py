@@ -1,7 +1,7 @@
 """The scene language as XML Schema 1.0, for editors: completion, hover texts, first checks while typing.
 
-What the loader checks is more, and told better; what a schema of this kind can't say (units, order of rules) it leaves
-open, so that every scene which the loader takes is valid.
+The loader checks more, and explains it better.  What XML Schema can't express (units, the order of rules) is left open,
+so that every scene which the loader accepts is valid.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _ROOTS: dict[str, type] = {
     "fault": elements.Fault,
     "record": elements.RecordElement,
 }
-#: Where plugins may put elements: the class that holds them, and the host's name.
+#: The classes of elements in which plugins may put elements of their own, and their names as hosts.
 _HOSTS: dict[type, str] = {
     elements.DeviceElement: "device",
     elements.Material: "material",
@@ -40,7 +40,7 @@ _HEAD = '<?xml version="1.0" encoding="utf-8"?>'
 
 
 def schemas(extensions: Extensions) -> dict[str, str]:
-    """Return the documents by file name: ``itouch.xsd``, and one for each plugin, which it imports."""
+    """Return the schemas by file name: ``itouch.xsd``, and one for each plugin, which the former imports."""
     plugins = [p for p in extensions.plugin_names if any(_offers(extensions, p, host) for host in _HOSTS.values())]
     found = {"itouch.xsd": _main(extensions, plugins)}
     for plugin in plugins:
@@ -49,7 +49,7 @@ def schemas(extensions: Extensions) -> dict[str, str]:
 
 
 def standalone(cls: type) -> str:
-    """Return the document of a language of its own, such as that of sweeps, by the class of its outermost element."""
+    """Return the schema of another language, such as that of sweeps, given the class of its outermost element."""
     lines = [_HEAD, '<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" elementFormDefault="qualified">']
     lines += _Writer({}).element(tag_of(cls), cls, 2)
     return "\n".join([*lines, "</xs:schema>", ""])
@@ -93,7 +93,7 @@ def _plugin(extensions: Extensions, plugin: str) -> str:
 
 
 class _Writer:
-    """Writes elements with what may stand inside; ``guests`` are plugins' elements by host."""
+    """Writes the declarations of elements and of what may stand inside; ``guests`` are plugins' elements by host."""
 
     def __init__(self, guests: dict[str, list[str]]) -> None:
         self._guests = guests
@@ -117,7 +117,7 @@ class _Writer:
     def element(
         self, tag: str, cls: type, indent: int, more: Sequence[str] = (), *, whole: bool = True
     ) -> Iterator[str]:
-        """Yield the declaration of an element; not ``whole`` where a base or ``<defaults>`` may add to it."""
+        """Yield the declaration of an element, ``whole`` unless a base or ``<defaults>`` may supply its attributes."""
         pad = " " * indent
         inherits, whole = whole and cls is not elements.Material, whole and cls not in DEFAULTABLE.values()
         yield f'{pad}<xs:element name="{tag}">'

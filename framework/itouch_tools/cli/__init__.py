@@ -1,4 +1,4 @@
-"""The command line: one file a command, loaded when it is asked for, so that help is instant."""
+"""The command line: one file per command, imported only when the command is used, so that help is instant."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from itouch.plugin.discovery import Found
 
-#: Command -> (module, one line of help).
+#: For each command its module and one line of help.
 COMMANDS = {
     "run": ("itouch_tools.cli.run", "run a scene, or go on with a saved session (the default command)"),
     "check": ("itouch_tools.cli.check", "print every problem of scene files"),
@@ -82,7 +82,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         refuse_sudden_ends()
     with command_options.speaking(common), escaped():
         code = _guarded(words)
-        if argv is None:  # as a program: with its last word said, it ends
+        if argv is None:  # as a program: it ends here, whatever threads still run
             from itouch_tools.cli.shutdown import end_threads
 
             end_threads(code)
@@ -90,7 +90,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _guarded(words: list[str]) -> int:
-    """Dispatch; what a user or a device can cause becomes a message, never a traceback."""
+    """Run a command; what a user or a device can cause becomes a message, never a traceback."""
     from itouch.schema.diagnostics import ItouchError
     from itouch.schema.terminal import detail
     from itouch.schema.wait_notices import shown_by
@@ -110,7 +110,7 @@ def _guarded(words: list[str]) -> int:
         stop_writing()
         return 141
     except OSError as error:
-        if error.errno != errno.ENOSPC:  # a full disk behind the terminal's output; any other is a mistake of ours
+        if error.errno != errno.ENOSPC:  # the output goes to a full disk; any other error here is a bug
             raise
         stop_writing()
         print(f"cannot write: {error.strerror}", file=sys.stderr)
@@ -118,7 +118,7 @@ def _guarded(words: list[str]) -> int:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130
-    except SystemExit:  # of a parser: what it has printed must go out here, where a reader may be gone
+    except SystemExit:  # of a parser: what it printed must be flushed here, where the reader may be gone
         with contextlib.suppress(BrokenPipeError):
             sys.stdout.flush()
             raise
@@ -127,7 +127,7 @@ def _guarded(words: list[str]) -> int:
 
 
 def _told(error: Exception) -> int:
-    """Say what is wrong; a reader that has gone does not hear it."""
+    """Print what is wrong, unless the reader of the output is gone; return the exit code."""
     from itouch_tools.cli.shutdown import stop_writing
 
     try:
@@ -138,7 +138,7 @@ def _told(error: Exception) -> int:
 
 
 def _need_streams() -> None:
-    """Give a process that was started without output streams ones that lead nowhere."""
+    """Give a process that was started without output streams ones that discard everything."""
     from itouch.platforms import keep_standard_numbers
 
     keep_standard_numbers()
@@ -196,7 +196,7 @@ def _plugin_commands() -> dict[str, Found]:
 
 
 def listed() -> dict[str, str]:
-    """Return each command with its line of help, those of plugins too; nothing of a plugin is imported."""
+    """Return the line of help of each command, those of plugins included; no plugin is imported for it."""
     from importlib.metadata import entry_points
 
     from itouch_tools.cli.synopsis import synopsis

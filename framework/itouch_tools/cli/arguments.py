@@ -14,7 +14,7 @@ from itouch_tools.cli.command_options import HELP
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose help also tells the options that every command has."""
+    """A parser whose help also lists the options that every command has."""
 
     def format_help(self) -> str:
         """Return the help."""
@@ -22,12 +22,12 @@ class Parser(argparse.ArgumentParser):
 
 
 def parser_of(program: str, description: str | None) -> argparse.ArgumentParser:
-    """Return a parser of this kind, to which others add sub-commands."""
+    """Return a parser of this kind, for a command whose sub-commands are added by others."""
     return Parser(prog=program, description=description)
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
-    """Declare ``--json``: the result as one JSON document on the screen, in place of words."""
+    """Declare ``--json``: the result as one JSON document on standard output, instead of words."""
     parser.add_argument("--json", action="store_true", help="the result as one JSON document")
 
 
@@ -37,7 +37,7 @@ def as_json(result: Any) -> str:
 
 
 def seconds(text: str) -> float:
-    """Read a duration such as ``30s``, ``2 min`` or ``0.5``."""
+    """Read a duration [s], written for example as ``30s``, ``2 min`` or ``0.5``."""
     try:
         (value,) = parse_quantity(text, "s")
     except QuantityError as error:
@@ -58,14 +58,14 @@ def picture_size(text: str) -> tuple[int, int]:
 
 
 def picture_file(text: str) -> str:
-    """Check that a picture can be written where it is asked for, and that its name says what it is."""
+    """Check that a picture can be written where it is asked for, and that its name ends in .png."""
     if not text.lower().endswith(".png"):
         raise argparse.ArgumentTypeError(f"'{text}': a picture's name ends in .png")
     return output_file(text)
 
 
 def output_folder(text: str) -> str:
-    """Check that a folder can be made, or written into, where it is asked for, before anything runs."""
+    """Check, before anything runs, that a folder can be made or written into where it is asked for."""
     if os.path.exists(text) and not os.path.isdir(text):
         raise argparse.ArgumentTypeError(f"'{text}' is a file; name a folder")
     there = text
@@ -79,19 +79,19 @@ def output_folder(text: str) -> str:
 
 
 def output_file(text: str) -> str:
-    """Check that a file can be written where it is asked for, before anything runs."""
+    """Check, before anything runs, that a file can be written where it is asked for."""
     folder = os.path.dirname(text) or "."
     if os.path.isdir(text):
         raise argparse.ArgumentTypeError(f"'{text}' is a folder; name a file")
     if not os.path.isdir(folder):
         raise argparse.ArgumentTypeError(f"there is no folder '{folder}'; make it first")
-    if os.path.exists(text) and stat.S_ISFIFO(os.lstat(text).st_mode):  # a link to one is a shell's: it has its reader
+    if os.path.exists(text) and stat.S_ISFIFO(os.lstat(text).st_mode):  # a link to a pipe is a shell's: it has a reader
         raise argparse.ArgumentTypeError(f"'{text}' is a pipe, which may have no reader; name a file, or /dev/stdout")
     if not os.access(text if os.path.exists(text) else folder, os.W_OK):
         raise argparse.ArgumentTypeError(f"'{text}' cannot be written")
     if not os.path.exists(text):
         try:
-            with tempfile.TemporaryFile(dir=folder):  # some folders only say that they can be written
+            with tempfile.TemporaryFile(dir=folder):  # some folders say that they can be written, and can't
                 return text
         except OSError as error:
             raise argparse.ArgumentTypeError(f"'{text}' cannot be written: {error.strerror or error}") from None

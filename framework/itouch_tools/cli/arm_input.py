@@ -1,4 +1,4 @@
-"""Who leads the finger of an arm that a person leads, where there is no window: a gamepad, or the scene's operator."""
+"""Who leads the finger on an arm that is led by a person, if there is no window: a gamepad, or the scene's operator."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from itouch.servo import Handle
     from itouch.world import Model
 
-#: Longest time [s] that one look at a gamepad counts for.
+#: Longest time [s] that a single look at the gamepad counts for.
 _LONGEST = 0.1
 
 
 class Leader:
-    """A gamepad that leads the hand of one probe in a session that was launched."""
+    """A gamepad that leads the hand of one probe in a launched session."""
 
     def __init__(self, pad: Pad, probe: str, speed: float) -> None:
         self._pad, self._probe, self._speed = pad, probe, speed
@@ -27,7 +27,7 @@ class Leader:
         self._taken = False
 
     def lead(self, handle: Handle) -> None:
-        """Move the hand as far as the sticks ask since the last call."""
+        """Move the hand as the sticks ask for the time since the last call."""
         from itouch.servo import ServoError
 
         now = time.monotonic()
@@ -36,28 +36,28 @@ class Leader:
         if any(sticks) or not self._taken:
             self._taken = True  # the script waits from now on
             x, y, z = (self._speed * elapsed * part for part in sticks)
-            with contextlib.suppress(ServoError):  # it has ended since we looked, which is told elsewhere
+            with contextlib.suppress(ServoError):  # the session has just ended, which is reported elsewhere
                 handle.command("steer", {"probe": self._probe, "step": (x, y, z)})
 
     def close(self) -> None:
-        """Let the gamepad go."""
+        """Release the gamepad."""
         self._pad.close()
 
 
 def without_window(model: Model, *, real: bool) -> Leader | None:
-    """Return who leads the finger of a scene that is run without a window; None: the scene's operator does.
+    """Return the gamepad that leads the finger of a scene run without a window; None: the scene's operator leads it.
 
     Parameters
     ----------
     model
         The compiled scene.
     real
-        Whether it may run in real time: nobody can lead a finger in a simulation that runs faster.
+        Whether the scene runs in real time: nobody can lead a finger in a simulation that runs faster.
 
     Raises
     ------
     ItouchError
-        If nobody would lead it.
+        If nobody would lead the finger.
     """
     from itouch.arms.gamepad import PadError, find_pad
     from itouch.world.model import led

@@ -28,7 +28,7 @@ def main(argv: Sequence[str]) -> int:
 def _measures(entry: Found) -> str:
     """Return what a bench measures: the first line of its module's docstring, read without importing the module.
 
-    Of a bench that has none, or that a plugin's error hides, the distribution that brings it is all there is to tell.
+    For a bench without one, or whose plugin fails to be found, return the name of the distribution that brings it.
     """
     try:
         spec = importlib.util.find_spec(entry.entry.module)
@@ -37,6 +37,6 @@ def _measures(entry: Found) -> str:
     except (
         Exception,
         SystemExit,
-    ):  # finding a module imports the package around it, and a stranger's may raise anything
+    ):  # finding a module imports the package around it, and a plugin's may raise anything
         told = ""
     return told.partition("\n")[0].removeprefix(f"``itouch-py bench {entry.name}``: ") or entry.distribution

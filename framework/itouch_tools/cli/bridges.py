@@ -1,4 +1,4 @@
-"""``itouch-py view --ros2`` and ``--rerun``: a running session for other programs, until it ends."""
+"""``itouch-py view --ros2`` and ``--rerun``: pass a running session on to other programs, until it ends."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def ros2(options: argparse.Namespace) -> int:
-    """Tell ROS 2 what a session publishes."""
+    """Publish a session to ROS 2."""
     from itouch.servo import attach
 
     need("ros2", "--ros2")
@@ -47,7 +47,7 @@ def ros2(options: argparse.Namespace) -> int:
 
 
 def rerun(options: argparse.Namespace) -> int:
-    """Show a session in Rerun: in a window of its own, or in one that runs."""
+    """Show a session in Rerun: in a new window, or in a Rerun that is running."""
     from itouch.servo import attach
 
     need("rerun", "--rerun")
@@ -83,7 +83,13 @@ def _free() -> int:
 
 
 def _place(options: argparse.Namespace) -> Place:
-    """Read where topics are told."""
+    """Read where topics are to be published.
+
+    Raises
+    ------
+    ItouchError
+        If the router or the domain of ROS is no such thing.
+    """
     from itouch_tools.viewer.live.ros2 import Place
 
     host, _, port = (options.router or "127.0.0.1").partition(":")

@@ -1,4 +1,4 @@
-"""``itouch-py calibrate``: measure what a scene's devices need, and keep it beside the scene with its date."""
+"""``itouch-py calibrate``: measure what a scene's devices need, and keep the result with its date beside the scene."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ from itouch_tools.cli.arguments import Parser
 if TYPE_CHECKING:
     from itouch.session import Session
 
-#: How long [days] a touch-off and a mount fit hold; simulated seconds that a touch-off may take.
+#: How long [days] a touch-off and a mount fit hold, and how long [s] of simulated time a touch-off may take.
 TOUCH_OFF_DAYS, MOUNT_DAYS, LONGEST = 30.0, 180.0, 120.0
 _DAY = datetime.timedelta(days=1.0)
-#: Pairs of points that fit worse than this [m] are of something else; points nearer to a line are on it.
+#: Pairs of points that fit worse than this (rms) [m] do not belong together; and the ratio of the second to the first
+#: singular value up to which points count as lying on a line.
 _WORST, _THIN = 5e-3, 4e-4
 _PAIRS = ("x [m]", "y [m]", "z [m]", "x there [m]", "y there [m]", "z there [m]")
 
@@ -78,7 +79,10 @@ def _session(options: argparse.Namespace) -> Session:
 
 
 def _scene(options: argparse.Namespace) -> Any:
-    """Return the scene with the records that hold: what is measured now was measured with them."""
+    """Return the scene with its calibration records applied, expired ones too, and the catalog of plugins.
+
+    A new measurement builds on the records in force.
+    """
     from itouch.plugin.discovery import Catalog
     from itouch.session import load_scene
 
@@ -93,7 +97,7 @@ def _path(options: argparse.Namespace, device: Any) -> Path:
 
 
 def _paths(scene: Any) -> list[Path]:
-    """Return the files in which the scene's records are, each once."""
+    """Return the files that hold the scene's records, each once."""
     return list(dict.fromkeys([calibration.file_of(scene.source), *(_stored(scene))]))
 
 
@@ -118,7 +122,7 @@ def _params(device: Any, catalog: Any) -> Any:
 
 
 def _lacks(fit: Fit | None, device: Any, catalog: Any) -> str:
-    """Return what a device of this scene lacks for a calibration; an empty text if nothing."""
+    """Return what a device of this scene lacks for a calibration; empty: nothing."""
     return fit.lacks(_params(device, catalog)) if fit is not None else ""
 
 
@@ -186,7 +190,7 @@ def _record(
 
 
 def _days(options: argparse.Namespace) -> datetime.timedelta | None:
-    """Return for how long a result shall hold, if that was said."""
+    """Return how long a result is to hold, if ``--days`` says so."""
     if options.days is None:
         return None
     if not 0.0 < options.days <= 3650.0:
@@ -195,7 +199,7 @@ def _days(options: argparse.Namespace) -> datetime.timedelta | None:
 
 
 def _samples(options: argparse.Namespace, columns: tuple[str, ...]) -> NDArray[np.float64]:
-    """Read the samples; a first line of words is a heading."""
+    """Read the samples, shape (n, columns); a first line of words is a heading."""
     if options.samples is None:
         raise ItouchError(f"write the samples to a file and give it as --samples: columns {', '.join(columns)}")
     try:
@@ -244,7 +248,7 @@ def _fit(options: argparse.Namespace, device: Any) -> calibration.CalibrationRec
 
 
 def _touch_off(options: argparse.Namespace, device: Any) -> calibration.CalibrationRecord:
-    """Run until the rig is calibrated, and keep the mount that was found."""
+    """Run until the rig is calibrated, and return a record of the mount that was found."""
     session = _session(options)
     with session:
         session.enable()
@@ -262,7 +266,7 @@ def _touch_off(options: argparse.Namespace, device: Any) -> calibration.Calibrat
 
 
 def _mount_fit(options: argparse.Namespace, device: Any) -> calibration.CalibrationRecord:
-    """Fit the device's mount to pairs of points, least squares over rotations and shifts."""
+    """Fit the device's mount to pairs of points, by least squares over rotations and translations."""
     scene, _ = _scene(options)
     others = {e.name: e for e in scene.devices if e.name != device.name}
     if options.to is None or options.to not in others:
@@ -282,7 +286,7 @@ def rigid(here: NDArray[np.float64], there: NDArray[np.float64]) -> tuple[NDArra
     Raises
     ------
     ValueError
-        If there are fewer than three pairs, all lie on a line, or no rigid motion takes one to the other.
+        If there are fewer than three pairs, if all lie on a line, or if no rigid motion takes one set to the other.
     """
     if len(here) < 3:
         raise ValueError(f"{len(here)} pairs of points are too few: three or more")
@@ -316,7 +320,7 @@ def _quaternion(turn: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _extend(options: argparse.Namespace) -> int:
-    """Let expired records hold for as long again as they did."""
+    """Let expired records hold again, for ``--days`` or for as long as they did before."""
     scene, _ = _scene(options)
     longer, now, changed = _days(options), calibration.now(), 0
     for path in _paths(scene):

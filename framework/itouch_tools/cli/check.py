@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from itouch.world import Model
     from itouch_tools.authoring.fixes import Edit
 
-#: What is said of hardware that nothing in itself stops.
+#: The note on hardware that has no watchdog of its own.
 _ALONE = (
     "device '{}' has no watchdog of its own that its driver knows of: it runs only with the guardian process and "
     "hold-to-run"
@@ -65,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None, list[Problem]]:
-    """Return the compiled scene, None if it can't be, and all that was found, in the order of the file."""
+    """Return the compiled scene (None if it can't be compiled) and all problems, in the order of the file."""
     from itouch.plugin.discovery import Catalog
     from itouch.scene.loader import in_file_order, read_scene
     from itouch.schema.diagnostics import SceneError
@@ -93,7 +93,7 @@ def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None
 
 
 def _told(notice: str, problems: Sequence[Problem]) -> bool:
-    """Whether a notice of a run is told as a problem, with its place."""
+    """Tell whether a notice of a run is among the problems already, with its place."""
     return any(
         notice.startswith(problem.sentence) or (problem.code == "clipped-stiffness" and " with stiffness " in notice
                                                 and notice.startswith(problem.sentence.partition(" has a ")[0]))
@@ -102,7 +102,7 @@ def _told(notice: str, problems: Sequence[Problem]) -> bool:
 
 
 def say(path: str, rig: str | None, twin: str | None, *, strict: bool = False) -> bool:
-    """Check one scene and say what was found; tell whether it is right."""
+    """Check one scene and print what was found; tell whether the scene is right."""
     model, problems = examined(path, rig, twin)
     failed = _bad(model, problems, strict=strict)
     _say(path, model, problems, failed=failed)
@@ -114,7 +114,7 @@ def _bad(model: Model | None, problems: Sequence[Problem], *, strict: bool) -> b
 
 
 def _say(path: str, model: Model | None, problems: Sequence[Problem], *, failed: bool) -> None:
-    """Say what was found of one scene."""
+    """Print what was found in one scene."""
     from itouch.schema.diagnostics import render
     from itouch_tools.report.limits import limit_lines
 
@@ -139,14 +139,14 @@ def _say(path: str, model: Model | None, problems: Sequence[Problem], *, failed:
 
 
 def _asked_for(model: Model) -> list[str]:
-    """Return the names of the modalities that stand in the scene."""
+    """Return the names of the modalities that the scene itself asks for."""
     return [modality.name for modality in model.modalities if not modality.default_of]
 
 
 def _write(
     options: argparse.Namespace, results: dict[str, tuple[Model | None, list[Problem]]], bad: dict[str, bool]
 ) -> None:
-    """Write the result for a program."""
+    """Write the result for a program, as JSON or SARIF."""
     from importlib.metadata import version
 
     from itouch_tools.report.findings import as_sarif
@@ -168,7 +168,7 @@ def _write(
 def _edits(
     options: argparse.Namespace, results: dict[str, tuple[Model | None, list[Problem]]]
 ) -> dict[Problem, list[Edit]]:
-    """Return what --fix would do about each problem that it would mend."""
+    """Return the edits that --fix would make, by problem."""
     from pathlib import Path
 
     from itouch_tools.authoring.fixes import edits
@@ -180,7 +180,7 @@ def _edits(
             continue
         try:
             mending = fixed(path, lambda one: examined(one, options.rig, options.twin)[1])
-        except ItouchError:  # no copy can be made beside it: then nothing is offered
+        except ItouchError:  # no copy can be made beside the file: then no fix is offered
             continue
         data = Path(path).read_bytes()
         found |= {one: edits(data, path, one) for one in problems if mending is not None and one in mending.problems}

@@ -9,7 +9,7 @@ from itouch.schema import ItouchError
 from itouch.schema.terminal import MANNER
 
 COLORS = ("auto", "always", "never")
-#: For the help of the program and of each command.
+#: These options in the help of the program and of each command.
 HELP = """\
 options of every command:
   -q, --quiet     results and errors only
@@ -19,12 +19,17 @@ options of every command:
 
 
 def taken(words: list[str]) -> tuple[list[str], dict[str, object]]:
-    """Take the common options out of the words of a command line, wherever they stand before ``--``.
+    """Take the common options out of the words of a command line, wherever they are before ``--``.
+
+    Returns
+    -------
+    tuple
+        The other words, and the options by name, as ``speaking`` takes them.
 
     Raises
     ------
     ItouchError
-        If ``--color`` is neither of its words.
+        If the value of ``--color`` is none of its words.
     """
     left: list[str] = []
     found: dict[str, object] = {}
@@ -53,7 +58,7 @@ def _color(word: str) -> str:
 
 @contextmanager
 def speaking(found: dict[str, object]) -> Iterator[None]:
-    """Speak in a manner while the context lasts."""
+    """Apply common options (``quiet``, ``verbose``, ``color``) while the context lasts."""
     before = MANNER.quiet, MANNER.verbose, MANNER.color
     MANNER.quiet, MANNER.verbose = bool(found.get("quiet")), bool(found.get("verbose"))
     MANNER.color = str(found.get("color", "auto"))

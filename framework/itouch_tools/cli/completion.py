@@ -27,7 +27,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 class _Parsed(BaseException):
-    """Stops a command when it would read its words."""
+    """Stops a command where it would parse its words, and carries its parser."""
 
     def __init__(self, parser: argparse.ArgumentParser) -> None:
         super().__init__()
@@ -35,13 +35,13 @@ class _Parsed(BaseException):
 
 
 def commands() -> dict[str, Command]:
-    """Return every command with what it takes, as its own parser says; nothing is run."""
+    """Return every command with its options and words, as its own parser has them; no command is run."""
     from itouch_tools.cli import COMMANDS, listed
 
     found = {}
     for name, text in listed().items():
         found[name] = Command(name, text)
-        with contextlib.suppress(Exception, SystemExit):  # a stranger's command may do what it likes
+        with contextlib.suppress(Exception, SystemExit):  # a plugin's command may do anything
             parser = _parser_of(name, COMMANDS)
             if parser is not None:
                 _read(parser, found[name])
@@ -53,7 +53,7 @@ def commands() -> dict[str, Command]:
 
 
 def _parser_of(name: str, own: dict[str, tuple[str, str]]) -> argparse.ArgumentParser | None:
-    """Return the parser with which a command reads its words."""
+    """Return the parser with which a command parses its words; None if it has none."""
     from importlib import import_module
 
     from itouch.plugin.discovery import COMMANDS as GROUP
@@ -78,7 +78,7 @@ def _parser_of(name: str, own: dict[str, tuple[str, str]]) -> argparse.ArgumentP
 
 
 def _read(parser: argparse.ArgumentParser, command: Command) -> None:
-    """Take over what a parser knows."""
+    """Copy what a parser takes into a command: sub-commands, options and words."""
     for action in parser._actions:  # noqa: SLF001  (argparse has no public list of what it takes)
         if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
             helps = {choice.dest: choice.help or "" for choice in action._choices_actions}  # noqa: SLF001

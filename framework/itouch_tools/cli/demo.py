@@ -17,7 +17,7 @@ def scenes_folder() -> Path:
     Raises
     ------
     ItouchError
-        If they are not there.
+        If they are missing.
     """
     folder = bundled_scenes.folder()
     if folder is not None:

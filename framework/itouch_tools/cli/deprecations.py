@@ -1,4 +1,4 @@
-"""What plugins leave unsaid, told as deprecation warnings where a person runs a scene."""
+"""Deprecation warnings for a person who runs a scene: what its plugins do not declare."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def warn(model: Model) -> None:
-    """Warn of units and sentences that plugins of a scene do not declare: it runs, and ``test-plugin`` fails.
+    """Warn of units and sentences that the plugins of a scene do not declare: it runs, but ``test-plugin`` fails.
 
     The warnings are shown whatever filters are set, because they are for the person who runs the scene.
     """

@@ -1,4 +1,4 @@
-"""``itouch-py devices``: what is installed, with channels and limits, and why a plugin failed to load."""
+"""``itouch-py devices``: the installed device plugins, with channels and limits, and why a plugin failed to load."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _probe(cls: type[Device]) -> list[str]:
-    """Say what is attached; a plugin that fails to look is told, the others go on."""
+    """Return lines that say what is attached; where a plugin fails to look, a line says so and the others go on."""
     try:
         found = cls.discover()
-    except Exception as error:  # a stranger's plugin may raise anything, and must not hide the others
+    except Exception as error:  # a plugin may raise anything, and must not hide the others
         return [f"    looking failed: {type(error).__name__}: {error}"]
     if found is None:
         return ["    attached: cannot be looked for"]
@@ -47,7 +47,7 @@ def _probe(cls: type[Device]) -> list[str]:
 
 
 def _entry(catalog: Catalog, name: str, *, probe: bool) -> dict[str, Any]:
-    """Return a device plugin as plain data; bounds that are endless are null."""
+    """Return a device plugin as plain data; infinite bounds are null."""
     found, cls = catalog.found(name), catalog.device(name)
     entry: dict[str, Any] = {"name": name, "distribution": found.distribution, "version": found.version}
     if cls is None:
@@ -83,7 +83,7 @@ def _describe(catalog: Catalog, name: str) -> list[str]:
 
 
 def _channels(cls: type[Device]) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
-    """Return the channels with default parameters, or the class's if some parameter has no default."""
+    """Return readings and commands with default parameters, or the class's own if a parameter has no default."""
     if any(default_of(cls.Params, field) is REQUIRED for field in specs(cls.Params)):
         return cls.reads, cls.commands
     return cls.channels(cls.Params())

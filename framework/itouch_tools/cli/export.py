@@ -40,7 +40,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _chosen(options: argparse.Namespace) -> None:
-    """Take ``--output`` for the option that its ending names, and look for what is needed before the work begins."""
+    """Take ``--output`` for the option that its ending names, and check for needed packages before the work begins."""
     if options.output:
         ending = Path(options.output).suffix.lower().lstrip(".")
         kinds = ("xml", "itouch", "csv", "parquet", "rrd")
@@ -103,7 +103,7 @@ def _session(options: argparse.Namespace) -> list[str]:
 
 
 def _tell_left_out(recording: Recording, options: argparse.Namespace) -> None:
-    """Say which channels are not in a table of one file, and how one gets them."""
+    """Print which channels are missing in a table of one file, and how to get them."""
     from itouch_tools.export.tables import left_out
 
     for option, ending in (("csv", ".csv"), ("parquet", ".parquet")):

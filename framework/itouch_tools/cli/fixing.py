@@ -16,13 +16,13 @@ from itouch.schema import ItouchError
 from itouch.schema.diagnostics import Problem
 from itouch_tools.authoring.fixes import mended
 
-#: So many times a text is mended and looked at again: what is inside a misspelt element is seen only then.
+#: Most rounds of fixing and checking again: what is inside a misspelt element is only seen once that is fixed.
 _ROUNDS = 10
 
 
 @dataclass(frozen=True, slots=True)
 class Fixed:
-    """A scene's text before and after, and the problems that are no more."""
+    """A scene's text before and after, and the problems that were mended."""
 
     before: str
     after: str
@@ -35,9 +35,10 @@ class Fixed:
 
 
 def fixed(path: str, examine: Callable[[str], Sequence[Problem]]) -> Fixed | None:
-    """Mend a copy of a scene beside it until nothing more can be; None if there is nothing to mend.
+    """Fix a copy of a scene in its folder until nothing more can be fixed; None if there is nothing to fix.
 
-    A mending after which there are more errors than before is left away, but for those inside a mended element.
+    A change after which there are more errors than before is dropped, unless it mended an element: the errors inside
+    that element could not be seen before.
 
     Raises
     ------
@@ -69,7 +70,7 @@ def _errors(problems: Sequence[Problem]) -> int:
 
 
 def _nested(problems: Sequence[Problem]) -> bool:
-    """Whether an element was mended: what is wrong inside it is seen only then."""
+    """Tell whether an element was mended: what is wrong inside it is seen only then."""
     return any(problem.code == "unknown-element" for problem in problems)
 
 
@@ -81,7 +82,7 @@ def _write(copy: str, data: bytes, path: str) -> None:
 
 
 class _beside:  # noqa: N801 - used as a context, like those of contextlib
-    """The name of a copy in the folder of a scene, so that what it names by relative paths is found; removed after."""
+    """The name of a copy in a scene's folder, so that its relative paths still hold; the copy is removed afterwards."""
 
     def __init__(self, path: str) -> None:
         self._path = path
@@ -100,12 +101,12 @@ class _beside:  # noqa: N801 - used as a context, like those of contextlib
 
 
 def show_and_write(path: str, found: Fixed | None, *, write: bool) -> None:
-    """Show a scene's mending as a diff, then write it unless only the diff is wanted.
+    """Show the changes to a scene as a diff, then write them unless only the diff is wanted.
 
     Raises
     ------
     ItouchError
-        If the file cannot be replaced; it is as it was then.
+        If the file cannot be replaced; it is unchanged then.
     """
     if found is None:
         return
@@ -114,7 +115,7 @@ def show_and_write(path: str, found: Fixed | None, *, write: bool) -> None:
     if not write:
         print(f"{path}: {words} can be mended; nothing was written", file=sys.stderr)
         return
-    target = os.path.realpath(path)  # a link stays one
+    target = os.path.realpath(path)  # a symbolic link stays a link
     with _beside(target) as copy:
         _write(copy, found.after.encode("utf-8"), path)
         try:

@@ -47,7 +47,7 @@ def _plan(path: str) -> Facts:
 
 
 def _draw(path: str, picture: str) -> None:
-    """Draw the scene of a scene file or a session as it stands."""
+    """Draw a scene, or a session in the State in which it was saved, to a PNG file."""
     from itouch.session import build, is_session, restore
     from itouch_tools.viewer.context import write_png
     from itouch_tools.viewer.offscreen import Offscreen
@@ -70,7 +70,7 @@ def _facts(path: str) -> Facts:
 
 
 def recording_facts(path: str) -> Facts:
-    """Return what a recording holds.
+    """Return the contents of a recording.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def recording_facts(path: str) -> Facts:
 
 
 def _figures(timing: Mapping[str, Any]) -> Facts:
-    """Return the figures of a note of timing, without its histograms."""
+    """Return the figures of a recorded note on timing, without its histograms."""
     return {name: value for name, value in timing.items() if not isinstance(value, list)}
 
 
@@ -127,7 +127,7 @@ def _utc(seconds: float) -> str:
 
 
 def session_facts(path: str) -> Facts:
-    """Return what a snapshot holds.
+    """Return the contents of a snapshot.
 
     Raises
     ------
@@ -176,12 +176,12 @@ def _span(contact: Facts) -> Facts:
 
 
 def scene_facts(path: str) -> Facts:
-    """Return what a scene holds, and the channels that can be recorded.
+    """Return the contents of a scene, and the channels that can be recorded.
 
     Raises
     ------
     SceneError
-        If it has problems.
+        If the scene has problems.
     """
     from itouch.plugin.discovery import Catalog
     from itouch.session import load_scene

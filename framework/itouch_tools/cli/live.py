@@ -1,4 +1,4 @@
-"""``run`` in real time: the loop runs in a servo process of its own, and this process only shows what it publishes."""
+"""``run`` in real time: the loop runs in a servo process, and this process only shows what that publishes."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from itouch_tools.cli.arm_input import Leader
     from itouch_tools.report.screen import Screen
 
-#: How often [s] the terminal is brought up to date.
+#: Period [s] at which the terminal is updated.
 _EVERY = 0.05
-#: How often [s] a gamepad is looked at.
+#: Period [s] at which a gamepad is read.
 _LOOK = 0.01
 
 
 def needed(session: Session) -> bool:
-    """Return whether a session must run in real time: hardware and remote twins have clocks of their own."""
+    """Tell whether a session must run in real time: hardware and remote twins have clocks of their own."""
     return any(not device.twin or device.remote for device in session.model.devices.values())
 
 
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, le
             write_report(options.report, handle.report)
             if error is not None:
                 raise error
-        except ServoError as error:  # it died, and has left no report
+        except ServoError as error:  # the servo process died, and left no report
             print(error, file=sys.stderr)
             return 1
         finally:
@@ -74,7 +74,7 @@ def _follow(
 ) -> tuple[int, ItouchError | None]:
     """Show the session until it ends, on the terminal and in a window if that is asked for.
 
-    Returns the exit code, and what has failed besides a device: whatever it was, the report of the session counts.
+    Return the exit code, and the error if something other than a device failed: the session's report is written first.
     """
     from itouch.loop import DeviceFaultError
     from itouch_tools.cli.switch_wait import Waiting
@@ -102,7 +102,7 @@ def _follow(
             losses.look()
             if held is not None:
                 held.look()
-            if handle.faults:  # nobody can see it any more and re-arm
+            if handle.faults:  # there is no window in which a person could see the fault and re-arm
                 handle.request_stop()
             if leader is not None:
                 leader.lead(handle)
@@ -115,13 +115,13 @@ def _follow(
 
 
 class Losses:
-    """Says on the terminal, at once, what is not kept any more of a session."""
+    """Says on the terminal, at once, what of a session is no longer being kept."""
 
     def __init__(self, handle: Handle, screen: Screen) -> None:
         self._handle, self._screen, self._told = handle, screen, 0
 
     def look(self) -> None:
-        """Tell what is new."""
+        """Print the losses that are new."""
         for loss in self._handle.losses[self._told :]:
             self._screen.interrupt(told(loss))
             self._told += 1
@@ -133,7 +133,7 @@ class _Contacts:
 
     @property
     def contacts(self) -> list[dict[str, Any]]:
-        """Those that have ended."""
+        """The contacts that have ended."""
         return self._handle.contacts
 
 
@@ -142,7 +142,7 @@ class _RealClock:
 
 
 class Shown:
-    """What a terminal shows of a session elsewhere: its published State under the names of an engine."""
+    """A session in a servo process, as a terminal shows it: its published State, with the attributes of an engine."""
 
     def __init__(self, handle: Handle) -> None:
         self._handle = handle
@@ -166,7 +166,7 @@ class Shown:
 
     @cached_property
     def model(self) -> Model:
-        """The compiled scene, made when it is first shown."""
+        """The compiled scene, compiled when it is first needed."""
         from itouch.plugin.discovery import Catalog
         from itouch.world import Model
 

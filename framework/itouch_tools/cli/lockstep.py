@@ -1,6 +1,6 @@
-"""A scene on its devices' real protocols in one process, host and simulated devices in step.
+"""A scene on its devices' real protocols in one process, with host and simulated devices in lockstep.
 
-Nothing is in real time: a tick waits until the wires have answered, then the simulated world goes on by one period.
+Nothing runs in real time: a tick waits until the wires have answered, then the simulated world advances by one period.
 So every byte is as on hardware, while the result does not depend on how busy the machine is.
 """
 
@@ -30,21 +30,21 @@ from itouch_tools.cli.served_twins import VirtualRig
 if TYPE_CHECKING:
     from itouch.loop.runner import Runner
 
-#: Timers of the emulators run so much faster than the host's; time between two looks at the wires [s].
+#: By what factor the emulators' timers run faster than the host's, and the time between two looks at the wires [s].
 SPEED, LOOK = 20.0, 1e-4
-#: An unsteady wire: from exchange to exchange [s], at least and at most; which part of them is lost, and how much later
-#: such a one is made again [s].
+#: An unsteady wire: shortest and longest time between exchanges [s], the share of exchanges that is lost, and the delay
+#: [s] after which a lost one is repeated.
 UNSTEADY, LOST, AGAIN = (0.010, 0.030), 0.05, 0.020
-#: Simulated seconds after which a scene without an end is ended.
+#: Simulated seconds after which a scene whose motion does not end is stopped.
 LONGEST = 600.0
 
 
 class Lockstep:
-    """A host's session and the virtual rig that it runs on, at places of their own: others may run beside it.
+    """A host's session and the virtual rig on which it runs, at addresses of their own: others may run beside it.
 
     ``only`` are the devices that are on their wires; none named: all.  Where an exchange takes longer than a tick,
-    those after the first begin ``phase`` [s] later than they would, or, ``unsteady``, as a busy host and a bad line
-    make them.
+    those after the first begin ``phase`` [s] later than they would or, if ``unsteady``, at times as with a busy host
+    and a bad line.
     """
 
     def __init__(
@@ -81,12 +81,12 @@ class Lockstep:
         self.host.taps.append(self._tick)
 
     def _straight(self, only: Sequence[str]) -> dict[str, Straight]:
-        """Return what stands for the devices that are on no wire.
+        """Return the stand-ins for the devices that are on no wire, by name.
 
         Raises
         ------
         ItouchError
-            If there is no device of a name.
+            If ``only`` names a device that the scene does not have.
         """
         names = [runner.model.name for runner in self.world.runners]
         for name in only:
@@ -99,7 +99,7 @@ class Lockstep:
         }
 
     def _paced(self, runner: Runner, device: Straight) -> Device:
-        """Return a device without its wire as often as it would be exchanged with: its controller counts on that."""
+        """Return a device without a wire, but with its wire's period of exchanges, on which its controller relies."""
         cls, period = runner.model.cls, self.host.model.period
         every = max(1, round(cls.takes(device.params) / period)) if cls.blocking else 1
         return (
@@ -109,13 +109,13 @@ class Lockstep:
         )
 
     def _place(self, runner: Runner) -> Any:
-        """Return a device's parameters, with an address that no other virtual rig has."""
+        """Return a device's parameters, with an address that no other virtual rig uses."""
         emulator, folder = runner.model.cls.Emulator, f"{self._folder}/{runner.model.name}"
         os.mkdir(folder)
         return runner.model.params if emulator is None else emulator.elsewhere(runner.model.params, folder)
 
     def _take_in(self, runner: Runner, params: Any, trace: TextIO | None) -> None:
-        """Put a device into the tick that would be exchanged with in a thread, and tell it where its emulator is."""
+        """Tell a device its emulator's address; one that would have a thread for its exchanges has them in the tick."""
         device = runner.device
         if device is not None:
             (device.device if isinstance(device, ThreadedDevice) else device).params = params
@@ -131,7 +131,7 @@ class Lockstep:
         with self._lock:
             for modality in self.host.model.modalities:
                 modality.instance.witness(modality.model, self.host.state, self._truth)
-            self.rig.look()  # what was asked in this tick counts in it, however late the thread of the wires may be
+            self.rig.look()  # what was sent in this tick takes effect in it, however late the thread of the wires is
             self.rig.step()
             self.rig.keep_up()
 
@@ -183,19 +183,19 @@ def _as_it_is() -> None:
 
 
 def _later(period: float, phase: float) -> Callable[[], int | None]:
-    """Return what lets the second exchange begin later by a phase [s]."""
+    """Return a function that makes the second exchange begin later by a phase [s], and leaves the others alone."""
     first = iter([round((AGAIN + phase) / period)] if phase else [])
     return lambda: next(first, None)
 
 
 def _unsteady(period: float, seed: int) -> Callable[[], int | None]:
-    """Return what says after how many ticks the next exchange begins on a busy host and a bad line."""
+    """Return a function that says after how many ticks the next exchange begins, with a busy host and a bad line."""
     chance, (low, high) = random.Random(seed), (round(time / period) for time in UNSTEADY)
     return lambda: chance.randint(low, high) + (round(AGAIN / period) if chance.random() < LOST else 0)
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run, show and write the report."""
+    """Run a scene in lockstep, then show and write the report; return the exit code."""
     from itouch_tools.cli.shutdown import write_report
     from itouch_tools.report.screen import Screen
 

@@ -1,4 +1,4 @@
-"""``itouch-py new-scene NAME``: a scene to start from, and the schema that lets editors complete it."""
+"""``itouch-py new-scene NAME``: a scene to start from, and the schema for completion in editors."""
 
 from __future__ import annotations
 

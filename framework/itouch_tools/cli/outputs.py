@@ -1,4 +1,4 @@
-"""The options of ``run`` that keep a session: recording, snapshots now and then, Lab Streaming Layer."""
+"""The options of ``run`` that keep a session: recording, periodic snapshots, Lab Streaming Layer, triggers."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _code(text: str) -> tuple[str, int]:
 
 
 def wanted(options: argparse.Namespace) -> Outputs:
-    """Return what the options ask to keep.
+    """Return what of a session is to be kept, according to the options.
 
     Raises
     ------

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from itouch.session import Session
 
-#: How long the scene runs on twins for the figures [simulated s]; a tick in so many is timed.
+#: Simulated time [s] for which the scene runs on twins to measure what the steps cost.
 SECONDS = 3.0
 
 
 def plan_facts(path: str) -> dict[str, Any]:
-    """Return the plan of a scene, and what its steps cost on this machine.
+    """Return the plan of a scene, and what its steps cost on this machine [us].
 
     Raises
     ------
@@ -74,7 +74,7 @@ def plan_text(facts: dict[str, Any]) -> list[str]:
 
 
 def _wrapped(verb: str, names: list[str] | None, width: int = 110) -> list[str]:
-    """Return the names of fields in lines that fit a terminal."""
+    """Return the names of fields, wrapped into lines that fit a terminal."""
     if not names:
         return [] if names is not None else [f"      {verb:<6} (not said by the plugin)"]
     lines, line = [], f"      {verb:<6}"

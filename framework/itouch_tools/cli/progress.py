@@ -1,6 +1,6 @@
-"""Progress of long waits on a terminal: after a second what is done and how far, on one line.
+"""Progress of long waits on a terminal: after a second one line shows what is being done, and how far it is.
 
-Where the stream of errors is no terminal, nothing is shown.
+Where standard error is not a terminal, nothing is shown.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Any
 
 from itouch.schema.terminal import MANNER, PlainStream, colours, control, is_terminal
 
-#: Seconds of silence after which a wait is shown, and between two pictures of it.
+#: Seconds of silence after which a wait is shown, and between two updates of its line.
 PATIENCE, EVERY = 1.0, 0.2
 
 
 class _Line:
-    """The line of one wait; drawn by a thread of its own, as the work may be in a library for long."""
+    """The line of one wait; drawn by a thread of its own, as the work may spend long inside a library."""
 
     def __init__(self, what: str, stream: Any) -> None:
         self._what, self._words = what, ""
@@ -31,7 +31,7 @@ class _Line:
         self._progress: Any = None
 
     def part(self, done: float | None, words: str = "") -> None:
-        """Take note of how far it is."""
+        """Note the progress: the share that is done, 0 to 1 (None: unknown), and words."""
         self._done, self._words = done, words or self._words
 
     def make_room(self) -> None:
@@ -41,14 +41,14 @@ class _Line:
             self._quiet_until = time.monotonic() + PATIENCE
 
     def run(self) -> None:
-        """Draw until the end."""
+        """Draw the line again and again until ``finish`` is called."""
         while not self._end.wait(EVERY):
             with self._lock, suppress(OSError, ValueError):
                 if time.monotonic() >= self._quiet_until and not self._end.is_set():
                     self._draw()
 
     def finish(self) -> float:
-        """Clear the line; return how long it took [s]."""
+        """Clear the line; return how long the wait took [s]."""
         self._end.set()
         with self._lock, suppress(OSError, ValueError):
             self._clear()
@@ -93,7 +93,7 @@ class _Line:
 
 @contextmanager
 def shown(what: str) -> Iterator[_Line | _Nothing]:
-    """Show a wait while the context lasts; at its end, if it took over a second, how long it took."""
+    """Show a wait while the context lasts; if that took over a second, print at its end how long it took."""
     stream = sys.stderr
     if MANNER.quiet or not is_terminal(stream) or PlainStream.before is not None:  # one at a time
         yield _Nothing()

@@ -1,7 +1,7 @@
 """A scene on its devices' real protocols in real time: the virtual rig here, the session in a servo process of its own.
 
-The session is run as on hardware, with guardian, watchdogs and threads; only what the twins behind the emulators know
-is shown to it, so that each touch is judged by the truth, as in step.
+The session is run as on hardware, with guardian, watchdogs and threads; besides, it is shown the true states of the
+twins behind the emulators, so that each touch is judged by the truth, as in lockstep.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ if TYPE_CHECKING:
     from itouch.servo.launcher_pipe import Outbox
     from itouch.servo.shared_memory import SharedMemory
 
-#: How often [s] this process looks whether the session has ended.
+#: Period [s] at which this process checks whether the session has ended.
 _LOOK = 0.05
 #: Widths of the bins of distances [m] and of ages [s].
 _DISTANCE, _AGE = 1e-6, 1e-4
 
 
 class Witnessed(Servo):
-    """A session that is told, after every tick, what the twins of the rig know; and notes how old its readings are."""
+    """A session that is shown the twins' true states after every tick, and notes how old its readings are."""
 
     def __init__(self, session: Session, segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> None:
         super().__init__(session, segment, outbox, config)
         self._truth = TruthReader(config["truth"])
-        #: Ticks, and those of them in which nothing new was known.
+        #: Number of ticks, and of those in which no newer true states were known.
         self._ticks = self._old = 0
         self._surfaces = [_Surface(session, name) for name in _surfaces(session)]
         session.taps.append(self._see)
@@ -57,13 +57,13 @@ class Witnessed(Servo):
             surface.see(tick)
 
     def report(self) -> dict[str, Any]:
-        """Return the report, with what is known of the wires."""
+        """Return the report, with the figures of the wires added."""
         told = {one.name: one.told() for one in self._surfaces}
         return {**super().report(), "wires": {"ticks": self._ticks, "truth_old": self._old, "surfaces": told}}
 
 
 class _Surface:
-    """How far a surface moves while its newest reading gets old."""
+    """How far a surface moves while its newest reading ages."""
 
     def __init__(self, session: Session, name: str) -> None:
         model, state = session.model.devices[name], session.state
@@ -79,7 +79,7 @@ class _Surface:
         self._moved, self._ages = Histogram(_DISTANCE), Histogram(_AGE)
 
     def see(self, tick: int) -> None:
-        """Take in a tick."""
+        """Count a tick."""
         speed = float(np.linalg.norm(self._sent[:3] - self._last)) / self._period
         self._last[:] = self._sent[:3]
         if not self._ready.item():
@@ -89,12 +89,12 @@ class _Surface:
         self._moved.add(speed * age)
 
     def told(self) -> dict[str, Any]:
-        """Return the age of its readings, and speed times age, tick by tick."""
+        """Return the distributions, over all ticks, of the age of its readings and of speed times age."""
         return {"age_ms": self._ages.summary(1e3), "speed_times_age_mm": self._moved.summary(1e3)}
 
 
 def _surfaces(session: Session) -> list[str]:
-    """Return the names of the devices that move a surface and tell where it is."""
+    """Return the names of the devices that move a surface and measure where it is."""
     return [
         name
         for name, device in session.model.devices.items()
@@ -110,7 +110,7 @@ def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> tupl
 class RealRig:
     """A virtual rig in this process, and the session on it in a servo process.
 
-    Both are at places of their own, whatever the scene names: several may run at once, if the machine has room.
+    Both use addresses of their own, whatever the scene names: several may run at once, if the machine has room.
     """
 
     def __init__(self, scene: str, *, rig: str | None = None, seed: int = 0) -> None:
@@ -146,7 +146,7 @@ class RealRig:
             self.rig.open()
             self._stack.callback(self.rig.close)
             host = threading.Thread(target=self._host, args=(seconds,), name="itouch-host", daemon=True)
-            realtime.be_punctual()  # in the main thread, whose priority the wires' threads take
+            realtime.be_punctual()  # in the main thread, whose priority the wires' threads inherit
             with WakeUps() as machine:
                 host.start()
                 self.rig.run(lambda: not host.is_alive())
@@ -159,7 +159,7 @@ class RealRig:
         return {**self._report, "wires": {**self._report.get("wires", {}), **told}}
 
     def _host(self, seconds: float | None) -> None:
-        """Start the session, and follow it to its end; its process would die with the thread that started it."""
+        """Start the session and follow it to its end: its process would die with the thread that started it."""
         from itouch.loop import DeviceFaultError
         from itouch.servo.launching import configured, start
 
@@ -190,7 +190,7 @@ def _micro(found: Histogram) -> dict[str, float | None]:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run, show and write the report."""
+    """Run a scene in real time, then show and write the report; return the exit code."""
     from itouch.schema.wait_notices import waiting
     from itouch_tools.cli.shutdown import write_report
     from itouch_tools.report.screen import Screen
@@ -208,7 +208,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 def told(report: dict[str, Any]) -> Sequence[str]:
-    """Return what is said of the wires: how late who was woken, how old a surface's readings were."""
+    """Return lines on the wires: how late each process was woken, and how old a surface's readings were."""
     wires = report["wires"]
     woken = {"machine": wires["machine"]["lateness_us"], "session": report["servo"]["lateness_us"] or {},
              "simulated devices": wires["rig"]["lateness_us"]}  # fmt: skip

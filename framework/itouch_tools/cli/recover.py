@@ -1,4 +1,4 @@
-"""``itouch-py recover FILE.mcap``: a damaged recording made whole."""
+"""``itouch-py recover FILE.mcap``: repair a damaged recording."""
 
 from __future__ import annotations
 

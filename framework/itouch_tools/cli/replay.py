@@ -1,4 +1,4 @@
-"""``itouch-py replay FILE.mcap``: recorded readings in, every command compared; or in a window, or as pictures."""
+"""``itouch-py replay FILE.mcap``: feed recorded readings to the engine, and compare every command; or show them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from itouch.recording import Recording
     from itouch.session.replay import Outcome
 
-#: Ticks between two looks at how far it is.
+#: Ticks between two reports of progress.
 _TOLD = 500
 
 
@@ -50,7 +50,7 @@ def _need_display() -> None:
 
 
 def _view(recording: Recording) -> int:
-    """Play a recording in a window until that is closed."""
+    """Play a recording in a window until the window is closed."""
     from itouch_tools.viewer.offscreen import open_player
     from itouch_tools.viewer.playback import Playback
     from itouch_tools.viewer.recording_seek import SeekableRecording
@@ -74,7 +74,7 @@ def _compare(recording: Recording, options: argparse.Namespace) -> int:
 
 
 def _replay(recording: Recording, options: argparse.Namespace) -> Outcome:
-    """Replay a recording, and take the pictures and the sound that are asked for meanwhile."""
+    """Replay a recording, and take the pictures and the sound that are asked for."""
     from itouch.session.replay import Replay
 
     work = Replay(recording)

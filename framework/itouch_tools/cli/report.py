@@ -1,4 +1,4 @@
-"""``itouch-py report SESSION -o FILE.html``: a page of a session to look at and to send."""
+"""``itouch-py report SESSION -o FILE.html``: a page about a session, to look at and to send."""
 
 from __future__ import annotations
 

@@ -70,14 +70,14 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
 
 
 def _refuse_hardware(session: Session) -> None:
-    """Drive nothing real faster than real time, in a process that no guardian watches over."""
+    """Refuse hardware, which is never driven faster than real time, nor in a process without a guardian."""
     real = [f"'{device.name}'" for device in session.model.devices.values() if not device.twin]
     if real:
         raise ItouchError(f"--pace fast is for simulated twins, not for {', '.join(real)}: omit it, or --twin all")
 
 
 def _drawn(options: argparse.Namespace) -> bool:
-    """Whether pictures or sounds are asked for, which are made between ticks."""
+    """Tell whether pictures or sounds are asked for, which are made between ticks."""
     return bool(options.screenshot or options.film or options.wav)
 
 
@@ -119,7 +119,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _prepare(options: argparse.Namespace) -> Session:
-    """Build the engine; hardware is never driven in this process, and so not opened."""
+    """Build the engine, without opening hardware, which is never driven in this process."""
     from itouch.servo.prepare import prepare
 
     return prepare(options.scene, seed=options.seed, twin=options.twin, rig=options.rig, opens=False)
@@ -142,7 +142,7 @@ def _run(session: Session, options: argparse.Namespace, show: Callable[[], None]
     except DeviceFaultError as met:
         fault = met
     except BaseException as raised:
-        fault = ended_by(session.fault, raised)  # who ends the program in a tick has been told as a fault
+        fault = ended_by(session.fault, raised)  # code that ends the program within a tick counts as a fault
         if fault is raised:
             session.close()
             raise

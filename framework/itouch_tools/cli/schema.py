@@ -21,7 +21,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def write_schemas(folder: str) -> list[str]:
-    """Write the documents into a folder and return their paths.
+    """Write the schemas into a folder and return their paths.
 
     Raises
     ------

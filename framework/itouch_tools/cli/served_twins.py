@@ -1,4 +1,4 @@
-"""The twins of a session served behind their emulators, in real time or step by step."""
+"""The twins of a session, served behind their emulators, in real time or step by step."""
 
 from __future__ import annotations
 
@@ -21,15 +21,16 @@ if TYPE_CHECKING:
     from itouch.plugin.discovery import Catalog
     from itouch.scene import Scene
 
-#: A simulation this far behind goes on from now [s]; width of the bins of its lateness [s].
+#: A simulation that is later than this [s] gives up catching up; and the width [s] of the bins of its lateness.
 BEHIND, _BIN = 0.1, 1e-5
 
 
 class VirtualRig:
     """The twins of a session behind their emulators, whose timers run ``speed`` times as fast as the host's.
 
-    ``places`` are the parameters of those devices, by name, that are somewhere else than their scene says; ``wires``
-    are the emulators of those that have another than their own.  ``truth`` is told in real time what the twins know.
+    ``places`` are the parameters, by name, of devices that are at another address than the scene says; ``wires`` are
+    the emulators of devices that have another than their own.  ``truth`` is told the true states of the twins, in real
+    time.
     """
 
     def __init__(
@@ -48,37 +49,37 @@ class VirtualRig:
             emulator = (wires or {}).get(runner.model.name) or _emulator(runner, places or {})
             emulator.speed = speed
             self._lines.append((runner, emulator))
-        #: Whether a host drives a device: then the operator's motion goes on.
+        #: Whether a host drives a device; only then the operator's motion advances.
         self.driven = False
         commands = [channel.role for runner, _ in self._lines for channel in runner.model.commands]
         self._only_arms = all(role is Role.FORCE_ON_OPERATOR for role in commands)
         self._truth = truth
-        #: How late [s] the periods of a simulation in real time began, and how far it has fallen behind in all [s].
+        #: How late [s] the periods of a simulation in real time began, and the time [s] that it gave up in all.
         self.lateness, self.behind = Histogram(_BIN), 0.0
 
     def open(self) -> list[tuple[str, str]]:
-        """Begin to listen; return each device's name and where it is.
+        """Begin to listen; return each device's name and address.
 
         Raises
         ------
         DeviceError
-            If a device's place is taken.
+            If a device's address is taken.
         """
         self.step()
         return [(runner.model.name, emulator.open()) for runner, emulator in self._lines]
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connections."""
         for _, emulator in self._lines:
             emulator.close()
 
     def run(self, stop: Callable[[], bool]) -> None:
-        """Simulate in real time, and answer each host in a thread of its own, until ``stop`` says so."""
+        """Simulate in real time until ``stop`` returns true, with a thread for each device to answer its host."""
         served = [(runner, ServedEmulator(emulator, runner.reading, runner.sent)) for runner, emulator in self._lines]
         due = time.monotonic()
         try:
             while not stop():
-                if self.driven:  # what is late while nobody drives a device delays nobody
+                if self.driven:  # lateness does not matter while nobody drives a device
                     self.lateness.add(max(0.0, time.monotonic() - due))
                 due += self._period
                 self._simulate(served)
@@ -95,7 +96,7 @@ class VirtualRig:
             note(f"the simulation was {self.behind:.1f} s too slow in all")
 
     def _simulate(self, served: list[tuple[Runner, ServedEmulator]]) -> None:
-        """Do what the hosts have asked for last, for one period, and show them how it went."""
+        """Simulate one period with the hosts' latest commands, and show them the new readings."""
         for runner, wire in served:
             self.driven |= wire.take(runner.sent)
         self._go_on()
@@ -107,12 +108,12 @@ class VirtualRig:
             self._truth.write(now)
 
     def _go_on(self) -> None:
-        """Let the motion begin where a host exchanges with arms alone: in the air it gives them no force."""
+        """Let the motion begin when a host commands a rig of arms alone: in the air it gives them no force."""
         if self._only_arms and not self.driven:
             self.driven = any(emulator.commanded for _, emulator in self._lines)
 
     def step(self) -> None:
-        """Simulate one period, and let the twins measure."""
+        """Simulate one period, and take the twins' readings."""
         self._session.step_twins(self.driven)
         for runner, _ in self._lines:
             if runner.twin is not None:
@@ -126,19 +127,19 @@ class VirtualRig:
         self._go_on()
 
     def keep_up(self) -> None:
-        """Let those emulators live through the last period that have a course of their own."""
+        """Let emulators that act without being asked serve the last period, too."""
         now = self._session.seconds
         for runner, emulator in self._lines:
             if emulator.lives:
                 self.driven |= emulator.serve(now, runner.reading, runner.sent)
 
     def handles(self) -> list[int]:
-        """Return the file descriptors on which a host's next request comes."""
+        """Return the file descriptors on which a host's next request arrives."""
         return [handle for _, emulator in self._lines for handle in emulator.handles()]
 
 
 def placed(scene: Scene, catalog: Catalog, folder: str) -> Scene:
-    """Return a scene whose devices are where nobody else's are: files in ``folder``, or free ports of this machine."""
+    """Return a scene whose devices have addresses that nobody else uses: files in ``folder``, or free ports."""
     devices = []
     for element in scene.devices:
         cls = catalog.device(element.plugin)

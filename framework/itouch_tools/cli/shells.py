@@ -1,4 +1,4 @@
-"""The completion scripts of the three shells, made from what the commands' own parsers know."""
+"""The completion scripts for three shells, made from what the commands' own parsers take."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """An option: its words, one line of help, the words that may follow it, and whether something must follow."""
+    """An option: its spellings, one line of help, the words that may follow it, and whether a value must follow."""
 
     words: tuple[str, ...]
     help: str
@@ -18,7 +18,7 @@ class Option:
 
 @dataclass(slots=True)
 class Command:
-    """A command: its line of help, its options, the words that its places take, and its own sub-commands."""
+    """A command: its line of help, its options, the words that its arguments may be, and its sub-commands."""
 
     name: str
     help: str

@@ -24,7 +24,7 @@ Words = ParamSpec("Words")
 
 
 def stop_writing() -> None:
-    """Let what is still buffered go nowhere: at its end the interpreter would complain about it once more."""
+    """Discard the output that is still buffered: the interpreter would complain about it again at its end."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -36,14 +36,14 @@ def stop_writing() -> None:
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-#: For how long [s] threads that somebody else has left may go on when all is done.
+#: How long [s] threads that a plugin left running may go on when everything is done.
 _PATIENCE = 2.0
 
 
 def end_threads(code: int) -> None:
     """End the process with this exit code if a thread that a plugin has left would keep it alive.
 
-    Everything is safe and written by then; the interpreter waits for every thread that is no daemon, be it for ever.
+    Everything is safe and written by then; the interpreter would wait for every thread that is no daemon, for ever.
     """
     for what in ending.refused:
         with contextlib.suppress(OSError, ValueError):
@@ -61,7 +61,7 @@ def end_threads(code: int) -> None:
     verb = "threads still run" if len(names) > 1 else "thread still runs"
     with contextlib.suppress(OSError, ValueError):
         print(f"note: a plugin's {verb}: {', '.join(names)}; all is done, the program ends without", file=sys.stderr)
-    atexit._run_exitfuncs()  # noqa: SLF001 - what ends when the interpreter does
+    atexit._run_exitfuncs()  # noqa: SLF001 - what is to run when the interpreter ends
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):
             stream.flush()
@@ -69,7 +69,7 @@ def end_threads(code: int) -> None:
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal came while nothing ran yet."""
+    """A signal came before anything ran."""
 
     def __init__(self, number: int) -> None:
         super().__init__()
@@ -79,7 +79,7 @@ class Interrupted(KeyboardInterrupt):
 class Stopping:
     """Lets Ctrl-C, SIGTERM and SIGHUP end a run safely while the context lasts.
 
-    Until something runs (``bind``) a signal ends what is being prepared, by raising ``Interrupted``.
+    Until something runs (``bind``) a signal ends the preparation, by raising ``Interrupted``.
     """
 
     def __init__(self) -> None:
@@ -108,7 +108,7 @@ class Stopping:
         self._stop()
 
     def listened(self, show: Callable[Words, None]) -> Callable[Words, None]:
-        """Return what shows something; when nobody reads it any more, it asks the run to end, as a signal does."""
+        """Return ``show``, wrapped: when nobody reads the output any more, the run is asked to end, as by a signal."""
 
         def shown(*words: Words.args, **named: Words.kwargs) -> None:
             try:
@@ -120,21 +120,21 @@ class Stopping:
             except (OSError, ValueError) as error:
                 if not sys.stdout.closed and getattr(error, "errno", None) != errno.EBADF:
                     raise
-                # a plugin has closed the stream: that is told at the end of the run, when it has been put back
+                # a plugin has closed the stream: that is reported at the end of the run, when it has been restored
 
         return shown
 
     def code(self, otherwise: int) -> int:
-        """Return the exit code: of the signal that ended the run, which is said, or the other."""
+        """Return the exit code: that of the signal that ended the run, which is printed, or else ``otherwise``."""
         if not self._signal:
             return otherwise
-        stop_writing()  # a terminal that was closed hears nothing
+        stop_writing()  # the terminal may have been closed
         print(f"stopped by {signal.Signals(self._signal).name}; the devices are safe", file=sys.stderr)
         return 128 + self._signal
 
 
 def unstarted(number: int, words: Mapping[str, Any], begun: float, path: str | None) -> int:
-    """Say, and report, that a signal came before anything ran; return the exit code.
+    """Print, and report, that a signal came before anything ran; return the exit code.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def unstarted(number: int, words: Mapping[str, Any], begun: float, path: str | N
     begun
         When the start began, on the monotonic clock [s].
     path
-        Of the report, if one is asked for.
+        Path of the report, if one is asked for.
     """
     name = signal.Signals(number).name
     print(f"stopped by {name} during the start; nothing was enabled", file=sys.stderr)
@@ -153,12 +153,12 @@ def unstarted(number: int, words: Mapping[str, Any], begun: float, path: str | N
 
 
 def begin_report(path: str | None, words: Mapping[str, Any]) -> None:
-    """Write what a report says until it is whole: whatever kills the program, it does not look as an earlier one ended.
+    """Write a preliminary report: should anything kill the program, an earlier run's report can't be taken for its own.
 
     Parameters
     ----------
     path
-        Of the report, if one is asked for; what is no ordinary file is written at the end only.
+        Path of the report, if one is asked for; anything but an ordinary file is written only at the end.
     words
         What was asked for: entries of the report.
 
@@ -184,12 +184,12 @@ def write_report(path: str | None, report: Callable[[], dict[str, Any]]) -> None
     if not path:
         return
     try:
-        data = json.dumps(report(), indent=1, allow_nan=False).encode() + b"\n"  # first: none is left half without it
+        data = json.dumps(report(), indent=1, allow_nan=False).encode() + b"\n"  # before opening: no file is left half
     except ValueError as error:
         raise ItouchError(f"cannot write '{path}': the report holds what is no number ({error})") from error
     try:
         if _may_be_replaced(path):
-            from itouch.session.durable import write_whole  # only now: help is instant
+            from itouch.session.durable import write_whole  # imported only here, so that help is instant
 
             write_whole(path, data)
             return
@@ -200,6 +200,6 @@ def write_report(path: str | None, report: Callable[[], dict[str, Any]]) -> None
 
 
 def _may_be_replaced(path: str) -> bool:
-    """Tell whether a file can be written beside its place and moved there: not a device, a pipe or a link."""
+    """Tell whether a file can be written under another name and moved here: it is no device, pipe or link."""
     regular = not os.path.lexists(path) or stat.S_ISREG(os.lstat(path).st_mode)
     return regular and os.access(os.path.dirname(path) or ".", os.W_OK)

@@ -23,7 +23,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 @contextlib.contextmanager
 def keeping(session: Session, options: argparse.Namespace) -> Iterator[None]:
-    """Render the sound while the session runs, if that was asked for.
+    """Render the sound while the session runs, if that is asked for.
 
     Raises
     ------

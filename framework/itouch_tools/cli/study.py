@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from itouch_tools.study.reading import StudyFile
     from itouch_tools.study.store import Row
 
-#: Seconds in which most skins are back after a touch of a few seconds, and for an answer and the way to the touch.
+#: Seconds in which most skin recovers from a touch of a few seconds, and seconds for an answer and the next approach.
 SKIN, ANSWERING = 10.0, 4.0
 
 
@@ -153,7 +153,7 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _between(file: StudyFile) -> float:
-    """Return the seconds from one touch to the next: what the study asks for, and the skin's way back."""
+    """Return the time [s] between two touches: what the study asks for, and what the skin takes to recover."""
     contact, blind = file.study.contact, file.study.blind
     approach = blind.approach if blind is not None and blind.equalise else 0.0
     return contact.pause + approach + min(contact.skin_wait, SKIN) + ANSWERING
@@ -165,7 +165,7 @@ def _store_error(error: Exception) -> int:
 
 
 def _stamp(file: StudyFile, folder: Path, deviation: str = "") -> None:
-    """Freeze the study in its folder, or see that it is the one that is frozen there, or stands as a deviation."""
+    """Freeze the study in its folder; if one is frozen there, check that it is the same, or note the deviation."""
     from datetime import UTC, datetime
     from importlib.metadata import version
 
@@ -271,12 +271,12 @@ def _simulate(options: argparse.Namespace) -> int:
 
 
 def _same_study(file: StudyFile, rows: Sequence[Row]) -> None:
-    """See that the study has all levels that stand in the rows: else trials would be left out of what is said.
+    """Check that the study has all levels that occur in the rows: otherwise the report would leave out trials.
 
     Raises
     ------
     StoreError
-        If it has not.
+        If it has not all of them.
     """
     from itouch_tools.study.store import StoreError
 

@@ -1,4 +1,4 @@
-"""``itouch-py study power|audit|coverage|export``: what a study finds, whether it is sound, its data elsewhere."""
+"""``itouch-py study power|audit|coverage|export``: what a study can find, whether it is blind, its data as tables."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _numbers(text: str) -> tuple[int, ...]:
 
 
 def power(file: StudyFile, options: argparse.Namespace) -> int:
-    """Print a line for each panel."""
+    """Print intervals and power of equivalence, a line for each size of the panel."""
     from dataclasses import asdict
 
     from itouch.plugin.discovery import Catalog
@@ -86,7 +86,7 @@ def power(file: StudyFile, options: argparse.Namespace) -> int:
 
 
 def audit(file: StudyFile, options: argparse.Namespace) -> int:
-    """Print how often the condition was guessed; 1: the upper bound is more than 5 points above chance."""
+    """Print how often the condition was guessed; return 1 if the study is not shown to be blind."""
     from itouch.plugin.discovery import Catalog
     from itouch_tools.study.audit import judged, observe, without_blind
 
@@ -111,7 +111,7 @@ def audit(file: StudyFile, options: argparse.Namespace) -> int:
 
 
 def coverage(options: argparse.Namespace) -> int:
-    """Print a line for each promise; 1: one was not kept."""
+    """Print a line for each promise of the statistics; return 1 if one was not kept."""
     from itouch_tools.study.coverage import campaign
 
     if options.studies < 10 or options.null < 40:
@@ -130,12 +130,12 @@ def coverage(options: argparse.Namespace) -> int:
 
 
 def export(options: argparse.Namespace) -> int:
-    """Write what is asked for.
+    """Write the trials in the formats that are asked for.
 
     Raises
     ------
     ItouchError
-        If it can't be read or written.
+        If there are no trials, or a file can't be read or written.
     """
     from itouch.schema import ItouchError
     from itouch_tools.study.exports import write_bids, write_parquet

@@ -1,4 +1,4 @@
-"""What a participant's session begins with, on twins and on hardware: its folder, who answers, what is heard."""
+"""What each participant's session needs, on twins and on hardware: its folder, who answers, masking noise."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def folder_of(options: argparse.Namespace) -> Path:
-    """Return where the study's data are."""
+    """Return the folder of the study's data."""
     if options.output:
         return Path(options.output)
     path = Path(options.study)
@@ -25,7 +25,7 @@ def folder_of(options: argparse.Namespace) -> Path:
 
 
 def masking(file: StudyFile, options: argparse.Namespace) -> contextlib.AbstractContextManager[object]:
-    """Play masking noise if the study asks for it, and say if nothing can be heard."""
+    """Return a context that plays masking noise if the study asks for it; warn if nothing can be heard."""
     if file.study.blind is None or not file.study.blind.noise or options.mute:
         return contextlib.nullcontext()
     from itouch_tools.sound.masking import Masker
@@ -38,7 +38,13 @@ def masking(file: StudyFile, options: argparse.Namespace) -> contextlib.Abstract
 
 
 def answers_of(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, Callable[[Shown], None] | None]:
-    """Return who answers, and who is told what to show."""
+    """Return who answers, and the function that shows a face, if there is a window.
+
+    Raises
+    ------
+    ItouchError
+        If options exclude one another, or the script can't be read.
+    """
     from itouch.schema import ItouchError
     from itouch_tools.study.answers import Beside, Script, Typed
     from itouch_tools.study.plugin_tasks import device_of

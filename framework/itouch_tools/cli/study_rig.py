@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def needed(file: StudyFile) -> bool:
-    """Return whether a device of the study's scene is hardware."""
+    """Tell whether a device of the study's scene is hardware."""
     from itouch.plugin.discovery import Catalog
     from itouch_tools.study.rig_windows import hardware_of
 
@@ -23,7 +23,7 @@ def needed(file: StudyFile) -> bool:
 
 
 def run(file: StudyFile, options: argparse.Namespace) -> int:
-    """Make the trials that are left on hardware, and say what was made; exit codes as on twins.
+    """Run the remaining trials on hardware, and print which were done; exit codes are those on twins.
 
     Raises
     ------

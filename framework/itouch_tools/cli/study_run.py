@@ -32,7 +32,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def run(file: StudyFile, options: argparse.Namespace) -> int:
-    """Make the trials that are left, and say what was made; 3: the session was ended before the last trial."""
+    """Run the remaining trials, and print which were done; return 3 if the session was ended before the last trial."""
     from itouch.loop import DeviceFaultError, VirtualClock
     from itouch.loop.clock import WallClock
     from itouch.plugin.discovery import Catalog

@@ -1,4 +1,4 @@
-"""``itouch-py study serve``: another program leads the touch, through the study's door."""
+"""``itouch-py study serve``: let another program lead the touch, through the study's door."""
 
 from __future__ import annotations
 

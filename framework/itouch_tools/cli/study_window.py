@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 
 class WindowAnswers:
-    """Answers from a window, which is drawn between ticks.
+    """Takes answers from a window, which is drawn between ticks.
 
     Parameters
     ----------
     page
-        Instructions, lines of Markdown, which stand until a key is pressed.
+        Instructions, lines of Markdown, which are shown until a key is pressed.
     light
-        Dark letters on light ground.
+        Dark letters on a light background.
     fullscreen
         Whether the window fills the screen.
 
@@ -39,7 +39,7 @@ class WindowAnswers:
             from itouch_tools.viewer.study_screens import DARK, LIGHT
 
             self.window = AskingWindow(look=LIGHT if light else DARK, page=page, fullscreen=fullscreen)
-        except Exception as error:  # pyglet raises many kinds, one a platform
+        except Exception as error:  # pyglet raises other exceptions on each platform
             raise GraphicsError(f"no window: {error or type(error).__name__}\n  = help: {ADVICE}") from error
 
     def ask(self, question: Question) -> None:
@@ -52,10 +52,10 @@ class WindowAnswers:
         return self.window.take() or None
 
     def tell(self, words: str) -> None:
-        """Do nothing: what is told stands in the next face."""
+        """Do nothing: the next face contains the message."""
 
     def show(self, shown: Shown) -> None:
-        """Draw a face; the instructions stand until a key is pressed."""
+        """Draw a face; while there are instructions, wait until a key is pressed."""
         while True:
             self.window.show_face(shown)
             self._look()
@@ -84,5 +84,5 @@ def operators_window(*, light: bool = False) -> Operator:
         from itouch_tools.viewer.study_screens import DARK, LIGHT
 
         return OperatorWindow(look=LIGHT if light else DARK)
-    except Exception as error:  # pyglet raises many kinds, one a platform
+    except Exception as error:  # pyglet raises other exceptions on each platform
         raise GraphicsError(f"no window: {error or type(error).__name__}\n  = help: {ADVICE}") from error

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from itouch_tools.sweeps.progress import Progress
     from itouch_tools.sweeps.sweepfile import SweepFile
 
-#: What may follow `sweep` instead of a file.
+#: The sub-commands that may follow `sweep` instead of a file.
 COMMANDS = ("check", "replay", "page")
 
 
@@ -90,7 +90,7 @@ def _told(swept: Swept) -> int:
 
 
 class _Terminal:
-    """Prints progress: on a terminal one line that changes, else a line now and then."""
+    """Prints progress: on a terminal one line that is updated, else a line now and then."""
 
     def __init__(self) -> None:
         self._live, self._last, self._width = sys.stderr.isatty(), 0.0, 0
@@ -107,7 +107,7 @@ class _Terminal:
             print(line, file=sys.stderr, flush=True)
 
     def end(self) -> None:
-        """End the line."""
+        """End the line with a newline, if there is one."""
         if self._live and self._width:
             print(file=sys.stderr)
 

@@ -1,4 +1,4 @@
-"""A session that waits for somebody to hold the dead-man's switch says so, and does not wait for ever."""
+"""A session that waits for the dead-man's switch to be held says so, and does not wait for ever."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from itouch.servo import Handle
     from itouch.world import Model
 
-#: How long [s] nobody may hold the switch, until it is said again and until the session ends.
+#: Seconds without anybody holding the switch after which this is said again, and after which the session ends.
 AGAIN, PATIENCE = 30.0, 120.0
 
 
 class Waiting:
-    """Watches, where there is no window, whether a session has begun to run."""
+    """Watches, where there is no window, whether a session waits for the dead-man's switch."""
 
     def __init__(self, handle: Handle, model: Model, *, again: float = AGAIN, patience: float = PATIENCE) -> None:
         self._handle, self._model, self._again, self._patience = handle, model, again, patience
@@ -27,12 +27,12 @@ class Waiting:
         self._over = False
 
     def look(self) -> None:
-        """Say what the session waits for; end it if nobody holds a switch.
+        """Print what the session waits for; end it if nobody has held a switch for too long.
 
         Raises
         ------
         ItouchError
-            After the end, saying what to do.
+            When the session is ended; it says what to do.
         """
         if self._over or self._handle.link.phase != "ready" or self._has_a_switch():
             self._over = True

@@ -1,4 +1,4 @@
-"""``itouch-py sync``: how long a mark takes to the wire on this machine, and how much that varies."""
+"""``itouch-py sync``: how long a mark takes to reach the wire on this machine, and how much that varies."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ _USUAL: Final = "first_touch.xml"
 #: The longest time [s] that a code may take before it counts as lost.
 LOST: Final = 1.0
 _LOOK: Final = 0.05
-#: Ticks before the first mark, and time between two [s]: longer than a code is shown.
+#: Ticks before the first mark, and time between two marks [s]: longer than a code stays on the wire.
 _SETTLED, _PAUSE = 200, 0.015
 _COLUMNS: Final = ("min", "p50", "p95", "p99", "max", "sd")
 
 
 @dataclass(frozen=True, slots=True)
 class Delays:
-    """What was measured of one way to set marks: delays [s] of those that came, and how many did not."""
+    """The measurement of one way to set marks: delays [s] of the codes that arrived, and how many did not."""
 
     way: str
     seconds: tuple[float, ...]
     lost: int
 
     def figures(self) -> dict[str, Any]:
-        """Return the distribution in ms; None where nothing came."""
+        """Return the distribution [ms]; its figures are None if nothing arrived."""
         said: dict[str, Any] = {"way": self.way, "marks": len(self.seconds) + self.lost, "lost": self.lost}
         found = 1e3 * np.array(self.seconds)
         for name, percent in (("min", 0), ("p50", 50), ("p95", 95), ("p99", 99), ("max", 100)):
@@ -94,7 +94,7 @@ def _parse(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def measure(scene: str, count: int, port: str | None, seed: int) -> list[Delays]:
-    """Ask a session at real time's pace for marks, and wait for their codes.
+    """Ask a session in real time for marks, and wait for their codes.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def measure(scene: str, count: int, port: str | None, seed: int) -> list[Delays]
 
 
 class Far:
-    """The far end of the wire: what came, and when."""
+    """The far end of the wire: it says when a code arrives."""
 
     def __init__(self, port: str | None, terminal: Terminal | None) -> None:
         self._port, self._terminal = port, terminal
@@ -138,7 +138,7 @@ class Far:
             os.close(self._handle)
 
     def wait(self, code: int) -> int | None:
-        """Return when a code came [ns, monotonic clock]; None if it did not."""
+        """Wait for a code and return when it arrived [ns, monotonic clock]; None if it did not within ``LOST``."""
         handle = self._terminal.fileno() if self._terminal is not None else self._handle
         end = time.monotonic() + LOST
         while (left := end - time.monotonic()) > 0.0:
@@ -158,7 +158,7 @@ class Far:
 
 
 def _marks(link: Link, far: Far, count: int, rng: random.Random) -> list[Delays]:
-    """Set marks at odd times; return their delays from when they were asked for, and from their tick."""
+    """Set marks at random times; return their delays since they were asked for, and since their tick."""
     state, follower = link.state, link.follow()
     asked: list[float] = []
     ticked: list[float] = []
@@ -176,7 +176,7 @@ def _marks(link: Link, far: Far, count: int, rng: random.Random) -> list[Delays]
         while link.refresh(state) and int(state["marks.count"]) == before and time.monotonic() < deadline:
             time.sleep(link.period)
         ended.update((entry.tick, entry.host_ns) for entry in follower.take())
-        tick = remembered(state)[-1]["tick"]  # that comes next: it begins when the one before it has ended
+        tick = remembered(state)[-1]["tick"]  # the next tick to come: it begins when the one before it has ended
         if tick in ended:
             ticked.append(1e-9 * (came - ended[tick]))
     lost = count - len(asked)
@@ -184,7 +184,7 @@ def _marks(link: Link, far: Far, count: int, rng: random.Random) -> list[Delays]
 
 
 def table(told: dict[str, Any]) -> str:
-    """Return what is printed."""
+    """Return the measurement as a table to print."""
     lines = [f"delay between a mark and the wire: {told['wire']}",
              f"{'':<30} {'marks':>6} {'lost':>5}" + "".join(f" {name:>8}" for name in _COLUMNS)]  # fmt: skip
     for row in told["ways"]:

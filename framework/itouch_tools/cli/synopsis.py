@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def synopsis(entry: EntryPoint) -> str:
-    """Return the first sentence of what an entry point's function or module says of itself, or nothing."""
+    """Return the first sentence of the docstring of an entry point's function, else of its module, or nothing."""
     try:
         source = _source(entry.module)
         tree = ast.parse(source.read_text(encoding="utf-8")) if source is not None else ast.Module([], [])

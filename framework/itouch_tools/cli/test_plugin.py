@@ -1,4 +1,4 @@
-"""``itouch-py test-plugin NAME``: the conformance suite on an installed plugin, with a score card."""
+"""``itouch-py test-plugin NAME``: run the conformance suite on an installed plugin, and print a score card."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def main(argv: Sequence[str]) -> int:
 
 @contextlib.contextmanager
 def cards(json: bool) -> Iterator[None]:
-    """Let score cards be written as they come; with ``json`` their findings at the end, as one document."""
+    """Print score cards as they come; with ``json`` print their findings at the end, as one document."""
     from itouch.testing.score_card import Card
 
     if not json:

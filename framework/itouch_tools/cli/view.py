@@ -1,6 +1,7 @@
-"""``itouch-py view``: open a window on a session that runs; closing it does not end the session.
+"""``itouch-py view``: open a window on a running session; closing it does not end the session.
 
-``--web`` shows it to browsers, ``--rerun`` to Rerun, which opens recordings, too; ``--ros2`` tells it to ROS 2.
+``--web`` shows the session in browsers, ``--rerun`` in Rerun, which opens recordings, too; ``--ros2`` publishes it to
+ROS 2.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from pathlib import Path
 from itouch.schema import ItouchError
 from itouch_tools.cli.arguments import Parser
 
-#: Where browsers look, if nothing else listens there.
+#: The default port for browsers, if nothing else listens there.
 PORT = 8080
 
 
@@ -80,7 +81,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _check(options: argparse.Namespace) -> None:
-    """Refuse what does not go together."""
+    """Refuse options that do not go together."""
     ways = [f"--{way}" for way in ("web", "rerun", "ros2") if getattr(options, way)]
     if len(ways) > 1:
         raise ItouchError(f"{' and '.join(ways)}: one of them; a session can have several views, each by a command")
@@ -123,7 +124,7 @@ def _web(options: argparse.Namespace) -> int:
 
 
 def _free(host: str) -> int:
-    """Return the usual port, or 0 for any where something else listens there."""
+    """Return the default port, or 0 for any free one if something else listens there."""
     kind = socket.AF_INET6 if ":" in host else socket.AF_INET
     with contextlib.suppress(OSError), socket.socket(kind) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -133,7 +134,7 @@ def _free(host: str) -> int:
 
 
 def _rerun(file: str) -> int:
-    """Show a recording in Rerun's window until that is closed."""
+    """Show a recording in Rerun's window until the window is closed; return Rerun's exit code."""
     from itouch.recording import read
     from itouch.schema.extras import need
     from itouch.schema.wait_notices import waiting

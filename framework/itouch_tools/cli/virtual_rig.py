@@ -1,7 +1,8 @@
 """``itouch-py virtual-rig``: the devices of a scene, simulated behind their real protocols.
 
-Every device's twin stands where its parameters say that the device is (a serial port, a socket, USB/IP), coupled by
-the same operator and the same finger as in a run on twins; another ``itouch-py`` runs the scene on it as on hardware.
+Each device's twin is reached at the address that its parameters give (a serial port, a socket, USB/IP); the twins are
+coupled by the same operator and finger as in a run on twins.  Another ``itouch-py`` runs the scene on them as on
+hardware.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """``python -m itouch_tools.cli.wake_ups``: how late this machine wakes a process without priority, until stdin ends.
 
-Beside a run in real time it stands for all that has none either: the kernel's own threads, which carry what is written
-to a serial line or a socket, among them.
+Beside a run in real time it stands for everything else without priority: among it the kernel's own threads, which carry
+what is written to a serial line or a socket.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import sys
 import time
 from types import TracebackType
 
-#: How long it sleeps [s].
+#: How long each sleep is meant to last [s].
 SLEEP = 1e-3
-#: The machine's wake-ups hold if 999 of 1000 are no later than this, and none later than that [us].
+#: The machine's wake-ups hold if 999 of 1000 are no later than ``MOSTLY``, and none later than ``LATEST`` [us].
 MOSTLY, LATEST = 1e3, 10e3
 
 
@@ -34,7 +34,7 @@ def main() -> int:
 
 
 class WakeUps:
-    """Measures beside what is done inside the context."""
+    """Measures wake-ups in another process while the context lasts."""
 
     def __init__(self) -> None:
         #: Percentiles of the lateness [us]; empty before the end.
@@ -53,7 +53,7 @@ class WakeUps:
 
     @property
     def held(self) -> bool:
-        """Whether the machine woke whoever had to be woken when it should."""
+        """Whether the machine's wake-ups were punctual enough."""
         return bool(self.late) and self.late["p99.9"] <= MOSTLY and self.late["max"] <= LATEST
 
 

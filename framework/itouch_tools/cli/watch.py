@@ -10,7 +10,7 @@ from pathlib import Path
 from itouch_tools.cli.arguments import Parser
 from itouch_tools.cli.check import say
 
-#: How often [s] the files are looked at.
+#: Period [s] at which the files are checked for changes.
 LOOK = 0.25
 
 
@@ -35,7 +35,7 @@ def follow(
     rest: Callable[[float], None] = time.sleep,
     going: Callable[[], bool] = lambda: True,
 ) -> int:
-    """Check at each change of what ``look`` sees, while ``going``; return the exit code of the last check."""
+    """Call ``check`` whenever ``look`` returns something new, while ``going``; return the last check's exit code."""
     seen: dict[str, int] | None = None
     good = True
     try:
@@ -53,17 +53,17 @@ def follow(
 
 
 def stamps(scene: str, rig: str | None) -> dict[str, int]:
-    """Return when each XML file beside and below a scene, and its rig, was changed last [ns]."""
+    """Return when each XML file beside and below a scene, and its rig, was last changed [ns]; 0: it is missing."""
     folder = Path(os.path.dirname(scene) or ".")
     found = {}
     for path in [Path(scene), *([Path(rig)] if rig else []), *_xml_below(folder)]:
         try:
             found[os.fspath(path)] = path.stat().st_mtime_ns
-        except OSError:  # editors replace a file by moving a new one there
+        except OSError:  # an editor may be replacing the file by moving a new one there
             found[os.fspath(path)] = 0
     return found
 
 
 def _xml_below(folder: Path) -> list[Path]:
-    """Return the XML files in a folder, and in those right below it."""
+    """Return the XML files in a folder and in its immediate subfolders, 500 at most."""
     return sorted([*folder.glob("*.xml"), *folder.glob("*/*.xml")])[:500]

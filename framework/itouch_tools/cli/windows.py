@@ -1,4 +1,4 @@
-"""Whether ``run`` opens a window, and a window on a session that was launched."""
+"""Whether ``run`` opens a window, and the window on a session that was launched."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 
 def wanted(options: argparse.Namespace) -> bool:
-    """Tell whether to open a window: unless something else is asked for, or there is no display."""
+    """Tell whether to open a window: yes, unless something else is asked for or there is no display."""
     from itouch_tools.viewer.offscreen import has_display
 
     return _asked(options) and has_display()
 
 
 def tell(options: argparse.Namespace, *, opened: bool) -> None:
-    """Say in one line, once something runs, that there is no display for the window."""
+    """Print a line, once something runs, if there is no display for the window."""
     if _asked(options) and not opened:
         note("no display: running without a window, as with --headless")
 
@@ -34,17 +34,17 @@ def _asked(options: argparse.Namespace) -> bool:
 
 
 def show(handle: Handle, look: Callable[[], None], *, mute: bool) -> None:
-    """Open a window on a session that was launched, and show it until it ends or is closed.
+    """Open a window on a session that was launched, and show it until the session ends or the window is closed.
 
-    Nothing moves before the window is open: hardware is not enabled, and twins, which enable by themselves, are
-    paused.  A window that can't be opened is said, and the session runs without it.
-    ``look`` is called at each picture: it brings the terminal up to date.
+    Nothing moves before the window is open: hardware is not enabled, and twins, which are enabled by themselves, are
+    paused.  If the window can't be opened, that is printed, and the session runs without it.
+    ``look`` is called at each picture, to update the terminal.
     """
     from itouch.servo import ServoError
     from itouch_tools.viewer.offscreen import GraphicsError, open_window
 
     window = None
-    with contextlib.suppress(ServoError):  # a session that has ended is told by its launcher
+    with contextlib.suppress(ServoError):  # if the session has ended, its launcher reports that
         handle.command("pause")  # refused with hardware, which waits to be enabled anyway
         try:
             window = open_window(handle.link, time.perf_counter, handle=handle, mute=mute)

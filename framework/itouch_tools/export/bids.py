@@ -1,7 +1,7 @@
-"""A recording as a folder after the Brain Imaging Data Structure: tables with JSON sidecars that say every unit.
+"""A recording as a folder in the Brain Imaging Data Structure: tables with JSON sidecars that state every unit.
 
-Continuous recordings (``_physio``) are gzipped tables without a header whose columns the sidecar names; poses stand
-once more as ``_motion``, with a table of their channels; events are one table.
+Continuous recordings (``_physio``) are gzipped tables without a header, whose columns the sidecar names; poses are
+written a second time as ``_motion``, with a table of their channels; events are one table.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from itouch.recording.tracks import Column, Track
 from itouch_tools.export.contacts import contacts_of
 from itouch_tools.export.tables import columns_of, lines, meanings_of, safe_name
 
-#: Of the specification, and of the tags of events that it knows, of which none is used.
+#: Version of the specification, and of its vocabulary of event tags, of which none is used.
 VERSION, HED = "1.10.0", "8.3.0"
-#: Who is named where nobody was: a data set has people behind it, and readers ask for them.
+#: The authors where none were given: a data set has people behind it, and readers ask for them.
 UNNAMED = ("the laboratory (export names it with --author)", "itouch-py")
 #: Kinds of motion channel that are not written.
 _UNUSED = ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", "LATENCY", "MAGN", "MISC", "VEL")
-#: What only the laboratory knows, and where terms for tasks are found.
+#: What only the laboratory knows, and where terms for tasks can be found.
 _TASK = {
     "TaskDescription": "touch of virtual objects", "Instructions": "n/a", "InstitutionName": "n/a",
     "InstitutionAddress": "n/a", "InstitutionalDepartmentName": "n/a",
@@ -55,20 +55,20 @@ def export_bids(
     Parameters
     ----------
     recording
-        What was recorded.
+        The recording to export.
     target
-        The folder; it may be there already, with other subjects.
+        The folder; it may exist already, with other subjects.
     subject, task
-        Labels of letters and digits; default for the task: the scene's name.
+        Labels, of letters and digits only; default for the task: the scene's name.
     authors
         Names of those who made the data.
 
     Raises
     ------
     ValueError
-        If a label is not of letters and digits.
+        If a label has other characters than letters and digits.
     OSError
-        If it can't be written.
+        If a file can't be written.
     """
     source = str(recording.session.get("manifest", {}).get("source", ""))
     label = task or re.sub(r"[^A-Za-z0-9]", "", Path(source).stem) or "touch"
@@ -128,7 +128,7 @@ def _continuous(recording: Recording, track: str, stem: str, task: str) -> list[
     _json(stem + ".json", sidecar)
     with (
         open(stem + ".tsv.gz", "wb") as file,
-        gzip.GzipFile("", "wb", mtime=0, fileobj=file) as packed,  # no name in its head: it may tell whose disk it was
+        gzip.GzipFile("", "wb", mtime=0, fileobj=file) as packed,  # no name in its head: it could reveal a user's name
         io.TextIOWrapper(packed, encoding="utf-8", newline="") as stream,
     ):
         stream.writelines(lines(columns, "\t"))
@@ -136,9 +136,10 @@ def _continuous(recording: Recording, track: str, stem: str, task: str) -> list[
 
 
 def _motion(recording: Recording, track: Track, poses: list[Column], stem: str, task: str) -> list[str]:
-    """Write the poses of a track, and what its channels are; return the files."""
+    """Write the poses of a track and the descriptions of its channels; return the files."""
     rows, rate = recording[track.name], 1.0 / (track.every * recording.period)
-    # what a device measures is declared for a role, in the device's own frame; what the loop finds is in the world
+    # a pose that a device measures has a role and is in the device's own frame; one that the loop computes is in the
+    # world's
     own = any(column.role is not Role.SIGNAL for column in poses)
     axes, frame = ("n/a", "in the device's own frame; its mount in the scene says where that is") if own else WORLD
     channels, numbers = ["name\tcomponent\ttype\ttracked_point\tunits\tsampling_frequency\tdescription"], []

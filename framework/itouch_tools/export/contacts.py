@@ -8,7 +8,7 @@ from itouch.recording.recording import Recording
 
 
 class ContactSpan(NamedTuple):
-    """One contact of a probe and an object; times in s, ``end`` is None if it was still open."""
+    """One contact of a probe and an object; times in [s], ``end`` is None if the contact was still open."""
 
     probe: str
     object: str
@@ -17,7 +17,7 @@ class ContactSpan(NamedTuple):
 
 
 def contacts_of(recording: Recording) -> list[ContactSpan]:
-    """Return the contacts in the order of their begins."""
+    """Return the contacts in the order in which they began."""
     found: list[ContactSpan] = []
     running: dict[str, int] = {}
     for event in recording.events:

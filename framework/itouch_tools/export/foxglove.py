@@ -14,12 +14,12 @@ from typing import Any
 from itouch.recording.recording import Recording
 from itouch.recording.tracks import Column, Track, identifiers
 
-#: Topics of the 3-D scene and of the events, and the frame in which the scene stands.
+#: Topics of the 3-D scene and of the events, and the frame in which the scene is shown.
 SOLIDS, SCENE, TRANSFORMS, EVENTS, WORLD = "/view/solids", "/view/scene", "/view/transforms", "/log/events", "world"
-#: How many plots there are, and lines in one of them.
+#: Most plots, and most lines in a plot.
 PLOTS, LINES = 6, 9
 
-#: What the title of a panel is called: by both viewers once, by Foxglove, by Lichtblick.
+#: The keys of a panel's title: formerly in both viewers, in Foxglove, in Lichtblick.
 TITLES = ("title", "foxglovePanelTitle", "lichtblickPanelTitle")
 
 Panel = dict[str, Any]
@@ -31,20 +31,20 @@ def export_layout(recording: Recording, target: str) -> list[str]:
     Raises
     ------
     OSError
-        If it can't be written.
+        If the file can't be written.
     """
     Path(target).write_text(json.dumps(layout(recording), indent=1) + "\n", encoding="utf-8")
     return [target]
 
 
 def layout(recording: Recording) -> dict[str, Any]:
-    """Return the panels of a recording and how they stand: the scene and its events left, the plots right."""
+    """Return the panels for a recording and their layout: the scene and its events left, the plots right."""
     panels: dict[str, Panel] = {
         "3D!scene": {
             "followTf": WORLD,
             "followMode": "follow-pose",
             "topics": {SOLIDS: {"visible": True}, SCENE: {"visible": True}},
-            # the frames of all solids stand in a view of half a metre: axes of a metre each would hide them
+            # the view is half a metre wide: the default axes of each frame, a metre long, would hide the solids
             "scene": {"backgroundColor": "#16181d",
                       "transforms": {"showLabel": False, "axisScale": 0.0, "lineWidth": 0.0}},
             "cameraState": {"distance": 0.5, "phi": 60.0, "thetaOffset": 30.0, "perspective": True,
@@ -75,7 +75,7 @@ def layout(recording: Recording) -> dict[str, Any]:
 
 
 def _lines(recording: Recording) -> dict[str, list[tuple[str, str]]]:
-    """Return unit -> paths and labels of what is plotted in it: readings, and what was sent."""
+    """Return, for each unit, the paths and labels of what is plotted in it: readings, and commands as sent."""
     found: dict[str, list[tuple[str, str]]] = {}
     for track in recording.tracks.values():
         names = identifiers(["tick", "time", *(column.name for column in track.columns)])[2:]
@@ -89,7 +89,7 @@ def _lines(recording: Recording) -> dict[str, list[tuple[str, str]]]:
 
 
 def _of_column(track: Track, name: str, column: Column) -> Iterator[tuple[str, str]]:
-    """Yield path and label of a column's numbers that have its unit."""
+    """Yield path and label of those numbers of a column that have the column's unit."""
     path = f"{track.topic}.{name}"
     if column.size == 0:
         yield path, f"{track.name}.{column.name}"
@@ -101,7 +101,7 @@ def _of_column(track: Track, name: str, column: Column) -> Iterator[tuple[str, s
 
 
 def _stacked(panels: list[str]) -> Any:
-    """Return panels one below the other, all of one height."""
+    """Return the layout of panels one below the other, all of the same height."""
     if len(panels) == 1:
         return panels[0]
     return {"first": panels[0], "second": _stacked(panels[1:]), "direction": "column",

@@ -1,7 +1,7 @@
-"""A recording for Rerun: the 3-D scene of its messages, its channels as curves by unit, its events as text.
+"""A recording for Rerun: its 3-D scene, its channels as curves by unit, its events as text.
 
-Rerun's own reader of MCAP shows the tracks as columns; here they are what they mean.  Its package is asked for by
-``itouch-py[rerun]``.
+Rerun's own reader of MCAP shows the tracks only as columns; here they appear as what they mean.  The extra
+``itouch-py[rerun]`` installs Rerun's package.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from itouch.recording.views import TOPICS, WORLD
 from itouch.recording.wellknown import decode
 from itouch_tools.export.tables import columns_in
 
-#: The axis of time, and how many panels of curves there are.
+#: Name of the time axis, and most panels of curves.
 TIME, PANELS = "time", 6
 
 Marks = dict[tuple[str, str], list[tuple[float, dict[str, Any] | None]]]
 
 
 def export_rrd(recording: Recording, target: str) -> list[str]:
-    """Write a recording as Rerun's file, with how it is laid out; return the file.
+    """Write a recording as a file of Rerun, with its layout; return the file.
 
     Raises
     ------
     OSError
-        If it can't be written.
+        If the file can't be written.
     RecordingError
-        If its messages of the scene can't be read.
+        If the messages of its 3-D scene can't be read.
     """
     import rerun as rr
 
-    partial = Path(f"{target}.part")  # what stands at the target stays until the new file is whole
-    partial.touch()  # a place that can't be written is told by the system's own words
+    partial = Path(f"{target}.part")  # what is at the target stays until the new file is complete
+    partial.touch()  # for a place that can't be written, this raises the system's own error
     stream = rr.RecordingStream("itouch-py", recording_id=Path(recording.path).stem)
     try:
         with stream:
@@ -61,12 +61,12 @@ def export_rrd(recording: Recording, target: str) -> list[str]:
 
 
 def messages(recording: Recording) -> Iterator[tuple[float, str, dict[str, Any]]]:
-    """Yield time [s], name of the schema and content of the messages that hold the 3-D scene.
+    """Yield the messages that hold the 3-D scene: time [s], name of the schema, and content.
 
     Raises
     ------
     RecordingError
-        If the file was cut or damaged: ``itouch-py recover`` makes it whole.
+        If the file was cut or damaged: ``itouch-py recover`` repairs it.
     """
     start = int(recording.session.get("start_ns", 0))
     try:
@@ -128,14 +128,14 @@ class Scene:
 
 
 def _numbers(pose: dict[str, Any]) -> list[float]:
-    """Return place and orientation w x y z of a transform or a pose."""
+    """Return the position x y z and the orientation w x y z of a transform or a pose."""
     place = pose.get("translation") or pose.get("position") or {}
     turn = pose.get("rotation") or pose.get("orientation") or {"w": 1.0}
     return [*(place.get(axis, 0.0) for axis in "xyz"), *(turn.get(axis, 0.0) for axis in "wxyz")]
 
 
 def _path(frame: str, parents: dict[str, str]) -> str:
-    """Return a frame's place in the tree: below its parent, down from the world."""
+    """Return a frame's path in the tree of entities: below its parent, down from the world."""
     parts, seen = [frame], {frame}
     while (above := parents.get(parts[-1], WORLD)) != WORLD and above not in seen:
         parts.append(above)
@@ -156,7 +156,7 @@ def _colour(shape: dict[str, Any]) -> list[int]:
 
 
 def _solid(stream: Any, path: str, entity: dict[str, Any]) -> None:
-    """Put a solid, which stays as it is in its frame."""
+    """Log a solid, which does not change within its frame."""
     import rerun as rr
 
     for shape in (*entity["cubes"], *entity["spheres"], *entity["cylinders"], *entity["triangles"]):
@@ -181,7 +181,7 @@ def _solid(stream: Any, path: str, entity: dict[str, Any]) -> None:
 
 
 def _normals(points: NDArray[np.float64], corners: NDArray[np.uint32]) -> NDArray[np.float64]:
-    """Return the normals of a mesh at its points, shape (n, 3), weighted by the areas of the triangles there."""
+    """Return the normals of a mesh at its points, shape (n, 3): means of the triangles there, weighted by area."""
     a, b, c = (points[corners[:, k]] for k in range(3))
     across = np.cross(b - a, c - a)
     found = np.zeros_like(points)
@@ -193,7 +193,7 @@ def _normals(points: NDArray[np.float64], corners: NDArray[np.uint32]) -> NDArra
 
 def _marks(stream: Any, path: str, listed: list[tuple[float, dict[str, Any] | None]], kinds: dict[str, Any], *,
            first: bool) -> None:  # fmt: skip
-    """Put what comes and goes, of the kind of an entity: forces as arrows, temperatures as words."""
+    """Log what comes and goes, by the kind of its entity: forces as arrows, temperatures as words."""
     import rerun as rr
 
     axis = rr.TimeColumn(TIME, duration=[time for time, _ in listed])
@@ -211,7 +211,7 @@ def _marks(stream: Any, path: str, listed: list[tuple[float, dict[str, Any] | No
 
 
 def _vector(arrow: dict[str, Any]) -> list[float]:
-    """Return an arrow from its start to its end: the schema's arrows point along the x axis of their pose."""
+    """Return the vector from an arrow's start to its end; the schema's arrows point along the x axis of their pose."""
     length = arrow["shaft_length"] + arrow["head_length"]
     pose = np.array(_numbers(arrow["pose"] or {}))
     return np.asarray(poses.transform(pose, np.array([length, 0.0, 0.0])) - pose[:3]).tolist()  # type: ignore[no-any-return]
@@ -223,7 +223,7 @@ def _curves(stream: Any, recording: Recording) -> None:
 
 
 def curves(stream: Any, track: Track, rows: NDArray[Any], *, first: bool) -> None:
-    """Put rows (n,) of a track as curves by unit; ``first``: with their names."""
+    """Log rows (n,) of a track as curves by unit; with ``first`` also the names of the curves."""
     import rerun as rr
 
     columns = columns_in(rows, track, celsius=True)
@@ -247,7 +247,7 @@ def _texts(stream: Any, recording: Recording) -> None:
 
 
 def happened(stream: Any, events: Iterable[dict[str, Any]], marks: Iterable[dict[str, Any]]) -> None:
-    """Put contact events and marks as text."""
+    """Log contact events and marks as text."""
     for event in events:
         _say(stream, event["time"], "INFO", f"{event['kind']}: {event['probe']} on {event['object']}")
     for mark in marks:
@@ -262,7 +262,7 @@ def _say(stream: Any, time: float, level: str, words: str) -> None:
 
 
 def blueprint(tracks: Iterable[Track]) -> Any:
-    """Return how it is laid out: the scene and the events left, a panel of curves for each unit right."""
+    """Return the layout: the scene and the events left, a panel of curves for each unit right."""
     import rerun.blueprint as rrb
 
     units = list(dict.fromkeys(
@@ -270,7 +270,7 @@ def blueprint(tracks: Iterable[Track]) -> Any:
         if column.unit and not column.name.startswith("command.")
     ))[:PANELS]  # fmt: skip
     shown = [{"K": "degC"}.get(unit, unit) for unit in units]
-    legend = rrb.PlotLegend(visible=False)  # with the names of all curves it hides them: they are told where one points
+    legend = rrb.PlotLegend(visible=False)  # it would hide the curves, whose names are shown at the mouse anyway
     panels = [
         rrb.TimeSeriesView(origin=f"/curves/{_part(unit)}", name=f"[{unit}]", plot_legend=legend) for unit in shown
     ]

@@ -1,7 +1,7 @@
-"""Messages of ROS 2 for columns of numbers and for frames: which there are, and how they are made.
+"""Messages of ROS 2 for columns of numbers and for frames: which type is for which column, and how they are made.
 
-Poses, points, wrenches, temperatures and heat fluxes are its standard messages; the package `rosbags` knows these,
-without ROS, and packs them.
+Poses, points, wrenches, temperatures and heat fluxes become standard messages; the package `rosbags` knows their types
+and serializes them, without an installation of ROS.
 """
 
 from __future__ import annotations
@@ -13,26 +13,26 @@ from itouch.recording.tracks import Column, identifier
 
 #: Kelvin at 0 degC: ``sensor_msgs/Temperature`` is in degC.
 _ICE: Final = 273.15
-#: What the frames of the 3-D scene are told as, and events, marks and faults as JSON.
+#: Message types of the frames of the 3-D scene, and of events, marks and faults, which are texts in JSON.
 FRAMES, TEXT = "tf2_msgs/msg/TFMessage", "std_msgs/msg/String"
 
 Row = Sequence[float]
 
 
 def store() -> Any:
-    """Return the types of messages, those of ROS 2 Jazzy."""
+    """Return the store of message types, those of ROS 2 Jazzy."""
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_JAZZY)
 
 
 def topic_of(name: str) -> str:
-    """Return a name as parts of a topic: letters, digits and underscores between slashes."""
+    """Return a name as part of a topic: letters, digits and underscores after slashes."""
     return "".join(f"/{identifier(part).replace('__', '_')}" for part in name.split("."))
 
 
 def type_of(column: Column) -> str:
-    """Return the message that a column's numbers are, or nothing."""
+    """Return the type of message for a column's numbers; empty: there is none."""
     if column.kind != "f8":
         return ""
     kinds = {
@@ -44,17 +44,17 @@ def type_of(column: Column) -> str:
 
 
 class Messages:
-    """Makes messages of a store of types, stamped from a begin [ns]."""
+    """Makes messages of a store of types; their stamps count from ``start`` [ns]."""
 
     def __init__(self, store: Any, start: int) -> None:
         self.store, self._start = store, start
 
     def at(self, start: int) -> None:
-        """Stamp from another begin [ns] on."""
+        """Let stamps count from another start [ns]."""
         self._start = start
 
     def nanoseconds(self, time: float) -> int:
-        """Return when something was, by the clock of the recording's begin."""
+        """Return the stamp [ns] of a time [s] since the start."""
         return self._start + round(time * 1e9)
 
     def make(self, kind: str, **fields: Any) -> Any:
@@ -62,13 +62,13 @@ class Messages:
         return self.store.types[kind](**fields)
 
     def header(self, time: float, frame: str) -> Any:
-        """Return the head of a stamped message."""
+        """Return the header of a stamped message."""
         seconds, rest = divmod(self.nanoseconds(time), 10**9)
         stamp = self.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
         return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
 
     def maker(self, column: Column, frame: str) -> Callable[[float, Row], Any]:
-        """Return what makes the message of a row of a column."""
+        """Return the function that makes a message from a time [s] and a row of a column."""
         kind = type_of(column)
 
         def made(time: float, row: Row) -> Any:
@@ -96,7 +96,7 @@ class Messages:
         return self.make("geometry_msgs/msg/Quaternion", w=row[0], x=row[1], y=row[2], z=row[3])
 
     def frames(self, time: float, transforms: Iterable[Mapping[str, Any]]) -> Any:
-        """Return frames of the 3-D scene, given as contents of ``foxglove.FrameTransform``."""
+        """Return the message of frames of the 3-D scene, given as contents of ``foxglove.FrameTransform``."""
         found = []
         for one in transforms:
             place, turn = one["translation"] or {}, one["rotation"] or {"w": 1.0}

@@ -1,8 +1,8 @@
-"""A recording as a bag of ROS 2: poses, points, wrenches, temperatures and heat fluxes as its standard messages.
+"""A recording as a bag of ROS 2: poses, points, wrenches, temperatures and heat fluxes as standard messages.
 
-A topic for each column that is one of these, ``/TRACK/COLUMN``; ``/tf`` holds the frames of the 3-D scene, ``/events``,
-``/marks`` and ``/faults`` JSON texts.  Times are those of the recording: its start and the time of the tick.  The
-package ``rosbags`` writes it, without ROS; ``itouch-py[ros]`` asks for it.
+Each column that is one of these has a topic, ``/TRACK/COLUMN``; ``/tf`` holds the frames of the 3-D scene, ``/events``,
+``/marks`` and ``/faults`` texts in JSON.  Times are those of the recording: its start plus the time of the tick.  The
+package ``rosbags`` writes the bag, without an installation of ROS; the extra ``itouch-py[ros]`` installs it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from itouch.recording.views import WORLD
 from itouch_tools.export.rerun_viewer import messages
 from itouch_tools.export.ros_messages import FRAMES, TEXT, Messages, store, topic_of, type_of
 
-#: Of the format: that of ROS 2 since Iron; Humble reads 8.
+#: Version of the format: that of ROS 2 since Iron; Humble reads 8.
 _VERSION: Final = 9
 
 
@@ -32,11 +32,11 @@ def export_rosbag(recording: Recording, target: str) -> list[str]:
     Raises
     ------
     ValueError
-        If there is something at the target, or nothing in the recording that ROS has a message for.
+        If the target exists and is not an empty folder, or if ROS has a message for nothing in the recording.
     RecordingError
         If the messages of the 3-D scene can't be read.
     OSError
-        If it can't be written.
+        If the bag can't be written.
     """
     from rosbags.rosbag2 import StoragePlugin, Writer
 

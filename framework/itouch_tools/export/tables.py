@@ -1,4 +1,4 @@
-"""Tracks as text and Parquet tables, with units; temperatures in text are degrees Celsius."""
+"""Tracks as CSV and Parquet tables, with units; temperatures in CSV are in degrees Celsius."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Columns = dict[str, tuple[str, NDArray[np.generic]]]
 
 
 def columns_of(recording: Recording, track: Track, *, celsius: bool, prefix: str = "") -> Columns:
-    """Return a track's numbers as columns: label -> (unit, values); kelvin become degC if ``celsius``."""
+    """Return a track's numbers as columns: (unit, values) by label; with ``celsius`` temperatures are in degC."""
     return columns_in(recording[track.name], track, celsius=celsius, prefix=prefix)
 
 
@@ -40,9 +40,9 @@ def columns_in(rows: NDArray[Any], track: Track, *, celsius: bool, prefix: str =
 
 
 def meanings_of(track: Track, *, prefix: str = "") -> dict[str, str]:
-    """Return what each of a track's numbers is, by the labels of `columns_of`; those of which nobody said are left out.
+    """Return the meaning of each of a track's numbers, by the labels of `columns_of`; numbers without one are left out.
 
-    Time and tick are not among them.
+    Time and tick are never among them.
     """
     return {prefix + label: c.doc for c in track.columns if c.doc for label in c.labels}
 
@@ -56,7 +56,7 @@ def _all_meanings(recording: Recording) -> dict[str, str]:
 
 
 def joined(recording: Recording, *, celsius: bool) -> Columns:
-    """Return the tracks at servo rate side by side, columns named ``TRACK.channel``."""
+    """Return the tracks at servo rate side by side, as columns named ``TRACK.channel``."""
     found: Columns = {}
     for track in recording.tracks.values():
         if track.replay:
@@ -65,7 +65,7 @@ def joined(recording: Recording, *, celsius: bool) -> Columns:
 
 
 def left_out(recording: Recording) -> list[str]:
-    """Return the channels that a table at servo rate has not, as they were recorded at other rates."""
+    """Return the channels that are missing in a table at servo rate because they were recorded at other rates."""
     return [
         f"{track.name}.{label}"
         for track in recording.tracks.values() if not track.replay
@@ -74,7 +74,7 @@ def left_out(recording: Recording) -> list[str]:
 
 
 def lines(columns: Columns, separator: str) -> Iterator[str]:
-    """Yield the rows of a table as text; each column (n,) is in its own unit, and the shortest one ends the table."""
+    """Yield the rows of a table as text; each column (n,) is in its own unit; the table is as long as the shortest."""
     arrays = [values for _, values in columns.values()]
     count = min((len(values) for values in arrays), default=0)
     for begin in range(0, count, _BLOCK):
@@ -90,7 +90,7 @@ def write_csv(stream: TextIO, columns: Columns) -> None:
 
 
 def export_csv(recording: Recording, target: str) -> list[str]:
-    """Write one table (``target`` ends in .csv: all that was recorded at servo rate) or one a track into a folder.
+    """Write one table of all tracks at servo rate (if ``target`` ends in .csv), or a folder with a table per track.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def export_csv(recording: Recording, target: str) -> list[str]:
 
 
 def _write_meanings(path: str, columns: Columns, meanings: Mapping[str, str]) -> str:
-    """Write what each column is beside the tables, and return where."""
+    """Write the unit and meaning of each column as a table, and return its path."""
     with open(path, "w", encoding="utf-8") as stream:
         stream.write("column,unit,meaning\n")
         for name, (unit, _) in columns.items():
@@ -146,15 +146,15 @@ def _quoted(value: object) -> str:
 
 
 def safe_name(name: str) -> str:
-    """Return a name that is one of a file, whatever the recording says."""
+    """Return a name that is safe as a file's name, whatever the recording says."""
     word = "".join(c if c.isalnum() or c in "-_." else "-" for c in name).lstrip(".")
     return word[:100] or "track"
 
 
 def export_parquet(recording: Recording, target: str) -> list[str]:
-    """Write one table or one a track, in SI units, each column with its unit as metadata.
+    """Write one table (if ``target`` ends in .parquet) or one per track, in SI, each column with its unit as metadata.
 
-    The table's own metadata says under ``meanings`` what each column is, as JSON.
+    The table's own metadata has the meaning of each column under ``meanings``, as JSON.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""The page of a session for people: one file that is opened in a browser, and the tables of the terminal."""
+"""What people read of a session: its page, one file that is opened in a browser, and the tables of the terminal."""

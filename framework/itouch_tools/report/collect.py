@@ -1,4 +1,4 @@
-"""What a session's page tells: figures, contacts and curves, out of a recording or a snapshot."""
+"""Collects what a session's page shows: figures, contacts and curves, out of a recording or a snapshot."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Findings:
     """All that the page shows.
 
     ``report`` is the session's own, with the keys of ``docs/reference/report.md``; the page takes every figure from it.
-    ``timing`` has the keys of its ``servo``, as far as they are known.
+    ``timing`` has the keys of the report's ``servo``, as far as they are known.
     """
 
     title: str
@@ -45,20 +45,20 @@ class Findings:
     model: Model | None
     state: Record | None
     notices: list[str] = field(default_factory=list)
-    #: Whether ``state`` is of a touch, and not of the end.
+    #: Whether ``state`` is from a touch, and not from the end of the session.
     touching: bool = False
 
     @property
     def contacts(self) -> list[dict[str, Any]]:
-        """One entry each, as in the report."""
+        """The contacts, one entry each, as in the report."""
         return list(self.report["contacts"])
 
 
 def collect(path: str | os.PathLike[str], *, progress: Progress | None = None) -> Findings:
-    """Return what a recording (.mcap) or a snapshot (.itouch) tells.
+    """Return what the page shows of a recording (.mcap) or a snapshot (.itouch).
 
     A recording is replayed, so that all of State is known at every tick, not only what was recorded; ``progress`` is
-    told now and then which part of it is done, 0 to 1.
+    called now and then with the share of it that is done, 0 to 1.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def _recording(path: str, progress: Progress | None) -> Findings:
     ticks = len(recording.ticks)
     sampler = Sampler(work.session.model, ticks)
     shown = _Shown(work.session.model)
-    work.session.taps.append(lambda tick: sampler.add(work.session.state))  # in the safe sequence, too
+    work.session.taps.append(lambda tick: sampler.add(work.session.state))  # a tap runs in the safe sequence, too
     work.session.taps.append(lambda tick: shown.look(work.session.state))
     while work.step():
         if progress is not None and work.feed.at % _TOLD_EVERY == 0:
@@ -104,7 +104,7 @@ def _recording(path: str, progress: Progress | None) -> Findings:
 
 
 class _Shown:
-    """Keeps the State to be pictured: of the first touch, half a second after its start."""
+    """Keeps the State to be pictured: that of the first touch to last half a second, at its half second."""
 
     def __init__(self, model: Model) -> None:
         self.state: Record | None = None
@@ -112,7 +112,7 @@ class _Shown:
         self._left = self._whole = round(0.5 / model.period)
 
     def look(self, state: Record) -> None:
-        """Look at a tick that is over."""
+        """Look at the State after a tick."""
         if self.state is not None:
             return
         touched = any(int(state[name]) >= 0 for name in self._names)
@@ -165,7 +165,7 @@ def _sizes(contacts: list[dict[str, Any]], key: str) -> list[float]:
 
 
 def _report(recorded: dict[str, Any] | None, replayed: dict[str, Any]) -> dict[str, Any]:
-    """Return the recorded report; what it lacks, or what can't be one, is the replay's."""
+    """Return the recorded report; what it lacks, or what is malformed in it, is taken from the replay's."""
     if not isinstance(recorded, dict):
         return replayed
     found = {key: recorded[key] if isinstance(recorded.get(key), type(value)) else value
@@ -180,7 +180,7 @@ def _report(recorded: dict[str, Any] | None, replayed: dict[str, Any]) -> dict[s
 
 
 def _is_contact(entry: Mapping[str, Any]) -> bool:
-    """Tell whether an entry of a file has what the page needs; all else of it is shown as it is."""
+    """Tell whether an entry of a file has what the page needs of a contact; anything else in it is shown as it is."""
     begin, end = entry.get("begin_s"), entry.get("end_s", "")
     named = isinstance(entry.get("probe"), str) and isinstance(entry.get("object"), str)
     return named and _finite(begin) and (end is None or _finite(end))
@@ -191,7 +191,7 @@ def _finite(value: object) -> bool:
 
 
 def _timing(recording: Recording, report: Mapping[str, Any]) -> dict[str, Any]:
-    """Return how the loop kept time: from the report, of a cut recording from its last note; under a report's keys."""
+    """Return how the loop kept time, under a report's keys: from the report, or from a cut recording's last note."""
     histograms = recording.histograms_us
     lost = {"lost": recording.timing[-1].get("lost")} if recording.timing else {}
     if recording.report is not None and isinstance(report["servo"], dict):
@@ -205,7 +205,7 @@ def _timing(recording: Recording, report: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _figures(histograms: dict[str, list[list[float]]]) -> dict[str, Any]:
-    """Return histograms, and percentiles of them to within their bins, under a report's keys."""
+    """Return histograms and their percentiles, to within the width of a bin, under a report's keys."""
     found: dict[str, Any] = {"histograms_us": histograms}
     for name, bins in histograms.items():
         total, seen = sum(count for _, _, count in bins), 0.0

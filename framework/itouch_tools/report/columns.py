@@ -9,7 +9,7 @@ from itouch.plugin import Measured
 from itouch.world import Model
 from itouch.world.plugin_errors import said
 
-#: What the framework itself measures of a contact and shows in a terminal's table, before and after what was felt.
+#: The framework's own columns of a terminal's table: those before what modalities measured, and those after it.
 _WHEN = (
     Measured("begin_s", "s", "when it began", head="begin s", digits=3),
     Measured("end_s", "s", "when it ended", head="end s", digits=3),
@@ -30,7 +30,7 @@ def measured(model: Model | None) -> tuple[Measured, ...]:
 
 
 def rows(model: Model, contacts: Sequence[Mapping[str, Any]]) -> list[list[str]]:
-    """Return a terminal's table: the heads, and a row of each contact; of several probes it says which."""
+    """Return a terminal's table: the heads, then a row for each contact; with several probes it names the probe."""
     felt = [one for one in measured(model) if one.show == ""]
     shown = (*_WHEN, *(one for one in felt if not one.percent), *_HOW, *(one for one in felt if one.percent))
     what = ("probe", "object", "material") if len(model.probes) > 1 else ("object", "material")
@@ -48,13 +48,13 @@ def ended(model: Model, entry: Mapping[str, Any]) -> list[str]:
     for one in model.modalities:
         try:
             found.append(one.instance.ended(one.model, entry))
-        except Exception as error:  # a stranger's words may fail; the run goes on
+        except Exception as error:  # a plugin's text may fail; the run goes on
             found.append(f"{one.name} failed in ended: {said(error)}")
     return [words for words in found if words]
 
 
 def shortcomings(model: Model | None, entry: Mapping[str, Any]) -> list[str]:
-    """Return what a contact was not that it has to be, in the words of what measures it."""
+    """Return in what a contact was not as it should have been, in the words of the modality that measures it."""
     found = ["the plate was missed"] if entry.get("plate_missed") else []
     found += ["the plate was withdrawn (T4)"] if entry.get("plate_withdrawn") else []
     for one in measured(model):
@@ -64,7 +64,7 @@ def shortcomings(model: Model | None, entry: Mapping[str, Any]) -> list[str]:
 
 
 def remarks(model: Model, entry: Mapping[str, Any]) -> list[str]:
-    """Return what is said of a contact below the table: what was not as it should have been."""
+    """Return the remarks on a contact that stand below the table: what was not as it should have been."""
     found: list[str] = []
     if entry.get("plate_missed"):
         where = f"{entry['object']} at {entry['begin_s']:.3f} s"

@@ -1,4 +1,4 @@
-"""Curves of a session for its page: all of it, and each contact, thinned so that no peak is lost."""
+"""Curves for a session's page: over the whole session and over each contact, thinned so that no peak is lost."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from itouch_tools.viewer.signals import charts
 MOST_WHOLE, MOST_CONTACT, MOST_CONTACTS = 6000, 1500, 60_000
 #: Most numbers of the whole session, and of all contacts: with many signals fewer points, so that the page stays small.
 NUMBERS_WHOLE, NUMBERS_CONTACTS = 140_000, 1_050_000
-#: Least points of a contact: with more contacts than the sum admits, the last ones have no curves of their own.
+#: Fewest points of a contact: with more contacts than the total admits, the last ones have no curves of their own.
 LEAST_CONTACT = 120
 #: Seconds shown before and after a contact.
 MARGIN = 0.5
-#: Most numbers that are kept while a recording is read; a longer one is sampled more seldom.
+#: Most numbers that are kept while a recording is read; a longer recording is sampled less often.
 _MOST_KEPT = 1 << 26
 
 Floats = NDArray[np.float64]
@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A stretch of time: ``times`` [s], shape (n,), and ``values``, shape (signals, n), not-a-number in gaps."""
+    """A stretch of time: ``times`` [s], shape (n,), and ``values``, shape (signals, n), NaN in gaps."""
 
     times: Floats
     values: NDArray[np.float32]
@@ -36,7 +36,7 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One curve: its name, whether it is a wish and not a measurement, how it is read in the chart's unit, its doc."""
+    """One curve: its name, whether it is a desired value (a wish), how it is read in the chart's unit, its meaning."""
 
     label: str
     wish: bool
@@ -55,7 +55,7 @@ class Chart:
 
 @dataclass(frozen=True, slots=True)
 class Curves:
-    """Charts, their signals over the whole session and over the first contacts; rows follow charts and signals."""
+    """Charts, and their signals over the whole session and over the first contacts; rows are in the charts' order."""
 
     charts: tuple[Chart, ...]
     whole: Block
@@ -63,7 +63,7 @@ class Curves:
 
 
 class Sampler:
-    """Reads the signals of a model every tick; ``ticks``: how many there may be."""
+    """Reads the signals of a model every tick; ``ticks`` is the greatest number of ticks to come."""
 
     def __init__(self, model: Model, ticks: int) -> None:
         self.charts = tuple(_charts(model))
@@ -97,16 +97,16 @@ class Sampler:
 
 
 def thinned(times: Floats, values: NDArray[np.float32], most: int, step: float) -> Block:
-    """Return samples as at most some ``most`` points: least and greatest of each stretch, in their order.
+    """Return samples as about ``most`` points at most: the least and the greatest of each stretch, in their order.
 
     Parameters
     ----------
     times, values
         Samples, shapes (n,) and (n, signals).
     most
-        How many points are enough; where there are no more samples, they stay as they are.
+        How many points are enough; where there are no more samples than this, they stay as they are.
     step
-        Time between two samples [s]; a longer one is a gap, into which not-a-number is put.
+        Time between two samples [s]; a longer one is a gap, into which a NaN is put.
     """
     gaps = np.flatnonzero(np.diff(times) > 1.5 * step) + 1
     size = -(-2 * len(times) // most)
@@ -120,7 +120,7 @@ def thinned(times: Floats, values: NDArray[np.float32], most: int, step: float) 
 
 
 def _envelope(times: Floats, values: NDArray[np.float32], size: int) -> tuple[Floats, NDArray[np.float32]]:
-    """Return two points for every ``size`` samples; what is left over at the end is a stretch of its own."""
+    """Return two points for every ``size`` samples, and two for those left over at the end."""
     count = len(times) // size * size
     heads, blocks = times[:count].reshape(-1, size), values[:count].reshape(-1, size, values.shape[1])
     least, greatest = (_places(blocks, sign) for sign in (1.0, -1.0))
@@ -134,13 +134,13 @@ def _envelope(times: Floats, values: NDArray[np.float32], size: int) -> tuple[Fl
 
 
 def _places(blocks: NDArray[np.float32], sign: float) -> NDArray[np.int64]:
-    """Return where each stretch is least (``sign`` 1) or greatest (-1); what is no number is passed over."""
+    """Return where each stretch is least (``sign`` 1) or greatest (-1); what is not finite is passed over."""
     found: NDArray[np.int64] = np.argmin(np.where(np.isfinite(blocks), sign * blocks, np.inf), axis=1)
     return found
 
 
 def _charts(model: Model) -> Iterator[Chart]:
-    """Yield the charts of the window, and those that only the page has."""
+    """Yield the charts that the window shows, and those that only the page has."""
     for chart in charts(model, page=True):
         lines = tuple(Line(one.label, one.dashed, one.read, one.doc) for one in chart.signals)
         yield Chart(chart.title, chart.unit, lines)

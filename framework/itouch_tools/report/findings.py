@@ -13,7 +13,7 @@ _LEVELS = {"error": "error", "warning": "warning", "note": "note"}
 
 
 def as_entries(problems: Sequence[Problem]) -> list[dict[str, Any]]:
-    """Return problems as plain data: severity, code, sentence, advice, and the places, lines and columns from 1."""
+    """Return problems as plain data: severity, code, sentence, advice and places; lines and columns count from 1."""
     return [
         {
             "severity": problem.severity,
@@ -43,9 +43,9 @@ def as_sarif(
     found
         Problems by the path of the scene that was checked.
     version
-        Of the program.
+        The program's version.
     edits
-        What ``check --fix`` would do about a problem: a review offers it.
+        What ``check --fix`` would do about a problem: a code review offers it as a fix.
     """
     rules = sorted({problem.code for problems in found.values() for problem in problems})
     results = [

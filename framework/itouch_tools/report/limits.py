@@ -1,4 +1,4 @@
-"""The limits in force, in words: what, how much, and who has set it; made from the rules of the monitors in force."""
+"""The limits in force, in words: what is limited, to how much, and who set it; from the rules of the monitors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""HTML tables and cells of a session's page; every text that goes into it is escaped here."""
+"""HTML tables and cells of a session's page; every text that goes into them is escaped here."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def text(value: object) -> str:
 
 
 def number(value: object, form: str = ".6g", scale: float = 1.0) -> str:
-    """Return a number for a cell; what is none stays as it is, nothing is a dash."""
+    """Return a value as the text of a cell: a number in this form, ``None`` or an infinity as a dash, text as it is."""
     if value is None:
         return "-"
     if isinstance(value, bool):
@@ -32,7 +32,7 @@ def number(value: object, form: str = ".6g", scale: float = 1.0) -> str:
 def table(
     heads: Sequence[str], rows: Sequence[Sequence[object]], *, words: Sequence[int] = (), choices: bool = False
 ) -> str:
-    """Return a table; ``words``: which columns hold text, beside the first; ``choices``: rows can be chosen."""
+    """Return a table; ``words`` are the columns that hold text; with ``choices`` its rows can be chosen."""
     mark = [' class="words"' if index in words else "" for index in range(len(heads))]
     head = "".join(f'<th scope="col"{m}>{text(title)}</th>' for m, title in zip(mark, heads, strict=True))
     row_tag = '<tr class="choice" tabindex="0" role="button" aria-pressed="false">' if choices else "<tr>"

@@ -1,4 +1,4 @@
-"""What a notebook shows of a scene, a session and a recording: a picture, curves, the contacts, what went wrong.
+"""What a notebook shows of a scene, a session or a recording: a picture, curves, the contacts, what went wrong.
 
 Everything is plain HTML with pictures inside: it stays in the notebook's file and needs no script.
 """
@@ -22,7 +22,7 @@ from itouch.world import Model
 from itouch_tools.report import columns
 from itouch_tools.report.markup import number, table, text
 
-#: Size of a picture, and of a curve [pixels]; a curve has at most so many points, and so many curves are shown.
+#: Size of a picture [pixels].  Width and height of a curve [pixels], most points of a curve, and most curves shown.
 PICTURE = (640, 360)
 WIDE, HIGH, POINTS, CURVES = 640, 90, 400, 6
 
@@ -37,7 +37,7 @@ def scene(shown: Scene) -> str:
 
 
 def session(shown: Session) -> str:
-    """Return how a session stands: the picture, the contacts so far, faults and notices."""
+    """Return the present condition of a session: its picture, the contacts so far, faults and notices."""
     report = shown.report()
     name = f"{report['scene'] or 'session'}, {report['simulated_s']:.3f} s"
     return _parts(_head(name), _picture(shown.model, shown.state), _told(shown.model, report), _list(shown.notices))
@@ -55,14 +55,14 @@ def recording(shown: Recording) -> str:
 
 
 def curve(times: NDArray[np.float64], values: NDArray[np.float64], title: str) -> str:
-    """Return a curve as a picture: its name, its range, and the line through the extremes of each stretch.
+    """Return a curve as a picture: its title, its range, and the line through the extremes of each stretch.
 
     Parameters
     ----------
     times, values
         Both of shape (n,), times [s]; what is not finite is a gap.
     title
-        What it is, with its unit.
+        What the curve is, with its unit.
     """
     good = np.isfinite(values)
     if not good.any():
@@ -85,7 +85,7 @@ def curve(times: NDArray[np.float64], values: NDArray[np.float64], title: str) -
 
 
 def _extremes(values: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the places of the least and the greatest value of each stretch, so that no peak is lost."""
+    """Return the indices of the least and the greatest value of each stretch, so that no peak is lost."""
     if len(values) <= POINTS:
         return np.arange(len(values))
     parts = np.array_split(np.arange(len(values)), POINTS // 2)
@@ -93,9 +93,9 @@ def _extremes(values: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def _curves(shown: Recording) -> Iterable[str]:
-    """Yield the first curves: of each track one channel a unit, what was sent instead of what was asked for.
+    """Yield the first curves: for each unit of a track one channel; of commands what was sent, not what was requested.
 
-    Of a place the height is shown, of a force its size.
+    Of a position or a pose the height is shown, of any other vector its magnitude.
     """
     left = CURVES
     for name, track in shown.tracks.items():
@@ -133,7 +133,7 @@ def _told(model: Model | None, report: dict[str, Any]) -> str:
 
 
 def _compiled(shown: Scene) -> str:
-    """Return the picture of a scene as it begins; nothing if it can't be compiled or drawn here."""
+    """Return the picture of a scene as it begins; if it can't be compiled the error, if it can't be drawn nothing."""
     from itouch.plugin.discovery import Catalog
     from itouch.schema import ItouchError
 

@@ -1,4 +1,4 @@
-"""One self-contained page of a session: small, no network, readable on a phone, on paper and in the dark."""
+"""One self-contained page of a session: small, needs no network, readable on a phone, on paper and in the dark."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from itouch_tools.report.packing import Packer
 if TYPE_CHECKING:
     from jinja2 import Template
 
-#: Contacts that are drawn one by one; more of them are reached by choosing them.
+#: Contacts that are drawn at once, each by itself; the others are drawn when they are chosen.
 MOST_DRAWN = 12
 _HISTOGRAMS = (("tick", "duration of a tick"), ("lateness", "how late ticks began"))
 
@@ -26,8 +26,8 @@ _HISTOGRAMS = (("tick", "duration of a tick"), ("lateness", "how late ticks bega
 def page(findings: Findings, *, picture: bytes | None = None) -> str:
     """Return the page as HTML; ``picture`` is a PNG of the scene.
 
-    Its own scripts are the only ones that a browser runs, and it may ask for nothing: its policy says so, with their
-    digests.  Needs Jinja2 (extra ``report``).
+    A browser runs no scripts but the page's own and loads nothing from elsewhere: its content security policy, with the
+    scripts' digests, forbids it.  Needs Jinja2 (extra ``report``).
     """
     data = _data(findings)
     here = files("itouch_tools.report")
@@ -45,7 +45,7 @@ def page(findings: Findings, *, picture: bytes | None = None) -> str:
 
 
 def _template() -> Template:
-    """Return the page's template: every text that is put into it is escaped, and a name that is missing is an error."""
+    """Return the page's template: every text that is put into it is escaped, and a missing name is an error."""
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(
@@ -55,12 +55,12 @@ def _template() -> Template:
 
 
 def _writable(value: object) -> object:
-    """Return a value as text that can be written as UTF-8, halves of characters as question marks; markup stays."""
+    """Return a value as text that can be written as UTF-8, with ``?`` for lone surrogates; markup stays as it is."""
     return value if hasattr(value, "__html__") else str(value).encode("utf-8", "replace").decode()
 
 
 def _title(findings: Findings) -> str:
-    """Return what a tab of a browser shows: what it is of, then the file."""
+    """Return the title that a browser's tab shows: the scene, the number of contacts, then the file."""
     source = os.path.basename(str(findings.provenance.get("scene") or "")).removesuffix(".xml")
     count = len(findings.contacts)
     said = f"{count} contact" if count == 1 else f"{count} contacts"
@@ -74,7 +74,7 @@ def _policy(scripts: list[str]) -> str:
 
 
 def _curves(findings: Findings) -> dict[str, Any] | None:
-    """Return how many charts there are, the contacts that can be chosen, and those that are drawn by themselves."""
+    """Return the number of charts, the contacts that can be chosen, those drawn at once, and how many there are."""
     curves = findings.curves
     if curves is None:
         return None
@@ -113,7 +113,7 @@ def _data(findings: Findings) -> dict[str, Any]:
 
 
 def merged_histograms(histograms: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return what is drawn of the loop's histograms: titles, edges [us] and counts."""
+    """Return the loop's histograms as they are drawn: titles, edges [us] and counts."""
     found = []
     for name, title in _HISTOGRAMS:
         bins = merged([histograms.get(name)])
@@ -123,7 +123,7 @@ def merged_histograms(histograms: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def scene_picture(findings: Findings) -> bytes | None:
-    """Return the State as a PNG on a light ground, or None where there is no OpenGL."""
+    """Return a picture of the State as a PNG on a light background; None without a State or without OpenGL."""
     if findings.model is None or findings.state is None:
         return None
     from itouch_tools.viewer.context import write_png

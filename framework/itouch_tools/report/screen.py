@@ -1,4 +1,4 @@
-"""The live line of a run on a terminal, and its closing table; which columns of contacts there are: `columns`."""
+"""The live line of a run on a terminal, and its closing table, whose columns are those of ``report.columns``."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from itouch.plugin import Record
     from itouch.world import Model
 
-#: How often [s] the live line is renewed.
+#: Shortest time [s] between two updates of the live line.
 _EVERY = 0.1
 
 
 class Followed(Protocol):
-    """What is shown of an engine, here or in a servo process."""
+    """What the screen reads of an engine, in this process or in a servo process."""
 
     statistics: Any
     clock: Any
@@ -56,7 +56,7 @@ class Screen:
         self._missed = _noted(engine)
 
     def show(self) -> None:
-        """Show progress; called every now and then."""
+        """Show progress; to be called every now and then."""
         self._tell_missed()
         if not self._live:
             if not MANNER.quiet:
@@ -70,21 +70,21 @@ class Screen:
             self._stream.flush()
 
     def _tell_missed(self) -> None:
-        """Say once that a plate was not felt where it should have been, or that a skin did not come back."""
+        """Say once that a plate was not felt where it should have been, or that skin did not recover while waiting."""
         for sentence in _noted(self._engine):
             if sentence not in self._missed:
                 self.interrupt(f"note: {sentence}")
                 self._missed = (*self._missed, sentence)
 
     def interrupt(self, sentence: str) -> None:
-        """Say what can't wait, on a line of its own."""
+        """Print a sentence that can't wait, on a line of its own."""
         if self._live:
             control(self._stream, "\r\x1b[2K")
             self._stream.flush()
         print(sentence, file=sys.stderr, flush=True)
 
     def _parts(self) -> list[str]:
-        """Return the parts of the live line, what matters most first."""
+        """Return the parts of the live line, the most important first."""
         engine = self._engine
         parts = [f"{engine.seconds:7.2f} s"]
         for probe in engine.model.probes:
@@ -125,7 +125,7 @@ class Screen:
             control(self._stream, "\r\x1b[2K")
         elif not MANNER.quiet:
             self._new_contacts()
-        if not report["contacts"]:  # heads above nothing would look as if something was lost
+        if not report["contacts"]:  # heads without rows would look as if something was lost
             self._stream.write("no contact with a virtual object\n")
         else:
             (_rich_table if self._live else _plain_table)(rows, self._stream)
@@ -144,12 +144,12 @@ class Screen:
 
 
 def _noted(engine: Followed) -> tuple[str, ...]:
-    """Return what is said once, when it happens."""
+    """Return the notes so far that are each said once, when they come up."""
     return (*missed_plates(engine.model, engine.state), *vain_waits(engine.model, engine.state))
 
 
 def _waited(report: dict[str, Any]) -> list[str]:
-    """Say for each finger how long it waited for its skin."""
+    """Say for each finger how long it waited for its skin to recover."""
     found: dict[str, list[str]] = {}
     for entry in report.get("waits", ()):
         over = "" if entry["back"] else " (not back)" if entry["ended"] else " so far"
@@ -158,7 +158,7 @@ def _waited(report: dict[str, Any]) -> list[str]:
 
 
 def fitted(parts: list[str], width: int) -> str:
-    """Return as many parts as one line of so many columns holds; the last one is cut, so that nothing wraps.
+    """Return the parts as one line of at most ``width`` columns, cut at its end so that nothing wraps.
 
     >>> fitted(["1.00 s", "finger on wood", "plate 30.1 degC"], 30)
     '1.00 s  finger on wood  plate…'
@@ -170,7 +170,7 @@ def fitted(parts: list[str], width: int) -> str:
 
 
 def _wire(name: str, figures: dict[str, float]) -> str:
-    """Say how fast a device has answered over its wire."""
+    """Say how fast a device answered over its wire."""
     middle, late, worst = figures["p50_ms"], figures["p99_ms"], figures["max_ms"]
     rate = figures["rate_hz"]
     return f"{name}: {rate:.0f} exchanges/s, {middle:.2f} ms median, {late:.2f} ms p99, {worst:.1f} ms at most"

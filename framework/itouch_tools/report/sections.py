@@ -15,7 +15,7 @@ from itouch_tools.report.columns import measured
 from itouch_tools.report.limits import limit_rows
 from itouch_tools.report.markup import flattened, number
 
-#: Columns of the table of contacts, before those of the modalities: key of the report, title, form, scale.
+#: Columns of the table of contacts, before those of the modalities: key in the report, title, number format, scale.
 _CONTACTS = (
     ("probe", "probe", "", 1.0), ("object", "object", "", 1.0), ("material", "material", "", 1.0),
     ("begin_s", "begin [s]", ".3f", 1.0), ("end_s", "end [s]", ".3f", 1.0),
@@ -23,7 +23,7 @@ _CONTACTS = (
     ("plate_gap_mm", "plate gap [mm]", ".3f", 1.0), ("plate_lead_ms", "plate lead [ms]", ".0f", 1.0),
 )  # fmt: skip
 _TEXTS = ("probe", "object", "material")
-#: What those columns are that do not say it themselves.
+#: The meaning of those columns whose title does not say it.
 _MEANT = {
     "impact_speed_m_s": "speed of the finger towards the surface when the touch began",
     "peak_force_N": "greatest force on the finger, of arm and plate together",
@@ -38,7 +38,7 @@ _PERCENTILES = ("p50", "p99", "p99.9", "max")
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table: heads, rows of as many cells, which columns hold text beside the first, whether rows can be chosen."""
+    """A table: heads, rows of as many cells, which columns hold text, and whether rows can be chosen."""
 
     heads: Sequence[str]
     rows: Sequence[Sequence[object]]
@@ -47,7 +47,7 @@ class Table:
 
 
 def head(findings: Findings) -> dict[str, str]:
-    """Return the title and what it is of."""
+    """Return the page's title, ``name``, and below it what the page is about and when that began, ``told``."""
     source = os.path.basename(str(findings.provenance.get("scene") or ""))
     kind = f"{findings.kind} {findings.title} of {source}" if source else findings.kind
     told = ", ".join(part for part in (kind, findings.provenance.get("begin")) if part)
@@ -55,7 +55,7 @@ def head(findings: Findings) -> dict[str, str]:
 
 
 def answer(findings: Findings) -> dict[str, str]:
-    """Return what was touched, how strongly it was felt and what went wrong; and in which contacts it was ``short``."""
+    """Return what was touched, the greatest force and what went wrong (``said``), and which contacts fell ``short``."""
     touched = list(dict.fromkeys(str(contact["object"]) for contact in findings.contacts))
     if touched:
         named = ", ".join(touched[:6]) + (f" and {len(touched) - 6} more" if len(touched) > 6 else "")
@@ -75,7 +75,7 @@ def answer(findings: Findings) -> dict[str, str]:
 
 
 def meanings(findings: Findings) -> list[tuple[str, Table]]:
-    """Return what each curve is, with its unit, and each column of the table of contacts: titles and tables."""
+    """Return the meaning of each curve, with its unit, and of each column of the table of contacts: titles, tables."""
     made = []
     if findings.curves is not None:
         rows = [[line.label, chart.unit, line.doc] for chart in findings.curves.charts for line in chart.lines]
@@ -113,7 +113,7 @@ def _safe(fault: dict[str, Any]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Contacts:
-    """The table of contacts, what is said of them below it, and how much more could be said."""
+    """The table of contacts, the remarks shown below it, and how many more there are."""
 
     table: Table
     remarks: Sequence[str]
@@ -121,7 +121,7 @@ class Contacts:
 
 
 def contacts(findings: Findings) -> Contacts | None:
-    """Return the contacts, if there are any; columns that nothing is known of are left out."""
+    """Return the contacts, if there are any; columns without any value are left out."""
     found = findings.contacts
     if not found:
         return None
@@ -143,7 +143,7 @@ def contacts(findings: Findings) -> Contacts | None:
 
 
 def picture(png: bytes | None, *, touching: bool = False) -> dict[str, str] | None:
-    """Return the picture of the scene in base64, if there is one, and when it was: in its first touch or at its end."""
+    """Return the picture of the scene in base64, if any, and when it was taken: in the first touch or at the end."""
     if png is None:
         return None
     when = "in its first touch" if touching else "at the end of the session"
@@ -190,7 +190,7 @@ def marks(findings: Findings) -> Table | None:
 
 
 def parameters(findings: Findings) -> dict[str, Any]:
-    """Return tables of devices and limits, of what the modalities say, and of the provenance, and the scene."""
+    """Return tables of devices and limits, of the modalities' reports and of the provenance, and the scene's XML."""
     devices, model = findings.report.get("devices", {}), findings.model
     shown = []
     if model is not None and model.devices:

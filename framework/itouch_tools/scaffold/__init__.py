@@ -1,4 +1,4 @@
-"""Beginnings: a plugin as a distribution of its own with numbered steps, and a scene to start from."""
+"""Templates to start from: a plugin as a distribution of its own with numbered steps, a scene, and a study."""
 
 from itouch_tools.scaffold.plugin import make_plugin
 from itouch_tools.scaffold.scene import make_scene

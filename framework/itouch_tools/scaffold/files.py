@@ -1,4 +1,4 @@
-"""Filling templates and writing them, never over what is there."""
+"""Filling templates and writing them, never over existing files."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
 
 def check_name(name: str) -> str:
-    """Return the name if it can be one of a plugin or a scene.
+    """Return the name if it is valid for a plugin, a scene or a study.
 
     Raises
     ------
     ItouchError
-        If it can't.
+        If it is not.
     """
     if not _NAME.fullmatch(name) or len(name) > _LONGEST:
         raise ItouchError(
@@ -30,7 +30,7 @@ def check_name(name: str) -> str:
 
 
 def fill(template: str, words: dict[str, str]) -> str:
-    """Return a template with its words put in."""
+    """Return the text of a template with its words filled in."""
     text = files("itouch_tools.scaffold").joinpath("templates", template).read_text("utf-8")
     return Template(text).substitute(words)
 
@@ -41,7 +41,7 @@ def write(folder: str, contents: dict[str, str]) -> list[str]:
     Raises
     ------
     ItouchError
-        If the folder is there already, or can't be written.
+        If the folder exists already, or can't be written.
     """
     if os.path.exists(folder):
         raise ItouchError(f"'{folder}' is there already; nothing was written")

@@ -1,4 +1,4 @@
-"""A complete distribution for a new plugin, unfinished where only its author knows."""
+"""A complete distribution for a new plugin, unfinished only where its author must decide."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from itouch_tools.scaffold.files import check_name, fill, write
 
 KINDS = ("device", "modality", "both")
 TRANSPORTS = ("serial", "usb", "tcp", "none")
-#: Names that a plugin's modules use for something else.
+#: Names that the templates' modules use for something else.
 _TAKEN = frozenset(
     {*plugin.__all__, "Line", "Path", "SimpleNamespace", "DeviceTests", "EmulatorTests", "ModalityTests"}
 )
@@ -26,16 +26,16 @@ def make_plugin(name: str, *, kind: str = "device", transport: str = "none", fol
     Parameters
     ----------
     name
-        Of the plugin in XML: small letters, digits, dashes.
+        Name of the plugin in XML: small letters, digits, dashes.
     kind
         ``device``, ``modality`` or ``both``.
     transport
-        What its device is connected by: ``serial``, ``usb``, ``tcp`` or ``none``.
+        How its device is connected: ``serial``, ``usb``, ``tcp`` or ``none``.
 
     Raises
     ------
     ItouchError
-        If the name can't be one, or the folder is there already.
+        If the name is not valid, or the folder exists already.
     """
     words = _words(check_plugin_name(name), kind, transport)
     package = words["package"]
@@ -64,12 +64,12 @@ def make_plugin(name: str, *, kind: str = "device", transport: str = "none", fol
 
 
 def check_plugin_name(name: str) -> str:
-    """Return the name if it can be one of a new plugin.
+    """Return the name if it is valid for a new plugin.
 
     Raises
     ------
     ItouchError
-        If it can't, or is taken by a plugin or a package that is installed.
+        If it is not, or if an installed plugin or package has it.
     """
     check_name(name)
     if name.startswith("xml") or name == "py":
@@ -85,7 +85,7 @@ def check_plugin_name(name: str) -> str:
 
 
 def _title(name: str) -> str:
-    """Return the name of the class; what Python or the templates call something else gets a word more."""
+    """Return the name of the class, with ``Plugin`` added if Python or the templates use it for something else."""
     title = "".join(part.capitalize() for part in name.split("-"))
     return f"{title}Plugin" if keyword.iskeyword(title) or title in _TAKEN else title
 
@@ -125,7 +125,7 @@ def _words(name: str, kind: str, transport: str) -> dict[str, str]:
 
 
 def _modality_steps(kind: str, transport: str) -> dict[str, str]:
-    """Return the numbers of the modality's steps: after those of the device if there is one."""
+    """Return the numbers of the modality's steps, which follow those of the device if there is one."""
     device = {"none": 4, "usb": 6}.get(transport, 7) if kind == "both" else 0
     return {f"step{number}": str(device + number) for number in (1, 2, 3)}
 

@@ -1,4 +1,4 @@
-"""A scene to start from, with the schema that lets editors complete it."""
+"""A scene to start from, with the schema for completion in editors."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ def make_scene(name: str, schemas: dict[str, str], *, folder: str = ".") -> list
     Raises
     ------
     ItouchError
-        If the name can't be one, or the folder is there already.
+        If the name is not valid, or the folder exists already.
     """
     import os
 

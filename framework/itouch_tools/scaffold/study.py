@@ -13,7 +13,7 @@ def make_study(name: str, *, folder: str = ".") -> list[str]:
     Raises
     ------
     ItouchError
-        If the name can't be one, or the folder is there already.
+        If the name is not valid, or the folder exists already.
     """
     words = {"name": check_name(name)}
     contents = {

@@ -1,6 +1,6 @@
 """The sound of a session: strokes, sliding and a warning tone, from published State alone.
 
-``Synth`` makes samples out of States; ``write_wav`` keeps them in a file, ``itouch_tools.sound.player`` plays them.
+``Synth`` turns States into samples; ``write_wav`` writes them to a file, ``itouch_tools.sound.player`` plays them.
 """
 
 from itouch_tools.sound.modal import Bank

@@ -1,7 +1,7 @@
 """Masking noise for a study: the same from the first trial to the last, whatever is touched.
 
-It never stops, starts or changes between trials, so that it is equal over conditions by what it is.  Its power falls by
-3 dB an octave, as that of most machines does: it covers low hums without hissing.
+It never stops, starts or changes between trials, and is therefore equal in all conditions.  Its power falls by 3 dB an
+octave (pink noise), as that of most machines does: it covers low hums without hissing.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from itouch_tools.sound.modal import RATE
 from itouch_tools.sound.output import Output, Silence, open_output
 
-#: Samples made at once, time constant [s] of fading in, and share of full scale of the noise's rms (-18 dB).
+#: Samples in a block, time constant [s] of the fade-in, and rms of the noise as a share of full scale (-18 dB).
 BLOCK, FADE, LOUDNESS = RATE // 50, 0.5, 0.125
-#: Most sound [s] that an output may have taken before its time, and seconds that ``close`` waits for the thread.
+#: How far ahead of real time [s] an output may be fed, and how long [s] to wait for the thread to open and to end.
 _AHEAD, _PATIENCE = 0.25, 1.0
 #: Poles and gains of Kellet's pink filter: within 0.1 dB of 3 dB an octave from 10 Hz to 20 kHz at 48 kHz.
 _POLES = np.array([0.99886, 0.99332, 0.96900, 0.86650, 0.55000, -0.7616])
@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 
 
 def _rms() -> float:
-    """Return the rms of the filter's output for white noise of 1: the root of the sum of its squared answer."""
+    """Return the rms of the filter's output for white noise of rms 1: the 2-norm of its impulse response."""
     lows = (np.outer(_GAINS, _GAINS) / (1.0 - np.outer(_POLES, _POLES))).sum()
     mixed = 2.0 * (_DIRECT * _GAINS.sum() + _LATE * (_GAINS * _POLES).sum())
     return float(np.sqrt(lows + mixed + _DIRECT**2 + _LATE**2))
@@ -61,7 +61,7 @@ class Noise:
 
 
 def _smoothed(values: Floats, pole: float, before: float) -> Floats:
-    """Return y[n] = pole y[n-1] + x[n], from the value before the first."""
+    """Return y[n] = pole y[n-1] + x[n], where ``before`` is the y before the first."""
     from scipy.signal import lfilter
 
     made, _ = lfilter([1.0], [1.0, -pole], values, zi=[pole * before])
@@ -74,7 +74,7 @@ class Masker:
     Attributes
     ----------
     driver
-        What plays; ``silent`` where there is no card, empty until it is open.
+        Name of the output that plays: ``silent`` where there is no card, empty until an output is open.
     """
 
     def __init__(self, seed: int = 0, *, output: Callable[[], Output] = open_output) -> None:
@@ -94,7 +94,7 @@ class Masker:
 
     @property
     def heard(self) -> bool:
-        """Whether there is anything that plays it."""
+        """Whether an output is open that can be heard."""
         return bool(self.driver) and self.driver != Silence.name
 
     def _play(self) -> None:
@@ -105,12 +105,12 @@ class Masker:
         while not self._closing.is_set():
             output = self._put(output, self._noise.render(BLOCK))
             early = self.blocks * BLOCK / RATE - (time.monotonic() - begin) - _AHEAD
-            if early > 0.0:  # it takes all that it is given, as a device that is none may
+            if early > 0.0:  # an output that never makes its caller wait, as a null device may do
                 self._closing.wait(early)
         self._put(output, self._noise.render(BLOCK) * np.linspace(1.0, 0.0, BLOCK)).close()
 
     def _put(self, output: Output, samples: Floats) -> Output:
-        """Play a block; where the sound goes away, say so and go on in silence."""
+        """Play a block; where the output fails, go on in silence, as ``driver`` then says."""
         self.blocks += 1
         try:
             output.write(np.round(samples * 32767).astype("<i2").tobytes())

@@ -1,7 +1,7 @@
 """Modal synthesis of a stroke on a body: damped modes, and how many high tones a stroke excites.
 
 Modal synthesis after van den Doel and Pai (1998): a stroke adds to the amplitude of every mode, which then rings by
-itself.  A mode begins with a sine, so that a stroke bends the sound but never makes it jump.
+itself.  A mode begins as a sine, from zero, so that a stroke never makes the sound jump.
 """
 
 from __future__ import annotations
@@ -12,32 +12,32 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-#: Samples a second.
+#: Sampling rate [Hz].
 RATE = 48_000
-#: Speed [m/s] at which a stroke has half of the loudness that it can reach.
+#: Speed [m/s] at which a stroke has half of the greatest loudness.
 HALF_SPEED = 0.15
-#: How long [s] a stroke at 1 m/s lasts: it excites little above the inverse of it (Hertz: duration ~ speed ** -0.2).
+#: How long [s] a stroke at 1 m/s lasts: it excites little above the inverse of that (Hertz: duration ~ speed ** -0.2).
 STROKE = 6e-5
-#: Shortest decay [s]: what dies away within a few samples is no tone, and must not become infinitely steep.
+#: Shortest decay [s]: what dies away within a few samples is no tone, and a decay of zero would divide by zero.
 SHORTEST = 5e-4
 #: Modes whose amplitude is below this are silent.
 _SILENCE = 1e-7
 
 
 def loudness(speed: float) -> float:
-    """Return how loud a stroke of this speed [m/s] is, 0 to 1; anything that is no speed is silent."""
+    """Return how loud a stroke of this speed [m/s] is, 0 to 1; a NaN or negative speed is silent."""
     return speed / (speed + HALF_SPEED) if math.isfinite(speed) and speed > 0.0 else 1.0 if speed == math.inf else 0.0
 
 
 class Bank:
-    """Modes with what rings in them.
+    """A bank of damped modes, and how each is ringing now.
 
     Parameters
     ----------
     frequencies, decays, gains
-        Of each mode: frequency [Hz], time [s] in which it dies away by 60 dB, and share, 0 to 1.
+        Of each mode: frequency [Hz], time [s] in which it dies away by 60 dB, and its share of the stroke, 0 to 1.
     level
-        The amplitude that the loudest stroke reaches at most.
+        The greatest amplitude that a single stroke reaches.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Bank:
         share = np.asarray(gains, float)
         self._share = level * share / max(float(share.sum()), 1e-9)
         self._frequencies = f
-        #: Logarithm of what multiplies a mode's phasor from one sample to the next.
+        #: Logarithm of the factor by which a mode's phasor is multiplied from one sample to the next.
         self._turn = (2j * math.pi * f - math.log(1000.0) / decay) / RATE
         self._ringing = np.zeros(len(f), complex)
         self._ladders: dict[int, NDArray[np.complex128]] = {}

@@ -1,8 +1,8 @@
 """Where sound goes: PulseAudio (or PipeWire in its place), ALSA, PortAudio where there is no ALSA, or nowhere.
 
-The first two are spoken to through their C libraries, with buffers of our own length: what the window's library plays
-waits for a third of a second and more in its buffers, and a stroke must be heard when it happens.  PortAudio is for
-macOS and Windows, by the package ``sounddevice``, which brings it there.
+The first two are called through their C libraries, with buffers of a length that we choose: sound played through the
+window's library waits a third of a second or more in its buffers, and a stroke must be heard when it happens.
+PortAudio is for macOS and Windows, through the package ``sounddevice``, which includes it there.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any, Protocol
 
 from itouch_tools.sound.modal import RATE
 
-#: How much sound [s] waits in the buffer of the sound server or card, as far as they let us choose.
+#: Length [s] of the buffer asked of the sound server or card, which need not grant it exactly.
 BUFFER = 0.030
 _SAMPLE = 2  # bytes
 
@@ -27,7 +27,7 @@ class Output(Protocol):
     name: str
 
     def write(self, samples: bytes) -> None:
-        """Play samples after those before; wait while the buffer is full.  Raise OSError if it can't."""
+        """Queue samples behind those already written; wait while the buffer is full.  Raise OSError if it can't."""
 
     def latency(self) -> float:
         """Return how long [s] from now the next sample will be heard."""
@@ -37,7 +37,7 @@ class Output(Protocol):
 
 
 class Silence:
-    """Takes samples at the pace of time and plays nothing."""
+    """Takes samples in real time and plays nothing."""
 
     name = "silent"
 
@@ -51,7 +51,7 @@ class Silence:
         time.sleep(max(0.0, self._until - now - BUFFER))
 
     def latency(self) -> float:
-        """Return how far it is ahead of time."""
+        """Return how far [s] the samples taken are ahead of real time."""
         return max(0.0, self._until - time.monotonic())
 
     def close(self) -> None:
@@ -67,7 +67,7 @@ class _Buffering(ctypes.Structure):
 
 
 class Pulse:
-    """A stream to the user's PulseAudio, or to PipeWire in its place, by the library ``libpulse-simple``."""
+    """A stream to the user's PulseAudio, or to PipeWire in its place, through the library ``libpulse-simple``."""
 
     name = "PulseAudio"
 
@@ -96,7 +96,7 @@ class Pulse:
             raise OSError(self._error.value, "PulseAudio has gone")
 
     def latency(self) -> float:
-        """Return what the server says."""
+        """Return the latency [s] that the server reports."""
         return float(self._library.pa_simple_get_latency(self._stream, ctypes.byref(self._error))) * 1e-6
 
     def close(self) -> None:
@@ -106,7 +106,7 @@ class Pulse:
 
 
 class Alsa:
-    """The card that ALSA calls ``default``, by the library ``libasound``."""
+    """The card that ALSA calls ``default``, through the library ``libasound``."""
 
     name = "ALSA"
 
@@ -134,7 +134,7 @@ class Alsa:
             raise OSError(int(-written), "the sound card has gone")
 
     def latency(self) -> float:
-        """Return how much is waiting in the card's buffer."""
+        """Return how much sound [s] is waiting in the card's buffer."""
         waiting = ctypes.c_long(0)
         self._library.snd_pcm_delay(self._stream, ctypes.byref(waiting))
         return max(0.0, waiting.value / RATE)
@@ -146,7 +146,7 @@ class Alsa:
 
 
 class PortAudio:
-    """The output that the system uses by default, by PortAudio (Core Audio, WASAPI, JACK and others).
+    """The system's default output, through PortAudio (Core Audio, WASAPI, JACK and others).
 
     Raises
     ------
@@ -161,7 +161,7 @@ class PortAudio:
             import sounddevice
         except ImportError as error:
             raise OSError(errno.ENOENT, "there is no sounddevice") from error
-        self._refused = sounddevice.PortAudioError  # it is no OSError
+        self._refused = sounddevice.PortAudioError  # which is not an OSError
         try:
             self._stream: Any = sounddevice.RawOutputStream(samplerate=RATE, channels=1, dtype="int16", latency=BUFFER)
             self._stream.start()
@@ -171,12 +171,12 @@ class PortAudio:
     def write(self, samples: bytes) -> None:
         """Play samples."""
         try:
-            self._stream.write(samples)  # what came too late is heard later: the others do the same
+            self._stream.write(samples)  # after an underrun the sound is late, as with the other outputs
         except self._refused as error:
             raise OSError(errno.EIO, f"PortAudio has gone: {error}") from error
 
     def latency(self) -> float:
-        """Return what PortAudio says of its buffers and the system's."""
+        """Return the latency [s] that PortAudio reports for its buffers and the system's."""
         return float(self._stream.latency)
 
     def close(self) -> None:
@@ -188,8 +188,8 @@ class PortAudio:
 
 @contextlib.contextmanager
 def _quiet(library: Any) -> Iterator[None]:
-    """Keep the library from writing about missing cards to the terminal."""
-    handler = ctypes.CFUNCTYPE(None)(lambda: None)  # it is given more than it takes, which C allows
+    """Keep the library from writing to the terminal that cards are missing."""
+    handler = ctypes.CFUNCTYPE(None)(lambda: None)  # it is called with more arguments than it takes, which C allows
     library.snd_lib_error_set_handler(handler)
     try:
         yield
@@ -198,10 +198,10 @@ def _quiet(library: Any) -> Iterator[None]:
 
 
 def backends() -> tuple[Callable[[], Output], ...]:
-    """Return what is asked for sound on this system, in this order.
+    """Return the outputs to try on this system, in this order.
 
-    Where ALSA is installed PortAudio is left alone: it would ask ALSA again, and it ends the whole program where ALSA's
-    configuration is missing (V19.6).
+    Where ALSA is installed PortAudio is not tried: it would use ALSA in turn, and V19.6 ends the whole program where
+    ALSA's configuration is missing.
     """
     try:
         ctypes.CDLL("libasound.so.2")
@@ -211,7 +211,7 @@ def backends() -> tuple[Callable[[], Output], ...]:
 
 
 def open_output(kinds: tuple[Callable[[], Output], ...] | None = None) -> Output:
-    """Return the first of these outputs (default: the system's) that there is on this machine, or silence."""
+    """Return the first of these outputs (default: those of ``backends``) that opens on this machine, or silence."""
     for kind in backends() if kinds is None else kinds:
         with contextlib.suppress(OSError, AttributeError):
             return kind()

@@ -1,6 +1,6 @@
-"""Plays a session's sound through the machine's card; silent, and without a word, where there is none.
+"""Plays a session's sound through the machine's sound card; stays silent, without an error, where there is none.
 
-Latency, from a published State to the ear: the next frame of the window (17 ms at 60 Hz), the block that is being made
+Latency from a published State to the ear: the next frame of the window (17 ms at 60 Hz), the block being rendered
 (10 ms), and the buffer of the sound server or card (30 ms): at most some 60 ms.  ``itouch-py bench sound`` measures it.
 """
 
@@ -19,55 +19,55 @@ from itouch_tools.sound.modal import RATE
 from itouch_tools.sound.output import Output, Silence, open_output
 from itouch_tools.sound.synth import Synth
 
-#: Samples that are made at once: 10 ms, in which this thread must get its turn beside the window's.
+#: Samples in a block: 10 ms, in which this thread must get its turn beside the window's.
 BLOCK = RATE // 100
-#: Blocks between two looks at the output's latency.
+#: After how many blocks the output's latency is read again.
 _LOOK = 8
-#: Most sound [s] that an output may have taken before its time.
+#: How far ahead of real time [s] an output may be fed.
 _AHEAD = 0.25
-#: Seconds that ``close`` waits for what is in the buffer.
+#: Seconds that ``close`` waits for the buffer to be played.
 _PATIENCE = 1.0
 
 
 class Speaker:
-    """Hears States and plays them, in a thread of its own.
+    """Is told States and plays their sound, in a thread of its own.
 
     Parameters
     ----------
     model
-        What the States are of.
+        The model to which the States belong.
     mute
         Play nothing, and open no device.
     output
-        Opens what is played to; default: the machine's sound.
+        Opens the output; default: the machine's own.
     """
 
     def __init__(self, model: Model, *, mute: bool = False, output: Callable[[], Output] = open_output) -> None:
         self._synth, self._open = Synth(model), output
         self._lock, self._closing = threading.Lock(), threading.Event()
-        #: Whether nothing is to be heard: asked for, or there is no card.
+        #: Whether nothing can be heard: because it was started mute, or because there is no card.
         self.muted = mute
-        #: Whether a person has turned it off; what plays goes on unheard, and comes back where it is then.
+        #: Whether a person has muted the sound; it goes on silently, and is heard from its current point when unmuted.
         self.hushed = False
         self._gain = 1.0
-        #: What plays: empty until it is open.
+        #: Name of the output that plays; empty until it is open.
         self.driver = ""
-        #: Blocks played, and how long [s] before it is heard the last one was made.
+        #: Blocks played, and the output's latency [s] when it was last read.
         self.blocks, self.ahead = 0, 0.0
-        #: Host time [s] at which the last State that had something new was told, and at which its sound was made.
+        #: Host time [s] of the last call of ``hear``, and at which its sound was rendered.
         self.heard = self.made = 0.0
         self._thread = threading.Thread(target=self._play, name="sound", daemon=True)
         if not mute:
             self._thread.start()
 
     def hear(self, state: Record) -> None:
-        """Take note of a State."""
+        """Receive a State, so that its sound is played."""
         with self._lock:
             self._synth.hear(state)
             self.heard = time.perf_counter()
 
     def turn(self) -> str:
-        """Turn it off or on again; return what to say of it."""
+        """Turn the sound off, or on again; return a message that says which."""
         if self.muted:
             return "nothing is heard: it was started mute, or this machine has no sound"
         self.hushed = not self.hushed
@@ -86,7 +86,7 @@ class Speaker:
         while not self._closing.is_set():
             output = self._put(output, self._block())
             early = self.blocks * BLOCK / RATE - (time.monotonic() - begin) - _AHEAD
-            if early > 0.0:  # it takes all that it is given, as a device that is none may
+            if early > 0.0:  # an output that never makes its caller wait, as a null device may do
                 self._closing.wait(early)
         self._put(output, self._block() * np.linspace(1.0, 0.0, BLOCK))
         output.close()
@@ -105,7 +105,7 @@ class Speaker:
         return samples
 
     def _put(self, output: Output, samples: NDArray[np.float64]) -> Output:
-        """Play a block; where the sound goes away, go on in silence."""
+        """Play a block; where the output fails, go on in silence."""
         try:
             output.write(np.round(samples * 32767).astype("<i2").tobytes())
             if self.blocks % _LOOK == 0:

@@ -8,28 +8,28 @@ from numpy.typing import NDArray
 from itouch_tools.sound.modal import RATE
 from itouch_tools.sound.texture_profile import Needle, Way
 
-#: Places on the surface that are remembered, and how many of them make a grain.
+#: Number of points of the rough profile, which then repeats, and how many of them make a grain.
 _PLACES, _PER_GRAIN = 1 << 15, 8.0
-#: Speed [m/s] of full loudness, and force [N].
+#: Speed [m/s] and force [N] at which the noise has its full loudness.
 FULL_SPEED, FULL_FORCE = 0.4, 2.0
-#: Exponent with which loudness grows with speed: about 3/4 was measured of dry rough surfaces.
+#: Exponent with which loudness grows with speed: about 3/4 was measured on dry rough surfaces.
 FASTER = 0.75
-#: Share of the full speed below which it grows with the speed itself.
+#: Share of the full speed below which loudness grows in proportion to speed.
 SLOW = 0.1
-#: Speed [m/s] of a finger that rests: nobody holds quite still.
+#: Speed [m/s] up to which a finger counts as resting: nobody holds quite still.
 REST_SPEED = 1e-3
-#: Time [s] in which speed and loudness follow what they should be: no step is heard, whatever the blocks are.
+#: Time constant [s] with which speed and loudness follow their targets: no step is heard, whatever the block size.
 FOLLOW = 0.004
 #: How much of a texture's relief is heard.
 RELIEF = 0.7
-#: Pitch [Hz] above which the noise fades, so that nothing folds back.
+#: Pitch [Hz] above which the noise fades, so that nothing aliases.
 _FADE = 9000.0
 #: Loudness below which a fading noise has ended.
 _INAUDIBLE = 1e-5
 
 
 def surface(seed: int = 1) -> NDArray[np.float64]:
-    """Return one period of a rough profile, shape (places,), of unit rms; grains of one size prevail."""
+    """Return one period of a rough profile, shape (places,), of unit rms, in which grains of one size prevail."""
     rng = np.random.default_rng(seed)
     wave = np.fft.rfftfreq(_PLACES) * _PER_GRAIN  # in periods a grain
     shape = wave / (0.15 + wave**3)
@@ -50,7 +50,7 @@ class Sliding:
 
     @property
     def silent(self) -> bool:
-        """Whether nothing slides."""
+        """Whether no sliding is heard any more."""
         return self._level == 0.0
 
     def render(
@@ -58,8 +58,8 @@ class Sliding:
     ) -> NDArray[np.float64]:
         """Return the next samples, shape (count,), for a finger that slides at a speed [m/s] under a force [N].
 
-        ``grain`` [m] is the size of the grains, ``level`` the rms at full speed and force, ``way`` the relief of a
-        texture that goes by: it is heard itself, and the grains are louder on its heights than in its depths.
+        ``grain`` [m] is the size of the grains, ``level`` the rms at full speed and force, ``way`` the relief of the
+        texture that goes by: it is heard itself, and the grains are louder on its hills than in its valleys.
         """
         speed = speed if 0.0 < speed < 100.0 else 0.0
         force = min(force, FULL_FORCE) if force > 0.0 else 0.0
@@ -78,7 +78,7 @@ class Sliding:
         left = np.exp(-np.arange(1, count + 1) / (FOLLOW * RATE))
         step = min(pitch * _PER_GRAIN / RATE, 0.5 * _PER_GRAIN)
         if self._level == 0.0:
-            self._step = step  # nothing is heard yet that could glide
+            self._step = step  # nothing is heard yet whose pitch could glide
         steps = step + left * (self._step - step)
         levels = loud + left * (self._level - loud)
         places = (self._place + np.cumsum(steps)) % _PLACES

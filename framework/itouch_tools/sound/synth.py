@@ -17,13 +17,13 @@ from itouch_tools.sound.modal import RATE, Bank
 from itouch_tools.sound.sliding import Sliding
 from itouch_tools.sound.texture_profile import Relief, Way, reliefs, turned
 
-#: The warning tone: two pitches [Hz], how long [s] each lasts, its level, and how fast [s] it comes and goes.
+#: The warning tone: two pitches [Hz], how long [s] each lasts, its level, and the time [s] of its rise and fall.
 TONES, TONE_TIME, TONE_LEVEL, TONE_RISE = (880.0, 660.0), 0.25, 0.2, 0.01
 #: The tone is on for this long [s], then for ``TONE_AGAIN`` once in ``TONE_EVERY``, as long as the fault lasts.
 TONE_FIRST, TONE_AGAIN, TONE_EVERY = 2.0, 0.5, 5.0
-#: A State that stays the same for longer [s] is one of a session that stands: nothing slides in it.
+#: If a State stays the same for longer [s], the session is paused: nothing slides in it.
 STANDS = 0.1
-#: Above this level the sound is bent smoothly, so that it never reaches 1.
+#: Above this level the sound is limited smoothly, so that it never reaches 1.
 _KNEE = 0.7
 #: Rms of sliding noise at full loudness.
 _FRICTION = 0.12
@@ -64,7 +64,7 @@ class Synth:
         self._stands = round(max(STANDS, 4.0 * model.period) * RATE)
 
     def hear(self, state: Record) -> None:
-        """Take note of a State: new contacts, sliding, faults; States may be left out."""
+        """Receive a State, with its new contacts, sliding and faults; states may be left out."""
         count, table, tick = int(state["events.count"]), state["events.table"], int(state["tick"])
         if tick != self._last:
             self._last, self._stood = tick, 0
@@ -120,7 +120,7 @@ class Synth:
         step = (1.0 if on else -1.0) * TONE_LEVEL / (TONE_RISE * RATE)
         level = np.clip(self._tone_level + step * np.arange(1, count + 1), 0.0, TONE_LEVEL)
         self._tone_level, self._tone_time = float(level[-1]), float(times[-1]) if self._fault or level[-1] > 0 else 0.0
-        # one pitch fades into the other at the ends of its turn
+        # the pitches take turns, and one fades into the other where they change
         turn = 0.5 + 0.5 * np.clip(np.sin(math.pi * times / TONE_TIME) * 12.0, -1.0, 1.0)
         first, second = (np.sin(2 * math.pi * pitch * times) for pitch in TONES)
         made: NDArray[np.float64] = level * (turn * first + (1.0 - turn) * second)
@@ -128,9 +128,9 @@ class Synth:
 
 
 def limited(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bend what is above the knee smoothly below 1; the rest stays as it is.
+    """Compress what is above the knee smoothly to below 1; leave the rest as it is.
 
-    ``samples`` of any shape (n, ...), which the result has, too; 1 is full scale, without a unit.
+    ``samples`` may have any shape (n, ...), which is also that of the result; 1 is full scale, without a unit.
     """
     size = np.abs(samples)
     over = size > _KNEE

@@ -1,4 +1,4 @@
-"""The height map of a texture, read off along the way of a finger that slides over it."""
+"""The height map of a texture, read along the path of a finger that slides over it."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from itouch.plugin import poses
 from itouch.world import Model
 from itouch_tools.sound.modal import RATE
 
-#: Greatest height that is heard, in standard deviations of the map.
+#: Heights are clipped to this many standard deviations of the map.
 _HIGHEST = 2.0
-#: Samples of the map a second from which on it fades: what is finer than the ear's range must not fold back.
+#: Rate [samples of the map/s] above which a texture fades: what is finer than the ear's range must not alias.
 _FADE = 16_000.0
-#: In-plane axes of a map that is laid on along x, y or z, as in ``itouch.contact.heights``.
+#: In-plane axes of a map that is projected along x, y or z, as in ``itouch.contact.heights``.
 _PLANES = ((1, 2), (0, 2), (0, 1))
 
 
@@ -26,7 +26,7 @@ _PLANES = ((1, 2), (0, 2), (0, 1))
 class Relief:
     """A height map: ``heights`` of unit rms about zero, shape (rows, columns), and the size of a sample [m].
 
-    ``axis`` is 0 to 2 for x to z, or -1: that of the three which the surface faces most.
+    ``axis`` is the axis of projection: 0 to 2 for x to z, or -1 for the one nearest to the surface's normal.
     """
 
     heights: NDArray[np.float64]
@@ -34,9 +34,9 @@ class Relief:
     axis: int
 
     def rates(self, velocity: NDArray[np.float64], normal: NDArray[np.float64]) -> tuple[float, float]:
-        """Return how fast the map goes by [samples/s] along columns and rows; vectors in the object's frame.
+        """Return how fast the map goes by [samples/s] along columns and rows.
 
-        ``velocity`` (3,) [m/s], ``normal`` (3,) of length 1.
+        ``velocity`` (3,) [m/s] and ``normal`` (3,) of length 1 are in the object's frame.
         """
         axis = self.axis if self.axis >= 0 else int(np.argmax(np.abs(normal)))
         u, v = (float(velocity[k]) / self.pitch for k in _PLANES[axis])
@@ -52,7 +52,7 @@ class Way(NamedTuple):
 
 
 class Needle:
-    """Follows a relief without steps, also from one relief to another."""
+    """Follows a relief without steps in the sound, even where one relief gives way to another."""
 
     def __init__(self, follow: float) -> None:
         self._follow = follow
@@ -79,7 +79,7 @@ class Needle:
 
 
 def _sampled(heights: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return heights at places (columns, rows), shape (n, 2): linear between samples; the map repeats."""
+    """Return heights (n,) at places (column, row), shape (n, 2): linear between samples; the map repeats."""
     rows, columns = heights.shape
     low = np.floor(places).astype(np.int64)
     s, t = (places - low).T
@@ -92,7 +92,7 @@ def _sampled(heights: NDArray[np.float64], places: NDArray[np.float64]) -> NDArr
 
 
 def reliefs(model: Model) -> dict[str, Relief]:
-    """Return the relief of every material that has a texture which is not flat, by the material's name."""
+    """Return the relief of each material whose texture is not flat, by the material's name."""
     files, found = {file.file: file.data for file in model.files}, {}
     for material in model.scene.materials:
         texture = material.texture
@@ -110,7 +110,7 @@ def reliefs(model: Model) -> dict[str, Relief]:
 def turned(pose: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a vector of the world in the frame of an object at this pose.
 
-    ``pose`` (7,): position [m], quaternion; ``vector`` (3,) in whatever unit.
+    ``pose`` (7,): position [m], quaternion; ``vector`` (3,) in any unit.
     """
     made: NDArray[np.float64] = poses.rotate(poses.conjugate(pose[3:]), vector)
     return made

@@ -36,7 +36,7 @@ def write_wav(path: str | os.PathLike[str], samples: NDArray[np.float64]) -> Non
 
 
 class SoundTrack:
-    """Renders while an engine runs, from where it is now; append ``tap`` to its ``taps``.
+    """Renders the sound of an engine while it runs, from its present tick on; append ``tap`` to its ``taps``.
 
     Samples are kept as 16 bit numbers, 0.35 GB an hour.
     """
@@ -57,7 +57,7 @@ class SoundTrack:
 
     @property
     def samples(self) -> NDArray[np.float64]:
-        """What was rendered so far, shape (n,), between -1 and 1."""
+        """The samples rendered so far, shape (n,), between -1 and 1."""
         return np.concatenate(self._made) / 32767.0 if self._made else np.zeros(0)
 
 

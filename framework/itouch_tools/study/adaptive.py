@@ -1,6 +1,6 @@
-"""Adaptive procedures: weighted up-down, QUEST and psi-marginal by SweetSpot, rebuilt from their rows at any time.
+"""Adaptive procedures: weighted up-down, QUEST and psi-marginal by SweetSpot, restored from their rows at any time.
 
-The library steps deterministically from what it was told, so the state of a staircase is its list of (level, answer)
+The library proceeds deterministically from what it was told, so the state of a staircase is its list of (level, answer)
 and nothing else: that is what a study keeps, and what a crash cannot lose.
 """
 
@@ -34,7 +34,7 @@ def _library() -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Staircase:
-    """What one adaptive procedure is made from.
+    """The parameters of one adaptive procedure.
 
     Attributes
     ----------
@@ -45,18 +45,18 @@ class Staircase:
     start
         First level of the up-down procedure, and middle of the prior of the others.
     step
-        Change after a right answer of the up-down procedure (downwards, so more than 0 here); and quantum to which
-        the levels of QUEST are rounded, 0: none.
+        Step down of the up-down procedure after a right answer, more than 0; and the quantum to which the levels of
+        QUEST are rounded, 0: none.
     target
-        Proportion right that the up-down procedure looks for; the others find the middle of the function.
+        Proportion right at which the up-down procedure converges; the others find the middle of the function.
     guess, lapse
-        Of the psychometric function.
+        Guess rate and lapse rate of the psychometric function.
     slope
-        Slope of the logistic function that QUEST takes for granted [1 / unit of the level].
+        Slope of the logistic function that QUEST assumes [1 / unit of the level].
     prior
         Standard deviation of the prior of the threshold [unit of the level].
     trials, reversals
-        When it ends: after so many trials, and for the up-down procedure after so many reversals.
+        The procedure ends after ``trials`` trials, the up-down procedure also after ``reversals`` reversals.
     """
 
     procedure: Procedure
@@ -74,7 +74,7 @@ class Staircase:
 
     @property
     def found(self) -> float:
-        """Proportion right at the threshold: the target of the up-down procedure, else the function's middle."""
+        """Proportion right at the threshold: the up-down procedure's target, else that at the function's middle."""
         return self.target if self.procedure == "up-down" else self.guess + 0.5 * (1.0 - self.guess - self.lapse)
 
     def __post_init__(self) -> None:
@@ -115,7 +115,7 @@ def _made(rule: Staircase) -> Any:
 
 @dataclass(slots=True)
 class Running:
-    """A staircase under way.  ``rows`` are its (level, answer); give them again and it is where it was."""
+    """A staircase in progress.  ``rows`` are its pairs (level, answer), from which it can be restored."""
 
     rule: Staircase
     rows: list[tuple[float, int]] = field(default_factory=list)
@@ -123,14 +123,14 @@ class Running:
 
     @classmethod
     def begin(cls, rule: Staircase, rows: Iterable[tuple[float, int]] = ()) -> Running:
-        """Begin, or go on after the rows that there are.
+        """Begin a staircase, or go on after the rows of an earlier one.
 
         Raises
         ------
         MissingLibraryError
             If SweetSpot is not installed.
         ValueError
-            If a row holds what no answer can be.
+            If a row holds something that is no level or answer.
         """
         running = cls(rule, [], _made(rule))
         for level, answer in rows:
@@ -139,7 +139,7 @@ class Running:
 
     @property
     def finished(self) -> bool:
-        """True when it asks for no more trials."""
+        """Whether the procedure asks for no more trials."""
         return bool(self._made.Finished()) or len(self.rows) >= self.rule.trials
 
     def level(self) -> float:
@@ -169,10 +169,10 @@ class Running:
         self.rows.append((level, answer))
 
     def estimate(self) -> float:
-        """Return the threshold found so far; NaN as long as there is none.
+        """Return the threshold found so far; NaN if there is none yet.
 
-        An up-down procedure whose trials ran out before its reversals did has the median of the reversals that there
-        are: the first two are left out, and as many upper ones are taken as lower ones.
+        For an up-down procedure whose trials ran out before its reversals it is the median of the reversals that there
+        were, without the first two, and with as many upper ones as lower ones.
         """
         if self.rule.procedure != "up-down" or self._made.Finished():
             return float(self._made.Estimate())

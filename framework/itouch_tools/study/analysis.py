@@ -1,6 +1,7 @@
-"""What a study's trials say: tables and figures from rows alone, with every number of `statistics`.
+"""The analysis of a study's trials: tables and figures from rows alone, with all numbers from `statistics`.
 
-Small panels, one participant, empty cells or only right answers give an answer with wide or missing intervals (None).
+Small panels, a single participant, empty cells or only right answers give results with wide or missing intervals
+(None).
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.store import Row
 from itouch_tools.study.tasks import choices_of
 
-#: Panels drawn for the intervals over participants.
+#: Number of bootstrap panels for the intervals over participants.
 DRAWS = 2000
 
 
 def analyse(file: StudyFile, rows: Sequence[Row], *, draws: int = DRAWS) -> dict[str, Any]:
     """Return the results of a study as plain data for JSON.
 
-    Practice trials and void ones do not count; how many there were is said.
+    Practice trials and void ones do not count; the results say how many there were.
     """
     study = file.study
     counted = [row for row in rows if row.block not in UNCOUNTED and not row.void]
@@ -70,13 +71,13 @@ def analyse(file: StudyFile, rows: Sequence[Row], *, draws: int = DRAWS) -> dict
 
 
 def _judged(file: StudyFile, rows: Sequence[Row]) -> bool:
-    """Tell whether answers are right or wrong in this study; of a plugin's task its own rows say it."""
+    """Tell whether answers can be right or wrong in this study; for a plugin's task that is seen in its rows."""
     kind = file.study.task.kind
     return kind != "rate" and (kind in TASKS or any(row.right is not None for row in rows))
 
 
 def _plain(value: Any) -> Any:
-    """Return it with None for what is no finite number, and plain numbers for those of arrays."""
+    """Return a value as plain data: None for a number that is not finite, and Python's numbers for those of arrays."""
     if isinstance(value, dict):
         return {key: _plain(each) for key, each in value.items()}
     if isinstance(value, (list, tuple)):
@@ -99,7 +100,7 @@ def _share(rows: Sequence[Row]) -> float:
 
 
 def _counts(rows: Sequence[Row]) -> list[tuple[int, int]]:
-    """Return how many answers of each participant were right, and how many could be."""
+    """Return for each participant the number of right answers, and the number that could be right."""
     judged = [[row.right for row in person if row.right is not None] for person in _by_person(rows)]
     return [(sum(person), len(person)) for person in judged]
 
@@ -110,7 +111,7 @@ def _panel_share(panel: Sequence[Sequence[Row]]) -> float:
 
 
 def _correct(rows: Sequence[Row], seed: int, draws: int) -> dict[str, Any]:
-    """Return the proportion right: of all trials with Wilson's interval, and over participants by bootstrap."""
+    """Return the proportion right: over all trials with Wilson's interval, and over participants with a bootstrap's."""
     rows = [row for row in rows if row.right is not None]
     right = sum(row.right or 0 for row in rows)
     counts = _counts(rows)
@@ -137,7 +138,7 @@ def _condition(
 
 
 def _split(file: StudyFile, rows: Sequence[Row]) -> list[tuple[str, list[Row]]]:
-    """Return the trials whole, and for each level of the factors that are not asked for."""
+    """Return all trials, and those of each level of the factors that are not asked for, each with a name."""
     parts = [("all", list(rows))]
     for factor in file.study.factors:
         if factor.name != file.study.task.factor:
@@ -149,7 +150,7 @@ def _split(file: StudyFile, rows: Sequence[Row]) -> list[tuple[str, list[Row]]]:
 
 
 def _identification(file: StudyFile, rows: Sequence[Row], name: str, draws: int) -> dict[str, Any]:
-    """Return the confusion matrix and what it says, with intervals over participants."""
+    """Return the confusion matrix and the measures derived from it, with intervals over participants."""
     asked = file.study.task.factor
     labels = next(factor.names for factor in file.study.factors if factor.name == asked)
 
@@ -161,7 +162,7 @@ def _identification(file: StudyFile, rows: Sequence[Row], name: str, draws: int)
     def cell(row: int, column: int) -> tuple[float, float]:
         people = [matrix(person)[row] for person in _by_person(rows)]
         shares = {float(own[column] / own.sum()) for own in people if own.sum()}
-        if len(people) > 1 and len(shares) == 1:  # resampling equal people has no width
+        if len(people) > 1 and len(shares) == 1:  # resampling identical people would give an interval of no width
             return stats.wilson(int(counts[row, column]), int(counts[row].sum()))
         return over(partial(_cell, row=row, column=column))
 
@@ -203,7 +204,7 @@ def _cell(table: Any, row: int, column: int) -> float:
 
 
 def _sensitivity(file: StudyFile, rows: Sequence[Row], draws: int) -> list[dict[str, Any]]:
-    """Return d' of each level against the standard, from the participants' mean share and its interval over them."""
+    """Return d' of each level against the standard, from the participants' mean proportion right, and its interval."""
     study = file.study
     inverse = stats.d_prime_of_oddity if study.task.kind == "odd" else _two
     found = []
@@ -222,7 +223,7 @@ def _two(correct: float) -> float:
 
 
 def _ratings(file: StudyFile, rows: Sequence[Row], draws: int) -> list[dict[str, Any]]:
-    """Return the mean of each condition over participants; of ratings all above 0 the geometric mean, too.
+    """Return the mean of each condition over participants; if all ratings are above 0 the geometric mean, too.
 
     The geometric mean is that of magnitude estimation, where each participant's numbers have a scale of their own.
     """
@@ -253,7 +254,7 @@ def _ratings(file: StudyFile, rows: Sequence[Row], draws: int) -> list[dict[str,
 
 
 def _staircase(file: StudyFile, rows: Sequence[Row], name: str) -> dict[str, Any]:
-    """Return each person's threshold, their mean, and its interval over participants."""
+    """Return each participant's threshold, their mean, and its interval over participants."""
     from itouch_tools.study.adaptive import Running
 
     rule = next(one for one in file.study.staircases if one.name == name).rule()
@@ -270,7 +271,7 @@ def _staircase(file: StudyFile, rows: Sequence[Row], name: str) -> dict[str, Any
 
 
 def _differences(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Return, for each two levels of a factor that was not asked for, the difference and the test of equivalence."""
+    """Return, for each pair of levels of a factor that is not asked for, the difference and a test of equivalence."""
     found: list[dict[str, Any]] = []
     for factor in file.study.factors:
         if factor.name == file.study.task.factor:
@@ -294,7 +295,7 @@ def _differences(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def _model(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Return the logistic model of right answers by all factors, trials nested in participants."""
+    """Return the logistic model of right answers by all factors, with trials nested in participants."""
     judged = [row for row in rows if row.right is not None]
     factors = {
         factor.name: sorted({row.condition[factor.name] for row in judged}, key=factor.names.index)
@@ -312,7 +313,7 @@ def _model(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def _felt(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Return what was rendered in each condition, beside what was answered: means and standard deviations."""
+    """Return what was rendered in each condition: means and standard deviations of the figures of touches."""
     found = []
     for condition in _shown(file, rows):
         touches = [
@@ -330,7 +331,7 @@ def _felt(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def _shown(file: StudyFile, rows: Sequence[Row]) -> list[dict[str, str]]:
-    """Return what was shown: the conditions, or each level that a staircase asked for, by staircase and height."""
+    """Return what was shown: the conditions, or each level that a staircase asked for, by staircase and level."""
     if not file.study.staircases:
         return file.conditions()
     levels = {tuple(shown.items()) for row in rows for shown in row.shown}

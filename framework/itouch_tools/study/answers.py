@@ -13,16 +13,16 @@ from itouch.schema import ItouchError
 
 
 class AnswerError(ItouchError):
-    """An answer that can't be used, where nobody can be asked again."""
+    """An answer that can't be used, from a source that can't be asked again."""
 
 
-class Stopped(Exception):  # noqa: N818  - no error: the participant goes on another time
-    """Whoever answers wants to end the session after the last whole trial."""
+class Stopped(Exception):  # noqa: N818  - not an error: the participant goes on another time
+    """The person who answers wants to end the session; complete trials are kept."""
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What is asked: ``place`` of the trial, the words, the choices as they are shown (none: a number)."""
+    """A question: the trial's ``place``, the words, and the choices as they are shown (none: a number is asked for)."""
 
     place: int
     words: str
@@ -30,22 +30,22 @@ class Question:
 
 
 class Answers(Protocol):
-    """A source of answers.  Everything is called between two ticks and returns at once."""
+    """A source of answers.  All methods are called between two ticks and return at once."""
 
     def ask(self, question: Question) -> None:
-        """Put a question; answers from before it do not count."""
+        """Put a question; earlier answers do not count."""
 
     def poll(self, waited: float) -> str | None:
-        """Return the answer, or None as long as there is none; ``waited`` [s] is the time since the question.
+        """Return the answer, or None if there is none yet; ``waited`` [s] is the time since the question.
 
         Raises
         ------
         Stopped
-            If the session shall end here.
+            If the session is to end here.
         """
 
     def tell(self, words: str) -> None:
-        """Tell the participant something."""
+        """Show the participant a message."""
 
 
 class Beside:
@@ -60,21 +60,21 @@ class Beside:
             one.ask(question)
 
     def poll(self, waited: float) -> str | None:
-        """Return the answer of the first that has one; either may end the session."""
+        """Return the answer of the first source that has one; either may end the session."""
         found = [one.poll(waited) for one in self._both]
         return next((answer for answer in found if answer is not None), None)
 
     def tell(self, words: str) -> None:
-        """Tell both."""
+        """Pass the message to both."""
         for one in self._both:
             one.tell(words)
 
 
 class Script:
-    """Answers that were written before: a line a trial, ``ANSWER [SECONDS]``; what follows ``#`` does not count.
+    """Answers that were written beforehand: a line per trial, ``ANSWER [SECONDS]``; what follows ``#`` is ignored.
 
-    Line n answers trial n, so that a session that was stopped goes on with the same answers.  The session ends with
-    the last line.
+    Line n answers trial n, so that a stopped session goes on with the same answers.  The session ends with the last
+    line.
     """
 
     def __init__(self, lines: Iterable[str]) -> None:
@@ -100,21 +100,21 @@ class Script:
         Raises
         ------
         AnswerError
-            If it was given and not taken: nobody is there who could give another.
+            If the answer was given and not accepted: nobody could give another.
         """
         answer, after = self._now
         if waited < after:
             return None
         if self._given and self._asked is not None:
             if _fits(answer, self._asked.choices):
-                return None  # it was taken; what is told since then is something else
+                return None  # it was accepted; the trial goes on for another reason
             choices = ", ".join(self._asked.choices) or "numbers"
             raise AnswerError(f"answer {self._asked.place + 1}: '{answer}' is none of the answers: {choices}")
         self._given = True
         return answer
 
     def tell(self, words: str) -> None:
-        """Nobody reads."""
+        """Do nothing: nobody reads."""
 
 
 def _fits(answer: str, choices: Sequence[str]) -> bool:
@@ -142,12 +142,12 @@ def _parsed(number: int, line: str) -> tuple[str, float]:
 
 
 class Typed:
-    """Answers that a person types, a line each; ``stop`` or the end of the input ends the session.
+    """Answers that a person types, one per line; ``stop``, ``quit`` or the end of the input ends the session.
 
     Parameters
     ----------
     stream
-        Where lines come from, read by a thread.
+        The stream of lines, read by a thread.
     say
         Prints a line.
     """
@@ -173,7 +173,7 @@ class Typed:
                 return
 
     def poll(self, waited: float) -> str | None:
-        """Return the line that was typed."""
+        """Return the line that was typed, if any."""
         if self._lines.empty():
             return None
         line = self._lines.get()
@@ -182,5 +182,5 @@ class Typed:
         return line or None
 
     def tell(self, words: str) -> None:
-        """Print it."""
+        """Print the message."""
         self._say(words)

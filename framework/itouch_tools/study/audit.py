@@ -1,8 +1,8 @@
 """Can the condition be guessed from anything but the contact's heat and force?  A classifier tries, over many trials.
 
-Trials run through the same machine and room as a participant's.  What is noted of each: how long each phase lasted
-until the touch and after the answer, how the table moved and how it sounds (its acceleration), how noisy the display's
-current is, and what the screens showed: they draw a face, which knows no condition, so its changes stand for pixels.
+Trials run through the same machine and room as a participant's.  The features of each are how long the phases before
+the touch and after the answer lasted, how the table moved and sounded (its acceleration), how noisy the display's
+current was, and what the screens showed: they draw a face, which holds no condition, so its changes stand for pixels.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.scene_switching import Room
 from itouch_tools.study.touches import rules_of
 
-#: Folds of the cross-validation, quantile bins of a feature, and ridge of the discriminant.
+#: Folds of the cross-validation, quantile bins of a feature, and ridge penalty of the discriminant.
 FOLDS, BINS, RIDGE = 5, 6, 1.0
-#: How far above chance the upper bound may be.
+#: How far above chance the upper bound of a blind study's accuracy may be.
 MARGIN = 0.05
 
 Floats = NDArray[np.float64]
@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """How often the condition was guessed from some features: ``accuracy`` with its 95 % interval, and ``chance``."""
+    """How often the condition was guessed from a group of features: ``accuracy`` with its 95 % interval, and chance."""
 
     features: str
     trials: int
@@ -65,9 +65,9 @@ def guess(labels: Sequence[str], table: Floats, *, name: str = "all", seed: int 
     table
         Features, shape (trials, features), each in a unit of its own.
     name
-        Of the features.
+        Name of the group of features.
     seed
-        Of the folds.
+        Seed of the folds.
     """
     kinds, codes = np.unique(np.asarray(labels, str), return_inverse=True)
     count = len(codes)
@@ -84,14 +84,14 @@ def guess(labels: Sequence[str], table: Floats, *, name: str = "all", seed: int 
 
 
 def _bins(column: Floats) -> Floats:
-    """Return membership in quantile bins, shape (trials, up to BINS), so that any dependence can be seen."""
+    """Return membership in quantile bins, shape (trials, up to BINS), so that any form of dependence can be found."""
     edges = np.unique(np.quantile(column, np.linspace(0.0, 1.0, BINS + 1)[1:-1]))
     member = np.searchsorted(edges, column, side="left")
     return np.asarray(member[:, None] == np.arange(len(edges) + 1), float)
 
 
 def _fitted(table: Floats, codes: NDArray[np.intp], kinds: int) -> Callable[[Floats], NDArray[np.intp]]:
-    """Return a ridge regression onto the classes' indicators, which takes the greatest."""
+    """Return a classifier: ridge regression onto the classes' indicators, of which the greatest is taken."""
     mean = table.mean(axis=0)
     design = np.column_stack([table - mean, np.ones(len(table))])
     wanted = (codes[:, None] == np.arange(kinds)).astype(float)
@@ -106,7 +106,7 @@ def _fitted(table: Floats, codes: NDArray[np.intp], kinds: int) -> Callable[[Flo
 
 
 class _Ear:
-    """Follows what can be seen and heard of the machines until the touch: means over the ticks before it."""
+    """Follows what can be seen and heard of the machines until the touch, as means over the ticks before it."""
 
     def __init__(self, session: Session) -> None:
         model, state = session.model, session.state
@@ -140,12 +140,12 @@ class _Ear:
         self._before = now
 
     def told(self) -> tuple[float, float, float]:
-        """Return mean speed, acceleration and change of current, in units of a tick."""
+        """Return the mean speed, acceleration and change of current, per tick."""
         ticks = max(1.0, self.sums[0])
         return self.sums[1] / ticks, self.sums[2] / ticks, self.sums[3] / ticks
 
 
-#: Names of the features, in groups.
+#: Names of the features, by group.
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "timing": ("wait for the skin", "approach", "signal to touch", "pause"),
     "motion": ("table speed",), "sound": ("table acceleration", "current noise"), "screen": ("faces", "void"),
@@ -157,7 +157,7 @@ def observe(
 ) -> tuple[list[str], Floats]:  # fmt: skip
     """Run trials on the twins, and return the condition of each and its features, shape (trials, features).
 
-    The order is random and balanced; answers come after a time that does not depend on the condition.
+    The order is random and balanced; reaction times do not depend on the condition.
     """
     rng = orders.generator(seed, "audit")
     conditions = file.conditions()
@@ -199,7 +199,7 @@ def _features(file: StudyFile, room: Room, condition: Mapping[str, str], reactio
         if machine.phase is Phase.GO:
             room.go()
         elif machine.phase is Phase.JUDGE:
-            machine.judged("")  # what would make it void is the contact's heat and force
+            machine.judged("")  # only the contact's heat and force could make it void, and they do not count here
     speed, acceleration, current = ear.told()
     timing = [lasted[phase] for phase in (Phase.SKIN, Phase.APPROACH, Phase.GO, Phase.PAUSE)]
     sound = [_coarse(acceleration), _coarse(current)]  # masking noise is the laboratory's: it does not count here
@@ -207,12 +207,12 @@ def _features(file: StudyFile, room: Room, condition: Mapping[str, str], reactio
 
 
 def _coarse(value: float) -> float:
-    """Return a level [dB] in steps of 1 dB, about what is just heard; nothing: -200."""
+    """Return a level [dB] in steps of 1 dB, about the smallest audible difference; -200 for silence."""
     return float(round(20.0 * math.log10(value))) if value > 1e-10 else -200.0
 
 
 def judged(labels: Sequence[str], table: Floats, *, seed: int = 1) -> list[Guess]:
-    """Return what is guessed from all features, and from each group alone.
+    """Return how often the condition is guessed from all features, and from each group alone.
 
     ``table`` (trials, features), the columns in the order of `GROUPS`; each in a unit of its own.
     """
@@ -224,5 +224,5 @@ def judged(labels: Sequence[str], table: Floats, *, seed: int = 1) -> list[Guess
 
 
 def without_blind(file: StudyFile) -> StudyFile:
-    """Return the study without its ``<blind>``: what an audit must be able to tell."""
+    """Return the study without its ``<blind>``: an audit must be able to find leaks in it."""
     return replace(file, study=replace(file.study, blind=None))

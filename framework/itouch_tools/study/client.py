@@ -1,7 +1,7 @@
-"""Lead a served study from another program: PsychoPy, a notebook, any Python of 3.8 or newer.
+"""Lead a served study from another program: PsychoPy, a notebook, any Python 3.8 or newer.
 
-It needs the standard library only, and nothing of the rest of this package: the one file can be copied beside an
-experiment.  ``itouch-py study serve STUDY.xml`` is the other end, and says where its key is::
+It needs only the standard library, and nothing else of this package: this one file can be copied beside an experiment.
+``itouch-py study serve STUDY.xml`` is the other end, and says where its key is::
 
     from itouch_tools.study.client import connect
 
@@ -20,16 +20,16 @@ import os
 import socket
 from typing import Any, Dict, Optional, Union  # noqa: UP035  - the file also runs on Python 3.8
 
-#: Version of the lines that this client speaks.
+#: Version of the protocol (of the lines) that this client speaks.
 LINES = 1
-#: Seconds beyond the time that was asked for until a silent study counts as lost.
+#: A study that is silent for this long [s] beyond the time that was asked for counts as lost.
 PATIENCE = 30.0
 
 Told = Dict[str, Any]  # noqa: UP006
 
 
 class ServedError(Exception):
-    """What a served study refuses, or that it can't be reached; ``code`` is a word for programs."""
+    """A served study refuses a request, or can't be reached; ``code`` is a word for programs."""
 
     def __init__(self, code: str, sentence: str) -> None:
         super().__init__(sentence)
@@ -37,7 +37,7 @@ class ServedError(Exception):
 
 
 def connect(key: Union[str, "os.PathLike[str]"], *, timeout: float = 10.0) -> Touch:  # noqa: UP007, UP037
-    """Connect to the study whose key stands in a file.
+    """Connect to the study whose key is in a file.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def connect(key: Union[str, "os.PathLike[str]"], *, timeout: float = 10.0) -> To
 class Touch:
     """A connection to a served study; also a context manager that ends it.  The study goes on without it.
 
-    Every call waits for the answer.  Times are seconds of the study's own clock.
+    Every call waits for the answer.  Times are in seconds of the study's own clock.
     """
 
     def __init__(self, host: str, port: int, token: str, *, timeout: float = 10.0) -> None:
@@ -77,14 +77,14 @@ class Touch:
         return self._ask("describe")
 
     def set(self, **levels: Any) -> Told:
-        """Set what is touched next: levels of factors, numbers of staircases; the others stay as they are.
+        """Set what is touched next: levels of factors, numbers for staircases; those that are not named stay.
 
-        The hand waits at the start of its path after it.
+        Afterwards a twin's hand waits at the start of its path.
         """
         return self._ask("set", {"levels": levels})
 
     def go(self) -> Told:
-        """Give the signal: a twin's hand goes its way."""
+        """Give the signal to touch: a twin's hand starts to move."""
         return self._ask("go")
 
     def now(self) -> Told:
@@ -97,26 +97,26 @@ class Touch:
         Returns
         -------
         dict
-            As of ``now``; ``met`` tells whether it came to be within ``seconds``.
+            The entries of ``now``, and ``met``: whether it happened within ``seconds``.
         """
         given: Told = {"for": what, "seconds": seconds}
         given.update(more)
         return self._ask("wait", given, seconds)
 
     def wait_contact(self, seconds: float = 60.0) -> bool:
-        """Wait until the study's object is touched; False: it was not."""
+        """Wait until the study's object is touched; return whether it was."""
         return bool(self.wait("contact", seconds)["met"])
 
     def wait_release(self, seconds: float = 60.0) -> bool:
-        """Wait until nothing is touched; False: it still is."""
+        """Wait until nothing is touched; return whether that is so."""
         return bool(self.wait("release", seconds)["met"])
 
     def wait_skin(self, skin_degC: float, seconds: float = 120.0, within_K: float = 0.5) -> bool:
-        """Wait until the skin is as warm as that; False: it is not."""
+        """Wait until the skin's temperature is within ``within_K`` of ``skin_degC``; return whether it is."""
         return bool(self.wait("skin", seconds, skin_degC=skin_degC, within_K=within_K)["met"])
 
     def felt(self, samples: bool = False) -> Told:
-        """Return what was felt in the touch since the last ``set``: figures, ``void`` (why it would not count).
+        """Return what was felt in the touch since the last ``set``: figures, and ``void`` (why it would not count).
 
         With ``samples`` also ``flux_W_m2`` and ``skin_degC``, a number every ``period_s``.
         """
@@ -127,7 +127,13 @@ class Touch:
         return found
 
     def touch(self, seconds: float = 60.0, samples: bool = False) -> Told:
-        """Wait until the plate is ready, give the signal, wait for touch and release, and return what was felt."""
+        """Wait until the plate is ready, give the signal, wait for touch and release, and return what was felt.
+
+        Raises
+        ------
+        ServedError
+            ``not-touched``: one of these did not happen within ``seconds``.
+        """
         for what in ("ready", "contact", "release"):
             if not self.wait(what, seconds)["met"]:
                 raise ServedError("not-touched", f"no '{what}' within {seconds:g} s")
@@ -136,7 +142,7 @@ class Touch:
         return self.felt(samples)
 
     def mark(self, name: str, payload: Any = None) -> float:
-        """Note something, such as an answer, in the session's State; return the second at which it stands."""
+        """Set a mark, such as an answer, in the session's State; return its time [s]."""
         return float(self._ask("mark", {"name": name, "payload": payload})["seconds"])
 
     def stop(self) -> None:
@@ -144,7 +150,7 @@ class Touch:
         self._ask("stop")
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._line.close()
 
     def __enter__(self) -> Touch:

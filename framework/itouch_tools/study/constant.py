@@ -1,4 +1,4 @@
-"""The method of constant stimuli: how often each level is judged colder than the standard, and a function of it."""
+"""The method of constant stimuli: how often each level is judged colder than the standard, with a fitted function."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from itouch_tools.study import statistics as stats
 from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.store import Row
 
-#: Levels that a function needs at least, and the answers that are given without a look at the stimulus.
+#: Fewest levels to which a function is fitted, and the share of answers that do not depend on the stimulus.
 LEAST, LAPSE = 3, 0.02
-#: Of the standard normal function: from its middle to three of four.
+#: Distance from the middle of the standard normal distribution to its upper quartile.
 QUARTILE = 0.674489750196082
 
 
 def stimuli(file: StudyFile) -> dict[str, float]:
-    """Return the number of each level of the factor that is asked for; empty if this is no series of numbers."""
+    """Return the number of each level of the factor that is asked for; empty if the levels are no series of numbers."""
     task = file.study.task
     factor = next((one for one in file.study.factors if one.name == task.factor), None)
     if task.kind != "colder" or factor is None:
@@ -43,9 +43,9 @@ def _number(value: str) -> float | None:
 
 
 def judged_colder(file: StudyFile, rows: Iterable[Row]) -> list[tuple[float, int, int]]:
-    """Return (level, how often it was judged colder than the standard, trials), by level.
+    """Return triples (level, how often it was judged colder than the standard, trials), in the order of levels.
 
-    Where both intervals held the standard there is nothing that could be chosen: such trials are left out.
+    Trials in which both intervals held the standard are left out: neither could be colder.
     """
     levels, asked = stimuli(file), file.study.task.factor
     counts: dict[float, list[int]] = {}
@@ -63,10 +63,10 @@ def judged_colder(file: StudyFile, rows: Iterable[Row]) -> list[tuple[float, int
 
 
 def point_of_equality(counts: Sequence[tuple[float, int, int]]) -> tuple[float, float]:
-    """Return the level that is judged colder as often as not, and the difference from there to three of four.
+    """Return the level that is judged colder as often as not, and the difference from there to the 75 % level.
 
-    A normal function from 0 to 1, with 2 % of answers that are given blindly, rising or falling with the level.  Both
-    are NaN where the answers do not bound them, or the point of equality would lie beyond the levels that were shown.
+    A cumulative normal function is fitted, rising or falling with the level, with 2 % of answers independent of it.
+    Both are NaN where the answers do not bound them, or if the point of equality lies beyond the levels shown.
     """
     found = _fitted(counts)
     return (math.nan, math.nan) if found is None else (found[0] * found[1].threshold, QUARTILE * found[1].spread)
@@ -85,7 +85,7 @@ def interval_of_equality(counts: Sequence[tuple[float, int, int]]) -> tuple[floa
 
 
 def _fitted(counts: Sequence[tuple[float, int, int]]) -> tuple[float, stats.Psychometric] | None:
-    """Return the better of a rising (1) and a falling (-1) function; None where the answers do not bound it."""
+    """Return the better of a rising (1.0) and a falling (-1.0) function; None where the answers do not bound it."""
     if len(counts) < LEAST:
         return None
     levels, chosen, trials = (np.array(each, float) for each in zip(*counts, strict=True))
@@ -99,7 +99,7 @@ def _fitted(counts: Sequence[tuple[float, int, int]]) -> tuple[float, stats.Psyc
 
 
 def constant(file: StudyFile, rows: Sequence[Row], *, draws: int) -> dict[str, Any] | None:
-    """Return the series of levels with each person's point of equality and threshold; None: this is no such study."""
+    """Return the series of levels with each person's point of equality and threshold; None for any other study."""
     if not stimuli(file):
         return None
     people = sorted({row.participant for row in rows})

@@ -1,4 +1,4 @@
-"""Do the intervals and tests keep what they promise?  Synthetic studies with a known truth, as one command."""
+"""Do the intervals and tests keep what they promise?  Synthetic studies with a known truth show it."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from itouch_tools.study import statistics as stats
 
 #: Trials of a participant in one condition, standard deviation between people, and the truth.
 TRIALS, BETWEEN, TRUTH = 20, 0.12, 0.70
-#: Smallest panel for which the promises are made; of smaller ones what is reached is stated.
+#: Smallest panel for which the promises are made; for smaller ones what is reached is only stated.
 LARGE = 16
 
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """How often something was so: ``share`` of ``studies``, with Wilson's interval; ``promised`` from low to high."""
+    """How often something happened: ``share`` of ``studies``, with Wilson's interval, and the ``promised`` range."""
 
     what: str
     participants: int
@@ -29,14 +29,14 @@ class Kept:
 
     @property
     def kept(self) -> bool:
-        """Whether the promise is within what was seen."""
+        """Whether Wilson's interval overlaps the promised range."""
         return self.promised[0] <= self.high and self.low <= self.promised[1]
 
 
 def panels(rng: np.random.Generator, people: int, mean: float, conditions: int = 1) -> np.ndarray:
-    """Return right answers of a panel whose people differ, shape (people, conditions), of `TRIALS` each.
+    """Return the right answers, out of `TRIALS`, of a panel of people who differ, shape (people, conditions).
 
-    People's own shares are beta-distributed around ``mean`` with the standard deviation `BETWEEN`.
+    People's own proportions are beta-distributed around ``mean`` with the standard deviation `BETWEEN`.
     """
     size = mean * (1.0 - mean) / BETWEEN**2 - 1.0
     own = rng.beta(mean * size, (1.0 - mean) * size, (people, 1))
@@ -113,7 +113,7 @@ def _found(what: str, people: int, studies: int, hits: int, promised: tuple[floa
 
 
 def campaign(studies: int = 500, null: int = 2000) -> Iterator[Kept]:
-    """Yield what is promised of intervals and tests beside what synthetic studies showed."""
+    """Yield each promise about intervals and tests, with what synthetic studies showed."""
     for people in (8, 12, 16, 24):
         yield coverage(studies, people)
     for people in (8, 16, 24):

@@ -17,12 +17,12 @@ INTERVALS = {"identify": 1, "colder": 2, "odd": 3, "same": 2, "rate": 1}
 
 
 def split_levels(written: str) -> tuple[str, ...]:
-    """Return the levels that are separated by ``;``, or where there is none by blanks."""
+    """Return levels that are separated by ``;`` or, where there is none, by blanks."""
     parts = written.split(";") if ";" in written else written.split()
     return tuple(part.strip() for part in parts if part.strip())
 
 
-#: The blocks of the trials that do not count: before the others, and among them.
+#: Names of the blocks of trials that do not count: those before the others, and those among them.
 PRACTICE, CATCH = "practice", "catch"
 UNCOUNTED = frozenset((PRACTICE, CATCH))
 
@@ -51,7 +51,7 @@ class Factor:
 
     @property
     def taken(self) -> tuple[str, ...]:
-        """What the attributes take at each level."""
+        """The values of the attributes at each level."""
         return split_levels(self.values) if self.values else self.names
 
 
@@ -205,7 +205,7 @@ class Adaptive:
         self.rule()
 
     def rule(self) -> Staircase:
-        """Return what the procedure is made from."""
+        """Return the parameters of the procedure."""
         return Staircase(
             self.procedure, self.low, self.high, self.start, step=self.step, target=self.target,  # type: ignore[arg-type]
             slope=self.slope, prior=self.prior, trials=self.trials, reversals=self.reversals,

@@ -1,4 +1,4 @@
-"""A study's trials for other programs: Parquet, and a folder after the Brain Imaging Data Structure (``beh``)."""
+"""A study's trials for other programs: Parquet, and a folder in the Brain Imaging Data Structure (``beh``)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ _DESCRIBED = {
 
 
 def table_of(rows: Sequence[Row], folder: Path) -> list[dict[str, str]]:
-    """Return the trials as the table that `write_table` writes: column -> text, ``n/a`` where there is nothing."""
+    """Return the trials as the table that `write_table` writes: for each row its cells as text by column.
+
+    ``folder`` takes a temporary file; a cell without a value is ``n/a``.
+    """
     path = folder / "trials.tsv"
     write_table(rows, path)
     with path.open(encoding="utf-8", newline="") as stream:
@@ -40,7 +43,7 @@ def table_of(rows: Sequence[Row], folder: Path) -> list[dict[str, str]]:
 
 
 def write_parquet(rows: Sequence[Row], path: Path) -> None:
-    """Write the trials as Parquet, numbers as numbers, null where there is nothing.
+    """Write the trials as Parquet, with numbers as numbers, and null where there is no value.
 
     Raises
     ------
@@ -66,7 +69,7 @@ def write_parquet(rows: Sequence[Row], path: Path) -> None:
     pq.write_table(pa.table(columns), path)
 
 
-#: Columns that are words, whatever they look like: a participant '007' is no 7.
+#: Columns that are words, whatever they look like: a participant '007' is not the number 7.
 _WORDS = frozenset(("participant", "block", "task", "staircase", "answer", "void", "session", "at"))
 
 
@@ -75,7 +78,7 @@ def _said(cell: str) -> str | None:
 
 
 def _value(cell: str) -> Any:
-    """Return a cell as the number, the yes or no, or the text that it is."""
+    """Return a cell as a number, as true or false, or as text, whichever it is; None for ``n/a``."""
     if cell == "n/a":
         return None
     if cell in ("True", "False"):
@@ -96,16 +99,16 @@ def write_bids(rows: Sequence[Row], folder: Path, *, name: str) -> list[Path]:
     rows
         The trials; codes become labels of letters and digits.
     folder
-        Where to; it is made.
+        The target; it is made if it is missing.
     name
-        Of the study.
+        Name of the study.
 
     Raises
     ------
     ItouchError
         If two codes become the same label.
     OSError
-        If it can't be written.
+        If a file can't be written.
     """
     label = re.sub(r"[^A-Za-z0-9]", "", name) or "study"
     people = sorted({row.participant for row in rows})

@@ -1,7 +1,7 @@
-"""A study that another program leads: it sets what is touched, lets the hand go, waits, reads what was felt, marks.
+"""A study led by another program, which sets what is touched, gives the signal, waits, reads what was felt, and marks.
 
-Requests come in by the door and are obeyed between two ticks, one at a time.  On the virtual clock time goes on only
-while somebody waits for something, so that the same requests give the same answers.
+Requests come in through the door and are carried out between two ticks, one at a time.  On the virtual clock time
+passes only while a caller waits for something, so that the same requests give the same answers.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from itouch_tools.study.scene_switching import Room
 from itouch_tools.study.server import Door, Request
 from itouch_tools.study.touches import felt_by, figures
 
-#: Longest time [s] that may be waited for, and how long the door is watched at once while time stands still.
+#: Longest wait [s] that a caller may ask for, and how long [s] the door is watched in one go while time stands still.
 LONGEST_WAIT, REST = 3600.0, 0.1
 
 
 class AskedError(ItouchError, ValueError):
-    """A request that can't be obeyed: its code, and a sentence."""
+    """A request that can't be carried out, with a code and a sentence."""
 
     def __init__(self, code: str, sentence: str) -> None:
         super().__init__(sentence)
@@ -37,7 +37,7 @@ class AskedError(ItouchError, ValueError):
 
 @dataclass(slots=True)
 class Waiting:
-    """A request that is answered when something is so, or after ``until`` [s] of the servo's clock."""
+    """A request that is answered when ``so`` is true, or at the time ``until`` [s] of the servo's clock."""
 
     request: Request
     so: Callable[[Sensed], bool]
@@ -46,18 +46,18 @@ class Waiting:
 
 
 class Served:
-    """Leads a room as callers ask.
+    """Runs a room as callers ask.
 
     Parameters
     ----------
     file, catalog
         The study, whose factors and staircases can be set.
     door
-        Where requests come in.
+        The door through which requests come in.
     clock
-        Of the loop.
+        The loop's clock.
     seed
-        Of the twins' noise.
+        Seed of the twins' noise.
 
     Raises
     ------
@@ -81,18 +81,18 @@ class Served:
         }  # fmt: skip
 
     def _first(self) -> dict[str, str]:
-        """Return the first condition: what is touched before anything was set."""
+        """Return the first condition: what is touched until something is set."""
         study = self._file.study
         first = self._file.conditions()[0] if study.factors else {}
         return {**first, **{one.name: f"{one.standard:.9g}" for one in study.staircases}}
 
     def run(self) -> None:
-        """Obey until somebody asks for the end.
+        """Carry out requests until somebody asks for the end.
 
         Raises
         ------
         DeviceFaultError
-            If a device failed; it was made safe, and every caller that waits was told.
+            If a device failed; it was made safe, and all waiting callers were told.
         """
         try:
             self.room.begin()
@@ -116,14 +116,14 @@ class Served:
         self.ended = True
 
     def _step(self) -> bool:
-        """Do what is due after a tick; true: the loop has to pause, or ends."""
+        """Do what is due after a tick; return whether the loop must pause or end."""
         if self._waits:
             self._meet(self.room.sensed())
         self._look(0.0)
         return self.ended or self._outside is not None or (self._virtual and not self._waits)
 
     def _meet(self, sensed: Sensed) -> None:
-        """Answer those for whom it is so, or too late; those who have gone wait no more."""
+        """Answer callers whose wait is met or has run out, and drop those who have gone."""
         for one in list(self._waits):
             gone = one.request.caller.gone
             so = not gone and one.so(sensed)
@@ -171,7 +171,7 @@ class Served:
         )  # fmt: skip
 
     def _set(self, request: Request) -> None:
-        """Present other levels; those that are not named stay.  The scene is changed outside the loop."""
+        """Arrange for other levels to be presented, outside the loop; those that are not named stay."""
         given = request.given.get("levels")
         if not isinstance(given, dict):
             raise AskedError("bad-line", "'set' takes \"levels\": {FACTOR: LEVEL}")
@@ -185,7 +185,7 @@ class Served:
         self._outside = present
 
     def _waited(self, cue: str) -> None:
-        """Look at the door while a person is waited for: who wants to end need not wait."""
+        """Look at the door while the rig waits for a person, so that a caller may end the study meanwhile."""
         request = self.door.look(0.0)
         if request is not None and request.what == "stop":
             self._stop(request)
@@ -198,7 +198,7 @@ class Served:
         try:
             self.room.present(levels)
         except (SceneError, SessionError):
-            self.room.wake()  # the scene before goes on
+            self.room.wake()  # the previous scene goes on
             raise
         self._levels, self._went = levels, False
         self.door.answer(request, levels=levels, **self._told(self.room.sensed()))
@@ -251,7 +251,7 @@ class Served:
         self.door.answer(request, **self._told(self.room.sensed()))
 
     def _told(self, sensed: Sensed) -> dict[str, Any]:
-        """Return what can be read at any time: copies of State's values."""
+        """Return what can be read at any time, as copies of State's values."""
         session = self.room.session
         state, probe = session.state, session.model.probes[0].name
         names = session.model.objects
@@ -265,7 +265,7 @@ class Served:
         return {**told, "flux_W_m2": None if flux is None else _finite(state[flux])}
 
     def _flux(self) -> str | None:
-        """Return the field of the flux out of the finger: the twin's true one, else what is measured; None: neither."""
+        """Return the field of the flux out of the finger: the twin's true one, else the measured one, else None."""
         model = self.room.session.model
         try:
             return felt_by(model)[0]
@@ -278,7 +278,7 @@ class Served:
         return None
 
     def _felt(self, request: Request) -> None:
-        """Tell what was felt in the touch since the last ``set``; with ``samples`` the curves, too."""
+        """Answer with what was felt in the touch since the last ``set``; with ``samples`` the curves, too."""
         if self.room.sensed().object >= 0:
             raise AskedError("in-contact", "the touch has not ended: wait for the release")
         touch = self.room.felt("")

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from itouch.plugin import Measured
 from itouch.plugin.discovery import Catalog, PluginError
 
-#: What a study takes of each touch itself: flux and skin where fields declare them, and the force.
+#: The figures that a study itself takes of each touch: flux and skin where fields declare them, and the force.
 FLUX, SKIN, BACK, DROP, FORCE = OWN = (
     Measured(
         "mean_flux_W_m2", "W/m^2", "mean heat flux out of the finger in the first second", "flux of the first second",
@@ -30,7 +30,7 @@ def known(catalog: Catalog | None = None) -> Mapping[str, Measured]:
     catalog = catalog or Catalog()
     for plugin in catalog.plugin_names:
         for local in catalog.modality_names(plugin):
-            with contextlib.suppress(PluginError):  # one that cannot be loaded says nothing
+            with contextlib.suppress(PluginError):  # a plugin that cannot be loaded declares nothing
                 modality = catalog.modality(plugin, local)
                 for one in modality.measured if modality is not None else ():
                     found.setdefault(one.key, one)
@@ -38,6 +38,6 @@ def known(catalog: Catalog | None = None) -> Mapping[str, Measured]:
 
 
 def meaning(key: str, known: Mapping[str, Measured]) -> tuple[str, str]:
-    """Return the unit, which may be empty, and the sentence of a figure."""
+    """Return the unit of a figure, which may be empty, and the sentence that says what it is."""
     one = known.get(key)
     return (one.unit, one.doc) if one is not None else ("", "figure of a plugin that is not installed")

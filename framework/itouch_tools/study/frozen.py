@@ -1,4 +1,4 @@
-"""What a study is, as one number: the content of its file, its scene and every file that the scene names."""
+"""The digest of a study, over the content of its file, its scene and all files that the scene names; and their copy."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def digest_of(file: StudyFile) -> str:
 
 
 def keep_copy(file: StudyFile, folder: Path, digest: str) -> Path:
-    """Keep study, scene and the files that they name as they are now, in ``frozen/DIGEST.zip`` of a study's folder.
+    """Keep a copy of study, scene and the files that they name, in ``frozen/DIGEST.zip`` of a study's folder.
 
     Raises
     ------
     OSError
-        If it can't be written.
+        If the copy can't be written.
     """
     target = folder / "frozen" / f"{digest[:12]}.zip"
     if target.exists():
@@ -42,7 +42,7 @@ def keep_copy(file: StudyFile, folder: Path, digest: str) -> Path:
 
 
 def _documents(file: StudyFile) -> set[Path]:
-    """Return the scene, what it includes, and the files that a model of it has read."""
+    """Return the paths of the scene, of what it includes, and of the files that it names."""
     from itouch.scene.documents import DocumentReader
 
     folder = Path(file.scene_path).parent.resolve()

@@ -1,8 +1,8 @@
 """One trial as a state machine: skin, approach, go, contact, judge, answer, pause; void if a touch breaks a rule.
 
 ``skin`` -> ``approach`` -> ``go`` -> ``contact`` -> ``judge``, once for each interval, then ``answer`` -> ``pause`` ->
-``end``.  What drives it presents the next interval's scene when it stands in ``skin`` anew, judges a touch in
-``judge`` and hands the answer over in ``answer``.  A trial that broke a rule goes to ``pause`` without an answer.
+``end``.  Its driver presents the next interval's scene when the machine is in ``skin`` again, judges a touch in
+``judge``, and reports the answer in ``answer``.  A trial that broke a rule goes to ``pause`` without an answer.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from itouch.world.skin import is_back
 
 
 class Phase(Enum):
-    """Where a trial stands; the value is what data and tests call it."""
+    """The phase of a trial; the value is its name in data and tests."""
 
     SKIN = "skin"
     APPROACH = "approach"
@@ -29,10 +29,10 @@ class Phase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Sensed:
-    """What the machine is told of one tick.
+    """What the machine is told at each tick.
 
-    ``seconds`` of the servo's clock; ``skin`` [K] as measured, None where nothing measures it now; whether the plate
-    is ``ready``; which ``object`` is touched, -1: none; and whether the scripted hand of a twin has gone its way.
+    ``seconds`` of the servo's clock; ``skin`` [K] as measured, None if nothing measures it now; whether the plate is
+    ``ready``; which ``object`` is touched, -1: none; and whether the scripted motion of a twin's hand is ``over``.
     """
 
     seconds: float
@@ -44,10 +44,10 @@ class Sensed:
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """What a trial waits for, in SI units; see ``<contact>``, ``<blind>`` and ``<pauses>`` of the study language.
+    """What a trial waits for, in SI units; see ``<contact>`` and ``<blind>`` of the study language.
 
-    ``equal``: the go signal comes ``approach`` seconds after the skin is back, whatever the plate does; else as soon
-    as it is ready, after ``approach`` at the earliest.
+    ``equal``: the signal comes ``approach`` seconds after the skin has recovered, whatever the plate does; else as soon
+    as the plate is ready, after ``approach`` seconds at the earliest.
     """
 
     object: int
@@ -65,15 +65,15 @@ class Rules:
 
 @dataclass(slots=True)
 class Machine:
-    """A trial under way.  ``void`` is why it does not count; empty: it does."""
+    """A trial in progress.  ``void`` is why it does not count; empty: it does."""
 
     rules: Rules
     phase: Phase = Phase.SKIN
     interval: int = 0
     void: str = ""
-    #: Seconds of the servo's clock at which each phase of the last interval began.
+    #: Time [s] of the servo's clock at which each phase last began.
     times: dict[Phase, float] = field(default_factory=dict)
-    #: Of each interval so far: whether the skin was back in time; None where nothing tells it.
+    #: For each interval so far, whether the skin recovered in time; None where that is not known.
     back: list[bool | None] = field(default_factory=list)
     _now: float = math.nan
 
@@ -93,7 +93,13 @@ class Machine:
         return round(self._now - self.times.get(phase or self.phase, self._now), 9)  # so that ticks count exactly
 
     def judged(self, void: str) -> None:
-        """Take what is said of the touch that has ended; the next interval begins, or the question."""
+        """Take the verdict on the touch that has ended ("": it counts); the next interval begins, or the question.
+
+        Raises
+        ------
+        ValueError
+            If no touch has just ended.
+        """
         if self.phase is not Phase.JUDGE:
             raise ValueError(f"a touch is judged when it has ended, not in '{self.phase.value}'")
         self.void = self.void or void
@@ -106,7 +112,13 @@ class Machine:
             self._enter(Phase.ANSWER)
 
     def answered(self) -> None:
-        """Note that the answer was given in this tick."""
+        """Note that the answer was given in this tick.
+
+        Raises
+        ------
+        ValueError
+            If no answer is asked for.
+        """
         if self.phase is not Phase.ANSWER:
             raise ValueError(f"an answer is taken when it is asked for, not in '{self.phase.value}'")
         self._enter(Phase.PAUSE)
@@ -121,7 +133,7 @@ class Machine:
         self.times[phase] = self._now
 
     def _wait(self, sensed: Sensed) -> None:
-        """Wait for what drives the machine."""
+        """Do nothing: in this phase the driver acts."""
 
     def _skin(self, sensed: Sensed) -> None:
         rules, skin = self.rules, sensed.skin

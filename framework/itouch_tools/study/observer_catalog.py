@@ -1,8 +1,8 @@
-"""Which simulated observers there are: those that ship, and those that plugins bring by ``itouch.observers``.
+"""The simulated observers: those that ship, and those that plugins bring by the entry point ``itouch.observers``.
 
 A plugin's observer is a class that is made without arguments and has ``cue(self, felt)``; it imports nothing of the
-framework: what an observer does with its cues is added here.  It may judge in another way by methods of its own, named
-as those of `Observer`; ``self.person`` holds the person's noise, memory, lapses and biases.
+framework, which adds here what an observer does with its cues.  It may judge in another way, by methods of its own with
+the names of those of `Observer`; ``self.person`` holds the person's noise, memory, lapses and biases.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ SHIPPED: Mapping[str, type[Observer]] = {
 
 
 class ObserverError(ItouchError, ValueError):
-    """An observer that is not there, can't be loaded, or errs."""
+    """An observer that does not exist, can't be loaded, or fails."""
 
 
 def names() -> Sequence[str]:
-    """Return the names of all observers: the shipped ones first; they can't be replaced."""
+    """Return the names of all observers: first the shipped ones, which plugins can't replace."""
     return [*SHIPPED, *(name for name in sorted(find(GROUP)) if name not in SHIPPED)]
 
 
@@ -46,7 +46,7 @@ def observer_of(name: str) -> type[Observer]:
     Raises
     ------
     ObserverError
-        With the names that there are, or what is wrong with a plugin's.
+        If there is no such observer, or something is wrong with a plugin's; the message says which there are, or what.
     """
     if name in SHIPPED:
         return SHIPPED[name]
@@ -70,22 +70,22 @@ def _made(loaded: Any, whose: str) -> object:
         if loaded.__init__ is not object.__init__:
             try:
                 loaded.__init__(self)
-            except Exception as error:  # a stranger's code may raise anything
+            except Exception as error:  # a plugin's code may raise anything
                 raise ObserverError(f"{whose}: making it raised {type(error).__name__}: {error}") from error
 
     return init
 
 
 def _decides(own: Any, name: str, whose: str) -> object:
-    """Return a stranger's decision that is one of the answers that there are, or a sentence."""
+    """Return a plugin's decision method, wrapped: what is not one of the possible answers raises an ObserverError."""
     allowed, what = DECISIONS[name]
 
     def decide(self: Observer, felt: Any, *rest: Any) -> Any:
         try:
             found = own(self, felt, *rest)
-        except ObserverError:  # of its cue, which is a sentence already
+        except ObserverError:  # of its cue, which has its message already
             raise
-        except Exception as error:  # a stranger's code may raise anything
+        except Exception as error:  # a plugin's code may raise anything
             raise ObserverError(f"{whose}: {name} raised {type(error).__name__}: {error}") from error
         if not allowed(found, felt, rest):
             raise ObserverError(f"{whose}: {name} gave {found!r}; it must be {what}")
@@ -98,7 +98,7 @@ def _is_place(found: Any, felt: Any, _: Sequence[Any]) -> bool:
     return isinstance(found, int | np.integer) and not isinstance(found, bool) and 0 <= int(found) < len(felt)
 
 
-#: The decisions that a plugin's observer may make itself: whether what it says is an answer, and what one is.
+#: The decisions that a plugin's observer may make itself, each with a test of its answer and a description of one.
 DECISIONS: Mapping[str, tuple[Callable[[Any, Any, Sequence[Any]], bool], str]] = {
     "identify": (
         lambda found, _, rest: isinstance(found, str) and found in rest[0],
@@ -111,12 +111,12 @@ DECISIONS: Mapping[str, tuple[Callable[[Any, Any, Sequence[Any]], bool], str]] =
 
 
 def _checked(loaded: type, whose: str) -> object:
-    """Return a stranger's ``cue`` that gives finite numbers, shape (cues,), or a sentence."""
+    """Return a plugin's ``cue``, wrapped: it gives finite numbers, shape (cues,), or raises an ObserverError."""
 
     def cue(self: Observer, felt: Felt) -> NDArray[np.float64]:
         try:
             found = np.atleast_1d(np.asarray(loaded.cue(self, felt), np.float64))  # type: ignore[attr-defined]
-        except Exception as error:  # a stranger's code may raise anything
+        except Exception as error:  # a plugin's code may raise anything
             raise ObserverError(f"{whose}: cue raised {type(error).__name__}: {error}") from error
         if found.ndim != 1 or not len(found) or not np.isfinite(found).all():
             raise ObserverError(f"{whose}: cue gave {found.tolist()}; it must be one or more finite numbers")

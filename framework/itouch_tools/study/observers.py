@@ -1,6 +1,6 @@
 """Simulated observers: what a person would answer who felt only what the twin's finger felt.
 
-An observer draws a noisy cue from what was felt in each interval and decides by its criteria.  Models and sources are
+An observer draws a noisy cue from what was felt in each interval, and decides by its criteria.  Models and sources are
 in ``docs/explanation/observers.md``.
 """
 
@@ -15,17 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 #: Weber fraction of the rate of heat extraction (Bergmann Tiest and Kappers 2009, AP&P 71:481): 43 %; the abstract
-#: does not say for what proportion right, so that the criterion is a parameter here.
+#: does not say at which proportion right, so the criterion is a parameter here.
 WEBER = 0.43
-#: Mean flux [W/m2] below which nothing is told from nothing.
+#: Mean flux [W/m2] below which a flux is not distinguished from none.
 FLOOR = 20.0
-#: Depth [m] and coefficients of the thermoreceptors' model: static [imp/s/K] and dynamic [imp/K] answer to cooling.
+#: Depth [m] of the modelled thermoreceptors, and their static [imp/s/K] and dynamic [imp/K] response to cooling.
 DEPTH, STATIC, DYNAMIC = 0.2e-3, 0.72, 50.0
 
 
 @dataclass(frozen=True, slots=True)
 class Felt:
-    """What a finger felt in one interval, sampled at a fixed rate from the start of the contact.
+    """What a finger felt in one interval, sampled at a fixed rate from the beginning of the contact.
 
     ``flux`` [W/m2] out of the finger, ``skin`` [K] at the surface and ``deep`` [K] at the receptors' depth, all of
     shape (samples,), ``period`` [s].
@@ -37,15 +37,16 @@ class Felt:
     period: float
 
     def mean_flux(self, seconds: float = 1.0) -> float:
-        """Return the mean flux of the first second [W/m2]; 0 if nothing was touched."""
+        """Return the mean flux [W/m2] of the first ``seconds``; 0 if nothing was touched."""
         count = max(1, round(seconds / self.period))
         return float(self.flux[:count].mean()) if len(self.flux) else 0.0
 
 
 def noise_of(weber: float = WEBER, criterion: float = 0.75) -> float:
-    """Return the standard deviation of the log cue for which ``weber`` more is noticed in ``criterion`` of 2AFC trials.
+    """Return the noise of the log cue with which an increase by ``weber`` is noticed in ``criterion`` of 2AFC trials.
 
-    d' = ln(1 + weber) / sigma and the proportion right is Phi(d' / sqrt 2); the 43 % at 75 % give 0.375.
+    The noise is a standard deviation sigma: d' = ln(1 + weber) / sigma, and the proportion right is Phi(d' / sqrt 2);
+    43 % at 75 % right give 0.375.
     """
     from itouch_tools.study.statistics import d_prime_of_alternatives
 
@@ -54,7 +55,10 @@ def noise_of(weber: float = WEBER, criterion: float = 0.75) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """What differs between people: noise of the log cue, of its memory, lapses, bias of each answer (log weights)."""
+    """What differs between people: noise of the log cue and of its memory, lapse rate, biases, finger temperature [K].
+
+    ``bias`` holds the log of each answer's weight.
+    """
 
     noise: float = 0.375
     memory: float = 0.0
@@ -75,14 +79,14 @@ class Person:
 
 
 class Observer(ABC):
-    """A model of a person's judgement.  It keeps nothing that changes: its random words come from ``rng``."""
+    """A model of a person's judgement.  It keeps nothing that changes: its random numbers come from ``rng``."""
 
     def __init__(self, person: Person) -> None:
         self.person = person
 
     @abstractmethod
     def cue(self, felt: Felt) -> NDArray[np.float64]:
-        """Return what is perceived without noise, in units in which the noise is ``person.noise``, shape (cues,)."""
+        """Return the cue without noise, in units in which the noise is ``person.noise``, shape (cues,)."""
 
     def perceived(self, felt: Felt, rng: np.random.Generator) -> NDArray[np.float64]:
         """Return the noisy cue of one interval, shape (cues,)."""
@@ -94,7 +98,7 @@ class Observer(ABC):
         return float(self.perceived(felt, rng).mean() * math.sqrt(len(self.cue(felt))))
 
     def identify(self, felt: Felt, prototypes: Mapping[str, Felt], rng: np.random.Generator) -> str:
-        """Return which of the known things was touched: the nearest in cues, weighted by the biases."""
+        """Return the name of the known thing that was touched: the one with the nearest cue, weighted by the biases."""
         names = sorted(prototypes)
         if rng.random() < self.person.lapse:
             return names[int(rng.integers(len(names)))]
@@ -108,13 +112,13 @@ class Observer(ABC):
         return names[int(np.argmax(scores))]
 
     def colder(self, intervals: Sequence[Felt], rng: np.random.Generator) -> int:
-        """Return which interval felt coldest."""
+        """Return the index of the interval that felt coldest."""
         if rng.random() < self.person.lapse:
             return int(rng.integers(len(intervals)))
         return int(np.argmax([self.coldness(felt, rng) for felt in intervals]))
 
     def odd(self, intervals: Sequence[Felt], rng: np.random.Generator) -> int:
-        """Return which of three intervals is the odd one: the one left over by the closest pair."""
+        """Return the index of the odd one of three intervals: the one that is not in the closest pair."""
         if len(intervals) != 3:
             raise ValueError(f"the odd one is sought among three intervals, not {len(intervals)}")
         if rng.random() < self.person.lapse:
@@ -124,7 +128,7 @@ class Observer(ABC):
         return min(distances, key=lambda left: distances[left])
 
     def same(self, intervals: Sequence[Felt], rng: np.random.Generator) -> bool:
-        """Return whether two intervals seem the same: their cues differ by less than the criterion sqrt(2) noise."""
+        """Tell whether two intervals seem the same: whether their cues differ by less than noise * sqrt(2 cues)."""
         if len(intervals) != 2:
             raise ValueError(f"same or different is asked of two intervals, not {len(intervals)}")
         if rng.random() < self.person.lapse:
@@ -134,7 +138,7 @@ class Observer(ABC):
 
 
 def _log_flux(felt: Felt) -> float:
-    """Return the log of the mean flux of the first second above the floor, odd in the flux: warm is negative."""
+    """Return the log of the first second's mean flux relative to the floor; it has the sign of the flux (warm: < 0)."""
     flux = felt.mean_flux()
     return math.copysign(math.log1p(abs(flux) / FLOOR), flux)
 
@@ -151,29 +155,30 @@ class FluxObserver(Observer):
 
 
 class CombinedObserver(Observer):
-    """Judges by the mean flux and by how far the skin has cooled in the end, each with its noise."""
+    """Judges by the mean flux and by how far the skin has cooled by the end, each with its own noise."""
 
-    #: Change of the skin's temperature [K] that counts as much as one unit of the log flux.
+    #: Change of the skin's temperature [K] at which its log cue is ln 2.
     SCALE = 2.0
 
     def cue(self, felt: Felt) -> NDArray[np.float64]:
-        """Return log flux and fall of the skin's temperature."""
+        """Return the log of the mean flux, and the log of the fall of the skin's temperature."""
         fall = float(felt.skin[0] - felt.skin[-1]) if len(felt.skin) else 0.0
         return np.array([_log_flux(felt), math.copysign(math.log1p(abs(fall) / self.SCALE), fall)])
 
 
 class ReceptorObserver(Observer):
-    """Judges by the impulses of cold receptors in the first second: a static and a dynamic answer, adapting.
+    """Judges by the impulses of cold receptors in the first second: a static and a dynamic response, with adaptation.
 
-    A(t) = Ks (T0 - T) + Kd max(0, -dT/dt) with T at 0.2 mm, T0 follows T in ``ADAPTATION`` seconds.
+    A(t) = Ks (T0 - T) + Kd max(0, -dT/dt) with T at 0.2 mm; T0 follows T with the time constant ``ADAPTATION`` [s].
+    Warming subtracts half as much as cooling adds: - Kd / 2 max(0, dT/dt).
     """
 
     ADAPTATION = 30.0
-    #: Impulses of a second that are told from none.
+    #: Number of impulses in a second that is distinguished from none.
     REST = 4.0
 
     def cue(self, felt: Felt) -> NDArray[np.float64]:
-        """Return the log of the count, negative where the skin warms."""
+        """Return the log of the number of impulses, negative if the skin warms."""
         if len(felt.deep) < 2:
             return np.zeros(1)
         count = max(2, round(1.0 / felt.period))
@@ -190,4 +195,4 @@ class ReceptorObserver(Observer):
 
 
 class NaiveObserver(FluxObserver):
-    """A flux observer whose person has biased criteria and lapses: draw it with ``Person.drawn(biased=True)``."""
+    """A flux observer for a person with biased criteria and many lapses: draw it with ``Person.drawn(biased=True)``."""

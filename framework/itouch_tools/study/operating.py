@@ -1,4 +1,4 @@
-"""What the operator of a session sees and may do: devices, pause, notes, stop; nothing of it tells a condition."""
+"""What the operator of a session sees and may do: devices, pause, notes, stop; nothing of it reveals a condition."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from itouch_tools.study.session_display import Shown
 
 
 class Operator(Protocol):
-    """Who looks after a session: a window, or what stands in its place.  Everything returns at once."""
+    """The operator of a session: a window, or a stand-in for it.  All methods return at once."""
 
     paused: bool
     stopped: bool
@@ -22,14 +22,14 @@ class Operator(Protocol):
     held: bool
 
     def show(self, face: Shown, lines: Sequence[tuple[str, bool]]) -> None:
-        """Show how it goes; ``lines``: (words, whether all is well)."""
+        """Show the state of the session; ``lines`` are pairs (words, whether all is well)."""
 
     def notes(self) -> Sequence[str]:
         """Return the notes that were written since the last call."""
 
 
 def lines_of(room: Room) -> list[tuple[str, bool]]:
-    """Return how the devices are and whether all is ready, (words, whether all is well)."""
+    """Return lines on devices, dead-man's switch, readiness and losses, as pairs (words, whether all is well)."""
     state = room.session.state
     found = []
     for name in room.session.model.devices:
@@ -49,7 +49,7 @@ def keep_note(folder: Path, code: str, trial: int, words: str) -> None:
     Raises
     ------
     OSError
-        If it can't be written.
+        If the note can't be written.
     """
     now = datetime.now(UTC).isoformat(timespec="seconds")
     with (folder / "notes.tsv").open("a", encoding="utf-8") as stream:

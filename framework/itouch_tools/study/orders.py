@@ -1,6 +1,6 @@
-"""The order of conditions: squares, blocks and constrained shuffles, the same for a participant whenever it is asked.
+"""The order of conditions: squares, blocks and constrained shuffles; for a participant it is always the same.
 
-All randomness comes from `generator`, which depends on the study's seed and the participant's code alone.
+All randomness comes from `generator`, which depends only on the study's seed, the participant's code and a purpose.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ ATTEMPTS = 2000
 
 
 def generator(seed: int, participant: str, *purpose: str) -> np.random.Generator:
-    """Return the generator of one participant and purpose: a function of its arguments, on every machine.
+    """Return the random generator of one participant and purpose: the same for the same arguments, on every machine.
 
     Parameters
     ----------
     seed
-        The study's.
+        The study's seed.
     participant
         The participant's code.
     purpose
-        What it is for, as ``"order"``; different purposes draw independently.
+        What it is for, such as ``"order"``; different purposes draw independently.
     """
     text = "\x1f".join((str(seed), participant, *purpose)).encode()
     words = np.frombuffer(hashlib.sha256(text).digest(), "<u8")
@@ -49,15 +49,15 @@ def assigned_row(seed: int, participant: str, rows: int) -> int:
 
 
 def latin_square(count: int) -> list[list[int]]:
-    """Return the cyclic Latin square: every condition once in each row and at each place, shape (count, count)."""
+    """Return the cyclic Latin square, shape (count, count): each condition is once in each row and at each place."""
     return [[(row + place) % count for place in range(count)] for row in range(count)]
 
 
 def williams(count: int) -> list[list[int]]:
-    """Return a Williams design: every condition once a row, and every ordered pair of neighbours equally often.
+    """Return a Williams design: each condition is once in each row, and all ordered pairs of neighbours equally often.
 
     An even number of conditions needs as many rows, an odd one twice as many (Williams 1949, Aust. J. Sci. Res. A
-    2:149): the second half are the first rows backwards.
+    2:149): the second half is the first half with each row reversed.
     """
     if count < 1:
         return []
@@ -76,7 +76,7 @@ def williams(count: int) -> list[list[int]]:
 
 
 def longest_run(items: Sequence[T], key: Callable[[T], Hashable]) -> int:
-    """Return how many equal keys follow one another at most."""
+    """Return the length of the longest run of equal keys."""
     longest = run = 0
     before: object = object()
     for item in items:
@@ -87,7 +87,7 @@ def longest_run(items: Sequence[T], key: Callable[[T], Hashable]) -> int:
 
 
 def possible_run(counts: Sequence[int]) -> int:
-    """Return the smallest ``most`` for which an order of so many equal items exists."""
+    """Return the smallest longest run with which items can be ordered, given the number of items of each key."""
     if not counts or max(counts) == 0:
         return 0
     largest = max(counts)
@@ -98,19 +98,19 @@ def possible_run(counts: Sequence[int]) -> int:
 def constrained_shuffle(
     items: Sequence[T], rng: np.random.Generator, *, key: Callable[[T], Hashable], most: int
 ) -> list[T]:
-    """Return the items in random order with at most ``most`` of equal key in a row.
+    """Return the items in random order, with at most ``most`` of equal key in a row.
 
-    Shuffles are drawn until one is allowed, so that all allowed orders are equally probable; where allowed orders are
-    too rare for that, one is built by drawing each next item among those that leave the rest possible.
+    Shuffles are drawn until one is allowed, so that all allowed orders are equally probable; if allowed orders are too
+    rare for that, one is built by drawing each next item among those after which the rest can still be ordered.
 
     Parameters
     ----------
     items
-        What to order.
+        The items to order.
     rng
-        Of the participant.
+        The participant's generator.
     key
-        What must not repeat, as the material of a trial.
+        Returns what must not repeat too often, such as the material of a trial.
     most
         Greatest number of equal keys in a row.
 
@@ -153,7 +153,7 @@ def _built(pool: list[T], rng: np.random.Generator, key: Callable[[T], Hashable]
 
 
 def _leaves_possible(counts: Counter[Hashable], value: Hashable, last: Hashable, run: int, most: int) -> bool:
-    """Tell whether the rest can still be ordered after ``value`` has been taken next."""
+    """Tell whether the rest can still be ordered if an item with the key ``value`` is taken next."""
     now = run + 1 if run and value == last else 1
     if now > most:
         return False
@@ -168,7 +168,7 @@ def _leaves_possible(counts: Counter[Hashable], value: Hashable, last: Hashable,
 
 
 def interleave(streams: Sequence[Sequence[T]], rng: np.random.Generator) -> list[T]:
-    """Return several streams mixed at random, each in its own order: every mixture is equally probable."""
+    """Return several streams interleaved at random, each in its own order; all mixtures are equally probable."""
     labels = [index for index, stream in enumerate(streams) for _ in stream]
     at = [0] * len(streams)
     mixed: list[T] = []

@@ -1,4 +1,4 @@
-"""The page of a study: one HTML file with its tables and figures, and nothing that is fetched from elsewhere."""
+"""The page of a study: one HTML file with its tables and figures, which loads nothing from elsewhere."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _percent(value: float | None) -> str:
 
 
 def _chance(p: Any) -> str:
-    """Return a probability of a test in four digits; none is nought."""
+    """Return a test's p value with four digits, never as 0."""
     told = _number(p, 4)
     return "< 0.0001" if told == "0.0000" else told
 
@@ -88,7 +88,7 @@ def _name(condition: dict[str, str]) -> str:
 
 
 def _identification(one: dict[str, Any]) -> str:
-    """Return a confusion matrix: rows were shown, columns answered, percent with 95 % intervals of the panel."""
+    """Return a confusion matrix: rows shown, columns answered, in percent with 95 % intervals over participants."""
     labels, counts, cells = one["labels"], one["counts"], one["intervals_95"]
     head = "".join(f"<th>{escape(label)}</th>" for label in labels)
     body = []
@@ -176,7 +176,7 @@ def _sections(result: dict[str, Any]) -> list[str]:
 
 
 def _constant(found: dict[str, Any]) -> list[str]:
-    """Return a series of levels: how often each was judged colder than the standard, and where that is half."""
+    """Return tables of how often each level was judged colder than the standard, and of the points of equality."""
     rows: list[tuple[Any, ...]] = [
         (
             f"{one['level']:g}",

@@ -1,8 +1,8 @@
-"""Tasks and answer devices that plugins bring by ``itouch.tasks``.
+"""Tasks and answer devices that plugins bring by the entry point ``itouch.tasks``.
 
 Both are classes that are made without arguments; they import nothing of the framework.  A task has ``right(self,
-answer, trial)``, and as it likes ``intervals``, ``question``, ``choices(self, levels)`` and ``simulated(self, observer,
-felt, rng)``.  An answer device has ``poll(self)``, and as it likes ``ask(self, words, choices)`` and ``close(self)``.
+answer, trial)``, and optionally ``intervals``, ``question``, ``choices(self, levels)`` and ``simulated(self, observer,
+felt, rng)``.  An answer device has ``poll(self)``, and optionally ``ask(self, words, choices)`` and ``close(self)``.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ MOST = 3
 
 
 class TaskError(ItouchError, ValueError):
-    """A task or an answer device that is not there, can't be loaded, or errs."""
+    """A task or an answer device that does not exist, can't be loaded, or fails."""
 
 
 @dataclass(frozen=True, slots=True)
 class Brought:
-    """A plugin's task: what made it, and ``whose`` it is, for messages."""
+    """A plugin's task: the object that it ``made``, and ``whose`` it is, for messages."""
 
     made: Any
     whose: str
@@ -37,12 +37,12 @@ class Brought:
     question: str
 
     def choices(self, levels: Sequence[str]) -> tuple[tuple[str, str], ...]:
-        """Return the answers that there are, (as it is kept, as it is shown); none: any number is one.
+        """Return the possible answers, as pairs (as kept, as shown); none: any number is an answer.
 
         Raises
         ------
         TaskError
-            If what the plugin gives is no mapping of words.
+            If the plugin does not return a mapping of words.
         """
         ask = getattr(self.made, "choices", None)
         found = {} if ask is None else self._told("choices", ask, tuple(levels))
@@ -52,14 +52,14 @@ class Brought:
         return tuple(words)
 
     def right(self, answer: str, trial: Mapping[str, Any]) -> int | None:
-        """Return 1 for the right answer, 0 for a wrong one, None where there is no right one."""
+        """Return 1 for the right answer, 0 for a wrong one, None if there is no right one."""
         found = self._told("right", self.made.right, answer, dict(trial))
         if found is not None and not isinstance(found, bool | int):
             raise TaskError(f"{self.whose}: right gave {found!r}; it must be True, False or None")
         return None if found is None else int(bool(found))
 
     def simulated(self, observer: Any, felt: Sequence[Any], rng: Any) -> str:
-        """Return what a simulated observer answers who felt these intervals."""
+        """Return the answer of a simulated observer who felt these intervals."""
         ask = getattr(self.made, "simulated", None)
         if ask is None:
             raise TaskError(f"{self.whose} has no method simulated(self, observer, felt, rng): people alone can do it")
@@ -68,48 +68,48 @@ class Brought:
     def _told(self, what: str, call: Any, *given: Any) -> Any:
         try:
             return call(*given)
-        except Exception as error:  # a stranger's code may raise anything
+        except Exception as error:  # a plugin's code may raise anything
             raise TaskError(f"{self.whose}: {what} raised {type(error).__name__}: {error}") from error
 
 
 class Device:
-    """A plugin's answer device; it stands where a person's keys would.  ``say`` prints what the participant reads."""
+    """A plugin's answer device, in place of a keyboard.  ``say`` prints what the participant reads."""
 
     def __init__(self, made: Any, whose: str, say: Callable[[str], None]) -> None:
         self._made, self._whose, self._say = made, whose, say
 
     def ask(self, question: Question) -> None:
-        """Let it know the question."""
+        """Print the question, and pass it on to the device."""
         self._say(question.words)
         for choice in question.choices:
             self._say(f"  {choice}")
         self._call("ask", question.words, list(question.choices))
 
     def poll(self, waited: float) -> str | None:
-        """Return what was answered, or None."""
+        """Return the answer, or None if there is none yet."""
         found = self._call("poll")
         if found is not None and not isinstance(found, str | int | float):
             raise AnswerError(f"{self._whose}: poll gave {found!r}; it must be a word, a number or None")
         return None if found is None else str(found)
 
     def tell(self, words: str) -> None:
-        """Print it: the device has no screen."""
+        """Print the message: the device has no screen."""
         self._say(words)
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release the device."""
         self._call("close")
 
     def _call(self, what: str, *given: Any) -> Any:
         call = getattr(self._made, what, None)
         try:
             return None if call is None else call(*given)
-        except Exception as error:  # a stranger's code may raise anything
+        except Exception as error:  # a plugin's code may raise anything
             raise AnswerError(f"{self._whose}: {what} raised {type(error).__name__}: {error}") from error
 
 
 def task_names() -> list[str]:
-    """Return the names of the tasks that plugins bring; what can't be loaded is one, too."""
+    """Return the names of the tasks that plugins bring, including those that can't be loaded."""
     names = []
     for name in sorted(find(GROUP)):
         with contextlib.suppress(TaskError, PluginError):
@@ -120,7 +120,7 @@ def task_names() -> list[str]:
 
 
 def offered(name: str) -> bool:
-    """Tell whether a plugin brings anything of that name, whatever it is."""
+    """Tell whether a plugin brings a task or an answer device of that name."""
     return name in find(GROUP)
 
 
@@ -130,7 +130,7 @@ def task_of(name: str) -> Brought:
     Raises
     ------
     TaskError
-        If there is none of that name, or it is none.
+        If there is nothing of that name, or it is not a task.
     PluginError
         If it can't be loaded.
     """
@@ -149,12 +149,12 @@ def _task(name: str, path: tuple[str, ...]) -> Brought:
 
 
 def device_of(name: str, say: Callable[[str], None] = lambda words: None) -> Device:
-    """Return a plugin's answer device, made anew; ``say`` prints what the participant reads.
+    """Return a new object of a plugin's answer device; ``say`` prints what the participant reads.
 
     Raises
     ------
     TaskError
-        If there is none of that name, or it is none.
+        If there is nothing of that name, or it is not an answer device.
     PluginError
         If it can't be loaded.
     """
@@ -178,5 +178,5 @@ def _made(name: str) -> tuple[Any, str]:
         raise TaskError(f"{whose} is no class")
     try:
         return loaded(), whose
-    except Exception as error:  # a stranger's code may raise anything
+    except Exception as error:  # a plugin's code may raise anything
         raise TaskError(f"{whose}: it can't be made: {type(error).__name__}: {error}") from error

@@ -1,4 +1,4 @@
-"""How many participants does a study need?  Panels drawn from simulated observers who differ between them.
+"""How many participants does a study need?  Panels are drawn from simulated observers who differ from one another.
 
 The twins are touched once for each condition and finger temperature; observers then answer from what was felt there,
 so that hundreds of people cost no more touches than a few.
@@ -25,18 +25,18 @@ from itouch_tools.study.tasks import is_right
 from itouch_tools.study.touches import Presented, Toucher
 from itouch_tools.study.trials import Trial
 
-#: Finger temperatures [degC] at which the twins are touched: mean and one standard deviation to both sides, of the 32
-#: people of Bhattacharjee et al. 2021; a person has the nearest.
+#: Finger temperatures [degC] at which the twins are touched: the mean, and one standard deviation to both sides, of the
+#: 32 people of Bhattacharjee et al. 2021; a simulated person feels what the nearest of them felt.
 FINGERS = (25.7, 28.5, 31.3)
-#: Touches of each condition at each of them, which differ by the noise of the twins.
+#: Touches of each condition at each finger temperature, which differ by the noise of the twins.
 TOUCHES = 2
 
-#: Tasks that a simulated panel is drawn for.
+#: Tasks for which power can be computed.
 POWERED = ("identify", "colder", "odd", "same")
 
 
 class PowerError(ItouchError):
-    """A study whose power can't be computed so."""
+    """A study whose power can't be computed in this way."""
 
 
 class Touches(Protocol):
@@ -50,8 +50,8 @@ class Touches(Protocol):
 class Power:
     """What a panel would find.
 
-    ``half_width`` of the 95 % interval of the proportion right, and for each factor that is not asked for the power
-    of its test of equivalence (margin 10 %), as these observers would answer.
+    ``half_width`` is that of the 95 % interval of the proportion right; ``equivalence`` holds, for each pair of levels
+    of a factor that is not asked for, the power of the test of equivalence (margin 10 %), as these observers answer.
     """
 
     panel: int
@@ -64,7 +64,10 @@ class Power:
 def library(
     file: StudyFile, made: Callable[[float], Touches], *, told: Callable[[str], None] = lambda words: None
 ) -> list[dict[str, list[Felt]]]:  # fmt: skip
-    """Return what is felt: for each of `FINGERS`, condition (as its repr) -> touches."""
+    """Return what is felt: for each of `FINGERS` the touches of each condition, by the condition's repr.
+
+    ``made`` returns what makes touches with a finger of a temperature [K]; ``told`` is told the progress.
+    """
     found: list[dict[str, list[Felt]]] = []
     for number, celsius in enumerate(FINGERS, 1):
         touches = made(celsius + 273.15)
@@ -77,7 +80,7 @@ def library(
 
 
 def toucher(file: StudyFile, catalog: Catalog) -> Callable[[float], Touches]:
-    """Return what makes touches on the twins with a finger of some temperature [K]."""
+    """Return a function that returns what makes touches on the twins with a finger of a temperature [K]."""
     return lambda kelvin: Toucher(file, catalog, skin_temperature=kelvin)
 
 
@@ -92,19 +95,19 @@ def power(
     file
         The study.
     felt
-        From `library`.
+        What is felt, as `library` returns it.
     panels
         Numbers of participants.
     model
-        Of the observers.
+        Name of the observers' model.
     repetitions
-        Of each condition; default: the study's.
+        Numbers of repetitions of each condition; default: the study's.
     pool
         How many people are simulated; panels are drawn from them.
     studies
-        Panels drawn for each number.
+        How many panels are drawn for each number of participants.
     seed
-        Of people and panels.
+        Seed of people and panels.
 
     Raises
     ------
@@ -141,7 +144,7 @@ def _answer(
     file: StudyFile, observer: Observer, felt: Mapping[str, Sequence[Felt]], condition: dict[str, str],
     rng: np.random.Generator,
 ) -> int:  # fmt: skip
-    """Return whether one trial of a condition was answered rightly."""
+    """Run one trial of a condition; return 1 if it was answered rightly, else 0."""
     task = file.study.task
 
     def one(shown: dict[str, str]) -> Felt:
@@ -164,7 +167,7 @@ def _answer(
 def _panel(
     file: StudyFile, shares: NDArray[np.float64], size: int, count: int, studies: int, rng: np.random.Generator
 ) -> Power:  # fmt: skip
-    """Draw panels from the pool, shape (people, conditions), and return what they would find."""
+    """Draw panels from the pool's proportions right, shape (people, conditions), and return what they would find."""
     picks = rng.integers(0, len(shares), (studies, size))
     means = shares.mean(axis=1)[picks]  # (studies, size)
     error = means.std(axis=1, ddof=1) / math.sqrt(size) if size > 1 else np.full(studies, math.nan)
@@ -184,7 +187,7 @@ def _equivalent(pairs: NDArray[np.float64]) -> bool:
 
 
 def _pairs(file: StudyFile, shares: NDArray[np.float64]) -> list[tuple[str, NDArray[np.float64]]]:
-    """Return each pair of levels of the factors that are not asked for, and people's shares, shape (people, 2)."""
+    """Return pairs of levels of factors that are not asked for, with people's proportions right, shape (people, 2)."""
     conditions, found = file.conditions(), []
     for factor in file.study.factors:
         if factor.name == file.study.task.factor:

@@ -1,4 +1,4 @@
-"""A participant's way through a study: which trial is due, from the order and the rows that there are alone."""
+"""A participant's progress through a study: which trial is due, from the order and the rows so far alone."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Due:
     """The trial that comes next.
 
     ``place`` counts the participant's rows, ``repeats`` is the place of the void trial that it repeats, ``shown`` has
-    the condition of each interval, and ``level`` is what a staircase asks for.
+    the condition of each interval, and ``level`` is the level for which a staircase asks.
     """
 
     trial: Trial
@@ -35,11 +35,11 @@ class Course:
         self.planned = trials_of(file, code)
 
     def made(self, row: Row) -> None:
-        """Note a trial that has ended."""
+        """Note the row of a trial that has ended."""
         self.rows.append(row)
 
     def next(self) -> Due | None:
-        """Return the trial that is due; None: all is done."""
+        """Return the trial that is due; None: all are done."""
         begun = _begun(self.planned, self.rows)
         for trial in self.planned[begun[-1] + 1 if begun else 0 :]:
             if (due := self._due(trial, None)) is not None:
@@ -68,7 +68,7 @@ class Course:
 
     @property
     def left(self) -> int:
-        """How many trials of the order have not been begun, of staircases as many as there may be at most."""
+        """How many trials of the order have not begun; staircases count with the most trials that they may take."""
         begun = _begun(self.planned, self.rows)
         rest = self.planned[begun[-1] + 1 if begun else 0 :]
         ended = {name for name in {each.staircase for each in rest} if name and self._running(name).finished}
@@ -76,9 +76,10 @@ class Course:
 
 
 def _begun(planned: Sequence[Trial], rows: Sequence[Row]) -> list[int]:
-    """Return which trial of the order each row began that repeats none: those of staircases that ended are left out.
+    """Return, for each row that is no repetition, the index of its trial in the order.
 
-    A trial of the order is passed over only if its staircase has ended, so that a row began the next one of its own.
+    A trial of the order is passed over only if its staircase has ended, so a row belongs to the next one of its own
+    staircase.
     """
     found: list[int] = []
     at = 0
@@ -93,7 +94,7 @@ def _begun(planned: Sequence[Trial], rows: Sequence[Row]) -> list[int]:
 
 
 def _to_repeat(rows: Sequence[Row], repeats: int) -> Iterator[int]:
-    """Yield the places of void trials that are to be tried again, in their order."""
+    """Yield the places of void trials that are to be repeated, in their order."""
     tries: dict[int, int] = {}
     valid: set[int] = set()
     for row in rows:
@@ -107,7 +108,7 @@ def _to_repeat(rows: Sequence[Row], repeats: int) -> Iterator[int]:
 
 
 def told(rows: Sequence[Row], staircase: str) -> list[tuple[float, int]]:
-    """Return what a staircase was told: (level, answer) of its trials that count."""
+    """Return what a staircase was told: pairs (level, answer) of its trials that count."""
     return [
         (row.level, row.right) for row in rows
         if row.staircase == staircase and not row.void and row.block != PRACTICE

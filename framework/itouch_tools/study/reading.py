@@ -1,4 +1,4 @@
-"""From a study's file to a checked `Study`, with the places of everything in it and all problems at once."""
+"""From a study's file to a checked `Study`, with the place of everything in it, and all problems at once."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from itouch_tools.study.adaptive import Staircase
 from itouch_tools.study.elements import TASKS, UNCOUNTED, VERSION, Adaptive, Factor, Study
 from itouch_tools.study.plugin_tasks import TaskError, offered, task_names, task_of
 
-#: How far [m] the end of a scripted hand's way may be from its start.
+#: How far [m] the end of a scripted hand's path may be from its start.
 CLOSED = 1e-3
-#: What a staircase has that says nothing of itself.
+#: A staircase with the default values.
 USUAL = Staircase("quest", 0.0, 1.0, 0.5)
-#: A prior is narrow if the range of the levels is so many times as wide.
+#: A prior is narrow if the range of the levels is more than this many times as wide.
 NARROW = 20.0
-#: What lies on a display's current before each touch of a blind study, over the noise of its own control.
+#: Noise that is added to a display's current before each touch of a blind study, above that of its own control.
 PRESET_NOISE = "0.2 A"
-#: Levels of the factors, and of a staircase under its name.
+#: The level of each factor by its name, and that of a staircase by its name.
 Condition = Mapping[str, str]
 
 
 @dataclass(frozen=True, slots=True)
 class StudyFile:
-    """A study as it was read: ``path`` of the file, the scene's, and where each element stands."""
+    """A study as it was read: the paths of its file and of its scene, and the place of each element."""
 
     study: Study
     path: str
@@ -59,7 +59,7 @@ class StudyFile:
         ]  # fmt: skip
 
     def instructions(self) -> list[str]:
-        """Return the lines that the participant reads first; none: there is no such element.
+        """Return the lines of the participant's instructions; none: the study has no such element.
 
         Raises
         ------
@@ -90,14 +90,14 @@ class StudyFile:
             yield Edit(path, Attribute(value, place))
 
     def scene(self, condition: Condition, catalog: Catalog, more: Sequence[Edit] = ()) -> tuple[Scene, list[Problem]]:
-        """Return the scene of a condition (and ``more`` edits), with what is wrong with it."""
+        """Return the scene of a condition (and ``more`` edits), and its problems."""
         edits = [*self.edits(condition), *more]
         scene, problems = read_scene(self.scene_path, catalog, edits=edits)
         equal = self._equalised(scene)
         return read_scene(self.scene_path, catalog, edits=[*edits, *equal]) if equal else (scene, problems)
 
     def _equalised(self, scene: Scene) -> list[Edit]:
-        """Return what asks the modalities that can for the same time before every touch: ``<blind>``'s."""
+        """Return the edits that make modalities take the same time before every touch, where they can (``<blind>``)."""
         blind = self.study.blind
         if blind is None or not blind.equalise:
             return []
@@ -115,7 +115,7 @@ class StudyFile:
         Raises
         ------
         SceneError
-            With all problems.
+            If the scene has problems; with all of them.
         """
         scene, problems = self.scene(condition, catalog, more)
         if any(problem.severity == "error" for problem in problems):
@@ -138,7 +138,7 @@ def load_study(path: str | os.PathLike[str], catalog: Catalog) -> StudyFile:
 
 
 def read_study(path: str | os.PathLike[str], catalog: Catalog) -> tuple[StudyFile | None, list[Problem]]:
-    """Read as much of a study as can be, with the problems found."""
+    """Return a study, as far as it can be read, and the problems found, in file order."""
     shown = os.fspath(path)
     try:
         root = read_root(shown, "study", f'<study version="{VERSION}" scene="SCENE.xml" seed="1">')
@@ -172,7 +172,7 @@ def _wanting(study: Study, root: Node) -> Iterator[Problem]:
 
 
 def _contradictions(file: StudyFile) -> Iterator[Problem]:
-    """Find what the study says of things that it has not."""
+    """Yield the contradictions of a study, such as names of things that it does not have."""
     study, places = file.study, file.places
     yield from _unknown_task(file)
     levels = {factor.name: factor.names for factor in study.factors}
@@ -222,7 +222,7 @@ def _contradictions(file: StudyFile) -> Iterator[Problem]:
 
 
 def _wrong_catch(file: StudyFile, levels: Mapping[str, Sequence[str]]) -> Iterator[Problem]:
-    """Find catch trials that name what the study does not vary, or leave a factor open."""
+    """Yield problems of catch trials that name what the study does not vary, or leave a factor open."""
     catch = file.study.catch
     if catch is None:
         return
@@ -240,7 +240,7 @@ def _wrong_catch(file: StudyFile, levels: Mapping[str, Sequence[str]]) -> Iterat
 
 
 def _odd_staircases(file: StudyFile) -> Iterator[Problem]:
-    """Find staircases that would go the wrong way, or whose words would have no effect."""
+    """Yield problems of staircases that would go the wrong way, or whose attributes would have no effect."""
     study, places = file.study, file.places
     if study.staircases and study.factors:
         sentence = "the trials of staircases vary their levels only: a factor beside them has no effect"
@@ -266,7 +266,7 @@ def _odd_staircases(file: StudyFile) -> Iterator[Problem]:
 
 
 def _unknown_task(file: StudyFile) -> Iterator[Problem]:
-    """Find a task that nobody brings, or that asks for what the study has not."""
+    """Yield the problem of a task that no plugin brings, or that needs what the study does not have."""
     task, place = file.study.task, file.places.of(file.study.task, "kind")
     if task.kind in TASKS:
         return
@@ -287,7 +287,7 @@ def _unknown_task(file: StudyFile) -> Iterator[Problem]:
 
 
 def _scenes(file: StudyFile, catalog: Catalog) -> Iterator[Problem]:
-    """Find what is wrong with the scene, and with each level in it."""
+    """Yield the problems of the scene, and of each level in it."""
     base, problems = read_scene(file.scene_path, catalog)
     yield from problems
     if any(problem.severity == "error" for problem in problems):
@@ -313,7 +313,7 @@ def _scenes(file: StudyFile, catalog: Catalog) -> Iterator[Problem]:
 
 
 def _open_motions(scene: Scene) -> Iterator[Problem]:
-    """Find scripted hands that do not end where they begin: from one trial to the next such an arm would jump."""
+    """Yield a problem for each scripted hand that does not end where it begins: its arm would jump between trials."""
     for operator in scene.operators:
         targets = operator.motion.targets
         if len(targets) > 1 and math.dist(targets[0].pos, targets[-1].pos) > CLOSED:
@@ -324,7 +324,7 @@ def _open_motions(scene: Scene) -> Iterator[Problem]:
 
 
 def each_level_once(file: StudyFile) -> Iterator[dict[str, str]]:
-    """Yield conditions that together have every level, one more than there are levels at most."""
+    """Yield conditions that together contain every level; staircases are at their low, high and standard level."""
     conditions = file.conditions() if file.study.factors else [{}]
     seen: set[tuple[str, str]] = set()
     ends = [

@@ -1,6 +1,6 @@
 """A participant's session on a rig with hardware: the same trials, in the servo process, led from the desk.
 
-Nothing of what is touched is published: whoever attached to the session would see the condition.
+Nothing about what is touched is published: a program attached to the session would see the condition.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class PostedAnswers:
         self._answer: str | None = None
 
     def ask(self, question: Question) -> None:
-        """Put a question; an answer to another one does not count."""
+        """Send a question to the desk; answers to other questions do not count."""
         self._place, self._answer = question.place, None
         self._outbox.tell("ask", asdict(question))
 
@@ -51,11 +51,11 @@ class PostedAnswers:
         return answer
 
     def tell(self, words: str) -> None:
-        """Tell the participant something."""
+        """Send a message for the participant to the desk."""
         self._outbox.tell("tell", {"words": words})
 
     def take(self, place: int, answer: str) -> None:
-        """Take an answer that has come."""
+        """Take an answer that has come from the desk."""
         if place == self._place:
             self._answer = answer
 
@@ -68,23 +68,23 @@ class PostedOperator:
         self.paused = self.stopped = self.held = False
 
     def show(self, face: Shown, lines: Sequence[tuple[str, bool]]) -> None:
-        """Tell the desk what to show, to the participant and to the operator."""
+        """Send the desk what to show to the participant and to the operator."""
         self._outbox.tell("shown", {"face": asdict(face), "lines": [list(line) for line in lines]})
 
     def notes(self) -> list[str]:
-        """Return none: the desk keeps what is written there."""
+        """Return none: the desk keeps the notes that are written there."""
         return []
 
 
 class Sitting(Servo):
-    """Runs what is done in a room in this process: session after session, on the same open devices.
+    """Runs the work in a room in this servo process: session after session, on the same open devices.
 
     Parameters
     ----------
     room
-        It has its first session, which has not run.
+        The room; it has its first session, which has not run yet.
     work
-        Runs it to its end.
+        Runs the work to its end.
     obey
         Takes what comes from the desk, between two ticks.
 
@@ -122,12 +122,12 @@ class Sitting(Servo):
         session.taps.append(self._tap)
 
     def _follow(self, session: Session) -> None:
-        """Go on with the session of the next scene; the devices, which rest, are handed over now."""
+        """Go on with the session of the next scene, to which the devices, now at rest, are handed over."""
         self.session = session
         self._attach(session)
 
     def _rested(self) -> None:
-        """Note that all is safe: until commands flow again the guardian need not act, and there is time to tidy up."""
+        """Note that all is safe: until commands flow again the guardian need not act, and memory can be collected."""
         self.words[at.ARMED] = 0
         self._armed = False
         gc.collect()
@@ -136,7 +136,7 @@ class Sitting(Servo):
         self.words[at.BEAT] = monotonic()
 
     def _rest(self) -> None:
-        """Do what the loop does between ticks, before it ticks: what the desk says is heard, too."""
+        """Do what the loop does between ticks, while it does not tick yet; messages from the desk are handled, too."""
         self._beat()
         for message in self._inbox.take():
             if message.get("what") == "enable":
@@ -149,7 +149,7 @@ class Sitting(Servo):
         time.sleep(IDLE)
 
     def _enable(self) -> None:
-        """Enable; who starts a participant's session again after a trip re-arms by that, if what tripped is over."""
+        """Enable; starting a participant's session again after a trip re-arms it, if the cause of the trip is gone."""
         try:
             self.session.enable()
         except LatchedError:
@@ -163,7 +163,7 @@ class Sitting(Servo):
         self.words[at.BEAT] = monotonic()
         self.words[at.PHASE] = at.RUNNING
         gc.freeze()
-        gc.disable()  # it would hold a tick for longer than a device may wait; see ``_rested``
+        gc.disable()  # a collection would hold up a tick for longer than a device may wait; see ``_rested``
         self._work()
 
     def _look(self) -> None:
@@ -172,7 +172,7 @@ class Sitting(Servo):
         Raises
         ------
         Stopped
-            If the session shall end.
+            If the session is to end.
         """
         words = self.words
         if words[at.ASKED] != words[at.TAKEN]:
@@ -183,7 +183,7 @@ class Sitting(Servo):
             raise Stopped
 
     def _tap(self, tick: int) -> None:
-        """Tell the guardian that the loop lives; called after every tick, also in the safe sequence."""
+        """Tell the guardian that the loop runs; called after every tick, also in the safe sequence."""
         words = self.words
         words[at.BEAT] = monotonic()
         if not self._armed and any(runner.enabled for runner in self.session.runners):
@@ -198,7 +198,7 @@ class Sitting(Servo):
 
 
 def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> tuple[dict[str, Any], BaseException | None]:
-    """Make the trials of a participant that are left, as ``config["study"]`` says.
+    """Run the remaining trials of a participant, as ``config["study"]`` says; return the report, and what ended it.
 
     Raises
     ------
@@ -219,7 +219,7 @@ def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> tupl
         work = partial(_make, run, outbox)
         sitting = Sitting(run.room, work, partial(_obey, answers, operator), segment, outbox, config)
         report, error = sitting.run()
-        if isinstance(error, DeviceFaultError):  # all is safe, and let go
+        if isinstance(error, DeviceFaultError):  # all devices are safe, and released
             try:
                 run.stand()
             except StoreError as other:
@@ -230,7 +230,7 @@ def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> tupl
 def serve_door(
     segment: SharedMemory, outbox: Outbox, config: dict[str, Any]
 ) -> tuple[dict[str, Any], BaseException | None]:
-    """Let another program lead, as ``config["study"]`` says; see `itouch_tools.study.external_control`.
+    """Serve a study to another program, as ``config["study"]`` says; see `itouch_tools.study.external_control`.
 
     Raises
     ------
@@ -253,7 +253,7 @@ def serve_door(
 
 
 def _make(run: Run, outbox: Outbox) -> None:
-    """Make trials until none is left, or somebody ends the session."""
+    """Run trials until none is left, or somebody ends the session."""
     told = 0
     try:
         for row in run.trials():
@@ -266,7 +266,7 @@ def _make(run: Run, outbox: Outbox) -> None:
 
 
 def _obey(answers: PostedAnswers, operator: PostedOperator, what: str, value: Any) -> None:
-    """Do what the desk asks for; what is not understood changes nothing."""
+    """Do what the desk asks for; an unknown request is ignored."""
     if what == "answer" and isinstance(value, dict):
         answers.take(int(value.get("place", -1)), str(value.get("answer", "")))
     elif what == "pause":

@@ -1,8 +1,7 @@
 """What people see and answer in a session on a rig with hardware: windows, answers, notes and the dead-man's switch.
 
-The trials are made in the servo process (`itouch_tools.study.rig_session`); here a person is shown what to do, and
-asked.
-What is drawn here, however slowly, costs the loop nothing.
+The trials run in the servo process (`itouch_tools.study.rig_session`); here a person is shown what to do, and asked.
+However slow the drawing is here, it does not delay the loop.
 """
 
 from __future__ import annotations
@@ -28,14 +27,14 @@ from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.session_display import Show, Shown
 from itouch_tools.viewer.deadman_switch import DeadMansSwitch
 
-#: How often [s] windows, keys and messages are looked at.
+#: Period [s] at which windows, keys and messages are handled.
 LOOK = 0.01
 #: Longest answer that is passed on [letters].
 LONGEST = 200
 
 
 def scene_of(file: StudyFile, catalog: Catalog) -> Scene:
-    """Return the scene of the first condition, which has the devices of all."""
+    """Return the scene of the first condition, which has the devices of all conditions."""
     return file.scene(_first(file), catalog)[0]
 
 
@@ -45,7 +44,7 @@ def _first(file: StudyFile) -> dict[str, str]:
 
 
 def hardware_of(file: StudyFile, catalog: Catalog) -> list[str]:
-    """Return the names of the devices that are real."""
+    """Return the names of the devices that are hardware."""
     return [device.name for device in scene_of(file, catalog).devices if not device.twin]
 
 
@@ -70,7 +69,7 @@ def launch(
 
 
 def launch_door(file: StudyFile, key: Path, port: int, *, realtime: bool = True) -> Handle:
-    """Start a study that another program leads, in a servo process; the first of ``Handle.others`` tells the port.
+    """Start a study led by another program, in a servo process; the first message of ``Handle.others`` has the port.
 
     Raises
     ------
@@ -96,13 +95,13 @@ class Desk:
     Parameters
     ----------
     handle
-        The session.
+        The handle on the session.
     answers
-        Who answers.
+        The source of answers.
     show, operator
-        The participant's window, and the operator's.
+        Shows a face to the participant; and the operator's window.
     note
-        Keeps what the operator writes: number of the trial, and the words.
+        Keeps a note of the operator, given the number of the trial and the words.
     """
 
     def __init__(
@@ -119,23 +118,23 @@ class Desk:
         self.stopped = False
 
     def attend(self) -> Iterator[dict[str, Any]]:
-        """Attend until the session has ended; yield what it tells of trials and losses.
+        """Attend until the session has ended; yield its messages about trials and losses.
 
         Raises
         ------
         DeviceFaultError, ServoError, ...
-            What ended it.
+            Whatever ended the session.
         """
         handle = self._handle
         try:
             if self._show is not None:
-                self._show(Shown("hold"))  # instructions stand until a key is pressed
+                self._show(Shown("hold"))  # instructions are shown until a key is pressed
             handle.enable()
             over = False
             while not over:
                 try:
                     over = handle.wait(LOOK)
-                finally:  # what was told before it failed
+                finally:  # messages that came before it failed
                     yield from self._listen()
                 if not over:
                     self._turn()
@@ -161,14 +160,14 @@ class Desk:
                 self._asked, self._given = (question.place, time.monotonic()), False
             elif kind == "tell":
                 self._answers.tell(message["words"])
-                self._given = False  # perhaps that the answer was none
+                self._given = False  # the message may be that the answer was not accepted
             elif kind == "stopped":
                 self.stopped = True
             else:
                 yield message
 
     def _turn(self) -> None:
-        """Look at windows and keys once."""
+        """Handle windows and keys once."""
         face, lines = self._face
         if self._show is not None:
             self._show(face)
@@ -213,12 +212,12 @@ def _face(told: dict[str, Any]) -> Shown:
 
 
 def refuse(file: StudyFile, catalog: Catalog, *, switch: bool, fast: bool) -> None:
-    """Refuse what can't be done with hardware.
+    """Raise an error if the study can't be run on hardware in this way.
 
     Raises
     ------
     ItouchError
-        Saying what to do.
+        If it can't; it says what to do.
     """
     names = ", ".join(f"'{name}'" for name in hardware_of(file, catalog))
     if fast:

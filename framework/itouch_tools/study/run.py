@@ -1,4 +1,4 @@
-"""A participant's session on twins: trial after trial, each committed before the next begins."""
+"""A participant's session on twins: trial after trial, each written to disk before the next begins."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from itouch_tools.study.touches import Presented, figures, rules_of
 
 
 class Run:
-    """One participant's way through a study, with a person's or a script's answers.
+    """Runs one participant's trials of a study, with the answers of a person or a script.
 
     Parameters
     ----------
@@ -37,15 +37,15 @@ class Run:
     store
         The study's data.
     answers
-        Who answers.
+        The source of answers.
     clock
-        Of the loop; default: as fast as it computes.
+        The loop's clock; default: as fast as it computes.
     show
-        Called between ticks, at most some thirty times a second of the servo's clock, with what is shown.
+        Called between ticks, at most some thirty times per second of the servo's clock, with what to show.
     record
         Keep a recording of the session, ``recordings/CODE-SESSION.mcap`` in the study's folder.
     operator
-        Sees how it goes, pauses, writes notes, and stops.
+        Is shown the state of the session; may pause it, write notes, and stop it.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class Run:
         self._study, self._show, self._operator = file.study, show, operator
         self.course = Course(file, code, store.rows(code))
         seed = int(orders.generator(file.study.seed, code, "twins").integers(2**31))
-        #: Which session of this participant it is: what stands in the rows, and what its recording is called.
+        #: Number of this session of the participant; it is in the session's name, in the rows and of the recording.
         number = 1 + len({row.session for row in self.course.rows})
         kept = _unused(store.folder / "recordings", code, number) if record else None
         self.name = kept.stem if kept is not None else f"{code}-{number}"
@@ -71,12 +71,12 @@ class Run:
         self._shown_at = -1.0
 
     def trials(self) -> Iterator[Row]:
-        """Make the trials that are left, and yield each when it is on the disk.
+        """Run the remaining trials, and yield the row of each when it is on disk.
 
         Raises
         ------
         StoreError
-            If a trial can't be kept: it is made again another time.
+            If a trial can't be kept: it will be run again.
         SessionError, SceneError
             If the scene can't be presented.
         """
@@ -103,12 +103,12 @@ class Run:
             self.room.close()
 
     def prepare(self) -> bool:
-        """Build the scene of the first trial that is left, on from where the last one ended; nothing runs yet.
+        """Build the scene of the next trial, in the State in which the last one ended if possible; nothing runs yet.
 
         Returns
         -------
         bool
-            False if no trial is left.
+            Whether a trial is left.
 
         Raises
         ------
@@ -126,12 +126,12 @@ class Run:
         return True
 
     def stand(self) -> None:
-        """Keep where a session stands that a fault has ended: budgets stay used, and what has tripped is tripped.
+        """Keep the State of a session that a fault has ended: used budgets stay used, and what has tripped stays so.
 
         Raises
         ------
         StoreError
-            If it can't be kept.
+            If it can't be written.
         """
         note_stop(self.room.session)
         self._store.stand(self._code, self.room.standing(len(self.course.rows) - 1))
@@ -141,7 +141,7 @@ class Run:
         self.course.made(row)
 
     def _begin(self, due: Due) -> None:
-        """Begin, after the break that is due where a session goes on; find the baseline of the skin."""
+        """Begin the session, with a break first if one is due; measure the baseline of the skin if it is not known."""
         if self._goes_on:
             self.room.rest()
             self._rest(due)
@@ -170,7 +170,7 @@ class Run:
 
     def _trial(self, due: Due) -> Row:
         feeling = self.room.present(due.shown[0])
-        self.room.session.mark("trial", {"place": due.place})  # where it begins in the recording
+        self.room.session.mark("trial", {"place": due.place})  # marks its beginning in the recording
         machine = Machine(rules_of(self._study, feeling.index, len(due.shown), self._baseline))
         begun = self.room.session.seconds
         touches: list[Presented] = []
@@ -182,7 +182,7 @@ class Run:
                 self.room.go()
             elif phase is Phase.JUDGE:
                 touches.append(self._felt(machine))
-                if self.room.real:  # what follows asks nothing of the devices: nobody need hold the switch for it
+                if self.room.real:  # what follows needs no devices, so nobody need hold the switch for it
                     self.room.rest()
                     machine.step(self.room.sensed())
                 machine.judged(touches[-1].void)
@@ -198,7 +198,7 @@ class Run:
         return replace(self.room.felt(machine.void), back=machine.back[-1] if machine.back else None)
 
     def _phase(self, machine: Machine) -> Phase:
-        """Run until the machine is in another phase, and return it."""
+        """Run until the machine enters another phase, and return that phase."""
         before = machine.phase
 
         def until() -> bool:
@@ -262,7 +262,7 @@ class Run:
             self._answers.tell(self._said)
 
     def _rest(self, due: Due) -> None:
-        """Rest where the study has a break before this trial."""
+        """Run a break, if the study has one before this trial."""
         breaks = self._study.breaks
         if breaks is None or due.place == 0 or due.place % breaks.every:
             return
@@ -339,7 +339,7 @@ class Run:
 
 
 def _unused(folder: Path, code: str, number: int) -> Path:
-    """Return the file for a session's recording: one that was ended before its first trial has left its own."""
+    """Return an unused file for a session's recording: a session that ended before its first trial left one, too."""
     while (found := folder / f"{code}-{number}.mcap").exists():
         number += 1
     return found

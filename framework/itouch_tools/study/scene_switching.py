@@ -1,7 +1,7 @@
-"""The room of a study: devices that go on from trial to trial while the scene above them changes.
+"""The room of a study: devices that stay open from trial to trial while the scene changes.
 
-Twins wait while nobody lets time go on.  Hardware can't: while the next scene is built it is at rest, surfaces back and
-drives off, and the loop goes on to read it under the scene before.
+Twins wait while no tick runs.  Hardware can't: while the next scene is built it is at rest, with surfaces retracted and
+drives off, and the loop goes on reading it under the previous scene.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from itouch_tools.study.store import Standing
 from itouch_tools.study.touches import STILL, Feeling, Presented, Toucher, TouchError, felt_by, steer_hands
 
 Result = TypeVar("Result")
-#: How often it is tried to put hardware to rest, half a second each.
+#: Number of attempts to put hardware to rest, of half a second each.
 TRIES = 4
-#: The mark of a session that a fault has stopped.
+#: Name of the mark in a session that a fault has stopped.
 STOPPED = "stopped"
-#: How long [s] what is done beside the loop may keep the interpreter to itself.
+#: How long [s] work beside the loop may hold the interpreter at a time.
 SHARE = 5e-4
 
 
 class Room:
-    """One session after the other, each on from the State of the one before.
+    """One session after the other, each of which continues from the State of the one before.
 
     Parameters
     ----------
@@ -48,29 +48,29 @@ class Room:
     seed
         Of the twins' noise.
     clock
-        What paces the loop.
+        The clock that paces the loop.
     record
-        File that all of them are recorded to; a State with other fields needs one more, ``NAME-2.mcap``.
+        The file to which all sessions are recorded; a State with other fields needs another file, ``NAME-2.mcap``.
     """
 
     def __init__(
         self, file: StudyFile, catalog: Catalog, *, seed: int, clock: Clock | None = None, record: Path | None = None
     ) -> None:
         self._record, self._recorded = record, 0
-        #: Called between two ticks by who runs the loop; what it raises ends the session.
+        #: Called between two ticks if somebody else runs the loop; an exception that it raises ends the session.
         self.look: Callable[[], None] | None = None
-        #: Told again and again while nothing ticks because something must come to its end.
+        #: Called again and again while no tick runs because some work must be finished.
         self.on_idle: Callable[[], None] | None = None
-        #: Told when hardware has come to rest.
+        #: Called when hardware has come to rest.
         self.on_rest: Callable[[], None] | None = None
-        #: Told of each session that takes the place of another one, before it runs.
+        #: Called with each session that replaces another, before it runs.
         self.on_change: Callable[[Session], None] | None = None
-        #: Told between two ticks for what a person is waited for: ``lift`` the finger, ``hold`` the switch.
+        #: Called between two ticks with what a person must do first: ``lift`` the finger, ``hold`` the switch.
         self.on_wait: Callable[[str], None] | None = None
-        #: What is not kept any more of the recording, a sentence each.
+        #: What of the recording is no longer being kept, a sentence each.
         self.losses: list[str] = []
         self._file, self._catalog, self._seed = file, catalog, seed
-        #: What paces the loop.
+        #: The clock that paces the loop.
         self.clock = clock
         self._models = Toucher(file, catalog)
         self._session: Session | None = None
@@ -92,7 +92,7 @@ class Room:
 
     @property
     def feeling(self) -> Feeling:
-        """What is noted of the interval.
+        """What is noted of the present interval.
 
         Raises
         ------
@@ -104,10 +104,10 @@ class Room:
         return self._feeling
 
     def present(self, condition: Mapping[str, str]) -> Feeling:
-        """Put a condition's scene over the devices, the hand at the start of its path, which waits.
+        """Put a condition's scene over the devices; the hand of a twin waits at the start of its path.
 
-        A twin's hand that is still under way ends its path first: no arm can be at another place at once.  Hardware
-        rests, a person who still touches is waited for, and then whoever holds the dead-man's switch.
+        A twin's hand that is still moving ends its path first: no arm can be at another place at once.  Hardware rests
+        until a person who still touches has lifted the finger and somebody holds the dead-man's switch.
 
         Raises
         ------
@@ -137,23 +137,23 @@ class Room:
         return self.feeling
 
     def wake(self) -> None:
-        """Let commands through again to hardware that rests, under the same scene."""
+        """Let commands through again to hardware at rest, under the same scene."""
         if self.real and not self.acting:
             self._await_person(self.session)
             self._enable()
 
     def _enable(self) -> None:
         if self.look is not None:
-            self.look()  # the switch is held for a moment only
+            self.look()  # the report that the switch is held is valid only for a moment
         self.session.enable(opens=False)
 
     def survey(self, conditions: Iterable[Mapping[str, str]]) -> None:
-        """Compile the scenes of conditions before anything begins, and see that hardware is the same in all.
+        """Compile the scenes of conditions before anything begins, and check that hardware is the same in all.
 
         Raises
         ------
         SessionError
-            If it is not.
+            If it is not, or if one recording could not hold all their States.
         SceneError
             If a scene has problems.
         """
@@ -175,12 +175,12 @@ class Room:
         return real and make_state(model).dtype != make_state(first).dtype
 
     def prepare(self, condition: Mapping[str, str]) -> None:
-        """Take the first scene, and let nothing run yet."""
+        """Take a condition's scene as the first, without running it yet."""
         session = self._built(condition)
         self._take(session, condition, self._feel(session), None)
 
     def begin(self) -> None:
-        """Run until the rig knows where it is and gives its whole force; the hand of a twin waits then."""
+        """Run until the rig has found its heights and may give its full force; then the hand of a twin waits."""
         session = self.session
         if not int(session.state["ready"]):  # the rig finds its heights by touch
             self.run(lambda: bool(session.state["ready"]))
@@ -189,7 +189,7 @@ class Room:
         def whole() -> bool:
             return all(session.state[f"{one.model.name}.ramp"].item() >= 1.0 for one in driven if one.enabled)
 
-        if not whole():  # what is touched before would be felt too softly
+        if not whole():  # an object that is touched before would feel too soft
             self.run(whole)
         self.hold()
 
@@ -199,7 +199,7 @@ class Room:
         return self._session is not None and any(not runner.model.twin for runner in self._session.runners)
 
     def rest(self) -> None:
-        """Let hardware rest: surfaces go back, drives are off, until the next scene is presented.  Twins only wait.
+        """Put hardware to rest, surfaces retracted and drives off, until the next scene is presented.  Twins only wait.
 
         Raises
         ------
@@ -209,7 +209,7 @@ class Room:
         if not self.acting:
             return
         session = self.session
-        for _ in range(TRIES):  # a machine that is busy may not hear a device for a while
+        for _ in range(TRIES):  # a busy machine may not receive a device's readings for a while
             outcome = session.park()
             stopped, unsafe = session.latched(), self._unsafe(outcome)
             if stopped is not None or not unsafe:
@@ -227,7 +227,7 @@ class Room:
         raise stopped
 
     def _unsafe(self, outcome: Outcome) -> list[str]:
-        """Return the devices that could not be seen to be safe, without those that are optional and not there."""
+        """Return the devices that could not be seen to be safe, without optional ones that are absent."""
         absent = [
             one.model.name for one in self.session.runners
             if one.status is Status.CLOSED or (one.model.optional and one.trip in LOSSES)
@@ -236,18 +236,18 @@ class Room:
 
     @property
     def acting(self) -> bool:
-        """Whether commands are let through to hardware."""
+        """Whether commands are passed on to hardware."""
         return self.real and any(one.enabled and not one.model.twin for one in self.session.runners)
 
     def beside(self, work: Callable[[], Result], *, whole: bool = False) -> Result:
-        """Do what may take long while nothing acts; hardware is read on meanwhile, so that it knows of us.
+        """Do work that may take long while nothing acts; meanwhile hardware is read on, so that it knows we are there.
 
         Parameters
         ----------
         work
-            What is to be done.
+            The work; its result is returned.
         whole
-            Whether it must come to its end, whatever happens meanwhile; else it is left alone then.
+            Whether the work must be finished even if a device fails meanwhile; else it is abandoned then.
 
         Raises
         ------
@@ -279,7 +279,7 @@ class Room:
         return doing.result()
 
     def _made(self, condition: Mapping[str, str]) -> tuple[Session, Feeling, Onwards | None]:
-        """Return the next session, what will be noted of it, and what a recording needs to go on with it."""
+        """Return the next session, what will be noted of it, and what a recording needs to continue with it."""
         session = self._built(condition)
         return session, self._feel(session), self.session.onwards(session)
 
@@ -295,7 +295,10 @@ class Room:
         self.run(so)
 
     def take_up(self, standing: Standing) -> bool:
-        """Stand where a participant's session stood; tell whether that was possible with this program."""
+        """Continue from the State in which a participant's session was left; tell whether that was possible.
+
+        It is not if State has other fields in this program.
+        """
         session = self._built(standing.condition)
         if standing.layout != layout_of(session):
             return False
@@ -306,7 +309,7 @@ class Room:
         return True
 
     def standing(self, place: int) -> Standing:
-        """Return where the session stands after a trial."""
+        """Return what is kept of the session after a trial, from which it can be continued."""
         session = self.session
         return Standing(place, dict(self.condition), layout_of(session), session.state.tobytes())
 
@@ -322,11 +325,11 @@ class Room:
         steer_hands(self.session, STILL)
 
     def go(self) -> None:
-        """Let the hand of a twin go its way."""
+        """Let the hand of a twin move along its path."""
         steer_hands(self.session, None)
 
     def sensed(self) -> Sensed:
-        """Return what the machine is told of the tick that is over."""
+        """Return what the machine is told of the last tick."""
         return self.feeling.sensed(self.session)
 
     def felt(self, void: str) -> Presented:
@@ -334,7 +337,13 @@ class Room:
         return self.feeling.presented(self.session, void)
 
     def run(self, until: Callable[[], bool]) -> None:
-        """Run until something is so; asked after every tick."""
+        """Run until ``until`` returns true; it is called after every tick.
+
+        Raises
+        ------
+        SessionError
+            If the session can't be recorded any more and its scene ends it then.
+        """
         look = self.look
 
         def both() -> bool:
@@ -347,7 +356,7 @@ class Room:
             raise SessionError("the session can't be recorded any more, and its scene says that it ends then")
 
     def close(self) -> None:
-        """End the session that runs, unless somebody else runs the loop, who then does."""
+        """End the present session, unless somebody else runs the loop and will end it."""
         if self._session is not None and self.look is None:
             self._session.close()
 
@@ -358,17 +367,17 @@ class Room:
         return session
 
     def _feel(self, session: Session) -> Feeling:
-        """Return what will be noted of a session that has not begun."""
+        """Return the object that will note what is felt in a session that has not begun."""
         try:
             truth = felt_by(session.model)
-        except TouchError:  # a scene without heat, or hardware: the report's figures stand for what was felt
+        except TouchError:  # a scene without heat, or hardware: the report's figures are taken for what was felt
             truth = None
         return Feeling(session.model, self._file.study.contact, truth)
 
     def _take(
         self, session: Session, condition: Mapping[str, str], feeling: Feeling, onwards: Onwards | None
     ) -> None:  # fmt: skip
-        """Let a session be the one that runs."""
+        """Make a session the present one."""
         before, self._session, self.condition = self._session, session, dict(condition)
         self._feeling = feeling
         if self.on_change is not None:
@@ -378,7 +387,7 @@ class Room:
             self._keep(before, session, self._record, onwards)
 
     def _keep(self, before: Session | None, session: Session, path: Path, onwards: Onwards | None) -> None:
-        """Let the recording go on, or begin one."""
+        """Continue the recording with this session, or begin another."""
         session.loss_hooks.append(lambda loss: self.losses.append(str(loss["cause"])))
         if (before is not None and onwards is not None and before.hand_on(session, onwards)) or self.losses:
             return
@@ -394,7 +403,7 @@ def note_stop(session: Session) -> None:
 
 
 def _let_pass(session: Session) -> None:
-    """Let time that has passed since a stop count for how often a device may be re-armed in a minute (W4)."""
+    """Count the time since a stop in the limit on how often a device may be re-armed in a minute (W4)."""
     stops = [mark for mark in session.marks if mark["name"] == STOPPED]
     if not stops:
         return
@@ -405,5 +414,5 @@ def _let_pass(session: Session) -> None:
 
 
 def layout_of(session: Session) -> str:
-    """Return the SHA-256 of the fields of a session's State: their names, types and places."""
+    """Return the SHA-256 of the fields of a session's State: their names, types and offsets."""
     return hashlib.sha256(repr(session.state.dtype).encode()).hexdigest()

@@ -1,7 +1,8 @@
-"""The door to a served study: JSON lines on TCP of this machine only, behind a key; looked at between two ticks.
+"""The door to a served study: JSON lines over TCP, from this machine only, behind a key; polled between two ticks.
 
-No thread serves it: the loop asks the kernel once a tick whether there is anything, and takes at most one request.
-What a caller sends faster waits in the kernel; what a caller does not read in time ends the caller, never the loop.
+No thread serves it: once a tick the loop asks the kernel whether anything has come, and takes at most one request.
+What a caller sends faster than that waits in the kernel; a caller that does not read its answers is disconnected, and
+never holds up the loop.
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ from typing import Any
 
 from itouch.schema import ItouchError
 
-#: Version of the lines, which the first answer tells.
+#: Version of the protocol (of the lines), which is in the first answer.
 LINES = 1
-#: Longest line [bytes], most that may wait to be read by a caller [bytes], most callers, and time [s] to say the key.
+#: Longest line [bytes], most unread answers of a caller [bytes], most callers, and how long [s] a key may take to come.
 LONGEST, BACKLOG, MOST, PATIENCE = 1 << 16, 8 << 20, 8, 5.0
 _HOST = "127.0.0.1"
 
@@ -34,21 +35,21 @@ class DoorError(ItouchError):
 
 @dataclass(slots=True, eq=False)
 class Caller:
-    """Who is connected: what has come and not been taken, what has not left, and whether the key was said."""
+    """A connected program: bytes that came and were not taken, bytes not sent yet, and whether it has shown the key."""
 
     line: socket.socket
     since: float
     known: bool = False
     coming: bytearray = field(default_factory=bytearray)
     going: bytearray = field(default_factory=bytearray)
-    #: Whether its last request has not been answered yet: the next one waits.
+    #: Whether its last request has not been answered yet; until then its next one waits.
     busy: bool = False
     gone: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a caller asks: the word, and what stands beside it."""
+    """A caller's request: its word, and the whole line that was given."""
 
     caller: Caller
     what: str
@@ -56,14 +57,14 @@ class Request:
 
 
 class Door:
-    """Listens; also a context manager that writes the key's file and takes it away again.
+    """Listens to callers; also a context manager that writes the key's file, and removes it at the end.
 
     Parameters
     ----------
     key
         File for address and key, which only this user can read.
     port
-        Of TCP; 0: one that is free.
+        TCP port; 0: any free one.
 
     Raises
     ------
@@ -77,7 +78,7 @@ class Door:
             raise DoorError(f"'{key}' leads to a study that is served now; end that one, or name another --key FILE")
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
-            if os.name == "posix":  # elsewhere it would let two listen on one port
+            if os.name == "posix":  # elsewhere this option would let two programs listen on one port
                 self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             self._listener.bind((_HOST, port))
         except (OSError, OverflowError) as error:
@@ -91,7 +92,7 @@ class Door:
         self.callers: list[Caller] = []
 
     def __enter__(self) -> Door:
-        """Write the key's file: from now on somebody looks at the door."""
+        """Write the key's file: from now on the door is polled."""
         content = {"host": _HOST, "port": self.port, "token": self._token, "process": os.getpid()}
         try:
             _write(self.path, content)
@@ -106,14 +107,14 @@ class Door:
         self.close()
 
     def close(self) -> None:
-        """Hang up on everybody."""
+        """Disconnect all callers, and stop listening."""
         for caller in list(self.callers):
             self._hang_up(caller)
         self._events.close()
         self._listener.close()
 
     def look(self, rest: float = 0.0) -> Request | None:
-        """Take what has come, and return a request if there is one.
+        """Read what has come and send what waits, and return a request if there is one.
 
         Parameters
         ----------
@@ -135,13 +136,13 @@ class Door:
         for caller in self.callers:
             request = self._taken(caller)
             if request is not None:
-                self.callers.remove(caller)  # the others come first the next time
+                self.callers.remove(caller)  # next time the others come first
                 self.callers.append(caller)
                 return request
         return None
 
     def answer(self, request: Request, **content: Any) -> None:
-        """Answer a request; its number comes back with it."""
+        """Answer a request; the answer contains the request's ``id``, if it has one."""
         caller = request.caller
         caller.busy = False
         if "id" in request.given:
@@ -149,7 +150,7 @@ class Door:
         self._say(caller, content)
 
     def refuse(self, request: Request, code: str, sentence: str) -> None:
-        """Answer that a request can't be obeyed, and why."""
+        """Answer that a request can't be carried out, and why."""
         self.answer(request, error={"code": code, "message": sentence})
 
     def _say(self, caller: Caller, content: dict[str, Any]) -> None:
@@ -172,7 +173,10 @@ class Door:
             self._events.register(line, selectors.EVENT_READ, caller)
 
     def _make_room(self) -> bool:
-        """Hang up on who has waited longest without saying the key: strangers keep nobody out; tell whether one did."""
+        """Disconnect the caller without a key that has been here longest, so that such callers do not keep others out.
+
+        Tell whether there was one.
+        """
         strangers = [caller for caller in self.callers if not caller.known]
         if strangers:
             self._hang_up(min(strangers, key=lambda caller: caller.since))
@@ -237,7 +241,7 @@ class Door:
 
     def _admit(self, caller: Caller, given: Any) -> None:
         told = given.get("token") if isinstance(given, dict) else None
-        # half of a surrogate pair is a text that JSON may hold and UTF-8 may not
+        # JSON may contain half of a surrogate pair, which can't be encoded as UTF-8
         if isinstance(told, str) and hmac.compare_digest(told.encode(errors="replace"), self._token.encode()):
             caller.known = True
             self._say(caller, {"itouch": LINES})
@@ -248,12 +252,12 @@ class Door:
 
 
 def _comes_back(number: Any) -> bool:
-    """Tell whether what a caller numbers a request with can be said again: JSON has no NaN, and depth has an end."""
+    """Tell whether a caller's ``id`` can be returned in an answer: JSON has no NaN, and nesting has a limit."""
     return isinstance(number, str | int) or (isinstance(number, float) and math.isfinite(number))
 
 
 def _answers(path: Path) -> bool:
-    """Tell whether somebody listens where a key's file leads to."""
+    """Tell whether a program listens at the address in a key's file."""
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
         socket.create_connection((_HOST, int(told["port"])), timeout=1.0).close()
@@ -263,7 +267,7 @@ def _answers(path: Path) -> bool:
 
 
 def _write(path: Path, content: dict[str, Any]) -> None:
-    """Write a file that only this user can read, whole or not at all."""
+    """Write a file that only this user can read, completely or not at all."""
     draft = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with os.fdopen(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as stream:

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """What participant and operator are shown of a session; nothing of it depends on the condition.
+    """What participant and operator are shown of a session; nothing in it depends on the condition.
 
-    ``cue`` is what to do now (a phase's name, ``lift``, ``break`` or ``done``), ``left`` [s] of it if that is known,
-    ``force`` and ``window`` [N] of the touch if the study asks for one, ``trial`` of ``trials``, and how many were
-    void.
+    ``cue`` is what to do now (a phase's name, ``lift``, ``hold``, ``break`` or ``done``), ``left`` the time [s] left
+    for it, if known, ``force`` and ``window`` [N] those of the touch, if the study asks for a force, ``trial`` the
+    number of the trial out of ``trials``, and ``void`` how many were void.
     """
 
     cue: str

@@ -1,4 +1,7 @@
-"""A study with simulated observers: the same trials on the twins, answered by models that felt the twin's finger."""
+"""A study with simulated observers: the same trials on the twins, answered by models of people.
+
+The models are told what the twin's finger felt.
+"""
 
 from __future__ import annotations
 
@@ -27,13 +30,13 @@ from itouch_tools.study.tasks import is_right, taken_answer
 from itouch_tools.study.touches import Toucher, figures
 from itouch_tools.study.trials import Trial
 
-#: What stands where a session's recording and date would.
+#: Beginning of the session's name in rows of simulated trials, which have no recording.
 SIMULATED = "simulated"
 
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """Who is simulated: how many of which model, and whether their fingers differ in temperature."""
+    """The simulated participants: their number, the model, and whether their fingers differ in temperature."""
 
     observers: int
     model: str = "flux"
@@ -46,7 +49,7 @@ class Panel:
 
 @dataclass(frozen=True, slots=True)
 class Made:
-    """What a simulated participant's command made: new trials, and why how many of them do not count."""
+    """The result of simulating a participant: the number of new trials, and of the void ones by reason."""
 
     code: str
     trials: int
@@ -61,7 +64,7 @@ class Made:
 
 
 class Simulation:
-    """One observer's way through a study.  What it answers depends on the rows before only through staircases."""
+    """One simulated observer in a study.  Its answers depend on earlier rows only through staircases."""
 
     def __init__(self, file: StudyFile, code: str, panel: Panel, catalog: Catalog) -> None:
         self._file, self._code, self._study = file, code, file.study
@@ -71,7 +74,7 @@ class Simulation:
         skin = person.finger_temperature if panel.skin else None
         self._toucher = Toucher(file, catalog, skin_temperature=skin)
         self._known: dict[str, dict[str, Felt]] = {}
-        #: What stands in the rows as their session: who answered.
+        #: The session's name in the rows: it says which model answered.
         self.session = f"{SIMULATED}-{panel.model}"
 
     def _rng(self, *purpose: str) -> np.random.Generator:
@@ -82,7 +85,7 @@ class Simulation:
         return next((factor.names for factor in self._study.factors if factor.name == asked), ())
 
     def rows(self, done: Sequence[Row]) -> Iterator[Row]:
-        """Yield the trials that are still to be made, one by one; take ``done`` as those that are."""
+        """Yield the rows of the trials that are missing after those of ``done``, one by one."""
         course = Course(self._file, self._code, done)
         while (due := course.next()) is not None:
             row = self._trial(due, course.rows)
@@ -122,14 +125,14 @@ class Simulation:
         return answer, is_right(task, trial, answer, [one.mean_flux() for one in felt])
 
     def _taken(self, said: str) -> str:
-        """Return a plugin's answer as it is kept."""
+        """Return a plugin's answer in the form in which it is kept."""
         found = taken_answer(self._study, said)
         if found is None:
             raise TaskError(f"{task_of(self._study.task.kind).whose}: simulated gave '{said}', which is no choice")
         return found
 
     def _prototypes(self, condition: Mapping[str, str]) -> dict[str, Felt]:
-        """Return what each answer feels like, learnt before the study with the other factors as they are."""
+        """Return what each level feels like, as learnt before the study, with the other factors as in ``condition``."""
         asked = self._study.task.factor
         others = {name: level for name, level in condition.items() if name != asked}
         key = repr(sorted(others.items()))
@@ -161,27 +164,27 @@ def _simulate_one(work: tuple[str, str, Panel, str]) -> Made:
 
 
 def simulate(path: str, folder: Path, panel: Panel, *, processes: int = 1) -> Iterator[Made]:
-    """Simulate a panel into a study's folder; go on where it stopped.  Yield what each participant made, as they end.
+    """Simulate a panel into a study's folder, or go on where it stopped; yield the result of each participant.
 
-    The rows depend on study, panel and seed alone, not on the number of processes.
+    The rows depend only on study, panel and seed, not on the number of processes.
 
     Raises
     ------
     SceneError
-        With what is wrong with study or scene.
+        If study or scene have problems.
     StoreError
         If the folder holds another study, or cannot be written.
     ObserverError
         If there is no such observer.
     SessionError
-        If a process ends before its participant is done; what was made stays.
+        If a process ends before its participant is done; rows that were written stay.
     """
     observer_of(panel.model)
     work = [(path, str(folder), panel, code) for code in panel.codes()]
     if processes <= 1:
         yield from map(_simulate_one, work)
         return
-    # not multiprocessing's own Pool, which waits for ever for a worker that was killed
+    # not multiprocessing's own Pool, which would wait for ever for a worker that was killed
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(min(processes, len(work)), mp_context=context) as pool:
         try:

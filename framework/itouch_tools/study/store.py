@@ -1,7 +1,7 @@
-"""The data of a study: one SQLite file, one transaction a trial, committed before the next trial begins.
+"""The data of a study: one SQLite file, with one transaction per trial, committed before the next trial begins.
 
-The schema is this file's `SCHEMA`; any SQLite tool opens it.  Trials are only ever added.  Participants' personal data
-stand in a table (and a file) of their own, so that they can be deleted and the trials stay as they are.
+The schema is this module's `SCHEMA`; any SQLite tool opens the file.  Trials are only ever added.  Participants'
+personal data are in a table (and a file) of their own, so that they can be deleted while the trials stay as they are.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ CREATE TABLE deviations (           -- what was changed after the study was froz
     what TEXT NOT NULL
 ) STRICT;
 """
-#: What format 2 has beside format 1: where a participant's session stands after the last trial.
+#: What format 2 adds to format 1: the State of a participant's session after the last trial.
 SCHEMA_2 = """
 CREATE TABLE standing (             -- one row a participant, replaced in the transaction of each trial
     participant TEXT PRIMARY KEY,
@@ -86,7 +86,7 @@ class StoreError(ItouchError):
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A trial as it is kept; times in seconds of the servo's clock, see `SCHEMA` for each."""
+    """A trial as it is kept, see `SCHEMA` for each field; times are in seconds of the servo's clock."""
 
     participant: str
     place: int
@@ -110,7 +110,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Where a participant's session stood at the end of the last trial; see `SCHEMA_2`."""
+    """Scene and State of a participant's session at the end of the last trial, to continue from; see `SCHEMA_2`."""
 
     place: int
     condition: Mapping[str, str]
@@ -119,7 +119,7 @@ class Standing:
 
 
 class Store:
-    """A study's folder: ``trials.sqlite`` and, apart from it, ``participants.sqlite``."""
+    """A study's folder: ``trials.sqlite`` and, separate from it, ``participants.sqlite``."""
 
     def __init__(self, folder: Path, connection: sqlite3.Connection) -> None:
         self.folder, self._trials = folder, connection
@@ -132,14 +132,14 @@ class Store:
         Parameters
         ----------
         folder
-            The study's.
+            The study's folder.
         create
-            Begin with no trials if there are none yet.
+            Create the file, without trials, if there is none yet.
 
         Raises
         ------
         StoreError
-            If there is none, if it cannot be written, is damaged, or was written by a newer program.
+            If there are no data, or if they cannot be written, are damaged, or were written by a newer program.
         """
         path = folder / "trials.sqlite"
         if not create and not path.exists():
@@ -152,17 +152,19 @@ class Store:
             connection.close()
 
     def freeze(self, *, name: str, seed: int, digest: str, program: str, frozen: str, deviation: str = "") -> None:
-        """Note what study this is; once only.
+        """Note which study this is, once; later check that it is the same.
 
         Parameters
         ----------
         deviation
-            Why another study than the frozen one may go on here: noted with both digests, and shown in the report.
+            Why a study that differs from the frozen one may go on here: noted with both digests, and shown in the
+            report.
 
         Raises
         ------
         StoreError
-            If another study was frozen here, or it cannot be written.
+            If a different study was frozen here and no ``deviation`` is given, or its seed differs, or the data cannot
+            be written.
         """
         there = self.frozen()
         if there is None:
@@ -197,17 +199,17 @@ class Store:
             self._trials.execute("INSERT INTO deviations (at, what) VALUES (?, ?)", (at, what))
 
     def deviations(self) -> list[tuple[str, str]]:
-        """Return the changes after freezing, (when, what)."""
+        """Return the changes after freezing, as pairs (when, what)."""
         with _sentences(self.folder / "trials.sqlite"):
             return list(self._trials.execute("SELECT at, what FROM deviations ORDER BY id"))
 
     def add(self, row: Row, standing: Standing | None = None) -> None:
-        """Add a trial, and where the session stands after it; when this returns both are on the disk, or neither.
+        """Add a trial, and the session's State after it, in one transaction; when this returns they are on disk.
 
         Raises
         ------
         StoreError
-            If it cannot be written, or the participant has a trial at this place already.
+            If they cannot be written, or the participant has a trial at this place already; nothing is added then.
         """
         values = [
             json.dumps(getattr(row, name), sort_keys=True) if name in _JSON else getattr(row, name) for name in _COLUMNS
@@ -220,7 +222,7 @@ class Store:
                 self._put(row.participant, standing)
 
     def stand(self, participant: str, standing: Standing) -> None:
-        """Note where a session stands that a fault has ended: what the trial under way has used of a budget is used.
+        """Keep the State of a session that a fault has ended: what the broken trial used of a budget stays used.
 
         Raises
         ------
@@ -236,14 +238,14 @@ class Store:
         self._trials.execute("INSERT OR REPLACE INTO standing VALUES (?, ?, ?, ?, ?)", stood)
 
     def standing(self, participant: str) -> Standing | None:
-        """Return where a participant's session stood at the end of the last trial; None: nothing says it."""
+        """Return scene and State of a participant's session at the end of the last trial; None if none were kept."""
         query = "SELECT place, condition, layout, state FROM standing WHERE participant = ?"
         with _sentences(self.folder / "trials.sqlite"):
             row = self._trials.execute(query, (participant,)).fetchone()
         return None if row is None else Standing(row[0], json.loads(row[1]), row[2], row[3])
 
     def rows(self, participant: str | None = None) -> list[Row]:
-        """Return the trials of one participant or of all, by code and place: a person's in the order they were made."""
+        """Return the trials of one participant or of all, by code and by place, which is the order of their ends."""
         names = ", ".join(f'"{name}"' for name in _COLUMNS)
         query = f"SELECT {names} FROM trials"
         with _sentences(self.folder / "trials.sqlite"):
@@ -255,12 +257,12 @@ class Store:
         return [_row(values) for values in found]
 
     def participants(self) -> list[str]:
-        """Return the codes of all who have trials, sorted."""
+        """Return the codes of all participants who have trials, sorted."""
         with _sentences(self.folder / "trials.sqlite"):
             return [code for (code,) in self._trials.execute("SELECT DISTINCT participant FROM trials ORDER BY 1")]
 
     def describe(self, participant: str, fields: Mapping[str, Any]) -> None:
-        """Keep a participant's personal data, apart from the trials."""
+        """Keep a participant's personal data, separate from the trials."""
         path = self.folder / "participants.sqlite"
         with _sentences(path), contextlib.closing(_connect(path, PERSONAL_SCHEMA)) as personal, personal:
             personal.execute(
@@ -285,12 +287,12 @@ class Store:
         with _sentences(path), contextlib.closing(_connect(path, PERSONAL_SCHEMA)) as personal:
             with personal:
                 gone = personal.execute("DELETE FROM participants WHERE code = ?", (participant,)).rowcount
-            personal.execute("VACUUM")  # or the bytes would stay in the file's free pages
+            personal.execute("VACUUM")  # otherwise the bytes would stay in the file's free pages
             personal.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         return gone > 0
 
     def recordings(self, participant: str) -> list[Path]:
-        """Return the recordings of a participant's sessions: what was felt and done, tick by tick, under the code."""
+        """Return the recordings of a participant's sessions, which hold under the code what was felt and done."""
         named = re.compile(re.escape(participant) + r"-\d+\.mcap")
         folder = self.folder / "recordings"
         return sorted(path for path in folder.iterdir() if named.fullmatch(path.name)) if folder.is_dir() else []
@@ -304,7 +306,7 @@ def _row(values: tuple[Any, ...]) -> Row:
 
 
 def _connect(path: Path, schema: str) -> sqlite3.Connection:
-    # one thread at a time uses it, but not always the same one: see ``Room.beside``
+    # one thread at a time uses the connection, but not always the same one: see ``Room.beside``
     connection = sqlite3.connect(path, isolation_level="IMMEDIATE", timeout=60.0, check_same_thread=False)
     try:
         connection.execute("PRAGMA journal_mode = WAL")
@@ -329,7 +331,7 @@ def _connect(path: Path, schema: str) -> sqlite3.Connection:
 
 @contextlib.contextmanager
 def _sentences(path: Path) -> Iterator[None]:
-    """Turn what SQLite says into what a person can act on."""
+    """Turn SQLite's errors into ones on which a person can act."""
     try:
         yield
     except sqlite3.IntegrityError as error:

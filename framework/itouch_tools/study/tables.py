@@ -13,7 +13,7 @@ _PLAIN = ("participant", "place", "repeats", "block", "task", "staircase", "leve
 
 
 def write_table(rows: Iterable[Row], path: Path) -> None:
-    """Write trials as tab-separated values: a column a factor, and one a figure of each interval that was felt."""
+    """Write trials as tab-separated values, with a column for each factor and for each figure of each interval."""
     listed = list(rows)
     factors = sorted({name for row in listed for name in row.condition})
     figures = sorted({(index, name) for row in listed for index, felt in enumerate(row.felt or []) for name in felt})

@@ -24,7 +24,7 @@ def question_of(study: Study) -> str:
 
 
 def choices_of(study: Study) -> tuple[tuple[str, str], ...]:
-    """Return the answers that there are, (as it is kept, as it is shown); none: any number is one."""
+    """Return the possible answers, as pairs (as kept, as shown); none: any number is an answer."""
     task = study.task
     names = next((factor.names for factor in study.factors if factor.name == task.factor), ())
     if task.kind not in TASKS:
@@ -37,7 +37,7 @@ def choices_of(study: Study) -> tuple[tuple[str, str], ...]:
 
 
 def taken_answer(study: Study, written: str) -> str | None:
-    """Return an answer as it is kept, from its word, what is shown, or its number from 1; None: it is none."""
+    """Return an answer as it is kept, given the kept or the shown word, or its number from 1; None: not an answer."""
     wanted, choices = written.strip().casefold(), choices_of(study)
     for kept, shown in choices:
         if wanted in (shown.casefold(), kept.casefold() if not kept.isdecimal() else shown.casefold()):
@@ -53,16 +53,16 @@ def taken_answer(study: Study, written: str) -> str | None:
 
 
 def is_right(task: Task, trial: Trial, answer: str, fluxes: Sequence[float]) -> int | None:
-    """Return 1 for the right answer, 0 for a wrong one, None where there is no right one.
+    """Return 1 for the right answer, 0 for a wrong one, None if there is no right one.
 
-    ``fluxes`` [W/m2] is what was felt in each interval: the coldest is the one that drew most.
+    ``fluxes`` [W/m2] are the mean fluxes of the intervals: the coldest is the one with the greatest.
     """
     if task.kind not in TASKS:
         return task_of(task.kind).right(answer, _told(task, trial, fluxes))
     if task.kind == "identify":
         return int(answer == trial.condition[task.factor])
     if task.kind in ("colder", "odd") and not trial.staircase and all(one == trial.shown[0] for one in trial.shown):
-        return None  # the standard beside itself: nothing tells them apart
+        return None  # all intervals showed the standard: nothing distinguishes them
     if task.kind == "colder":
         return int(int(answer) == max(range(len(fluxes)), key=lambda index: fluxes[index])) if fluxes else None
     if task.kind == "odd":

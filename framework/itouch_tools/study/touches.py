@@ -1,6 +1,6 @@
 """One touch on the twins: run the scene of a condition, and keep what the twin's finger felt.
 
-Each touch is a session of its own from the scene's start, so that it depends on condition, finger and seed alone: a
+Each touch is a session of its own from the scene's start, so that it depends only on condition, finger and seed: a
 study that was stopped goes on with the same touches, on any number of processes.
 """
 
@@ -29,13 +29,13 @@ from itouch_tools.study.machine import Machine, Phase, Rules, Sensed
 from itouch_tools.study.observers import DEPTH, Felt
 from itouch_tools.study.reading import StudyFile
 
-#: Thermal diffusivity of skin [m2/s]: 0.37 W/mK over an effusivity of 1167 W s^.5/m2K, squared.
+#: Thermal diffusivity of skin [m2/s]: the square of the conductivity, 0.37 W/mK, over the effusivity, 1167 W s^.5/m2K.
 DIFFUSIVITY = 1.005e-7
-#: Seconds between two samples of what is felt.
+#: Time [s] between two samples of what is felt.
 SAMPLING = 0.01
 
 
-#: A hand that waits is led by no step [m].
+#: The step [m] of a hand that waits.
 STILL = (0.0, 0.0, 0.0)
 
 
@@ -45,10 +45,10 @@ class TouchError(ItouchError):
 
 @dataclass(frozen=True, slots=True)
 class Presented:
-    """A touch that was made: what was felt, the report's entry of it, and why it does not count (empty: it does).
+    """A touch that was made: what was felt, its entry in the report, and why it does not count (empty: it does).
 
-    ``kept`` are the keys of that entry which say how well it was rendered; ``told`` is what it says of a role, where
-    nothing says what was truly felt.  ``back``: whether the skin was back at its baseline before; None: unknown.
+    ``kept`` are the keys of that entry which say how well it was rendered; ``told`` are its figures by role, where the
+    true values are not known.  ``back``: whether the skin was back at its baseline before; None: unknown.
     """
 
     felt: Felt
@@ -60,9 +60,10 @@ class Presented:
 
 
 def deep_temperature(skin: np.ndarray[Any, np.dtype[np.float64]], period: float, depth: float = DEPTH) -> Any:
-    """Return the temperature [K] at a depth [m] below a surface whose temperature is known, shape (samples,).
+    """Return the temperature [K] at a depth [m] below a surface with the temperatures ``skin`` [K], shape (samples,).
 
-    Half-space at first in balance with its first sample: each step of the surface arrives as erfc(x / 2 sqrt(a t)).
+    The skin is a half-space, at first in equilibrium with the first sample: each step of the surface's temperature
+    arrives as erfc(x / (2 sqrt(a t))).
     """
     steps = np.diff(skin, prepend=skin[:1])
     times = (np.arange(len(skin)) + 0.5) * period
@@ -71,7 +72,7 @@ def deep_temperature(skin: np.ndarray[Any, np.dtype[np.float64]], period: float,
 
 
 class Toucher:
-    """Makes touches of a study's conditions; a model is compiled once a condition."""
+    """Makes touches of a study's conditions; the model of each condition is compiled once."""
 
     def __init__(self, file: StudyFile, catalog: Catalog, *, skin_temperature: float | None = None) -> None:
         self._file, self._catalog = file, catalog
@@ -79,7 +80,7 @@ class Toucher:
         self._models: dict[tuple[tuple[str, str], ...], Model] = {}
 
     def model(self, condition: Mapping[str, str]) -> Model:
-        """Return the compiled scene of a condition; staircases' levels are not kept."""
+        """Return the compiled scene of a condition; it is kept for the next touch, unless a staircase sets a level."""
         key = tuple(sorted(condition.items()))
         model = self._models.get(key)
         if model is None:
@@ -89,15 +90,15 @@ class Toucher:
         return model
 
     def touch(self, condition: Mapping[str, str], seed: int) -> Presented:
-        """Run a trial up to the end of its touch, of the study's object, and return that; the scene's hand makes it.
+        """Run a trial up to the end of its touch, which the scene's scripted hand makes, and return the touch.
 
-        As in a session with a person the hand waits for the go signal: until the plate is ready, or ``<blind>``'s time
-        is over.
+        As in a session with a person the hand waits for the signal: until the plate is ready, or until ``<blind>``'s
+        time is over.
 
         Raises
         ------
         TouchError
-            If the scene has no twin that feels heat, or a device is no twin.
+            If no twin of the scene feels heat, a device is no twin, or nothing moves the finger.
         """
         model = self.model(condition)
         feeling = Feeling(model, self._file.study.contact, felt_by(model))
@@ -132,7 +133,7 @@ class Toucher:
 
 
 def rules_of(study: Study, index: int, intervals: int, baseline: float | None) -> Rules:
-    """Return the rules of a study's trials: of the object with this number, and a skin's baseline [K]."""
+    """Return the rules of a study's trials, for the object with this index and a skin with this baseline [K]."""
     contact, blind = study.contact, study.blind
     equal = blind is not None and blind.equalise
     return Rules(
@@ -143,13 +144,13 @@ def rules_of(study: Study, index: int, intervals: int, baseline: float | None) -
 
 
 def steer_hands(session: Session, step: tuple[float, float, float] | None) -> None:
-    """Lead every hand of a twin by a step [m] a tick (`STILL`: it waits on its path); None lets them go their way."""
+    """Lead all hands of twins by a step [m] (`STILL`: they wait on their paths); None lets them follow their paths."""
     for probe in session.steerable:
         session.steer(probe, step)
 
 
 class Feeling:
-    """What is noted of one interval, and what a trial's machine is told of it, tick by tick."""
+    """Notes what is felt in one interval, and says what a trial's machine is told of it, tick by tick."""
 
     def __init__(self, model: Model, rules: Touching, truth: tuple[str, str] | None) -> None:
         self._rules, self._truth, self._model = rules, truth, model
@@ -182,7 +183,7 @@ class Feeling:
         session.taps.append(sample)
 
     def sensed(self, session: Session) -> Sensed:
-        """Return what the machine is told of the tick that is over."""
+        """Return what the machine is told of the last tick."""
         state, skin = session.state, None
         if self._skin is not None:
             valid = self._skin.valid
@@ -199,7 +200,7 @@ class Feeling:
 
 
 def figures(touch: Presented) -> dict[str, Any]:
-    """Return what is kept of a touch: what was felt, and how well it was rendered."""
+    """Return the figures that are kept of a touch: what was felt, and how well it was rendered."""
     felt, entry = touch.felt, touch.figures
     known = len(felt.flux) > 0 or not entry
     kept = {
@@ -222,7 +223,13 @@ def _skin(file: StudyFile, temperature: float) -> Edit:
 
 
 def felt_by(model: Model) -> tuple[str, str]:
-    """Return the fields of State that hold the true flux out of the finger and its skin's true temperature."""
+    """Return the names of the fields of State with the true flux out of the finger and its skin's true temperature.
+
+    Raises
+    ------
+    TouchError
+        If a device is no twin, or no twin declares them.
+    """
     found: dict[Role, str] = {}
     for name, device in model.devices.items():
         if not device.twin:
@@ -246,7 +253,7 @@ def _presented(
         return Presented(nothing, {}, fault or "nothing was touched")
     own = {one.key for one in OWN}
     kept = (FORCE.key, *(one.key for one in measured if one.key not in own and _tells(one)))
-    if not samples:  # nothing says what was truly felt: the report's figures stand for it
+    if not samples:  # what was truly felt is not known: the report's figures are taken for it
         told = {one.role: entries[0].get(one.key) for one in reversed(measured)}
         return Presented(nothing, entries[0], fault or _broken(entries[0], rules, measured), kept, told)
     first, last = touched[0], touched[-1]
@@ -258,7 +265,7 @@ def _presented(
 
 
 def _broken(entry: Mapping[str, Any], rules: Touching, measured: Sequence[Measured]) -> str:
-    """Say which rule a touch broke; empty: none."""
+    """Return a sentence on the rule that a touch broke; empty: none."""
     end = entry["end_s"]
     if end is None or end - entry["begin_s"] < rules.duration:
         return "released early"
@@ -275,5 +282,5 @@ def _broken(entry: Mapping[str, Any], rules: Touching, measured: Sequence[Measur
 
 
 def _tells(one: Measured) -> bool:
-    """Tell whether a figure is kept of each touch: what is shown of a contact, and what decides whether it counts."""
+    """Tell whether a figure is kept for each touch: those shown of a contact, and those that decide if it counts."""
     return not one.show or one.percent or one.error or one.must is not None

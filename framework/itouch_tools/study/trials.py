@@ -1,4 +1,4 @@
-"""A participant's trials: which conditions, in which order, from the seed and the participant's code alone."""
+"""A participant's trials: which conditions in which order, from the seed and the participant's code alone."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Trial:
     """One trial as it is planned.
 
     ``place`` counts from 0 over the whole session; ``condition`` has a level of each factor; ``shown`` has the
-    condition of each interval in the order of presentation, and ``target`` is the interval that differs from the
-    standard (-1: none does, or there is one interval only).  A trial of a staircase gets its level when it begins.
+    condition of each interval in the order of presentation, and ``target`` is the interval that holds ``condition``
+    and not the standard (-1: there is only one interval).  A trial of a staircase gets its level when it begins.
     """
 
     place: int
@@ -72,7 +72,7 @@ def _ordered(file: StudyFile, participant: str) -> list[tuple[str, dict[str, str
 def _with_catch(
     file: StudyFile, participant: str, order: list[tuple[str, dict[str, str], str]]
 ) -> list[tuple[str, dict[str, str], str]]:
-    """Put the catch trials among the others, not before the first, and where it can be not beside their like."""
+    """Insert the catch trials among the others: not before the first, and if possible not beside the same level."""
     catch, asked = file.study.catch, file.study.task.factor
     if catch is None:
         return order

@@ -1,4 +1,4 @@
-"""What a sweep says of things that are not there: columns, paths, fields, functions, levels that no scene takes."""
+"""Problems of a sweep: columns, paths, fields and functions that do not exist, and levels that no scene accepts."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def columns(result: FromReport | FromField | FromCall) -> tuple[str, ...]:
 
 
 def contradictions(file: SweepFile) -> Iterator[Problem]:
-    """Find what can be told without the scene."""
+    """Yield the problems that can be found without the scene."""
     sweep, places = file.sweep, file.places
     drawn = () if sweep.draws is None else sweep.draws.over
     owners: list[tuple[Any, tuple[str, ...]]] = [(each, (each.name,)) for each in (*sweep.axes, *drawn)]
@@ -69,7 +69,7 @@ def contradictions(file: SweepFile) -> Iterator[Problem]:
 
 
 def scenes(file: SweepFile, catalog: Catalog) -> Iterator[Problem]:
-    """Find what is wrong with the scene, with each level in it, and with what is collected of it."""
+    """Yield the problems of the scene, of each level in it, and of what is collected from it."""
     told: set[str] = set()
     base: Model | None = None
     for sets, shown in _each_level_once(file):
@@ -88,7 +88,7 @@ def scenes(file: SweepFile, catalog: Catalog) -> Iterator[Problem]:
 
 
 def _each_level_once(file: SweepFile) -> Iterator[tuple[list[Setting], str]]:
-    """Yield settings that together have every level, and both ends of what is drawn."""
+    """Yield settings that together contain every level and both ends of what is drawn, each with a description."""
     axes, plan = file.plan().axes, file.plan()
     ends = [_drawn(file, u) for u in ((0.0, 1.0 - 2.0**-20) if plan.over else (0.5,))]
     count = max([len(axis.levels) for axis in axes] + [len(ends)] + [_words(file)])
@@ -114,7 +114,7 @@ def _drawn(file: SweepFile, u: float) -> list[Setting]:
 
 
 def _collected(file: SweepFile, model: Model) -> Iterator[Problem]:
-    """Find fields that State has not, and functions that there are not."""
+    """Yield the problems of what ends a run and of what is collected: missing fields of State, missing functions."""
     sweep, places, state = file.sweep, file.places, make_state(model)
     if sweep.run.for_ is None and not sweep.run.until and not any(
         probe.operator is not None or probe.recorded is not None for probe in model.probes

@@ -1,4 +1,4 @@
-"""The client of a sweep: hands out what is missing, writes what comes back, and survives what it works with."""
+"""The client of a sweep: hands out missing runs, writes the rows that come back, and survives lost engines."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ from itouch_tools.sweeps.sweepfile import SweepFile
 from itouch_tools.sweeps.work import Work, work_of
 from itouch_tools.sweeps.worker import Done, work_on
 
-#: Seconds of work that a task shall have, and the most runs of one.
+#: Seconds of work that a task should take, and most runs in a task.
 TASK, MOST_TASK = 4.0, 1000
-#: Seconds between two looks at the clock, and how long a lost scheduler is waited for.
+#: Seconds between two checks while no row comes, and how long [s] to wait for a lost scheduler to return.
 LOOK, RETURNS = 0.2, 120.0
-#: Losses of the engine one after the other, without one row between them, after which the sweep ends.
+#: The sweep ends after this many losses of the engine in succession, without a row between them.
 LOSSES = 5
 
 Told = Callable[[Progress], None]
 
 
 class SweepError(ItouchError):
-    """A sweep that cannot go on; its folder can."""
+    """A sweep that cannot go on; a later one can go on in its folder."""
 
 
 @dataclass(frozen=True, slots=True)
 class Swept:
-    """How a sweep ended: rows in the folder, runs of the plan, rows by status, and why it ended before its end."""
+    """How a sweep ended: rows in the folder, runs of the plan, rows by status, and why it ended early, if it did."""
 
     folder: Path
     rows: int
@@ -60,7 +60,7 @@ class Swept:
 
 
 class Pours(Protocol):
-    """What hands tasks to workers: as many as ``count`` at once."""
+    """A pool that hands tasks to workers, ``count`` of them at once."""
 
     @property
     def count(self) -> int:
@@ -69,7 +69,7 @@ class Pours(Protocol):
 
     @property
     def alive(self) -> bool:
-        """Whether the engine is there."""
+        """Whether the engine still exists, as far as is known."""
         ...
 
     def results(self, tasks: Iterator[Task]) -> Iterator[Any]:
@@ -82,16 +82,16 @@ class Works(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """The engine's name."""
         ...
 
     def working(self) -> AbstractContextManager[Pours]:
-        """Return a context in which tasks are done."""
+        """Return a context with the pool in which tasks are done."""
         ...
 
 
 class Client:
-    """One sweep into one folder."""
+    """Runs one sweep into one folder."""
 
     def __init__(self, file: SweepFile, folder: Path, engine: Works, catalog: Catalog, told: Told | None) -> None:
         self._file, self._engine, self._told = file, engine, told
@@ -106,7 +106,7 @@ class Client:
         self._pool = 1
 
     def sweep(self) -> Swept:
-        """Run what is missing.
+        """Run the missing runs; return how the sweep ended.
 
         Raises
         ------
@@ -157,12 +157,12 @@ class Client:
                 self._lose(error, lost)
 
     def _lose(self, error: ItouchError, lost: int) -> None:
-        """Take back what the engine has lost, and wait until there is an engine again.
+        """Take back the tasks that were lost with the engine, and wait until there is an engine again.
 
         Raises
         ------
         SweepError
-            If it is lost for good.
+            If the engine is lost for good.
         """
         self._progress.losses += 1
         self._again += [self._flight[key] for key in sorted(self._flight, reverse=True)]
@@ -184,7 +184,13 @@ class Client:
             time.sleep(1.0)
 
     def _pour(self, pool: Pours) -> None:
-        """Hand out tasks, and take what comes back."""
+        """Hand out tasks, and take the rows that come back.
+
+        Raises
+        ------
+        EngineLostError
+            If tasks did not come back.
+        """
         found: queue.Queue[Done | BaseException | None] = queue.Queue(2 * pool.count + 8)
         feeder = threading.Thread(target=_feed, args=(pool, self._tasks(), found), daemon=True, name="sweep")
         feeder.start()
@@ -217,7 +223,7 @@ class Client:
     def _take(self, done: Done) -> None:
         numbers = self._flight.pop(done.key, None)
         if numbers is None:
-            return  # an answer that was given up
+            return  # a task that was taken back before
         if done.refused:
             self._store.flush()
             raise SweepError(f"{done.refused}: refused, because its rows would not be comparable")
@@ -239,7 +245,7 @@ class Client:
             yield work_on, (self._work, [self._plan.run(number) for number in numbers], self._keys)
 
     def _more(self) -> list[int]:
-        """Return the numbers of the next runs that are missing: as many as are some seconds of work."""
+        """Return the numbers of the next missing runs: about ``TASK`` seconds of work."""
         count, seconds = self._cost
         size = 1 if not count else max(1, min(MOST_TASK, round(TASK * count / max(seconds, 1e-6))))
         size = min(size, max(1, (len(self._plan) - self._next) // (2 * self._pool)))
@@ -251,12 +257,12 @@ class Client:
         return numbers
 
     def _asked(self, number: int, frame: FrameType | None) -> None:
-        """Somebody wants the sweep to end.
+        """Note that a signal asks the sweep to end.
 
         Raises
         ------
         KeyboardInterrupt
-            If it was asked before.
+            If it is ending already.
         """
         if self._ending:
             raise KeyboardInterrupt
@@ -268,7 +274,7 @@ def _feed(pool: Pours, tasks: Iterator[Task], found: queue.Queue[Done | BaseExce
         for one in pool.results(tasks):
             found.put(one if isinstance(one, Done) else EngineLostError(f"a task came back as {type(one).__name__}"))
         found.put(None)
-    except BaseException as error:  # told where it is waited for
+    except BaseException as error:  # raised again where the result is waited for
         found.put(error)
 
 
@@ -292,20 +298,20 @@ def sweep(
     told: Told | None = None,
     catalog: Catalog | None = None,
 ) -> Swept:
-    """Run a sweep into a folder; what is there already is not run again.
+    """Run a sweep into a folder; runs whose rows are there already are not run again.
 
     Parameters
     ----------
     path
         The sweep's file.
     folder
-        Where its rows are, a Parquet data set in ``runs``; made if it is missing.
+        The folder of its rows, a Parquet data set in ``runs``; made if it is missing.
     engine
         ``processes`` of this machine, ``dask``, or ``ray``.
     scheduler
         Address of Dask's scheduler.
     workers
-        How many processes; default: one a core.
+        Number of processes; default: one per core.
     told
         Called now and then with the `Progress`.
     catalog

@@ -1,4 +1,4 @@
-"""What is kept of a run: keys of its report, fields of State reduced over time, and what functions return."""
+"""What is collected from a run: keys of its report, fields of State reduced over time, and results of functions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _KINDS: Mapping[str, type] = {kind.__name__: kind for kind in (FromReport, FromF
 
 
 class CollectError(ValueError):
-    """A result that is not what the sweep says it is."""
+    """A result that is not of the type that the sweep states."""
 
 
 class Collector:
@@ -49,7 +49,7 @@ class Collector:
         Raises
         ------
         CollectError
-            If a result is not what the sweep says.
+            If a result is not of the type that the sweep states.
         """
         report = session.report()
         found: dict[str, Result] = {}
@@ -71,12 +71,12 @@ def _element(told: Mapping[str, Any]) -> FromReport | FromField | FromCall:
 
 
 def from_report(report: Mapping[str, Any], element: FromReport) -> Result:
-    """Return what the report has at a key; None if it has nothing there.
+    """Return the value of a key of the report, reduced if there are several; None if there is none.
 
     Raises
     ------
     CollectError
-        If that is no number where one is said, or if it is several.
+        If it is not a number although the sweep says so.
     """
     found = paths.values(report, element.key)
     if "[*]" in element.key and element.reduce == "count":
@@ -127,7 +127,7 @@ class Reducer:
         self._index, self._level = element.index, element.level
 
     def tap(self, tick: int) -> None:
-        """Look at the number after a tick."""
+        """Take the number after a tick."""
         if not self._begin <= tick < self._end:
             return
         value = float(self._view[self._index])
@@ -142,7 +142,7 @@ class Reducer:
             self._high = value
 
     def value(self) -> float | None:
-        """Return what has become of it; None if no tick counted."""
+        """Return the reduced number; None if no tick counted."""
         if not self._count:
             return None
         how = self._element.reduce
@@ -156,7 +156,7 @@ class Reducer:
 
 
 def ending(rule: Mapping[str, Any]) -> float | Callable[[Session], bool] | None:
-    """Return when a run ends, as a batch takes it: after a time, by a question, or None: with its motion."""
+    """Return when a run ends, as a batch takes it: a time [s], a function of the session, or None: with its motion."""
     seconds, untils = rule["for_"], [Until(**each) for each in rule["until"]]
     if not untils:
         return None if seconds is None else float(seconds)

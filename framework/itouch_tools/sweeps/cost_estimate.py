@@ -1,4 +1,4 @@
-"""What a sweep will cost, from a few of its runs: seconds, bytes, and keys of the report that nobody has."""
+"""What a sweep will cost, from a few of its runs: seconds, bytes, and keys that no report has."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from itouch_tools.sweeps.sweepfile import SweepFile
 from itouch_tools.sweeps.work import work_of
 from itouch_tools.sweeps.worker import DeadError, Runner, failed
 
-#: Rows by which the size of one is measured.
+#: Number of rows by which the size of a row is measured.
 _ROWS = 512
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """What pilots say of a sweep: seconds of one run and of one build, bytes of a row, and how the pilots ended."""
+    """The cost of a sweep by pilot runs: seconds of a run and of a build, bytes of a row, statuses of the pilots."""
 
     runs: int
     structures: int
@@ -32,22 +32,22 @@ class Estimate:
     row_bytes: float
     statuses: Mapping[str, int]
     problems: tuple[Problem, ...]
-    #: Why pilots did not come to their end.
+    #: Why pilots failed.
     reasons: tuple[str, ...] = ()
 
     @property
     def seconds(self) -> float:
-        """Seconds on one core."""
+        """Seconds that the whole sweep takes on one core."""
         return self.runs * self.run_s + self.structures * self.build_s
 
 
 def estimate(file: SweepFile, catalog: Catalog, pilots: int = 3) -> Estimate:
-    """Run some pilots here, spread over the plan.
+    """Run some pilots on this machine, spread over the plan, and return what they cost.
 
     Raises
     ------
     ItouchError
-        If scene, files and plugins are too much to travel.
+        If scene, files and plugins are too large to travel with a task.
     """
     work = work_of(file, catalog)
     plan = file.plan(work.digest)
@@ -78,7 +78,7 @@ def estimate(file: SweepFile, catalog: Catalog, pilots: int = 3) -> Estimate:
 
 
 def _split(plan: Plan, seconds: list[float], first: float) -> tuple[float, float]:
-    """Return the seconds of a run and of a build: the first pilot's scene was built before it."""
+    """Return the time [s] of a run and of a build; the first pilot's scene was built before its run."""
     if not seconds:
         return 0.0, 0.0
     run = seconds[0]
@@ -88,7 +88,7 @@ def _split(plan: Plan, seconds: list[float], first: float) -> tuple[float, float
 
 
 def _bytes(file: SweepFile, plan: Plan, rows: list[dict[str, Any]]) -> float:
-    """Return the bytes of a row: those of rows with the parameters of the plan, and results around the pilots'."""
+    """Return the bytes of a row, compressed among rows with the plan's parameters and results like the pilots'."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -106,7 +106,7 @@ def _bytes(file: SweepFile, plan: Plan, rows: list[dict[str, Any]]) -> float:
 
 
 def _unknown_keys(file: SweepFile, report: dict[str, Any], rows: list[dict[str, Any]]) -> list[Problem]:
-    """Return a warning for each key that no pilot had."""
+    """Return a warning for each key that no pilot's report has."""
     found = []
     for each in file.sweep.collect.results:
         if isinstance(each, FromReport) and report and all(row.get(each.name) is None for row in rows):

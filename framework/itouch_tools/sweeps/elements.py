@@ -1,4 +1,4 @@
-"""The language of sweeps: the same declarations, messages and units as that of scenes."""
+"""The language of sweeps, with the same declarations, messages and units as that of scenes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from itouch_tools.study.elements import split_levels
 
 #: Version of the sweep language that this program reads.
 VERSION = "1.0"
-#: How a field of State becomes one number.
+#: How the values of a field of State over time become one number.
 REDUCTIONS = ("last", "mean", "min", "max", "rms", "integral", "above")
 #: Most levels of one grid, and most draws.
 MOST_LEVELS, MOST_DRAWS = 100_000, 100_000_000
@@ -41,7 +41,7 @@ class Grid:
 
 @dataclass(frozen=True, slots=True)
 class Set:
-    """What one or several attributes take at each level of the list."""
+    """The values that one or several attributes take at the levels of the list."""
 
     TAG: ClassVar[str] = "set"
     path: str = text(doc="NAME.attribute or NAME/child.attribute; several separated by blanks")
@@ -50,7 +50,7 @@ class Set:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """A number that goes with each level and sets nothing, such as a price: a column of its own."""
+    """A number that belongs to each level and sets nothing, such as a price: a column of its own."""
 
     TAG: ClassVar[str] = "note"
     name: str = name(doc="of its column")

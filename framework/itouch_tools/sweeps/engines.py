@@ -1,4 +1,4 @@
-"""Where tasks are done, by joblib's interface: processes here, a Dask cluster, or Ray; no scheduler of our own."""
+"""Where tasks are done, through joblib: processes here, a Dask cluster, or Ray; there is no scheduler of our own."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from itouch.platforms import cores
 from itouch.schema import ItouchError
 
 ENGINES = ("processes", "dask", "ray")
-#: What must be installed for each, and how it is installed.
+#: The package that each engine needs, and what to install to get it.
 _NEEDS = {
     "processes": ("joblib", "itouch-py[sweep]"),
     "dask": ("distributed", "itouch-py[cluster]"),
     "ray": ("ray", "ray"),
 }
-#: Seconds in which a scheduler must answer, and in which a first worker must come.
+#: Seconds within which a scheduler must answer, and a first worker must be there.
 ANSWERS, WORKERS = 30.0, 60.0
 
 Task = tuple[Callable[..., Any], tuple[Any, ...]]
 
 
 class EngineLostError(ItouchError):
-    """The engine has lost workers or its scheduler: what was not returned is run again."""
+    """The engine has lost workers or its scheduler: runs whose rows did not come back are run again."""
 
 
 class NoEngineError(ItouchError):
-    """An engine that is not there."""
+    """An engine that does not exist, is not installed, or does not answer."""
 
 
 @dataclass(frozen=True, slots=True)
 class Engine:
-    """Which engine: its name, the scheduler's address where it has one, and how many workers where that is chosen."""
+    """Which engine to use: its name, its scheduler's address if it has one, and the number of workers if chosen."""
 
     name: str = "processes"
     scheduler: str = ""
@@ -56,7 +56,7 @@ class Engine:
 
     @contextlib.contextmanager
     def working(self) -> Iterator[Pool]:
-        """Return a context in which tasks are done.
+        """Return a context with the pool in which tasks are done.
 
         Raises
         ------
@@ -76,7 +76,7 @@ class Engine:
 
 
 def _hush() -> None:
-    """Let Dask's client not print tracebacks of what the sweep tells in a sentence."""
+    """Keep Dask's client from printing tracebacks of errors that the sweep reports in a sentence."""
     for name in list(logging.root.manager.loggerDict):
         if name.split(".")[0] == "distributed":
             logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -107,7 +107,7 @@ def _dask(address: str) -> Iterator[tuple[Any, int]]:
 
 @dataclass(slots=True)
 class Pool:
-    """Workers of an engine: joblib's name of it, how many tasks run at once, and what the backend is told."""
+    """Workers of an engine: joblib's backend, the number of tasks at once, and the backend's options (``told``)."""
 
     backend: str
     count: int
@@ -126,7 +126,7 @@ class Pool:
         Raises
         ------
         EngineLostError
-            If the engine breaks; what a task itself raises cannot be told from that.
+            If the engine breaks; an exception of a task itself cannot be distinguished from that.
         """
         try:
             yield from self._results(tasks)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 def proportion(count: int, of: int, level: float = 0.95) -> tuple[float, float]:
-    """Return the Clopper-Pearson interval of a proportion; one-sided where nothing or everything was counted."""
+    """Return the Clopper-Pearson interval of the proportion ``count / of``; one-sided if it is 0 or 1."""
     from scipy.stats import beta
 
     tail = (1.0 - level) / 2.0 if 0 < count < of else 1.0 - level
@@ -17,18 +17,20 @@ def proportion(count: int, of: int, level: float = 0.95) -> tuple[float, float]:
 
 
 def confusion(features: NDArray[np.float64], labels: NDArray[np.intp], count: int, noise: float) -> NDArray[np.float64]:
-    """Return how often each was answered: by the nearest mean of the others' touches, in units of the spread.
+    """Return the confusion matrix (touched, answered) of an observer that answers with the nearest mean of touches.
+
+    Distances are in units of the spread within classes (Mahalanobis); a touch does not count in its own class's mean.
 
     Parameters
     ----------
     features
         Cues of each touch, shape (touches, cues).
     labels
-        What was touched, shape (touches,).
+        What was touched, as numbers from 0, shape (touches,).
     count
-        How many there are.
+        Number of different objects that can be touched.
     noise
-        A person's, added to each cue; 0: none.
+        Standard deviation of a person's noise, added to each cue; 0: none.
     """
     rng = np.random.default_rng(0)
     repeats = 1 if noise == 0.0 else 20
@@ -41,7 +43,7 @@ def confusion(features: NDArray[np.float64], labels: NDArray[np.intp], count: in
     sizes = np.bincount(labels, minlength=count).astype(float)
     for touch, label in zip(features, labels, strict=True):
         means = sums / sizes[:, None]
-        if sizes[label] > 1:  # a touch does not know itself
+        if sizes[label] > 1:  # a touch does not count in the mean with which it is compared
             means[label] = (sums[label] - touch) / (sizes[label] - 1.0)
         for _ in range(repeats):
             off = touch + noise * rng.standard_normal(len(touch)) - means
@@ -50,7 +52,7 @@ def confusion(features: NDArray[np.float64], labels: NDArray[np.intp], count: in
 
 
 def bits(matrix: NDArray[np.float64]) -> float:
-    """Return the information that the answers (touched, answered) carry of what was touched [bit]."""
+    """Return the information [bit] that answers carry about what was touched, given counts (touched, answered)."""
     joint = matrix / matrix.sum()
     independent = joint.sum(1, keepdims=True) * joint.sum(0, keepdims=True)
     known = joint > 0.0

@@ -1,4 +1,4 @@
-"""Functions that a sweep collects with: of an installed package, or in a file that lies beside the sweep."""
+"""Functions with which a sweep collects: of an installed package, or in a file beside the sweep."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from itouch.schema import ItouchError
 
 
 class FunctionError(ItouchError):
-    """A function that there is not; ``advice`` says what to do."""
+    """A function that cannot be found; ``advice`` says what to do."""
 
     def __init__(self, sentence: str, advice: str = "") -> None:
         super().__init__(sentence)
@@ -28,23 +28,23 @@ def in_file(function: str) -> str:
 
 
 def check_function(function: str, sweep: str) -> None:
-    """See that a function is there, before anything runs.
+    """Check that a function exists, before anything runs.
 
     Raises
     ------
     FunctionError
-        If it is not.
+        If it does not.
     """
     load_function(function, Path(sweep).parent)
 
 
 def load_function(function: str, folder: Path) -> Callable[..., Any]:
-    """Return a function; files are sought in the folder, and never outside it.
+    """Return a function; files are looked for in the folder, and never outside it.
 
     Raises
     ------
     FunctionError
-        If it is not there.
+        If it cannot be found or imported.
     """
     home, _, name = function.partition(":")
     module = _of_file(home, folder) if in_file(function) else _of_package(home)
@@ -81,7 +81,7 @@ def _of_file(home: str, folder: Path) -> Any:
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
-    except Exception as error:  # a stranger's file may raise anything
+    except Exception as error:  # a user's file may raise anything
         del sys.modules[name]
         raise FunctionError(f"'{home}' cannot be imported: {type(error).__name__}: {error}") from error
     return module

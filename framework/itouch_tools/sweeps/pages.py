@@ -1,8 +1,8 @@
-"""Pages of sweeps: a function makes lines of Markdown and a figure out of the rows.
+"""Pages of sweeps: a function turns the rows into lines of Markdown and a figure.
 
-The functions of the shipped sweeps lie beside them, in ``scenes/sweeps/pages.py``; one of your own is given as
+The functions of the shipped sweeps lie beside them, in ``scenes/sweeps/pages.py``; one of your own is named as
 ``FILE.py:FUNCTION`` or ``package.module:function``.  It takes the rows, a list of mappings from column to value, and
-returns the lines and what draws the figure on the axes that it is given.
+returns the lines and a function that draws the figure on given axes.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ def names() -> list[str]:
 
 
 def maker(name: str, folder: Path = Path()) -> Maker:
-    """Return the function that makes a page: a shipped one by its name, or a stranger's with a colon in it.
+    """Return the function that makes a page: a shipped one by its name, or one of your own, with a colon in its name.
 
     Raises
     ------
     ItouchError
-        If there is none.
+        If there is no such function.
     """
     if ":" in name:
         return load_function(name, folder)
@@ -79,7 +79,7 @@ def write_page(kind: str, folder: Path, output: Path) -> Path:
 
 
 def _drawn(draw: Drawn, picture: Path) -> bool:
-    """Draw a figure, where matplotlib is installed."""
+    """Draw a figure if matplotlib is installed; return whether it is."""
     from importlib.util import find_spec
 
     if find_spec("matplotlib") is None:

@@ -13,12 +13,12 @@ _INDEX = re.compile(r"\[([^\[\]]*)\]")
 
 
 def split(key: str) -> list[str | tuple[str, ...]]:
-    """Split a key into names and indices: ``(word,)``, or ``(name, value)`` to choose by.
+    """Split a key into names and indices; an index is ``(word,)``, or ``(name, value)`` to select entries by.
 
     Raises
     ------
     ValueError
-        If it is no key.
+        If it is not a key.
     """
     found: list[str | tuple[str, ...]] = []
     for part in key.split("."):
@@ -37,7 +37,7 @@ def split(key: str) -> list[str | tuple[str, ...]]:
 
 
 def values(report: Any, key: str) -> list[Any]:
-    """Return what stands at a key: one, several where the key has [*], or none."""
+    """Return the values at a key: one, several if the key has ``[*]``, or none."""
     found = [report]
     for step in split(key):
         found = [value for one in found for value in _step(one, step)]
@@ -59,7 +59,7 @@ def _step(value: Any, step: str | tuple[str, ...]) -> Sequence[Any]:
 
 
 def advice(report: Any, key: str) -> str:
-    """Return what may have been meant by a key that the report has not, or an empty string."""
+    """Return advice on what may have been meant by a key that the report does not have, or an empty string."""
     found = [report]
     for step in split(key):
         following = [value for one in found for value in _step(one, step)]

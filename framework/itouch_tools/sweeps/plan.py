@@ -1,4 +1,4 @@
-"""The runs of a sweep: number -> parameters, what they set in the scene, and the digest that says which run it is."""
+"""The runs of a sweep: for each number the parameters, what they set in the scene, and the digest of the run."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itouch_tools.sweeps.elements import Over
 from itouch_tools.sweeps.sampling import DIGITS, Points
 
-#: What an attribute of the scene takes: (path, text).
+#: An attribute of the scene and its value: (path, text).
 Setting = tuple[str, str]
 Value = float | str
 
@@ -64,7 +64,7 @@ class Plan:
         return count
 
     def run(self, number: int) -> Run:
-        """Return one of the runs."""
+        """Return the run with this number."""
         rest, seed = divmod(number, self.seeds)
         chosen: list[Level] = []
         for axis in reversed(self.axes):
@@ -89,12 +89,12 @@ class Plan:
 
 
 def written(value: Value, unit: str) -> str:
-    """Return a value as it stands in a scene."""
+    """Return a value as it is written in a scene."""
     text = value if isinstance(value, str) else f"{value:.{DIGITS}g}"
     return f"{text} {unit}".strip()
 
 
 def digest_of(base: str, sets: Sequence[Setting], seed: int) -> str:
-    """Return the digest of a run: of all that decides what comes out of it."""
+    """Return the digest of a run: of everything that determines its results."""
     told = json.dumps([base, sorted(sets), seed], separators=(",", ":"))
     return hashlib.sha256(told.encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""How far a sweep is: runs, rate, time left, failures by kind; and when it is to end."""
+"""The progress of a sweep: runs, rate, time left, failures by kind; and when it is to end."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Z = 1.959964
 
 @dataclass(slots=True)
 class Mean:
-    """Mean of a result and its 95 % interval, row by row."""
+    """Mean of a result and its 95 % interval, updated row by row."""
 
     count: int = 0
     mean: float = 0.0
@@ -32,7 +32,7 @@ class Mean:
 
     @property
     def half_width(self) -> float:
-        """Half the width of the interval; infinite as long as it is not known."""
+        """Half the width of the interval; infinite with fewer than two values."""
         if self.count < 2:
             return math.inf
         return Z * math.sqrt(self._squares / (self.count - 1) / self.count)
@@ -53,7 +53,7 @@ class Progress:
     means: dict[str, Mean] = field(default_factory=dict)
 
     def add(self, row: Mapping[str, Any], *, before: bool = False) -> None:
-        """Take a row; ``before``: one that a former client has made."""
+        """Count a row; ``before``: one that an earlier client wrote."""
         self.done += not before
         if row["status"] != "done":
             self.failures[str(row["status"])] += 1
@@ -64,7 +64,7 @@ class Progress:
 
     @property
     def seconds(self) -> float:
-        """Seconds on the clock."""
+        """Seconds since this client began."""
         return time.monotonic() - self.began
 
     def ended_by(self) -> str:

@@ -1,4 +1,4 @@
-"""What computes: versions and content of the program, of plugins and of the compiler; the same on every worker."""
+"""What computes: versions and content of program, plugins and compiler, which must be the same on every worker."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
-#: Distributions whose versions decide what numbers come out.
+#: Distributions whose versions determine the numbers that come out.
 COMPILERS = ("numba", "llvmlite", "numpy")
 #: The distribution of this program.
 PROGRAM = "itouch-py"
 
 
 def identity(packages: Mapping[str, Iterable[str]]) -> dict[str, str]:
-    """Return name -> version of everything that computes.
+    """Return the version of everything that computes, by name.
 
     Parameters
     ----------
     packages
-        Distribution -> its top-level packages, of the program and of the plugins that the runs use.
+        The top-level packages of each distribution: of the program and of the plugins that the runs use.
     """
     found = {"python": platform.python_version()}
     found |= {name: metadata.version(name) for name in COMPILERS}
@@ -41,7 +41,7 @@ def version_of(distribution: str) -> str:
 
 @lru_cache(maxsize=8)
 def content_of(packages: tuple[str, ...]) -> str:
-    """Return a digest of the source of packages: two checkouts with one version number are told apart."""
+    """Return a digest of the source of packages, which distinguishes two checkouts with the same version number."""
     total = hashlib.sha256()
     for package in packages:
         for name, path in files_of(package):
@@ -50,7 +50,7 @@ def content_of(packages: tuple[str, ...]) -> str:
 
 
 def files_of(package: str) -> list[tuple[str, Path]]:
-    """Return (name beside the package, path) of the files of a package, sorted; without what Python makes of them."""
+    """Return the files of a package, sorted, as (name from the package on, path); without what Python generates."""
     spec = find_spec(package)
     if spec is None:
         return []
@@ -70,7 +70,7 @@ def _made(path: Path) -> bool:
 
 
 def differences(here: Mapping[str, str], there: Mapping[str, str]) -> list[str]:
-    """Return in words what differs: ``here`` is what is wanted."""
+    """Return sentences on what differs, where ``here`` is what is wanted."""
     found = []
     for name in sorted({*here, *there}):
         wanted, other = here.get(name, ""), there.get(name, "")

@@ -1,4 +1,4 @@
-"""Reading a sweep's file, with the places of everything in it and all problems at once."""
+"""Reads a sweep's file, with the place of everything in it, and finds all problems at once."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def load_sweep(path: str | os.PathLike[str], catalog: Catalog) -> SweepFile:
 
 
 def read_sweep(path: str | os.PathLike[str], catalog: Catalog) -> tuple[SweepFile | None, list[Problem]]:
-    """Read as much of a sweep as can be, with the problems found."""
+    """Return a sweep, or None if it can't be read, and the problems found, in file order."""
     shown = os.fspath(path)
     try:
         root = read_root(shown, "sweep", f'<sweep version="{VERSION}" scene="SCENE.xml">')

@@ -1,4 +1,4 @@
-"""One row once more: the same run in this process, compared with what the row says."""
+"""Replays one row: the same run again in this process, compared with the row."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from itouch_tools.sweeps.store import StoreError, paths_of, read_work
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """A row, the same made again, and in words what differs; empty: the same bytes."""
+    """A row, the row of the same run made again, and sentences on what differs; none: the bytes are the same."""
 
     row: Mapping[str, Any]
     again: Mapping[str, Any]
@@ -51,7 +51,7 @@ def find_row(folder: Path, which: str) -> dict[str, Any]:
 
 
 def replay(folder: Path, which: str) -> Replayed:
-    """Run the run of a row again, here, and compare.
+    """Run the run of a row again in this process, and compare.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def replay(folder: Path, which: str) -> Replayed:
 
 
 def session_of(folder: Path, which: str, target: Path) -> None:
-    """Write the session of a row, before its first tick, which ``itouch-py`` opens in a window.
+    """Write the session of a row before its first tick, which ``itouch-py`` can open in a window.
 
     Raises
     ------

@@ -1,6 +1,7 @@
 """The runner process beside a worker (`python -m itouch_tools.sweeps.runner`): no run can end the worker.
 
-It reads work and runs from its input and answers on its output, one pickle after the other; it ends with its input.
+It reads work and runs from standard input and answers on standard output, one pickle after the other; it ends when its
+input ends.
 """
 
 from __future__ import annotations
@@ -19,18 +20,18 @@ _PR_SET_PDEATHSIG = 1
 
 
 def main() -> int:
-    """Run what comes, until nothing comes any more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the client ends a sweep, not the terminal
+    """Run what comes on standard input until it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the client may end a sweep, not Ctrl-C at the terminal
     _end_with_parent()
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what plugins print is no answer
+    os.dup2(2, 1)  # what plugins print must not get among the answers
     with tempfile.TemporaryDirectory(prefix="itouch-sweep-") as folder:
         serve(sys.stdin.buffer, answers, Path(folder))
     return 0
 
 
 def serve(asked: BinaryIO, answers: BinaryIO, folder: Path) -> None:
-    """Answer: first the work, then lists of runs; each run is announced by its row."""
+    """Answer requests until ``asked`` ends: first one with the work, then lists of runs, each run with its row."""
     running: Any = None
     while True:
         try:
@@ -83,7 +84,7 @@ def _answer(answers: BinaryIO, kind: str, what: Any, seconds: float) -> None:
 
 
 def _end_with_parent() -> None:
-    """Let the system end this process with the thread that started it, wherever it can."""
+    """Let the system end this process together with the thread that started it, where it can."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() == 1:

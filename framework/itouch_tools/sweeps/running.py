@@ -1,4 +1,4 @@
-"""One run after the other in this process: the scene of each built once, what comes of it as a row."""
+"""Runs one run after the other in this process; each scene is built once, each run becomes a row."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from itouch_tools.sweeps.plan import Run, Setting
 from itouch_tools.sweeps.provenance import cpu_model
 from itouch_tools.sweeps.work import Work
 
-#: Models that are kept: each once a worker and structure, as long as it is in use.
+#: Number of compiled scenes that a worker keeps: those that were used last.
 KEPT = 4
 
 Row = dict[str, Any]
 
 
 class MachineError(Exception):
-    """A run that failed by a fault of the machine: it is tried again."""
+    """A run that failed because of the machine: it is tried again."""
 
 
 class Running:
-    """Runs what a worker is given, in this process; the content lies in a folder of its own."""
+    """Runs what a worker is given, in this process; ``folder`` holds the scene, functions and plugins."""
 
     def __init__(self, work: Work, folder: Path) -> None:
         self.work, self._folder = work, folder
@@ -55,7 +55,7 @@ class Running:
         Raises
         ------
         SceneError
-            If it cannot be compiled.
+            If the scene cannot be compiled.
         """
         path = str(self._folder / "scene" / self.work.scene)
         edits = [Edit(where, Attribute(value, Place("sweep", 1, 1))) for where, value in sets]
@@ -66,7 +66,7 @@ class Running:
         return Model.of(choose_twins(scene, "all"), self._catalog)
 
     def row(self, run: Run) -> Row:
-        """Return what comes of a run.
+        """Return the row of a run.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class Running:
             row |= {"status": "scene", "reason": job} if isinstance(job, str) else job.run(run.seed)
         except (OSError, MemoryError) as error:
             raise MachineError(f"{type(error).__name__}: {error}") from error
-        except Exception as error:  # a stranger's plugin may raise anything: that run is told, the others go on
+        except Exception as error:  # a plugin may raise anything: this run's row says so, the others go on
             row["reason"] = f"{type(error).__name__}: {error}"[:500]
         return row
 
@@ -88,7 +88,7 @@ class Running:
         """Return the report of the session of a run; empty if there is none."""
         try:
             return dict(Job(self.model(run.sets), self._catalog, self._until, Session.report).run(run.seed))
-        except Exception:  # whatever it is, the run's row tells it
+        except Exception:  # whatever it is, the run's row says so
             return {}
 
     def _job(self, sets: tuple[Setting, ...]) -> Job | str:
@@ -106,7 +106,7 @@ class Running:
         return job
 
     def _ended(self, session: Session) -> Row:
-        """Return what is kept of a session that has ended."""
+        """Return what the row keeps of a session that has ended."""
         fault = session.fault
         row: Row = {"status": "done" if fault is None else "fault", "reason": "" if fault is None else str(fault)[:500]}
         row["simulated_s"] = session.ticks * session.model.period
@@ -125,7 +125,7 @@ def _write(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def _offer(work: Work, folder: Path) -> None:
-    """Make plugins importable that this environment has not."""
+    """Make the plugins importable that this environment does not have."""
     from itouch_tools.sweeps.provenance import version_of
 
     for name, files in work.plugins.items():

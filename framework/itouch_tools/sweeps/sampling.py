@@ -1,4 +1,4 @@
-"""Points of parameters: independent, Latin hypercubes, or a Sobol sequence; more can be drawn, those that are stay."""
+"""Sample points: independent, Latin hypercubes, or a Sobol sequence; more can be drawn later without changing them."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from itouch_tools.sweeps.elements import Draws, Over
 
 #: Points that are made at once.
 CHUNK = 1 << 14
-#: Of a Sobol sequence: 2^30 points; it cannot be entered in the middle with more than 32.
+#: Bits of a Sobol sequence, for 2^30 points; with more than 32 bits it cannot be entered in the middle.
 BITS = 30
-#: Digits of a drawn value, in the file of the scene and in the results.
+#: Significant digits of a drawn value, in the scene and in the results.
 DIGITS = 12
 
 
 class Points:
-    """The points of one ``<draws>``, made in chunks: any of them without those before it being kept."""
+    """The points of one ``<draws>``, made in chunks, so that any point can be had without keeping those before it."""
 
     def __init__(self, draws: Draws, seed: int) -> None:
         self._draws, self._seed = draws, seed
@@ -29,7 +29,7 @@ class Points:
         return self._draws.count
 
     def point(self, index: int) -> list[float | str]:
-        """Return what the parameters take at one point: numbers in their unit, or words."""
+        """Return the values of the parameters at one point: numbers in their unit, or words."""
         size = self._size()
         number, within = divmod(index, size)
         if self._chunk[0] != number:
@@ -60,7 +60,7 @@ class Points:
 
 
 def value_of(over: Over, u: float) -> float | str:
-    """Return the value at a place ``u`` of [0, 1) of its distribution."""
+    """Return the value of a parameter's distribution at the quantile ``u`` in [0, 1)."""
     if over.values:
         words = split_levels(over.values)
         return words[min(int(u * len(words)), len(words) - 1)]
@@ -86,7 +86,7 @@ def _spaced(low: float, high: float, u: float, scale: str) -> float:
 
 
 def spaced(low: float, high: float, steps: int, scale: str) -> Sequence[float]:
-    """Return evenly spaced levels from low to high."""
+    """Return evenly spaced levels from low to high, linearly or on a log scale."""
     return [rounded(_spaced(low, high, index / (steps - 1), scale)) for index in range(steps)]
 
 

@@ -1,4 +1,4 @@
-"""The results of a sweep: a Parquet data set that grows by whole files, so that it can be read while it grows."""
+"""The results of a sweep: a Parquet data set that grows by complete files, so that it can be read at any time."""
 
 from __future__ import annotations
 
@@ -25,17 +25,18 @@ if TYPE_CHECKING:
     import pyarrow
 
 RUNS, INCOMING, SWEEP, WORK = "runs", ".incoming", "sweep.xml", "work.json"
-#: Runs whose rows lie in one partition, by their number in the plan.
+#: Number of runs whose rows lie in one partition, by their number in the plan.
 PART = 10_000
-#: Rows that are written together at most, and seconds that a row waits at most: the second, then 1 % of what has
-#: been worked on, so that a long sweep has few files; what waits when a client is killed is run again.
+#: Most rows that are written together, and how long a row may wait to be written: ``WAITS`` seconds at first, later the
+#: ``SHARE`` of the time since the client began, at most ``WAITS_LONGEST`` seconds, so that a long sweep has few files;
+#: rows that wait when a client is killed are run again.
 MOST_ROWS, WAITS, WAITS_LONGEST, SHARE = 2000, 2.0, 60.0, 0.01
-#: Rows that are tried again by the next client.
+#: Statuses of rows whose runs the next client tries again.
 AGAIN = ("machine", "hung")
 
 
 class StoreError(ItouchError):
-    """A folder that holds something else, or cannot be written."""
+    """A folder that holds something else, or that cannot be written."""
 
 
 def schema_of(file: SweepFile) -> pyarrow.Schema:
@@ -69,19 +70,19 @@ class Store:
         self._waiting: list[tuple[int, Mapping[str, Any]]] = []
         self._since, self._began = 0.0, time.monotonic()
         self._lock = -1
-        #: Rows by their status, those of former clients too.
+        #: Number of rows by status, those of earlier clients included.
         self.counts: Counter[str] = Counter()
-        #: First eight bytes of the digests of the rows that are there, sorted.
+        #: First eight bytes of the digests of the rows found at opening, sorted.
         self._known: NDArray[np.uint64] = np.empty(0, np.uint64)
 
     @classmethod
     def open(cls, folder: Path, file: SweepFile, work: Work) -> Store:
-        """Open a sweep's folder, or begin one.
+        """Open a sweep's folder, or create one.
 
         Raises
         ------
         StoreError
-            If it holds another sweep, somebody works in it, or it cannot be written.
+            If it holds another sweep, another client works in it, or it cannot be written.
         """
         store = cls(folder, schema_of(file))
         try:
@@ -125,7 +126,7 @@ class Store:
         )  # fmt: skip
 
     def _recover(self) -> None:
-        """Remove what a killed client left unfinished, and what is to be tried again; learn which rows there are."""
+        """Remove unfinished files of a killed client and rows to be tried again; note which rows there are."""
         import pyarrow.compute as pc
         import pyarrow.parquet as pq
 
@@ -152,7 +153,7 @@ class Store:
         return at < len(self._known) and bool(self._known[at] == key)
 
     def add(self, number: int, row: Mapping[str, Any]) -> None:
-        """Take the row of the run with this number in the plan; it is on the disk with the next ``flush``."""
+        """Take the row of the run with this number in the plan; the next ``flush`` writes it to disk."""
         if not self._waiting:
             self._since = time.monotonic()
         self._waiting.append((number, row))
@@ -173,7 +174,7 @@ class Store:
         Raises
         ------
         StoreError
-            If they cannot be written; they go on waiting, and the folder is as whole as before.
+            If they cannot be written; they go on waiting, and the folder is as sound as before.
         """
         import pyarrow as pa
 
@@ -202,14 +203,14 @@ class Store:
         write_whole(self.folder / INCOMING, path, sink.getvalue().to_pybytes())
 
     def close(self) -> None:
-        """Let go of the folder."""
+        """Release the folder for other clients."""
         if self._lock >= 0:
             os.close(self._lock)
             self._lock = -1
 
 
 def write_whole(incoming: Path, path: Path, data: bytes) -> None:
-    """Write a file that is whole or not there, whenever the program or the machine ends."""
+    """Write a file atomically: whenever the program or the machine ends, it is complete or unchanged."""
     partial = incoming / f"{uuid.uuid4().hex}.partial"
     try:
         with open(partial, "wb") as stream:
@@ -220,7 +221,7 @@ def write_whole(incoming: Path, path: Path, data: bytes) -> None:
     except OSError:
         partial.unlink(missing_ok=True)
         raise
-    with contextlib.suppress(PermissionError):  # Windows opens no folders
+    with contextlib.suppress(PermissionError):  # Windows does not open folders
         handle = os.open(path.parent, os.O_RDONLY)
         try:
             os.fsync(handle)
@@ -229,7 +230,7 @@ def write_whole(incoming: Path, path: Path, data: bytes) -> None:
 
 
 def unwritable(folder: Path, error: OSError) -> StoreError:
-    """Return the sentence that says why a folder cannot be written."""
+    """Return the error that says why a folder cannot be written."""
     return StoreError(
         f"cannot write '{error.filename or folder}': {error.strerror or error}; all rows before this one are kept, and "
         "the same command goes on from them"
@@ -247,7 +248,7 @@ def read_work(folder: Path) -> Work:
     Raises
     ------
     StoreError
-        If it is no folder of a sweep.
+        If it is not the folder of a sweep.
     """
     try:
         return Work.loads((folder / WORK).read_text(encoding="utf-8"))
@@ -258,12 +259,12 @@ def read_work(folder: Path) -> Work:
 
 
 def keys(digests: Sequence[str]) -> NDArray[np.uint64]:
-    """Return the first eight bytes of digests."""
+    """Return the first eight bytes of digests as numbers, shape (n,)."""
     return np.array([int(digest[:16], 16) for digest in digests], np.uint64)
 
 
 def rows(folder: Path, names: Sequence[str] | None = None) -> Iterator[dict[str, Any]]:
-    """Yield the rows of a folder, file by file."""
+    """Yield the rows of a folder, file by file, with these columns only if ``names`` are given."""
     import pyarrow.parquet as pq
 
     for path in paths_of(folder):
@@ -271,7 +272,13 @@ def rows(folder: Path, names: Sequence[str] | None = None) -> Iterator[dict[str,
 
 
 def table(folder: Path) -> pyarrow.Table:
-    """Return all rows of a folder, sorted by digest."""
+    """Return all rows of a folder, sorted by digest.
+
+    Raises
+    ------
+    StoreError
+        If there are none.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -22,7 +22,7 @@ from itouch_tools.sweeps.sampling import Points, spaced
 
 @dataclass(frozen=True, slots=True)
 class SweepFile:
-    """A sweep as it was read: the file, the scene's path, where each element stands, and the study if there is one."""
+    """A sweep as it was read: its file, the scene's path, the place of each element, and the study if there is one."""
 
     sweep: Sweep
     path: str
@@ -36,7 +36,7 @@ class SweepFile:
         return self.sweep.name or Path(self.path).stem
 
     def plan(self, base: str = "") -> Plan:
-        """Return the runs; ``base`` is the digest of what they have in common."""
+        """Return the plan of all runs; ``base`` is the digest of what they have in common."""
         sweep, draws = self.sweep, self.sweep.draws
         axes = [] if self.study is None else [_conditions(self.study)]
         axes += [_grid(axis) if isinstance(axis, Grid) else _listed(axis) for axis in sweep.axes]
@@ -46,7 +46,7 @@ class SweepFile:
         )  # fmt: skip
 
     def scene(self, sets: Sequence[Setting], catalog: Catalog) -> tuple[Scene, list[Problem]]:
-        """Return the scene with attributes set, and what is wrong with it; each problem is told at the parameter."""
+        """Return the scene with attributes set, and its problems, each at the place of the parameter that causes it."""
         return read_scene(self.scene_path, catalog, edits=[Edit(p, Attribute(v, self._place(p))) for p, v in sets])
 
     def _place(self, path: str) -> Place:
@@ -69,7 +69,7 @@ def _grid(grid: Grid) -> Axis:
 
 
 def _levels(grid: Grid) -> Sequence[Value]:
-    """Return the levels: numbers if all of them are, else words."""
+    """Return the levels: numbers if all of them are numbers, else words."""
     if grid.low is not None and grid.high is not None and grid.steps is not None:
         return spaced(grid.low, grid.high, grid.steps, grid.scale)
     words = split_levels(grid.values)

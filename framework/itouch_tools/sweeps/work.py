@@ -1,4 +1,4 @@
-"""A sweep's work in common, by content: scene, files, functions, plugins, what is collected."""
+"""What all runs of a sweep have in common, by content: scene, files, functions, plugins, what is collected."""
 
 from __future__ import annotations
 
@@ -33,17 +33,18 @@ class Work:
     scene
         Name of the scene among ``files``.
     files
-        Content of the scene, its includes and what they name, by path in the scene's folder.
+        Content of the scene, its includes and the files that they name, by path in the scene's folder.
     functions
         Content of the files with functions, by path in the sweep's folder.
     plugins
-        Plugins that are not part of the program: distribution -> its files, with ``entry_points.txt`` and ``METADATA``.
+        The files of each plugin that is not part of the program, by distribution, with ``entry_points.txt`` and
+        ``METADATA``.
     collect, rule
-        Elements of the sweep, as plain words.
+        Elements of the sweep, as plain data.
     identity
-        What must compute: see ``itouch_tools.sweeps.provenance``; ``packages`` is what it is made from.
+        Versions of what must compute, see ``itouch_tools.sweeps.provenance``; made from ``packages``.
     digest
-        Of all of this.
+        Digest of all of this.
     """
 
     scene: str
@@ -57,7 +58,7 @@ class Work:
     digest: str = field(default="")
 
     def dumps(self) -> str:
-        """Return it as JSON."""
+        """Return the work as JSON."""
         plain = asdict(self)
         for name in ("files", "functions"):
             plain[name] = {key: base64.b85encode(data).decode() for key, data in plain[name].items()}
@@ -74,7 +75,7 @@ class Work:
         Raises
         ------
         ValueError, KeyError, TypeError
-            If it is something else.
+            If the text is something else.
         """
         plain = json.loads(text)
         for name in ("files", "functions"):
@@ -87,7 +88,7 @@ class Work:
         return cls(**plain)
 
     def parts(self) -> dict[str, str]:
-        """Return name -> digest of each part, to tell what differs."""
+        """Return the digest or version of each part, by a name that says in a message what differs."""
         found = {f"the file '{name}'": data for name, data in self.files.items()}
         found |= {f"the file '{name}'": data for name, data in self.functions.items()}
         told = {name: hashlib.sha256(data).hexdigest() for name, data in found.items()}
@@ -106,7 +107,7 @@ def work_of(file: SweepFile, catalog: Catalog) -> Work:
     Raises
     ------
     ItouchError
-        If it is too much to travel with a task.
+        If it is too large to travel with a task.
     """
     folder = Path(os.path.dirname(file.scene_path) or ".").resolve()
     model = _first_model(file, catalog)
@@ -164,7 +165,7 @@ def _named(file: SweepFile, folder: Path) -> Iterator[str]:
 
 
 def _packages(file: SweepFile, model: Model, catalog: Catalog) -> dict[str, tuple[str, ...]]:
-    """Return distribution -> top-level packages: of the program, of what the scene uses, of monitors and functions."""
+    """Return the top-level packages by distribution: of program, plugins in the scene, monitors and functions."""
     from importlib import metadata
 
     from itouch.session.manifest import plugin_versions
@@ -187,14 +188,14 @@ def _packages(file: SweepFile, model: Model, catalog: Catalog) -> dict[str, tupl
 
 
 def _with_parts(packages: set[str]) -> set[str]:
-    """Return packages with the further ones that they name (``PACKAGES``)."""
+    """Return packages together with the further ones that they name in ``PACKAGES``."""
     import sys
 
     return packages.union(*(getattr(sys.modules.get(package), "PACKAGES", ()) for package in packages))
 
 
 def _shipped(distribution: str, packages: tuple[str, ...]) -> dict[str, bytes]:
-    """Return the files of a plugin, so that a worker without it can have it."""
+    """Return the files of a plugin, so that a worker that lacks the plugin can use it."""
     from importlib import metadata
 
     found = {name: path.read_bytes() for package in packages for name, path in files_of(package)}

@@ -1,4 +1,4 @@
-"""A task of the engine: some runs, handed to a runner beside this process; what ends the runner is a row."""
+"""A task of the engine: some runs, handed to a runner process; a run that ends the runner still gets a row."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from itouch_tools.sweeps.plan import Run
 from itouch_tools.sweeps.provenance import cpu_model
 from itouch_tools.sweeps.work import Work
 
-#: How often a run is tried where the machine was at fault, and where it ended its process.
+#: How often a run is tried if the machine was at fault, and if the run ended its process.
 TRIES_MACHINE, TRIES_CRASH = 3, 2
 #: Seconds that a runner may take to begin: it may have to compile.
 BEGINS = 1800.0
-#: Signals by which a machine ends a process: for want of memory, or because somebody wants it ended.
+#: Signals by which a machine ends a process: for lack of memory, or because somebody wants it to end.
 _FROM_OUTSIDE = tuple(platforms.signals("SIGKILL", "SIGTERM", "SIGHUP"))
 
 
 @dataclass(slots=True)
 class Done:
-    """What came of a task: rows, seconds of each, how many tries were in vain, or why the worker is refused."""
+    """The result of a task: rows, seconds of each, the number of failed tries; or why the worker is refused."""
 
     rows: list[dict[str, Any]] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
@@ -40,7 +40,7 @@ class Done:
 
 
 class DeadError(Exception):
-    """A runner has ended, or was too slow."""
+    """A runner process has ended, or took too long."""
 
     def __init__(self, status: str, reason: str, *, outside: bool) -> None:
         super().__init__(reason)
@@ -131,14 +131,14 @@ class Runner:
         return DeadError("machine" if outside else "crashed", why, outside=outside)
 
 
-#: Runners that have nothing to do; one for each thread that works here at a time.
+#: Idle runners; as many as threads worked here at the same time.
 _idle: list[Runner] = []
 _lock = threading.Lock()
 
 
 def work_on(work: Work, runs: Sequence[Run], key: int = 0) -> Done:
-    """Do a task: run some runs, and return their rows in order with its key.  Called in a worker of the engine."""
-    with contextlib.suppress(ValueError):  # only a main thread may
+    """Do a task: run some runs, and return their rows in order, with its key.  Called in a worker of the engine."""
+    with contextlib.suppress(ValueError):  # only the main thread may set a signal handler
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     done = Done(key=key)
     for run in runs:
@@ -150,7 +150,7 @@ def work_on(work: Work, runs: Sequence[Run], key: int = 0) -> Done:
 
 
 def _tried(work: Work, run: Run, done: Done) -> dict[str, Any] | None:
-    """Return the row of a run, tried again as often as it makes sense; None: this worker is refused."""
+    """Return the row of a run, which is tried again after a failure; None: this worker is refused."""
     crashes = machine = 0
     while True:
         runner = None
@@ -165,7 +165,7 @@ def _tried(work: Work, run: Run, done: Done) -> dict[str, Any] | None:
                 _give_back(runner)
                 done.seconds.append(seconds)
                 return dict(what)
-            runner.close()  # what it has taken, such as memory, is free again
+            runner.close()  # which frees what it holds, such as memory
             status, reason, outside = "machine", str(what), True
         except DeadError as dead:
             status, reason, outside = dead.status, str(dead), dead.outside
@@ -179,7 +179,7 @@ def _tried(work: Work, run: Run, done: Done) -> dict[str, Any] | None:
 
 
 def failed(run: Run, status: str, reason: str) -> dict[str, Any]:
-    """Return the row of a run that never came to its end."""
+    """Return the row of a run that did not come to its end."""
     row: dict[str, Any] = {**run.values, "seed": run.seed, "digest": run.digest, "cpu": cpu_model()}
     return row | {"sets": json.dumps(run.sets), "status": status, "reason": reason, "simulated_s": None, "state": ""}
 

@@ -1,4 +1,4 @@
-"""Thin wrappers of OpenGL objects: programs, triangle and line buffers, framebuffers."""
+"""Thin wrappers of OpenGL objects: shader programs, vertex buffers, textures, framebuffers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from itouch_tools.viewer.solids import Solid
 
 
 class Program:
-    """A shader program with its uniforms' places."""
+    """A shader program, with the locations of its uniforms."""
 
     def __init__(self, vertex: str, fragment: str) -> None:
         self._program = ShaderProgram(Shader(vertex, "vertex"), Shader(fragment, "fragment"))
@@ -36,14 +36,14 @@ class Program:
         return int(gl.glGetAttribLocation(self.id, ctypes.create_string_buffer(name.encode())))
 
     def matrix(self, name: str, value: NDArray[np.float64]) -> None:
-        """Set a matrix, (3, 3) or (4, 4), given row by row: dimensionless, but for a displacement [m] or [pixels]."""
+        """Set a matrix, (3, 3) or (4, 4), in row order: dimensionless except for a displacement [m] or [pixels]."""
         flat = np.ascontiguousarray(value, np.float32)
         pointer = flat.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
         set_matrix = gl.glUniformMatrix4fv if len(value) == 4 else gl.glUniformMatrix3fv
         set_matrix(self.place(name), 1, gl.GL_TRUE, pointer)
 
     def vector(self, name: str, *values: float) -> None:
-        """Set a vector of 3 or 4 numbers, or a number."""
+        """Set a vector of 3 or 4 numbers, or a single number."""
         setter = {1: gl.glUniform1f, 3: gl.glUniform3f, 4: gl.glUniform4f}[len(values)]
         setter(self.place(name), *values)
 
@@ -53,7 +53,7 @@ class Program:
 
 
 class Triangles:
-    """A solid in graphics memory; the attributes are position 0 and normal 1 in every program that draws it."""
+    """A solid in graphics memory, laid out for the attributes ``position`` and ``normal`` of one program."""
 
     def __init__(self, solid: Solid, program: Program) -> None:
         self._array, self._points, self._normals, self._faces = _names(gl.glGenVertexArrays, 1) + _names(
@@ -75,7 +75,7 @@ class Triangles:
 
 
 class Paint:
-    """Coloured points that are sent anew each time: lines and filled triangles of grid and charts."""
+    """Coloured vertices that are uploaded again for each draw: lines and filled triangles of grid and charts."""
 
     def __init__(self, program: Program) -> None:
         self._program = program
@@ -91,7 +91,7 @@ class Paint:
         """Draw vertices (n, 7) as GL_LINES, GL_LINE_STRIP or GL_TRIANGLES.
 
         A row has a position, in the unit that ``seen`` takes ([m] or [pixels]), and a colour: red, green, blue and
-        opacity, 0 to 1.  ``seen`` (4, 4) brings positions to the clip space of OpenGL.
+        opacity, 0 to 1.  ``seen`` (4, 4) transforms positions to the clip space of OpenGL.
         """
         if not len(vertices):
             return
@@ -104,7 +104,7 @@ class Paint:
 
 
 class ShadowMap:
-    """A square depth texture that the sun's view is drawn into."""
+    """A square depth texture into which the sun's view is drawn."""
 
     def __init__(self, size: int = 896) -> None:
         self.size = size
@@ -131,7 +131,7 @@ class ShadowMap:
 
 
 class HeightMap:
-    """A texture of heights (rows, columns), 0 to 1, that repeats; the lowest row comes first."""
+    """A texture of heights (rows, columns), 0 to 1, that repeats; its bottom row comes first."""
 
     def __init__(self, heights: NDArray[np.float32]) -> None:
         rows, columns = heights.shape
@@ -149,7 +149,7 @@ class HeightMap:
 
 
 class Frame:
-    """A picture off the screen, with smooth edges; ``blit`` copies it to a framebuffer, ``read`` returns its pixels."""
+    """An off-screen, multisampled picture; ``blit`` copies it to a framebuffer, ``read`` returns its pixels."""
 
     def __init__(self, width: int, height: int, *, samples: int = 4) -> None:
         self.width, self.height = width, height
@@ -185,7 +185,7 @@ class Frame:
         gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, target)
 
     def read(self) -> NDArray[np.uint8]:
-        """Return the pixels, shape (height, width, 3), upper row first."""
+        """Return the pixels, shape (height, width, 3), top row first."""
         self.blit(self._one)
         pixels = np.empty((self.height, self.width, 4), np.uint8)
         gl.glPixelStorei(gl.GL_PACK_ALIGNMENT, 1)
@@ -193,7 +193,7 @@ class Frame:
         return np.ascontiguousarray(pixels[::-1, :, :3])
 
     def delete(self) -> None:
-        """Give its memory back."""
+        """Free its memory."""
         gl.glDeleteFramebuffers(2, (ctypes.c_uint * 2)(self._many, self._one))
         gl.glDeleteRenderbuffers(3, (ctypes.c_uint * 3)(self._colours, self._depth, self._plain))
 

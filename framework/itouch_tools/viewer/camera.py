@@ -1,4 +1,4 @@
-"""A camera that orbits a point: poses, projection, and what the mouse does to it."""
+"""A camera that orbits a point: its pose, its projection, and how the mouse moves it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ VIEWS = {
     "top": (0.0, 89.9),
     "corner": (-35.0, 30.0),
 }
-#: The field of view of the camera [rad].
+#: The vertical field of view of the camera [rad].
 FIELD_OF_VIEW = math.radians(36.0)
 #: Share of the picture that a framed box may fill.
 FILLED = 0.80
@@ -40,7 +40,7 @@ class Camera:
 
     @property
     def eye(self) -> NDArray[np.float64]:
-        """Where the eye is, shape (3,) [m]."""
+        """The position of the eye, shape (3,) [m]."""
         return np.array(self.target) + self.distance * self._outward()
 
     def _outward(self) -> NDArray[np.float64]:
@@ -66,8 +66,8 @@ class Camera:
     def projection(self, aspect: float) -> Matrix:
         """Return the perspective matrix (4, 4) for a picture of this width over height.
 
-        The right part ``aside`` of the picture is left to what stands beside the scene, the lower part ``under`` to
-        what stands below it.
+        The share ``aside`` of the picture's width, at its right, is kept free for what stands beside the scene, the
+        share ``under`` of its height, at the bottom, for what stands below it.
         """
         near, far = self.distance * 0.02, self.distance * 50.0
         scale = 1.0 / math.tan(FIELD_OF_VIEW / 2)
@@ -79,19 +79,19 @@ class Camera:
         return matrix
 
     def orbit(self, right: float, up: float) -> None:
-        """Turn about the target by so many degrees."""
+        """Turn the scene about the target by these angles [deg]."""
         self.azimuth = (self.azimuth - right + 180.0) % 360.0 - 180.0
         self.elevation = min(89.9, max(-89.9, self.elevation - up))
 
     def pan(self, right: float, up: float) -> None:
-        """Move the target in the picture's plane, in parts of the picture's height."""
+        """Move the scene in the picture's plane by these shares of the picture's height."""
         across, upward, _ = self._axes()
         height = 2 * self.distance * math.tan(FIELD_OF_VIEW / 2)
         moved = np.array(self.target) - height * (right * across + up * upward)
         self.target = (float(moved[0]), float(moved[1]), float(moved[2]))
 
     def zoom(self, steps: float) -> None:
-        """Come nearer by so many steps of the wheel."""
+        """Come nearer by this many steps of the mouse wheel."""
         self.distance = min(50.0, max(0.01, self.distance * 0.9**steps))
 
     def look(self, view: str) -> None:
@@ -110,7 +110,7 @@ class Camera:
         half = math.tan(FIELD_OF_VIEW / 2) * np.array([aspect * (1.0 - self.aside), 1.0 - self.under]) * FILLED
         right, up, out = ((corners - middle) @ view.T).T
         self.distance = radius
-        for _ in range(4):  # the middle of what is seen depends on the distance
+        for _ in range(4):  # the centre of the projected box depends on the distance
             depth = np.maximum(self.distance - out, 0.05 * radius)
             across = np.stack([right / depth, up / depth])
             centre = (across.min(1) + across.max(1)) / 2 * self.distance
@@ -120,11 +120,11 @@ class Camera:
         self.target = (float(target[0]), float(target[1]), float(target[2]))
 
     def metre(self, height: int) -> float:
-        """Return how many pixels a metre at the target has in a picture of this height [pixels]."""
+        """Return the length in pixels of a metre at the target, in a picture of this height [pixels]."""
         return height / (2.0 * self.distance * math.tan(FIELD_OF_VIEW / 2))
 
     def project(self, point: NDArray[np.float64], width: int, height: int) -> tuple[float, float] | None:
-        """Return where a point appears in a picture [pixels from the lower left], or None behind the eye.
+        """Return where a point appears in a picture [pixels from the lower left]; None if it is behind the eye.
 
         ``point`` (3,) [m], ``width`` and ``height`` [pixels].
         """

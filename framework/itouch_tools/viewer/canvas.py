@@ -19,13 +19,13 @@ from itouch_tools.viewer.scene_graph import Draw, SceneGraph, from_pose
 
 Matrix = NDArray[np.float64]
 
-#: Edges of the unit box, shape (24, 3): what is seen through others is made of such boxes.
+#: Edges of the unit box, shape (24, 3): all that is shown through other solids is made of such boxes.
 _EDGES = solids.box_edges((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)).astype(np.float64)
 _NONE = np.empty((0, 3))
 _GLASS = FINISHES["glass"]
-#: By how much what is seen through others is drawn behind where it is: by slope, and in least steps of depth.
+#: Polygon offset of what is shown through other solids, to draw it a little farther away: factor of slope, and units.
 _BEHIND = (1.0, 64.0)
-#: Where the sun stands, seen from the scene.
+#: Direction of the sun, seen from the scene: a unit vector.
 SUN = np.array([0.35, -0.45, 0.82]) / math.sqrt(0.35**2 + 0.45**2 + 0.82**2)
 
 
@@ -70,14 +70,14 @@ class Canvas:
         self._lit(clear, seen, lit, camera)
         self._outline(clear, seen)
         gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)
-        gl.glPolygonOffset(*_BEHIND)  # a plate's top lies in the surface that it is felt as: the surface is in front
+        gl.glPolygonOffset(*_BEHIND)  # a plate's top lies in the virtual surface: the surface is drawn in front of it
         self._ghosts(hidden, seen)
         self._lit(hidden, seen, lit, camera)
         gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
         self._lit([draw for draw in draws if draw.opacity < 1.0 and not draw.through], seen, lit, camera)
 
     def _outline(self, draws: list[Draw], seen: Matrix) -> None:
-        """Draw the sharp edges of objects, a little nearer than they are, so that faces do not hide them."""
+        """Draw the sharp edges of objects, a little nearer than they are, so that their own faces do not hide them."""
         near = np.diag((1.0, 1.0, 1.0, 1.0))
         near[2, 3] = -2e-4
         rows = [np.empty((0, 7), np.float32)]
@@ -133,7 +133,7 @@ class Canvas:
         gl.glActiveTexture(gl.GL_TEXTURE0)
         gl.glBindTexture(gl.GL_TEXTURE_2D, self._shadows.texture)
         for draw in draws:
-            glass = draw.opacity < 1.0  # its inside is not seen, and it does not darken itself
+            glass = draw.opacity < 1.0  # its inner faces are not drawn, and it casts no shadow on itself
             (gl.glEnable if glass else gl.glDisable)(gl.GL_CULL_FACE)
             program.vector("dark", 0.0 if glass else 1.0)
             program.matrix("world", draw.matrix)
@@ -147,7 +147,7 @@ class Canvas:
         gl.glDisable(gl.GL_CULL_FACE)
 
     def _carve(self, carved: Carved | None) -> None:
-        """Lay a height map over what is drawn next."""
+        """Set the height map that is carved into what is drawn next; None: a flat one."""
         size = (1.0, 1.0, 0.0, -1.0) if carved is None else (*carved.size, carved.depth, float(carved.axis))
         self._solid.vector("carve", *size)
         found = self._flat_map if carved is None else self._maps[id(carved)]
@@ -195,7 +195,7 @@ class Canvas:
 
 
 class _PerProgram:
-    """A solid with one vertex array a program, because their attributes may stand in other places."""
+    """A solid with one vertex array per program, because the programs may have their attributes at other locations."""
 
     def __init__(self, solid: solids.Solid, programs: tuple[Program, ...]) -> None:
         self._arrays = {program.id: Triangles(solid, program) for program in programs}
@@ -213,7 +213,7 @@ def tinted(points: NDArray[np.float32], colour: tuple[float, float, float, float
 
 
 def _sunlight(low: NDArray[np.float64], high: NDArray[np.float64]) -> Matrix:
-    """Return the matrix of the sun's parallel view of a box."""
+    """Return the matrix (4, 4) of the sun's orthographic view of a box with these corners (3,) [m]."""
     middle, radius = (low + high) / 2, 1.3 * float(np.linalg.norm(high - low)) / 2 + 1e-3
     right = np.cross([0.0, 1.0, 0.0], SUN)
     right /= np.linalg.norm(right)

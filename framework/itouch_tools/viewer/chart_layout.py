@@ -1,4 +1,4 @@
-"""Layout of the charts in a picture, what is pointed at in them, and their keys; without graphics."""
+"""Layout of the charts in a picture, the time that is pointed at, and the values in their keys; without graphics."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from itouch_tools.viewer.signals import WINDOW
 
 Values = NDArray[np.float64]
 
-#: Least height of a chart, in letters' sizes; where there is less room, the last charts are left out.
+#: Least height of a chart, in sizes of a letter; where there is less room, the last charts are left out.
 LEAST_HEIGHT = 10.5
-#: Least width of one of several that stand side by side, in letters' sizes.
+#: Least width of a chart that stands beside others, in sizes of a letter.
 LEAST_WIDTH = 34.0
-#: Height of the time axis's words, and what is left between two charts, in letters' sizes.
+#: Height of the time axis's labels, and the gap between two charts, in sizes of a letter.
 _AXIS, _GAP = 2.4, 0.8
 
 
 def arranged(count: int, area: Rectangle, size: float) -> list[tuple[Rectangle, float]]:
-    """Return where charts stand, as many as there is room for, and how high the time axis's words are below each."""
+    """Return the areas of as many charts as there is room for, each with the height of the time labels below it."""
     left, bottom, width, height = area
     gap, axis = _GAP * size, _AXIS * size
     columns = max(1, min(count, int((width + gap) / (LEAST_WIDTH * size + gap))))
@@ -40,23 +40,24 @@ def arranged(count: int, area: Rectangle, size: float) -> list[tuple[Rectangle, 
 
 
 def inner(area: Rectangle, foot: float, size: float) -> Rectangle:
-    """Return where the curves of a chart are drawn in its area."""
+    """Return the part of a chart's area in which its curves are drawn."""
     left, bottom, width, height = area
     head, foot = 4.3 * size, foot + 0.9 * size
     return left + 5.0 * size, bottom + foot, width - 6.4 * size, height - foot - head
 
 
 def pointed_time(area: Rectangle, foot: float, pointed: tuple[float, float], size: float) -> float | None:
-    """Return the time [s] from now that is pointed at in a chart; None: no time is."""
+    """Return the time [s] relative to now at which the mouse points in a chart; None if it points at none."""
     x0, y0, w, h = inner(area, foot, size)
     x, y = pointed
     return WINDOW * ((x - x0) / w - 1.0) if w > 0.0 and x0 <= x <= x0 + w and y0 <= y <= y0 + h else None
 
 
 def sample(times: Values, cursor: float | None) -> int:
-    """Return the index of the sample that the keys show: the one at the cursor [s before the newest], or the newest.
+    """Return the index of the sample whose values the keys show: that at the cursor, else the newest.
 
-    ``times`` (n,) [s] ascend.  Where there is no sample at the cursor, the index is n; where there is none at all, -1.
+    ``times`` (n,) [s] ascend; ``cursor`` [s] is relative to the newest, 0 or less.  Where there is no sample at the
+    cursor, the index is n; without a cursor or any sample, it is n - 1.
     """
     if cursor is None or not len(times):
         return len(times) - 1
@@ -65,5 +66,5 @@ def sample(times: Values, cursor: float | None) -> int:
 
 
 def told(row: Values, digits: str, index: int) -> str:
-    """Write the sample of a curve (n,) that has this index, in the curve's unit; -- where there is none."""
+    """Return the sample of a curve (n,) at this index as text, in the curve's unit; ``--`` where there is none."""
     return format(row[index], digits) if 0 <= index < len(row) and math.isfinite(row[index]) else "--"

@@ -30,8 +30,8 @@ def draw(
 ) -> None:  # fmt: skip
     """Draw all charts into an area [pixels], one under the other, or side by side if it is wide.
 
-    All have one time axis; where the mouse points into one, a line stands at that time in all, and their keys show the
-    values of then.  ``seen`` (4, 4) brings pixels to the clip space of OpenGL.
+    All have the same time axis; where the mouse points into one, a line stands at that time in all, and their keys show
+    the values at that time.  ``seen`` (4, 4) transforms pixels to the clip space of OpenGL.
     """
     places = chart_layout.arranged(len(ring.charts), area, size)
     times = (chart_layout.pointed_time(place, foot, pointed, size) for place, foot in places)
@@ -79,7 +79,7 @@ def _mark(
     preparing: list[tuple[float, float]], end: float, paint: Paint, text: Text | None, area: Rectangle,
     seen: NDArray[np.float64], size: float,
 ) -> None:  # fmt: skip
-    """Mark when the rig found its heights: the pulses of force there are its own, and no touch of an object.
+    """Mark when the rig found its heights: the pulses of force there are its own, and not the touch of an object.
 
     ``text`` says so, in the first chart.
     """
@@ -94,7 +94,7 @@ def _mark(
 
 @contextlib.contextmanager
 def clipped(area: Rectangle) -> Iterator[None]:
-    """Draw nothing outside of an area of the picture [pixels] while the context lasts."""
+    """Draw nothing outside an area of the picture [pixels] while the context lasts."""
     gl.glEnable(gl.GL_SCISSOR_TEST)
     gl.glScissor(*(max(0, round(value)) for value in area))
     try:
@@ -106,7 +106,7 @@ def clipped(area: Rectangle) -> Iterator[None]:
 def _time_axis(
     text: Text, area: Rectangle, size: float, *, words: bool, cursor: float | None
 ) -> list[NDArray[np.float32]]:
-    """Return the lines of the time axis and of the cursor, and write their numbers."""
+    """Return the lines of the time axis and of the cursor, and draw their numbers."""
     x0, y0, w, h = area
     lines = []
     told = STEP if w * STEP / WINDOW > 5.0 * text.width(0.85 * size) else WINDOW / 2
@@ -131,7 +131,7 @@ def _time_axis(
 def _keys(
     chart: Chart, values: Values, index: int, paint: Paint, text: Text, place: Rectangle, seen: NDArray[np.float64]
 ) -> None:
-    """Write what each curve is, with a piece of it and its value at a sample; as many as there is room for."""
+    """Draw the key: each curve's line and name, and its value at a sample; as many of them as there is room for."""
     left, y, width, size = place
     x, small = left, 0.9 * size
     letter = text.width(small)
@@ -151,12 +151,12 @@ def _keys(
 
 
 def _silent(row: Values, signal: Signal, index: int) -> bool:
-    """Whether a curve is that one of two forms of a reading, measured or held, that is not the one of a sample."""
+    """Tell whether a curve is the one of a reading's two forms, measured or held, that has no value at a sample."""
     return signal.held is not None and not (0 <= index < len(row) and math.isfinite(row[index]))
 
 
 def span(values: Values, least: float) -> tuple[float, float]:
-    """Return the ends of an axis that holds all values (n,), at least ``least`` high; all in the unit of the chart."""
+    """Return the ends of an axis that holds all values, of any shape, and spans ``least`` at least [chart's unit]."""
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, least or 1.0)
     if low > 0.0 and low < 0.5 * high:
@@ -167,7 +167,7 @@ def span(values: Values, least: float) -> tuple[float, float]:
 
 
 def ticks(low: float, high: float, most: int = 6) -> list[float]:
-    """Return round numbers between two ends, about ``most`` of them at most and two at least."""
+    """Return round numbers between two ends: about ``most`` of them at most, and in most cases two or more."""
     raw = (high - low) / max(2, min(most, 5))
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(f * power for f in (1.0, 2.0, 5.0, 10.0) if f * power >= raw * 0.999)

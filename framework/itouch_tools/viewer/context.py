@@ -1,4 +1,4 @@
-"""Settings of an OpenGL context, and PNG files: what windows and pictures without one share."""
+"""Settings of an OpenGL context, and PNG files: what windows and off-screen pictures share."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from itouch.schema import ItouchError
 
 
 def config() -> Any:
-    """Return what is asked of a context: 3.3 core, eight bits a colour (EGL chooses fewer if it is not told)."""
+    """Return the settings of a context: OpenGL 3.3 core, eight bits a colour (EGL would choose fewer if not told)."""
     from pyglet import gl
 
     return gl.Config(

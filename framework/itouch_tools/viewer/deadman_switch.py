@@ -7,16 +7,16 @@ import time
 
 from itouch.servo import Link
 
-#: How often [s] the switch is held anew, and how long a window may be silent before it is let go.
+#: Period [s] at which holding is reported again, and how long [s] a window may be silent before the switch is let go.
 AGAIN, SILENCE = 0.02, 0.25
 
 
 class DeadMansSwitch:
     """Holds the switch while a key is down and the window answers.
 
-    The servo process forgets within 80 ms that the switch is held, and a picture drawn by software may take longer than
-    that.  So a thread says it again, as long as ``beat`` is heard: a process that dies lets go at once, a window that
-    hangs a quarter of a second later.
+    The servo process takes the switch as let go 80 ms after it was last told otherwise, and a picture drawn by software
+    may take longer than that.  So a thread repeats that the switch is held, as long as ``beat`` is called: a process
+    that dies lets go within those 80 ms, a window that hangs a quarter of a second later.
     """
 
     def __init__(self, link: Link) -> None:
@@ -27,7 +27,7 @@ class DeadMansSwitch:
         self._thread: threading.Thread | None = None
 
     def beat(self) -> None:
-        """Say that the window answers."""
+        """Report that the window is responding."""
         self._beat = time.monotonic()
 
     def hold(self, held: bool) -> None:
@@ -48,7 +48,7 @@ class DeadMansSwitch:
             time.sleep(AGAIN)
 
     def close(self) -> None:
-        """Let go, for ever."""
+        """Let go for good, and end the thread."""
         self.hold(False)
         self._over = True
         if self._thread is not None:

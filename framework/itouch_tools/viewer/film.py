@@ -16,9 +16,9 @@ from itouch_tools.viewer.context import write_png
 from itouch_tools.viewer.offscreen import Offscreen
 from itouch_tools.viewer.overlay import Situation
 
-#: Frames of simulated time a second.
+#: Frames per second of simulated time.
 MP4_RATE, GIF_RATE = 25.0, 10.0
-#: Colours that may come later than in a film's first picture: curves, marks and temperatures, in the light and not.
+#: Colours that may first appear after a film's first picture: of curves, marks and temperatures, lit and in shade.
 _FIXED = tuple(
     tuple(round(255 * min(1.0, share * part)) for part in colour)
     for colour in (
@@ -47,7 +47,7 @@ class Sink(Protocol):
 
 
 class Mp4:
-    """A film with H.264, through PyAV."""
+    """A film in H.264, through PyAV."""
 
     rate = MP4_RATE
 
@@ -108,7 +108,7 @@ class Gif:
 
 
 def sink(path: str) -> Sink:
-    """Return what writes a film to a file, as its name's ending says.
+    """Return the sink that writes a film to a file, in the format that the name's ending says.
 
     Raises
     ------
@@ -156,7 +156,7 @@ class Filming:
         self.taken = True
 
     def close(self) -> None:
-        """Take the picture of the end, if that is asked for, and finish the film.
+        """Take the picture at the end of the run, if that is asked for, and finish the film.
 
         Raises
         ------

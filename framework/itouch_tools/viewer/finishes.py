@@ -12,7 +12,7 @@ from itouch.contact.surfaces import AXES
 from itouch.world import Model
 from itouch_tools.viewer.colours import Colour
 
-#: Finish -> its number in the shader, see ``shading``.
+#: The number of each finish in the shader, see ``shading``.
 FINISHES = {"matte": 0, "metal": 1, "glass": 2, "wood": 3, "foam": 4}
 #: The colour of a material that states none.
 UNPAINTED: Colour = (0.62, 0.62, 0.64)
@@ -20,10 +20,10 @@ UNPAINTED: Colour = (0.62, 0.62, 0.64)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Carved:
-    """A height map laid over a surface.
+    """A height map that is carved into a surface.
 
-    ``heights`` (rows, columns) are 0 to 1, the lowest row first; ``size`` is how wide and how high it lies on the
-    surface, ``depth`` how deep 0 is carved [m]; ``axis`` as in ``itouch.contact.heights``.
+    ``heights`` (rows, columns) are 0 to 1, the bottom row first; ``size`` is the width and the height of the map on the
+    surface [m], ``depth`` how deep a height of 0 is carved [m]; ``axis`` as in ``itouch.contact.heights``.
     """
 
     heights: NDArray[np.float32]
@@ -34,7 +34,7 @@ class Carved:
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """How a material is drawn: ``kind`` of FINISHES."""
+    """How a material is drawn; ``kind`` is one of the numbers of FINISHES."""
 
     colour: Colour = UNPAINTED
     kind: int = 0

@@ -1,4 +1,4 @@
-"""Flat shapes in pixels: filled rectangles, lines of a width, marks; rows of position (3) and colour (4)."""
+"""Flat shapes in pixels: filled rectangles, thick lines, marks; as vertices with position (3) and colour (4)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Rgb = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """The colours of a picture: grounds, lines, words by weight; ``curve`` darkens what was made for a dark ground."""
+    """The colours of a picture: backgrounds, lines, words by weight; ``curve`` darkens curves on a light background."""
 
     panel: Tint
     axis: Tint
@@ -34,12 +34,12 @@ class Look:
     curve: float = 1.0
 
     def tint(self, weight: str) -> Rgb:
-        """Return the colour of words of a weight."""
+        """Return the colour of words of this weight: "plain" or a field's name."""
         found: Rgb = self.words if weight == "plain" else getattr(self, weight)
         return found
 
     def drawn(self, colour: Rgb) -> Rgb:
-        """Return a curve's colour on this ground."""
+        """Return the colour in which a curve is drawn on this background."""
         return (self.curve * colour[0], self.curve * colour[1], self.curve * colour[2])
 
 
@@ -72,14 +72,14 @@ def draw_in(chosen: Look) -> None:
 
 
 def pixels(width: int, height: int) -> NDArray[np.float64]:
-    """Return the matrix (4, 4) of a picture in pixels from its lower left."""
+    """Return the matrix (4, 4) to clip space from pixels, counted from a picture's lower left."""
     matrix = np.diag((2.0 / width, 2.0 / height, 1.0, 1.0))
     matrix[0, 3] = matrix[1, 3] = -1.0
     return matrix
 
 
 def rectangle(area: Rectangle, colour: Tint, upper: Tint | None = None) -> Rows:
-    """Return two triangles that fill a rectangle; ``upper``: the colour at its upper edge, if that is another."""
+    """Return two triangles that fill a rectangle; ``upper`` is the colour at its upper edge, if it differs."""
     x, y, w, h = area
     above = colour if upper is None else upper
     corners = [(x, y, colour), (x + w, y, colour), (x + w, y + h, above), (x, y, colour), (x + w, y + h, above),
@@ -88,31 +88,31 @@ def rectangle(area: Rectangle, colour: Tint, upper: Tint | None = None) -> Rows:
 
 
 def border(area: Rectangle, width: float, colour: Tint) -> Rows:
-    """Return the triangles of a rectangle's edge, inside of it."""
+    """Return the triangles of a rectangle's border, which lies inside it."""
     x, y, w, h = area
     sides = ((x, y, w, width), (x, y + h - width, w, width), (x, y, width, h), (x + w - width, y, width, h))
     return np.vstack([rectangle(side, colour) for side in sides])
 
 
 def diamond(x: float, y: float, half: float, colour: Tint) -> Rows:
-    """Return two triangles that fill a square on its corner."""
+    """Return two triangles that fill a square standing on its corner."""
     ends = [(x - half, y), (x, y - half), (x + half, y), (x - half, y), (x + half, y), (x, y + half)]
     return np.array([(a, b, 0.0, *colour) for a, b in ends], np.float32)
 
 
 def triangle(x: float, y: float, half: float, colour: Tint) -> Rows:
-    """Return a triangle that points downwards, with its tip at a place."""
+    """Return a triangle that points downwards, with its tip at (x, y)."""
     corners = ((x, y), (x + half, y + 1.7 * half), (x - half, y + 1.7 * half))
     return np.array([(a, b, 0.0, *colour) for a, b in corners], np.float32)
 
 
 def ribbon(x: NDArray[np.float64], y: NDArray[np.float64], colour: Tint, half: float, *,
            drawn: NDArray[np.bool_] | None = None) -> Rows:  # fmt: skip
-    """Return triangles of a line of constant width through points, shape (6 m, 7).
+    """Return triangles of a line of constant width through points, shape (6 m, 7) for m drawn segments.
 
-    ``drawn`` (n - 1,) says which of its pieces are; default: those between two finite points.
+    ``drawn`` (n - 1,) says which segments are drawn; default: all. One that has an end which is not finite never is.
 
-    ``x`` and ``y`` (n,) and ``half``, of the width, in [pixels].
+    ``x`` and ``y`` (n,) and ``half``, half of the width, are in [pixels].
     """
     if len(x) < 2:
         return np.empty((0, 7), np.float32)

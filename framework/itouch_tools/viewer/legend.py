@@ -1,4 +1,4 @@
-"""The legend in the lower left: the scale of temperatures, which colour is what, and how long a bar is."""
+"""The legend in the lower left: the temperature scale, the meaning of colours, and a scale bar."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from itouch_tools.viewer.scales import length
 from itouch_tools.viewer.temperatures import Range, degrees
 from itouch_tools.viewer.text import Text
 
-#: Width of the legend, in letters' sizes; parts of the scale of temperatures.
+#: Width of the legend, in sizes of a letter; number of steps in the temperature scale.
 WIDE, _PARTS = 27.0, 64
 
 
@@ -30,13 +30,13 @@ def draw(
     place
         Left and bottom of the legend [pixels].
     seen
-        What brings pixels to the clip space of OpenGL, shape (4, 4).
+        The matrix from pixels to the clip space of OpenGL, shape (4, 4).
     title
-        Of the scale of temperatures; empty: there is none.
+        Title of the temperature scale; empty: no scale is drawn.
     marks
-        Temperatures [K] with a mark at the scale.
+        Temperatures [K] that are marked on the scale.
     metre
-        How many pixels a metre has where one looks at.
+        Length in pixels of a metre at the camera's target.
     """
     left, bottom = place
     area = (left, bottom, WIDE * size, (11.2 if title else 5.5) * size)
@@ -59,7 +59,7 @@ def draw(
     rows.append(_bar(text, (x0, bottom + 1.2 * size), metre, 0.45 * width, size))
     paint.draw(gl.GL_TRIANGLES, np.vstack(rows), seen)
     if title:
-        shown = min(1.0, (width + size) / (len(title) * text.width(0.9 * size)))  # all of it within the panel
+        shown = min(1.0, (width + size) / (len(title) * text.width(0.9 * size)))  # so that it fits into the panel
         text.put(title, x0, y0 + 2.0 * size, look().words, size=0.9 * shown * size)
         for celsius in degrees(low, high):
             at = x0 + width * (celsius + 273.15 - low) / (high - low)
@@ -80,6 +80,6 @@ def _bar(text: Text, place: tuple[float, float], metre: float, room: float, size
         (x + wide, y, 0.2 * size, 0.7 * size),
     )
     said = f"{1e3 * metres:g} mm" if metres < 1.0 else f"{metres:g} m"
-    said += " at the centre"  # nearer things are larger
+    said += " at the centre"  # nearer things appear larger
     text.put(said, x + wide + size, y, look().words, size=0.85 * size)
     return np.vstack([rectangle(piece, tint) for piece in pieces])

@@ -1,6 +1,6 @@
-"""The menu: the list of keys, in which the mouse presses them.
+"""The menu: the list of keys, on which the mouse can press them.
 
-It is drawn where the list stands (``picture``); here is what can be pressed there, and where.
+``picture`` draws it; this module says what can be pressed in it, and where.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itouch_tools.viewer.flat_shapes import Rectangle
 from itouch_tools.viewer.overlay import KEYS, PLAYBACK_KEYS
 
-#: Words of a row of keys -> what pressing them presses, by pyglet's names.  Rows of the mouse press nothing.
+#: For the words of a row: what can be pressed in it, and pyglet's name of the key.  Rows about the mouse press nothing.
 PRESSES: dict[str, tuple[tuple[str, str], ...]] = {
     **{letter: ((letter, letter),) for letter in "HPSRTGCDNLFMU"},
     "Space": (("Space", "SPACE"),),
@@ -24,17 +24,17 @@ PRESSES: dict[str, tuple[tuple[str, str], ...]] = {
     "Page up, down": (("Page up", "PAGEUP"), ("down", "PAGEDOWN")),
     "Home, End": (("Home", "HOME"), ("End", "END")),
 }
-#: Which choice of the picture a key turns on and off.
+#: The choice of the picture that each key turns on and off.
 SHOWS = {"T": "thermal", "G": "aids", "C": "curves", "N": "names", "L": "light", "U": "sound"}
 #: Words of the button that opens the menu.
 BUTTON = "menu (H)"
-#: Words of the button beside it where something plays: by whether it is heard.
+#: Words of the button beside it where there is sound: by whether it is on.
 SOUND = {True: "sound on (U)", False: "sound off (U)"}
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A line of the menu: its text, the row of keys that it belongs to, and its presses by the letters they take."""
+    """A line of the menu: its text, the row of keys that it belongs to, and which of its letters press which key."""
 
     text: str
     keys: str
@@ -42,9 +42,9 @@ class Row:
 
 
 def rows(*, playback: bool = False, width: int = 200) -> list[Row]:
-    """Return the menu in lines of so many letters.
+    """Return the menu in lines of at most ``width`` letters.
 
-    A row with one key is pressed anywhere; in a row with several, each by its own name.
+    A row with one key can be pressed anywhere; in a row with several, each key is pressed at its own name.
     """
     listed = PLAYBACK_KEYS if playback else KEYS
     column = max(map(len, listed)) + 2
@@ -62,7 +62,7 @@ def rows(*, playback: bool = False, width: int = 200) -> list[Row]:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a press stands in the picture [pixels], and the key that it presses."""
+    """An area of the picture [pixels] that can be pressed, and the key that it presses."""
 
     area: Rectangle
     key: str
@@ -74,7 +74,7 @@ class Place:
 
 
 def places(listed: list[Row], area: Rectangle, letter: float, size: float) -> list[Place]:
-    """Return where the presses of a menu are that fills an area from its top; ``letter``: width of one [pixels]."""
+    """Return the places to press in a menu that fills an area from its top; ``letter`` is a letter's width [pixels]."""
     left, bottom, width, height = area
     found = []
     for index, row in enumerate(listed):

@@ -1,4 +1,4 @@
-"""OpenGL contexts: windows, and pictures without one, by EGL where there is no display."""
+"""OpenGL contexts: of windows, and of pictures without a window, through EGL where there is no display."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def size_of(text: str) -> tuple[int, int]:
     Raises
     ------
     ValueError
-        If it is none.
+        If the text is no such size.
     """
     width, _, height = text.partition("x")
     try:
@@ -51,7 +51,7 @@ def size_of(text: str) -> tuple[int, int]:
 
 
 def has_display() -> bool:
-    """Tell whether there is a screen to open a window on, which answers."""
+    """Tell whether there is a display that answers, to open a window on."""
     if sys.platform != "linux":
         return True
     if not os.environ.get("DISPLAY"):  # windows are X11's, also under Wayland
@@ -86,7 +86,7 @@ def open_context(width: int, height: int) -> Any:
         import pyglet.window
 
         return pyglet.window.Window(width, height, visible=False, config=config(), vsync=False)
-    except Exception as error:  # pyglet raises many kinds, one a platform
+    except Exception as error:  # pyglet raises other exceptions on each platform
         raise GraphicsError(f"no OpenGL 3.3 context: {error or type(error).__name__}\n  = help: {ADVICE}") from error
 
 
@@ -151,6 +151,6 @@ class Offscreen:
         return self._frame.read()
 
     def close(self) -> None:
-        """Give the context back."""
+        """Release the context."""
         self._frame.delete()
         self._window.close()

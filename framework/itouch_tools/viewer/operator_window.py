@@ -1,4 +1,4 @@
-"""The operator's window of a study: trial, time left, devices, void trials; pause, a note, stop; no condition."""
+"""The operator's window of a study: trial, time left, devices, void trials; pause, note, stop; never the condition."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ LONGEST = 200
 class OperatorWindow(pyglet.window.Window):
     """Shows how the session goes, beside the participant's window or alone.
 
-    P pauses before the next trial and goes on; N begins a note, which Enter ends and Esc drops; Esc asks to stop.
-    Space is the dead-man's switch of hardware, as long as it is down and the window has the keys.
+    P pauses before the next trial, or goes on; N begins a note, which Enter ends and Esc drops; Esc asks to stop.
+    Space is the dead-man's switch of hardware: it is held while the key is down and the window has the focus.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class OperatorWindow(pyglet.window.Window):
         return found
 
     def show(self, face: Face, lines: Sequence[tuple[str, bool]]) -> None:
-        """Look at the keys, and draw what differs from the last picture; ``lines``: (words, whether all is well)."""
+        """Handle the keys, and draw if anything has changed; ``lines`` are pairs of words and whether all is well."""
         self.switch_to()
         self.dispatch_events()
         told = [*lines]
@@ -83,7 +83,7 @@ class OperatorWindow(pyglet.window.Window):
             self.held = False
 
     def on_deactivate(self) -> None:
-        """Let the switch go when another window takes the keys."""
+        """Let the switch go when another window takes the focus."""
         self.held = False
 
     def _write(self, symbol: int) -> None:
@@ -97,7 +97,7 @@ class OperatorWindow(pyglet.window.Window):
             self._note = None
 
     def on_text(self, text: str) -> None:
-        """Write on at the note; the N that began it is no letter of it."""
+        """Append to the note; the N that began it does not belong to it."""
         if self._note is not None and text.isprintable() and not self._begins:
             self._note = (self._note + text)[:LONGEST]
         self._begins = False

@@ -1,4 +1,4 @@
-"""The text over the picture: clock, devices, contact, heat, faults and keys; without graphics."""
+"""The text over the picture: clock, devices, contact, heat, faults and keys; needs no graphics."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from itouch_tools.viewer.temperatures import plate_temperature
 if TYPE_CHECKING:
     from itouch_tools.viewer.timeline import Timeline
 
-#: Key -> what it does, in the order of the help.
+#: What each key does, in the order of the help.
 KEYS = {
     "H": "show or hide this menu",
     "P": "pause and go on (simulated sessions)",
@@ -47,14 +47,14 @@ KEYS = {
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """Lines of text with their weight: "plain", "good", "warn" or "bad"."""
+    """Lines of text, each with its weight: "plain", "good", "warn" or "bad"."""
 
     lines: tuple[tuple[str, str], ...]
 
 
 @dataclass(slots=True)
 class Situation:
-    """What a viewer knows besides State: how the loop goes, what was said, faults in words."""
+    """What a viewer knows besides State: the timing of the loop, messages, and faults in words."""
 
     pace: str = "fast"
     paused: bool = False
@@ -63,15 +63,15 @@ class Situation:
     late_us: float | None = None
     overruns: int | None = None
     faults: list[dict[str, Any]] = field(default_factory=list)
-    #: What is not kept any more of the session, in words.
+    #: What of the session is no longer being kept, in words.
     losses: list[str] = field(default_factory=list)
     message: str = ""
     picked: str = ""
-    #: Of a recording that is played.
+    #: The time line of a recording that is played; None in a running session.
     timeline: Timeline | None = None
 
 
-#: Keys of a recording that is played, in the place of those that ask a session for something.
+#: Keys of a recording that is played, in place of those that command a session.
 PLAYBACK_KEYS = {
     "H": KEYS["H"],
     "P, Space": "play and pause",
@@ -87,7 +87,7 @@ PLAYBACK_KEYS = {
 
 
 def headline(model: Model, state: Record) -> str:
-    """Return the one line that says what is felt: on what the finger is, how strongly, and which heat flows."""
+    """Return the one line that says what is felt: the object, the force, and the heat flux."""
     for probe in model.probes:
         index = int(state[f"{probe.name}.object"])
         if index < 0:
@@ -105,18 +105,18 @@ def headline(model: Model, state: Record) -> str:
 
 
 def _named(model: Model, index: int) -> str:
-    """Return an object's name, with its material where that is another word."""
+    """Return an object's name, with its material if that has another name."""
     name, material = model.objects[index], model.scene.objects[index].material
     return f"{name} ({material})" if material and material != name else name
 
 
 def _felt(state: Record, probe: str) -> float:
-    """Return the force on a finger [N]: of arm and plate together."""
+    """Return the felt force [N]: that of arm and plate together on the finger."""
     return float(np.ravel(state[f"{probe}.total_force"])[0])
 
 
 def _flux(model: Model, state: Record) -> list[str]:
-    """Return the heat flux that the device obtains, and the desired one, if a device and a modality say so."""
+    """Return the obtained heat flux and the desired one, if a device measures the one and a modality has the other."""
     wanted = [
         name for name, field in declared(model).items()
         if field.unit == "W/m^2" and field.show.startswith("wish") and name in state
@@ -135,7 +135,7 @@ def _flux(model: Model, state: Record) -> list[str]:
 
 def status(model: Model, state: Record, now: Situation) -> Words:
     """Return the lines of the status corner."""
-    late = "plain" if now.overruns is None else "warn" if now.overruns else "good"  # the light of punctuality
+    late = "plain" if now.overruns is None else "warn" if now.overruns else "good"  # colour of the timing's line
     lines = [(line, late if index else "plain") for index, line in enumerate(_clock(model, state, now))]
     for device in model.devices.values():
         lines.append(_device(device.name, device.twin, state))
@@ -154,7 +154,7 @@ def status(model: Model, state: Record, now: Situation) -> Words:
 
 
 def fitted(words: Words, width: int, lines: int) -> Words:
-    """Return as many lines as there is room for, cut to a width [letters]: what is well is left out first."""
+    """Return as many lines as there is room for, cut to a width [letters]; good news is left out first."""
     rank = {"bad": 0, "warn": 0, "plain": 1, "good": 2}
     order = sorted(range(len(words.lines)), key=lambda index: rank[words.lines[index][1]])
     kept = sorted(order[: max(0, lines)])
@@ -165,11 +165,11 @@ def fitted(words: Words, width: int, lines: int) -> Words:
 
 
 def alarm(now: Situation, width: int) -> Words | None:
-    """Return what is said of faults, in lines of so many letters; None if there is none."""
+    """Return the text about faults and losses, in lines of at most ``width`` letters; None if there are none."""
     lines = []
     for fault in now.faults:
         if is_loss(fault):
-            continue  # told as such
+            continue  # it is among the losses below
         said = f"FAULT {fault['trip']}: {what(fault)}"
         lines += [(line, "bad") for line in textwrap.wrap(said, max(width, 20))]
     if lines:
@@ -225,7 +225,7 @@ def _heat(model: Model, state: Record) -> list[str]:
 
 
 def properties(model: Model, state: Record, name: str) -> Words:
-    """Return what is known of an object or a device, for the corner that picking fills."""
+    """Return the properties of an object or a device, for the panel that opens when it is clicked."""
     if name in model.objects:
         return Words(tuple((line, "plain") for line in _object(model, state, name)))
     device = model.devices[name]
@@ -238,7 +238,7 @@ def properties(model: Model, state: Record, name: str) -> Words:
 
 
 def _shown(channel: Channel, value: Any) -> tuple[str, str]:
-    """Return the numbers of a channel and their unit as the charts have them: degC, mm."""
+    """Return the first numbers of a channel, three at most, and their unit as in the charts: degC, mm."""
     if channel.unit in PLAIN or not channel.unit:
         return " ".join(f"{number:.4g}" for number in np.ravel(value)[:3]), ""
     scale = scale_of(channel.unit)

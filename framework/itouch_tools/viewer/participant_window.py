@@ -14,15 +14,15 @@ from itouch_tools.viewer.study_screens import DARK, Board, Face, Look
 
 
 class AskingWindow(pyglet.window.Window):
-    """Shows a face, and notes what is answered.
+    """Shows a face, and takes the answers.
 
-    A choice is taken by its number (also on the keypad), by a click, or by moving with the arrows and Enter or Space,
-    so that two pedals suffice.  Where there are no choices a number is typed, ended by Enter.  Esc asks to stop.
+    A choice is made by its number (also on the keypad), by a click, or with the arrows and then Enter or Space, so that
+    two pedals suffice.  Where there are no choices a number is typed, ended by Enter.  Esc asks to stop.
 
     Attributes
     ----------
     answer
-        What was answered to the question that is shown; empty: nothing yet.
+        The answer to the question that is shown; empty: there is none yet.
     stopped
         Whether somebody asked to stop, or closed the window.
     """
@@ -46,12 +46,12 @@ class AskingWindow(pyglet.window.Window):
         self._choices = tuple(choices)
 
     def take(self) -> str:
-        """Return the answer and wait for no other; empty: there is none yet."""
+        """Return the answer and forget it; empty: there is none yet."""
         answer, self.answer = self.answer, ""
         return answer
 
     def show_face(self, face: Face) -> None:
-        """Look at keys and mouse, and draw a face if it differs from the last one."""
+        """Handle keys and mouse, and draw a face if it differs from the last one."""
         self.dispatch_events()
         if self.stopped or face == self._face:
             return

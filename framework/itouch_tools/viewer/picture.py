@@ -1,4 +1,4 @@
-"""One whole picture of the window: scene, text over it, curves beside it, time line under it."""
+"""One whole picture of the window: the scene, text over it, curves beside it, and a time line below it."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from itouch_tools.viewer.temperatures import plate_temperature, skin_named, skin
 from itouch_tools.viewer.text import Text
 
 _ALARM_EDGE: Tint = (1.00, 0.45, 0.30, 1.0)
-#: Most objects whose names are written.
+#: With more objects than this, no names are drawn.
 _NAMED = 16
-#: Greatest share of a picture's width that curves or keys take.
+#: Greatest share of a picture's width that the curves or the list of keys take.
 _BESIDE = 0.32
 #: Greatest share of a picture's height that curves take below the scene.
 _UNDER = 0.40
@@ -37,25 +37,25 @@ class Choices:
     thermal: bool = False
     aids: bool = True
     curves: bool = True
-    #: Whether the curves stand below the scene and not beside it; None: below in a picture that is higher than wide.
+    #: Whether the curves stand below the scene, not beside it; None: below in a picture that is taller than wide.
     under: bool | None = None
     help: bool = False
-    #: Whether a button opens the list of keys, and the mouse presses them.
+    #: Whether a button opens the list of keys, and the mouse can press keys in it.
     menu: bool = False
     names: bool = True
     words: bool = True
     light: bool = False
-    #: Whether the sound is on; None: nothing plays.
+    #: Whether the sound is on; None: there is no sound.
     sound: bool | None = None
-    #: How much larger than usual words are, 1 to 2.5.
+    #: Factor of the size of words, 1 to 2.5.
     larger: float = 1.0
 
 
 class Picture:
     """Draws a State with everything around it into frames; needs a current OpenGL context.
 
-    ``bar`` is where the last picture had its time line, ``menu`` where it had what the mouse can press; ``pointed`` is
-    where the mouse is [pixels].
+    ``bar`` is the area of the time line in the last picture, ``menu`` the places in it that the mouse can press;
+    ``pointed`` is the position of the mouse [pixels].
     """
 
     def __init__(self, model: Model, *, scale: float = 1.0, ring: Curves | None = None) -> None:
@@ -77,7 +77,7 @@ class Picture:
         draw_in(LIGHT if chosen.light else DARK)
         docked = chosen.help or (chosen.curves and self.ring.charts)
         self.under = chosen.under if chosen.under is not None else frame.height > frame.width
-        below = bool(docked) and self.under and not chosen.help  # keys need the height
+        below = bool(docked) and self.under and not chosen.help  # the list of keys needs the whole height
         beside = min(_BESIDE * frame.width, 46 * size) if docked and not below else 0.0
         under = min(_UNDER * frame.height, 34 * size) if below else 0.0
         self.camera.aside, self.camera.under = beside / frame.width, under / frame.height
@@ -113,7 +113,7 @@ class Picture:
     def _foot(
         self, frame: Frame, now: Situation, beside: float, under: float, seen: NDArray[np.float64], size: float
     ) -> float:
-        """Draw the time line and the alarm; return where what stands above them begins [pixels]."""
+        """Draw the time line and the alarm; return the height above which there is room for the rest [pixels]."""
         width, foot = frame.width - beside - (3 if beside else 2) * size, size + (under + size if under else 0.0)
         self.bar = None
         if now.timeline is not None:
@@ -134,7 +134,7 @@ class Picture:
         return foot
 
     def _scale(self, state: Record, frame: Frame, foot: float, seen: NDArray[np.float64], size: float) -> float:
-        """Draw the legend; return where what stands above it begins [pixels]."""
+        """Draw the legend; return the height above which there is room for the rest [pixels]."""
         skin = skin_temperature(state, self.model)
         marks = {} if skin is None else {skin_named(state, self.model): skin}
         for device in self.model.devices.values():
@@ -151,9 +151,9 @@ class Picture:
         return area[1] + area[3] + size
 
     def _names(self, state: Record, frame: Frame, foot: float, room: float, size: float) -> None:
-        """Write the name of each object under it, where it is wide enough and nothing stands in the way.
+        """Draw the name of each object below it, where the object is wide enough and nothing is in the way.
 
-        Where colours tell temperatures, the temperature stands with it.
+        Where colours show temperatures, the temperature is added.
         """
         if len(self.model.objects) > _NAMED:
             return
@@ -181,7 +181,7 @@ class Picture:
         self.canvas.paint.draw(gl.GL_TRIANGLES, np.vstack(rows), pixels(frame.width, frame.height))
 
     def reframe(self, state: Record, frame: Frame) -> None:
-        """Put everything in the picture, with room for the arrow of a force."""
+        """Fit everything into the picture, with room for the arrow of a force."""
         low, high = self.graph.bounds(state)
         room = np.array([0.0, 0.0, 0.5 * self.graph.arrow_length(state)])
         self.camera.frame(low, high + room, frame.width / frame.height)
@@ -195,7 +195,7 @@ class Picture:
             self.text.put(line, 2 * size, upper - 2.0 * size * (index + 1) + 0.1 * size, look().tint(weight), size=size)
 
     def _headline(self, words: str, room: float, upper: float, seen: NDArray[np.float64], size: float) -> float:
-        """Write the one large line across the top; return where what stands below begins [pixels]."""
+        """Draw the one large line across the top; return the height below which there is room for the rest [pixels]."""
         width = room - 2 * size
         large = min(1.9 * size, 1.9 * size * (width - 2 * size) / max(1.0, len(words) * self.text.width(1.9 * size)))
         height = 2.0 * large + 0.8 * size
@@ -205,7 +205,7 @@ class Picture:
         return upper - height - size
 
     def _buttons(self, right: float, foot: float, seen: NDArray[np.float64], size: float) -> list[menu.Place]:
-        """Draw the buttons in the lower right of the scene: the menu, and the sound where something plays."""
+        """Draw the buttons in the lower right of the scene: the menu, and the sound where there is one."""
         said = [(menu.BUTTON, "H")]
         if self.choices.sound is not None:
             said.append((menu.SOUND[self.choices.sound], "U"))
@@ -221,14 +221,14 @@ class Picture:
         return places
 
     def _help(self, now: Situation, area: Rectangle, frame: Frame, size: float) -> None:
-        """Write the keys where the curves are, beside finger and scene; what is on is written in green."""
+        """Draw the list of keys in place of the curves, so that the scene stays visible; what is on is in green."""
         left, bottom, width, height = area
         for _ in range(24):
             letter = self.text.width(size)
             listed = menu.rows(playback=now.timeline is not None, width=int((width - 2 * size) / letter))
             if 2.0 * size * (len(listed) + 0.5) <= height or size < 7.0:
                 break
-            size *= 0.95  # rather smaller words than a key that is not told
+            size *= 0.95  # smaller words are better than keys that are left out
         seen = pixels(frame.width, frame.height)
         self.canvas.paint.draw(gl.GL_TRIANGLES, rectangle(area, look().help), seen)
         places = menu.places(listed, area, letter, size) if self.choices.menu else []

@@ -1,4 +1,4 @@
-"""A recording as the window's session: it plays, pauses, goes faster and slower, and is wound to any tick."""
+"""A recording as the window's session: it plays, pauses, goes faster and slower, and can be moved to any tick."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from itouch_tools.viewer.recording_seek import SeekableRecording
 from itouch_tools.viewer.signals import Curves
 from itouch_tools.viewer.timeline import Timeline, faults_at, timeline
 
-#: Share of the host's time that goes into reading the recording ahead, at most how long [s] in one frame, and how long
-#: while the wanted tick has not been read.
+#: Share of the host's time that goes into reading the recording ahead; longest such time [s] in one frame; and the time
+#: [s] in a frame while the wanted tick has not been read.
 SHARE, MOST, URGENT = 0.4, 0.02, 0.06
-#: Slowest and fastest.
+#: Slowest and fastest speed, in multiples of real time.
 SLOWEST, FASTEST = 1 / 64, 16.0
 _REFUSED = "this is a recording"
 
@@ -32,7 +32,7 @@ class Playback:
         self._cursor = float(reel.ticks[0])  # ticks
 
     def advance(self, seconds: float, ring: Curves) -> None:
-        """Play on for some time of the host [s]; wait where the recording has not been read yet."""
+        """Play on for ``seconds`` of the host's time; wait where the recording has not been read yet."""
         reel, line = self._reel, self.line
         if line.playing and not line.reading:
             self._cursor += min(seconds, 0.25) * line.speed / self.model.period
@@ -54,18 +54,18 @@ class Playback:
         return ""
 
     def seek(self, seconds: float) -> None:
-        """Show a time of the session [s]; beyond its ends, the end."""
+        """Show a time of the session [s]; beyond an end of the recording, that end."""
         first, last = float(self._reel.ticks[0]), float(self._reel.ticks[-1])
         self._cursor = min(last, max(first, seconds / self.model.period))
 
     def step(self, ticks: int) -> None:
-        """Pause, and show a later or earlier tick."""
+        """Pause, and move on by ``ticks`` recorded ticks (back if negative)."""
         self.line.playing = False
         row = int(np.searchsorted(self._reel.ticks, np.floor(self._cursor), side="right")) - 1 + ticks
         self._cursor = float(self._reel.ticks[min(len(self._reel.ticks) - 1, max(0, row))])
 
     def jump(self, way: int) -> None:
-        """Go to the next contact, mark or fault, or to the one before."""
+        """Go to the next contact, mark or fault (``way`` > 0) or the one before; without one, to the end or start."""
         half = 0.5 * self.model.period
         if way > 0:
             later = [stop for stop in self.line.stops if stop > self.line.now + half]
@@ -75,7 +75,7 @@ class Playback:
             self.seek(earlier[-1] if earlier else self.line.first)
 
     def faster(self, factor: float) -> None:
-        """Play faster or slower."""
+        """Multiply the speed by a factor, from ``SLOWEST`` to ``FASTEST``."""
         self.line.speed = min(FASTEST, max(SLOWEST, self.line.speed * factor))
 
     def hold(self, held: bool) -> None:

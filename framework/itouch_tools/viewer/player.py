@@ -1,4 +1,4 @@
-"""The window of a recording that is played: keys and a time line to wind it."""
+"""The window of a recording that is played: keys and a time line to move about in it."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from itouch_tools.viewer.playback import Playback
 from itouch_tools.viewer.timeline_drawing import time_at
 from itouch_tools.viewer.window import Window
 
-#: Keys that are repeated while they are held, and what a press does: ticks, and ticks with Shift.
+#: Keys that repeat while they are held, and by how many ticks a press moves on: without Shift, and with it.
 _STEPS = {key.LEFT: (-1, -100), key.RIGHT: (1, 100)}
-#: Seconds after which a held key repeats, and how often then.
+#: Seconds after which a held key first repeats, and the period [s] from then on.
 _WAIT, _AGAIN = 0.4, 0.05
 
 
@@ -27,7 +27,7 @@ class Player(Window):
         self._stepping: tuple[int, float] | None = None
 
     def frame(self) -> None:
-        """Repeat a held step, and draw once."""
+        """Repeat the step of a held key, and draw once."""
         if self._stepping is not None and self._now() >= self._stepping[1]:
             ticks = self._stepping[0]
             self.playback.step(ticks)
@@ -59,33 +59,33 @@ class Player(Window):
         super().on_key_release(symbol, modifiers)
 
     def on_deactivate(self) -> None:
-        """Let go of everything when another window takes the keys."""
+        """Let go of everything when another window takes the focus."""
         self._stepping, self._winding = None, False
         super().on_deactivate()
 
     def on_mouse_press(self, x: int, y: int, button: int, modifiers: int) -> None:
-        """Wind to where the time line is pressed, or begin a drag."""
+        """Go to the time at which the time line is pressed, or begin a drag."""
         self._winding = button == mouse.LEFT and self._on_bar(x, y)
         if self._winding:
             self._wind(x)
         super().on_mouse_press(x, y, button, modifiers)
 
     def on_mouse_drag(self, x: int, y: int, dx: int, dy: int, buttons: int, modifiers: int) -> None:
-        """Wind, or move the camera."""
+        """Move along the time line, or move the camera."""
         if self._winding:
             self._wind(x)
         else:
             super().on_mouse_drag(x, y, dx, dy, buttons, modifiers)
 
     def on_mouse_release(self, x: int, y: int, button: int, modifiers: int) -> None:
-        """End winding, or show the properties of what was clicked."""
+        """End moving along the time line, or show the properties of what was clicked."""
         if self._winding:
             self._winding = False
         else:
             super().on_mouse_release(x, y, button, modifiers)
 
     def _on_bar(self, x: int, y: int) -> bool:
-        """Tell whether a place of the mouse is on the time line, or a little beside it."""
+        """Tell whether a position of the mouse is on the time line, or a little beside it."""
         if self.picture.bar is None:
             return False
         left, bottom, width, height = self.picture.bar

@@ -1,4 +1,4 @@
-"""The curves of a recording: filled in whatever order it is read, shown up to the moment that is looked at."""
+"""The curves of a recording: filled in whatever order it is read, shown up to the moment that is displayed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class RecordedCurves:
     Parameters
     ----------
     model
-        Whose signals.
+        The model whose signals are remembered.
     ticks
         The recorded ticks, shape (n,).
     """
@@ -32,13 +32,13 @@ class RecordedCurves:
         self.row = 0
 
     def note(self, row: int, state: Record) -> None:
-        """Note the State of a row, if its turn has come."""
+        """Note the State of a row, if the row is one of those that are kept."""
         if row % self._step == 0:
             self._values[:, row // self._step] = [signal.read(state) for signal in self._signals]
             self._ready[row // self._step] = "ready" not in state or bool(state["ready"])
 
     def add(self, state: Record) -> None:
-        """Do nothing: whoever reads the recording notes what it meets."""
+        """Do nothing: the reader of the recording calls ``note``."""
 
     def curves(self, chart: Chart) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the times [s], shape (n,), and the values, shape (signals, n), of the last seconds, oldest first."""
@@ -46,7 +46,7 @@ class RecordedCurves:
         return self._times[shown], self._values[rows_of(self.charts, chart), shown].astype(np.float64)
 
     def preparing(self) -> list[tuple[float, float]]:
-        """Return from when to when [s] the rig was not ready."""
+        """Return the spans of time [s] in which the rig was not ready."""
         shown = self._shown()
         return spans(self._times[shown], self._ready[shown])
 

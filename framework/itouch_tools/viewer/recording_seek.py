@@ -1,8 +1,8 @@
-"""A recording as a film that can be wound to any tick: States are computed by replaying it, forwards and anew.
+"""Random access to a recording: the State of any tick, computed by replaying the recording from a place before it.
 
-A replay goes forwards only.  So places are kept every quarter of a second where it has been; to show an earlier tick,
-it begins from the place before.  What has not been read yet is read in the time that is left, first around the tick
-that is shown; a recording holds whole States every 10 s, from which that may begin anywhere.
+A replay goes forwards only.  So a place from which it can go on is kept every quarter of a second; to show an earlier
+tick, it begins again from the last place before it.  What has not been read yet is read in the time that is left, first
+around the tick that is shown; a recording holds whole States every 10 s, from which reading may begin anywhere.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from itouch.session.replay import Place, Replay
 from itouch_tools.viewer.recorded_curves import RecordedCurves
 from itouch_tools.viewer.signals import WINDOW
 
-#: How often [s] a place is kept, and how many at most.
+#: Time [s] between two places that are kept, and how many are kept at most.
 EVERY, MOST = 0.25, 20_000
-#: Seconds before and behind the tick that is shown which are read first.
+#: Seconds before and after the tick that is shown which are read first.
 _BEFORE, _BEHIND = WINDOW, 20.0
 #: Ticks between two looks at the clock.
 _PART = 16
@@ -36,7 +36,7 @@ class SeekableRecording:
     Parameters
     ----------
     recording
-        What is shown.
+        The recording to show.
     catalog
         The plugins; default: those of this environment.
 
@@ -45,9 +45,9 @@ class SeekableRecording:
     state
         The State after tick ``ticks[shown]``.
     row
-        Row of ``ticks`` that is wanted; ``work`` brings it.
-    tape
-        The curves up to it.
+        The row of ``ticks`` that is wanted; ``work`` brings ``state`` to it.
+    curves
+        The curves up to that row.
 
     Raises
     ------
@@ -73,18 +73,18 @@ class SeekableRecording:
         self._letters = self._stated()
         self._here: Place | None = None
         self._filler: Place | None = None
-        self._stands: Place | None = None  # where the replay stands, if that is a place: to go there again takes time
+        self._stands: Place | None = None  # where the replay is now, if that is a place: going there again takes time
         self._caught = False
         self.session.taps.append(self._tap)
 
     def _stated(self) -> dict[int, Mapping[str, Any]]:
-        """Return by row the recorded States that reading may begin from."""
+        """Return the recorded States from which reading may begin, by row."""
         said = [letter for letter in self.recording.states if letter["reason"] != "fault"]
         found = {int(np.searchsorted(self.ticks, int(letter["tick"]))): letter for letter in said}
         return {row: letter for row, letter in sorted(found.items()) if row < len(self.ticks)}
 
     def _tap(self, tick: int) -> None:
-        """Take note of a tick that was replayed; also called within the sequence that makes devices safe."""
+        """Note a tick that was replayed; also called within the safe sequence."""
         row = self._replay.feed.at - 1
         if row < 0 or int(self.ticks[row]) != tick:
             return
@@ -94,7 +94,7 @@ class SeekableRecording:
             self._caught = True
 
     def work(self, seconds: float) -> bool:
-        """Bring the wanted row, and read on in what is left of a time [s]; return whether the row is shown."""
+        """Bring ``state`` to the wanted row, and read on for the rest of ``seconds``; return whether it got there."""
         end = time.perf_counter() + seconds
         if self.shown != self.row:
             self._bring(end)
@@ -104,7 +104,7 @@ class SeekableRecording:
         return self.shown == self.row
 
     def known(self, parts: int) -> NDArray[np.bool_]:
-        """Return which of so many equal parts of the recording have been read, shape (parts,)."""
+        """Return which of ``parts`` equal parts of the recording have been read (at their middle), shape (parts,)."""
         at = (np.arange(parts) + 0.5) * len(self.ticks) / parts
         return np.asarray(self._seen[at.astype(int)], bool)
 
@@ -114,7 +114,7 @@ class SeekableRecording:
         if here is not None and _row(start, self.ticks) <= here.at <= row:
             start = here
         self._caught = False
-        self._stand(start)  # which forgets where it stood
+        self._stand(start)  # which also clears ``_stands``
         done = self._run(row + 1, end)
         self._here = self._replay.place()
         if not done:
@@ -139,7 +139,7 @@ class SeekableRecording:
             self._filler = self._stands = self._replay.place()
 
     def _unread(self) -> int | None:
-        """Return the row that is read next: near the one that is shown, or the first of all."""
+        """Return the next row to read: the first unread one near the row that is shown, else the first of all."""
         period = self.model.period
         near = max(0, self.row - round(_BEFORE / period))
         for begin, stop in ((near, self.row + round(_BEHIND / period)), (0, len(self._seen))):
@@ -164,10 +164,10 @@ class SeekableRecording:
             self._replay.go(start)
             return
         self._replay.begin_at(start)
-        self._seen[: self._replay.feed.at] |= self._replay.feed.at == min(self._letters)  # no State is that old
+        self._seen[: self._replay.feed.at] |= self._replay.feed.at == min(self._letters)  # rows before the first State
 
     def _run(self, stop: int, end: float) -> bool:
-        """Replay up to a row; false if there was no time for that."""
+        """Replay up to a row; return whether there was time for that."""
         feed, count = self._replay.feed, 0
         while feed.at < stop:
             self._keep()

@@ -1,19 +1,19 @@
-"""Units and digits on the screen for each unit of State, titles and least axes of charts, round lengths."""
+"""How numbers of each unit of State are shown: unit and digits, title and least axis of charts; and round lengths."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-#: Kelvin beyond which a reading is none, as before the first measurement.
+#: A reading beyond these temperatures [K] is not one, such as before the first measurement.
 _COLDEST, _HOTTEST = 200.0, 1000.0
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """What is shown is ``factor`` times the value in SI plus ``offset``, in ``unit``.
+    """How a unit is shown: as ``factor`` times the value in SI plus ``offset``, in ``unit``.
 
-    ``least`` is the least height of an axis; 0: by what there is.
+    ``least`` is the least height of an axis; 0: the values determine it.
     """
 
     title: str
@@ -24,13 +24,13 @@ class Scale:
     offset: float = 0.0
 
     def shown(self, value: float) -> float:
-        """Return a value in SI as it is shown; not-a-number where it can't be a reading."""
+        """Return a value in SI as it is shown; NaN where it can't be a reading."""
         if self.offset and not _COLDEST < value < _HOTTEST:
             return math.nan
         return self.factor * value + self.offset
 
 
-#: SI unit -> how it is shown.
+#: How each SI unit is shown.
 _SCALES = {
     "N": Scale("force", "N", 1.0, ".2f"),
     "N*m": Scale("torque", "N m", 0.01, ".3f"),
@@ -52,29 +52,32 @@ _SCALES = {
     "tick": Scale("ticks", "ticks", 0.0, ".0f"),
 }
 
-#: In which order charts stand, by unit.
+#: The order of charts, by SI unit.
 ORDER = tuple(_SCALES)
 
 
 def scale_of(unit: str) -> Scale:
-    """Return how numbers of an SI unit are shown; of one that is not in the table, as they are."""
+    """Return how numbers of an SI unit are shown; those of a unit that is not in the table are shown as they are."""
     return _SCALES.get(unit, Scale(unit, unit))
 
 
 def titled(title: str, unit: str, room: int) -> str:
-    """Return a chart's title with its unit, in so many letters: the words are cut, never the unit."""
+    """Return a chart's title with its unit, in at most ``room`` letters: the words are cut, never the unit."""
     shown = f" [{unit}]"
     left = room - len(shown)
     return (title if len(title) <= left else title[: max(1, left - 1)].rstrip() + "…") + shown
 
 
 def length(metre: float, room: float) -> float:
-    """Return the round length [m], 1, 2 or 5 times a power of ten, that is as long as there is room [pixels]."""
+    """Return the longest round length [m], 1, 2 or 5 times a power of ten, that fits into ``room`` [pixels].
+
+    ``metre`` is the length of a metre [pixels].
+    """
     most = room / metre
     power = 10.0 ** math.floor(math.log10(most))
     return max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= most * (1.0 + 1e-9))
 
 
 def grid_step(width: float) -> float:
-    """Return how far apart [m] the lines of the grid are under a scene of this width [m]: 1, 10, 100 mm."""
+    """Return the spacing [m] of the grid under a scene of this width [m]: a power of ten, such as 1, 10 or 100 mm."""
     return float(10.0 ** math.floor(math.log10(max(width, 1e-3) / 4.0)))

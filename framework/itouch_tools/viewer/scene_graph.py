@@ -1,4 +1,4 @@
-"""Scene graph of one moment: a list of solids with place and colour, from Model and State alone."""
+"""Scene graph of one moment: a list of solids with their places and colours, from Model and State alone."""
 
 from __future__ import annotations
 
@@ -21,22 +21,23 @@ from itouch_tools.viewer.temperatures import Range, plate_temperature, skin_temp
 
 Matrix = NDArray[np.float64]
 
-#: Thickness [m] of what is drawn for a plate, and half side of one whose face is not stated.
+#: Thickness of a plate as it is drawn, and half the side of one whose face is not stated [m].
 PLATE_THICKNESS, PLATE_HALF = 4e-3, 0.03
-#: Opacity of a plate while something is touched: the object under it is seen.
+#: Opacity of a plate while something is touched, so that the object behind it is visible.
 SEEN_THROUGH = 0.45
-#: Length [m] of the force arrow a newton, and its greatest length: in a scene of usual size, and at least.
+#: Length of the force arrow per newton [m/N]; its greatest length [m], and the least value to which a small scene
+#: reduces that.
 ARROW_PER_NEWTON, ARROW_MAX, ARROW_LEAST = 0.02, 0.08, 0.02
-#: Half side [m] of the square that stands for an endless plane.
+#: Half the side [m] of the square that stands for an infinite plane.
 PLANE_HALF = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """One solid to draw: its key in ``SceneGraph.solids``, world matrix (4, 4), colour, opacity, and whose it is.
+    """One solid to draw: its key in ``SceneGraph.solids``, world matrix (4, 4), colour, opacity, and owner.
 
     ``owner`` is the name of the object or device that picking finds, empty for marks such as the force arrow;
-    ``cast`` says whether it throws a shadow, ``through`` whether it is seen through the objects that hide it;
+    ``cast`` says whether it casts a shadow, ``through`` whether it is shown through the objects that hide it;
     ``finish`` and ``carved`` are those of its material.
     """
 
@@ -81,7 +82,7 @@ class SceneGraph:
         self._arrow = 0.0
 
     def bounds(self, state: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the corners (3,), (3,) [m] of a box around all that matters: objects and fingers."""
+        """Return the lower and the upper corner (3,) [m] of a box around all objects and fingers."""
         low, high = np.full(3, np.inf), np.full(3, -np.inf)
         for turned in self.corners(state):
             low, high = np.minimum(low, turned.min(0)), np.maximum(high, turned.max(0))
@@ -98,7 +99,7 @@ class SceneGraph:
             yield corners @ poses.matrix(pose[3:]).T + pose[:3]
 
     def arrow_length(self, state: Record) -> float:
-        """Return the greatest length [m] of a force arrow, by the size of the scene when it was first drawn."""
+        """Return the greatest length [m] of a force arrow, from the size of the scene when this was first called."""
         if self._arrow == 0.0:
             low, high = self.bounds(state)
             self._arrow = min(ARROW_MAX, max(ARROW_LEAST, 0.4 * float(np.linalg.norm(high - low))))
@@ -124,7 +125,7 @@ class SceneGraph:
 
     def _plates(self, state: Record) -> Iterator[Draw]:
         touched = any(int(state[f"{probe.name}.object"]) >= 0 for probe in self.model.probes)
-        glass = SEEN_THROUGH if touched else 1.0  # what is touched shines through the plate that it is felt with
+        glass = SEEN_THROUGH if touched else 1.0  # the touched object is visible through the plate that stands for it
         for name in (*self.faces, *self._bare):
             half = self.faces.get(name, (PLATE_HALF, PLATE_HALF))
             place = self.place(state, self.model.devices[name])
@@ -140,7 +141,7 @@ class SceneGraph:
             yield Draw("unit box", place @ shift((0, 0, -PLATE_THICKNESS - 0.004)) @ scale(size), carrier, glass, name)
 
     def place(self, state: Record, device: DeviceModel) -> Matrix:
-        """Return the matrix (4, 4) of a device's frame in the world as mount, calibration and carrier say."""
+        """Return the matrix (4, 4) of a device's frame in the world, from its mount, calibration and carrier."""
         own = from_pose(np.asarray(device.mount)) @ from_pose(state[f"{device.name}.calibration"])
         if not device.carrier:
             return own
@@ -164,7 +165,7 @@ class SceneGraph:
 
 
 def _corners(solid: Solid, shape: Any) -> NDArray[np.float64]:
-    """Return the corners (8, 3) of the box around a solid; of a plane only its middle counts."""
+    """Return the corners (8, 3) of the box around a solid; of a plane only the middle fifth counts."""
     ends = np.stack([solid.positions.min(0), solid.positions.max(0)]).astype(np.float64)
     if isinstance(shape, Plane):
         ends *= 0.2
@@ -188,7 +189,7 @@ def solid_of(shape: Any) -> Solid:
 
 
 def arrow(start: NDArray[np.float64], force: NDArray[np.float64], factor: float = 1.0) -> Iterator[Draw]:
-    """Yield the arrow of a force (3,) [N] that begins at a point (3,) [m]; nothing below 10 mN.
+    """Yield the solids of the arrow of a force (3,) [N] that begins at a point (3,) [m]; none below 10 mN.
 
     ``factor`` makes it smaller for small scenes.
     """

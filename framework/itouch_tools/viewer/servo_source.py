@@ -1,4 +1,4 @@
-"""A servo process as the window's session: it reads what is published, and asks by commands."""
+"""A servo process as the window's session: read through what it publishes, controlled through commands."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from itouch_tools.viewer.deadman_switch import DeadMansSwitch
 from itouch_tools.viewer.overlay import Situation
 from itouch_tools.viewer.signals import Curves
 
-#: Seconds without a tick after which a session is paused: by this window or by another.
+#: Seconds without a tick after which a session counts as paused, by this window or by another.
 STILL = 0.25
 #: Time between two samples of the curves [s].
 SAMPLE = 0.01
@@ -27,11 +27,12 @@ class Attached:
     Parameters
     ----------
     link
-        What is read.
+        The link to the servo process.
     handle
-        The launcher's handle on it: closing the window ends the session then, and faults are told with their cause.
+        The launcher's handle on it: with it, closing the window ends the session, and faults are shown with their
+        cause.
     save_to
-        File that S writes.
+        The file that the key S writes.
     """
 
     def __init__(self, link: Link, *, handle: Handle | None = None, save_to: str = "session.itouch") -> None:
@@ -40,19 +41,19 @@ class Attached:
         self.state: Record = link.state
         self.situation = Situation(pace="real")
         self._refused = 0
-        #: Curves are sampled where the session ran, not where pictures were drawn: the last State that they have.
+        #: The last State that the curves have: they are sampled as the session runs, not as pictures are drawn.
         self._seen, self._every = 0, max(1, round(SAMPLE / self.model.period))
         self._passing = Record(link.dtype)
         self._holding = DeadMansSwitch(link)
         self._still = 0.0
 
     def advance(self, seconds: float, ring: Curves) -> None:
-        """Copy the newest State; say so when the session has ended or hangs."""
+        """Copy the newest State and how the loop keeps time; say so when the session has ended."""
         before = int(self.state["tick"])
         self._holding.beat()
         for number in self._link.skim(self._seen, self._every, self._passing):
             self._seen = number
-            if int(self._passing["tick"]) > before:  # what was shown last is in the curves already
+            if int(self._passing["tick"]) > before:  # the State that was shown last is in the curves already
                 ring.add(self._passing)
             self._holding.beat()  # catching up takes its time on a busy machine
         self._link.refresh(self.state)
@@ -72,13 +73,13 @@ class Attached:
             now.message = f"the session is over ({self._link.phase})"
 
     def _losses(self) -> list[str]:
-        """Return what is not kept any more: in the launcher's words, or at least that it is so."""
+        """Return what is no longer being kept: in the launcher's words, else only that it is so."""
         if self._handle is not None:
             return [told(loss) for loss in self._handle.losses]
         return [f"{trip.upper()} LOST: the program that launched the session says why" for trip in self._link.losses]
 
     def _faults(self) -> list[dict[str, Any]]:
-        """Return the faults that last: with the cause where it was told, else what State says of them."""
+        """Return the faults that are present: with the cause if the launcher knows it, else as State says."""
         failed = [name for name in self.model.devices if int(self.state[f"{name}.status"]) == Status.FAULT]
         if not failed:
             return []
@@ -89,17 +90,17 @@ class Attached:
                 for name in failed]  # fmt: skip
 
     def pause(self) -> str:
-        """Ask a simulated session to pause, or to go on."""
+        """Ask a simulated session to pause, or to go on; return why not, or nothing."""
         if any(not device.twin for device in self.model.devices.values()):
             return "a session with hardware can't pause: Esc stops it"
         return self._ask("resume" if self.situation.paused else "pause")
 
     def hold(self, held: bool) -> None:
-        """Hold the dead-man's switch as long as the key is down; a window that hangs lets go by itself."""
+        """Hold the dead-man's switch as long as the key is down; if the window hangs, it is let go by itself."""
         self._holding.hold(held)
 
     def beat(self) -> None:
-        """Let the switch be held on: the window answers."""
+        """Report that the window is responding, so that the switch may stay held."""
         self._holding.beat()
 
     def save(self) -> str:
@@ -113,7 +114,7 @@ class Attached:
         return self._ask("rearm") or "re-arming"
 
     def steer(self, step: tuple[float, float, float] | None) -> str:
-        """Ask for a step of the twin's finger [m]; None gives it back to its script."""
+        """Ask for a step (3,) [m] of the twin's finger; None returns the finger to its script."""
         if not self.model.probes:
             return "the scene has no probe"
         return self._ask("steer", {"probe": self.model.probes[0].name, "step": step})
@@ -129,6 +130,6 @@ class Attached:
         """Let go; end the session if this window is its launcher's."""
         self._holding.close()
         if self._handle is not None:
-            self._link.stop()  # the launcher closes its link when all is over
+            self._link.stop()  # the launcher closes its link when everything has ended
         else:
             self._link.close()

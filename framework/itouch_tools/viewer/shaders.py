@@ -1,4 +1,4 @@
-"""The plain shader programs, OpenGL 3.3 core: depth, one colour, coloured points. How solids are lit: shading.py."""
+"""The plain shader programs, OpenGL 3.3 core: depth, one colour, coloured vertices. Lit solids are in shading.py."""
 
 DEPTH_FRAGMENT = """
 #version 330 core
@@ -13,7 +13,7 @@ uniform mat4 seen;
 void main() { gl_Position = seen * world * vec4(position, 1.0); }
 """
 
-#: Draws every solid in one plain colour: what lies under the mouse is read back from it.
+#: Draws each solid in one plain colour: from it the solid under the mouse is read back.
 FLAT_FRAGMENT = """
 #version 330 core
 uniform vec4 colour;

@@ -1,7 +1,7 @@
-"""How solids are lit, OpenGL 3.3 core: sun with a soft shadow, sky, finishes of materials, carved height maps.
+"""How solids are lit, OpenGL 3.3 core: sun with soft shadows, sky, finishes of materials, carved height maps.
 
-A finish is drawn from places in the object's frame [m], so that grain, rings and beads have the size that they have in
-the world, and stay on an object that moves.
+A finish is computed from positions in the object's frame [m], so that grain, rings and beads have their real size and
+move with the object.
 """
 
 VERTEX = """
@@ -25,7 +25,7 @@ void main() {
 }
 """
 
-#: Noise without tables (value noise on a lattice, and the distance to the nearest of scattered points).
+#: Noise without tables: value noise on a lattice, and the distances to the two nearest of scattered points.
 _NOISE = """
 float scatter(vec3 p) {
     p = fract(p * vec3(0.1031, 0.1030, 0.0973));
@@ -53,7 +53,7 @@ vec2 beads(vec3 p) {
 }
 """
 
-#: The carved map: as ``itouch.contact.heights`` lays it on; slopes are shown three times as steep as they are felt.
+#: The carved map, projected as in ``itouch.contact.heights``; slopes are shown three times as steep as they are felt.
 _RELIEF = """
 uniform sampler2D heights;
 uniform vec4 carve;  // columns * pitch, rows * pitch, depth [m]; depth 0: no map; axis, -1: along all three

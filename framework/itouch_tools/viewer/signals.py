@@ -1,7 +1,7 @@
-"""Which numbers of State are plotted over the last seconds, and the ring that remembers them.
+"""Which numbers of State are plotted over the last seconds, and the ring buffer that remembers them.
 
-A chart has the curves of one title and one unit.  What is plotted, and where, is said by what State declares: see
-``show`` of `itouch.plugin.Quantity`.
+A chart has the curves of one title and one unit.  What is plotted, and where, follows from the declarations of State's
+fields: see ``show`` of `itouch.plugin.Quantity`.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from itouch_tools.viewer.scales import ORDER, Scale, scale_of
 
 #: Seconds that a chart shows.
 WINDOW = 10.0
-#: What is shorter [s] is not marked in a chart.
+#: Spans of time shorter than this [s] are not marked in a chart.
 GLANCE = 0.2
-#: Most curves that one vector gives.
+#: A channel with more numbers than this is plotted only if its quantity asks for it.
 _MOST = 8
-#: Roles that are drawn in the scene, or say no more than yes and no: plotted only if their quantity asks for it.
+#: Roles that are drawn in the scene, or that only say yes or no: plotted only if their quantity asks for it.
 _SILENT = frozenset({
     Role.TRACKED_POSE, Role.TRACKED_TWIST, Role.CONTACT_FORCE, Role.FORCE_ON_OPERATOR, Role.SURFACE_POSE, Role.DEADMAN,
     Role.SKIN_VALID, Role.OUTPUT_SWITCH, Role.HEAT_SINK_TEMPERATURE,
@@ -34,15 +34,15 @@ _SILENT = frozenset({
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """One curve: what it is called, how it is read in the chart's unit, and what it is in a sentence."""
+    """One curve: its label, how it is read in the chart's unit, and its meaning in a sentence (``doc``)."""
 
     label: str
     colour: Colour
     read: Callable[[Record], float]
-    #: A wish, not a measurement.
+    #: Whether it is a desired value, not a measured one.
     dashed: bool = False
     doc: str = ""
-    #: Of a reading that is measured at times only: whether this curve is what is held meanwhile.
+    #: For a reading that is measured only at times: whether this curve shows the value held in between; else None.
     held: bool | None = None
 
 
@@ -53,43 +53,43 @@ class Chart:
     title: str
     unit: str
     signals: tuple[Signal, ...]
-    #: Least height of the axis, so that noise is not blown up.
+    #: Least height of the axis, so that noise is not magnified.
     least: float
-    #: How its values are written.
+    #: Format of its values.
     digits: str
 
 
 class Curves(Protocol):
-    """What remembers the signals of charts, of a session that runs or of a recording."""
+    """What remembers the signals of charts, for a running session or a recording."""
 
     charts: tuple[Chart, ...]
 
     def add(self, state: Record) -> None:
-        """Take note of a State."""
+        """Add the values of a State."""
 
     def curves(self, chart: Chart) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the times [s], shape (n,), and the values, shape (signals, n), of the last seconds, oldest first."""
 
     def preparing(self) -> list[tuple[float, float]]:
-        """Return from when to when [s], in the last seconds, the rig was not ready: it finds its heights by touch."""
+        """Return the spans [s], in the last seconds, in which the rig was not ready: it found its heights by touch."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Drawn:
-    """A number of State that is plotted: whose, what, where it is shown and as what, and whether it is a wish."""
+    """A field of State that is plotted: its owner, its chart's title, and whether it is a desired value (a wish)."""
 
     owner: str
     field: Field
     title: str
     wish: bool
-    #: What its curve is called; empty: by its field's name.
+    #: The label of its curve; empty: made from the field's name.
     called: str = ""
-    #: The flag of State that says whether it is measured now, or held.
+    #: The flag of State that says whether it is being measured, or held; empty: there is none.
     valid: str = ""
 
 
 def charts(model: Model, *, page: bool = False) -> tuple[Chart, ...]:
-    """Return the charts of a model, those of a unit and a title together; ``page``: with what only the page shows."""
+    """Return the charts of a model, one for each title and unit; with ``page`` also what only the page shows."""
     scales: dict[tuple[str, str], tuple[Scale, list[_Drawn]]] = {}
     for drawn in _drawn(model, page):
         scale = scale_of(drawn.field.unit)
@@ -103,7 +103,7 @@ def charts(model: Model, *, page: bool = False) -> tuple[Chart, ...]:
 
 
 def _drawn(model: Model, page: bool) -> Iterator[_Drawn]:
-    """Yield what is plotted: first of the probes, then of devices and modalities."""
+    """Yield what is plotted: first of the probes, then of modalities, then of devices."""
     owners = [*(probe.name for probe in model.probes), *(m.name for m in model.modalities), *model.devices]
     plugins = {f"{device}.twin." for device in model.devices} | {f"{m.name}." for m in model.modalities}
     read = {f"{d.name}.{c.name}" for d in model.devices.values() for c in d.reads}
@@ -128,7 +128,7 @@ def _drawn(model: Model, page: bool) -> Iterator[_Drawn]:
 
 
 def _order(first: _Drawn) -> tuple[bool, int]:
-    """Sort charts by unit; what only the page shows comes last, as do units that are not in the table."""
+    """Return the key that sorts charts: by unit, units not in the table last; after them those of the page only."""
     unit = first.field.unit
     return first.field.show.startswith("page"), ORDER.index(unit) if unit in ORDER else len(ORDER)
 
@@ -138,7 +138,7 @@ def _count(field: Field) -> int:
 
 
 def _own(model: Model, found: list[_Drawn]) -> list[_Drawn]:
-    """Leave out the wishes of a modality whose name another one is given, and which passes on what it takes from it."""
+    """Leave out the wishes of a modality that is named in a parameter of another, which passes them on as its own."""
     given: set[object] = set()
     for part in model.scene.modalities:
         given |= {getattr(part.params, field.name) for field in fields(part.params)}
@@ -166,12 +166,12 @@ def _signals(title: str, scale: Scale, found: list[_Drawn]) -> Iterator[Signal]:
 
 
 def _while(valid: str, holds: bool, read: Callable[[Record], float]) -> Callable[[Record], float]:
-    """Return a reader that reads only while a flag of State is set, or is not."""
+    """Return a reader that reads only while a flag of State is ``holds``, and else gives NaN."""
     return lambda state: read(state) if bool(np.ravel(state[valid])[0]) is holds else math.nan
 
 
 def _label(title: str, drawn: _Drawn) -> str:
-    """Return what a field's curve is called: as it says, or by the words of its name that its chart's title has not."""
+    """Return the label of a field's curve: the one that it declares, else the words of its name not in the title."""
     if drawn.called:
         return drawn.called
     short = drawn.field.name.removeprefix(f"{drawn.owner}.").removeprefix("sent.").removeprefix("twin.")
@@ -180,7 +180,7 @@ def _label(title: str, drawn: _Drawn) -> str:
 
 
 def _readers(field: Field, scale: Scale) -> Iterator[tuple[str, Callable[[Record], float]]]:
-    """Yield how a field's numbers are read: a vector of three by its length, others one by one."""
+    """Yield labels and readers of a field's numbers: of a vector of three its length, else each number."""
     name, count = field.name, _count(field)
     if count == 3:
         yield "", lambda state: scale.shown(float(np.linalg.norm(state[name])))
@@ -191,7 +191,7 @@ def _readers(field: Field, scale: Scale) -> Iterator[tuple[str, Callable[[Record
 
 
 def rows_of(charts_: tuple[Chart, ...], chart: Chart) -> slice:
-    """Return where the signals of a chart stand among those of all charts."""
+    """Return the rows of a chart's signals among those of all charts."""
     first = 0
     for other in charts_:
         if other is chart:
@@ -214,7 +214,7 @@ class Ring:
         self._count, self._next = 0, 0
 
     def add(self, state: Record) -> None:
-        """Take a sample, if one is due; a State of an earlier tick than the last starts anew."""
+        """Take a sample, if one is due; a tick earlier than the last sample's starts the ring anew."""
         tick = int(state["tick"])
         if self._count and tick < self._ticks[(self._count - 1) % len(self._ticks)]:
             self._count, self._next = 0, 0
@@ -241,14 +241,14 @@ class Ring:
         return spans(np.asarray(self._ticks[order] * self._period, np.float64), self._ready[order])
 
     def _order(self) -> NDArray[np.int64]:
-        """Return where the samples stand, oldest first."""
+        """Return the places of the samples in the ring, oldest first."""
         size = len(self._ticks)
         kept = min(self._count, size)
         return (self._count - kept + np.arange(kept)) % size
 
 
 def spans(times: NDArray[np.float64], ready: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Return from when to when [s] something was not so, in the last seconds; what is shorter than a glance not.
+    """Return the spans [s] in the last ``WINDOW`` in which something was not ready, without those up to ``GLANCE``.
 
     ``times`` (n,) [s], ``ready`` (n,).
     """
@@ -263,7 +263,7 @@ def spans(times: NDArray[np.float64], ready: NDArray[np.bool_]) -> list[tuple[fl
 
 
 def recent(times: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the samples of the last ``WINDOW`` seconds; of a piece that begins before it, the part within.
+    """Return the samples of the last ``WINDOW`` seconds; at its beginning they are interpolated.
 
     Parameters
     ----------

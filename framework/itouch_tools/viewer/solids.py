@@ -1,4 +1,4 @@
-"""Triangles of the shapes that are drawn: positions, normals and faces, without graphics."""
+"""Triangle meshes of the shapes that are drawn: positions, normals and faces; needs no graphics."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float32]
 
-#: Segments of a round shape.
+#: Number of segments around a round shape.
 SEGMENTS = 48
 
 
@@ -68,14 +68,14 @@ def cylinder(radius: float, half_length: float) -> Solid:
 
 
 def cone(radius: float, length: float) -> Solid:
-    """Return a cone whose base stands in the plane z = 0 and whose tip is at z = ``length``."""
+    """Return a cone whose base lies in the plane z = 0 and whose tip is at z = ``length``."""
     slope = math.hypot(radius, length)
     side = [(radius, 0.0, length / slope, radius / slope), (0.0, length, length / slope, radius / slope)]
     return join(lathe(side), disc(radius, 0.0, -1.0))
 
 
 def disc(radius: float, height: float, up: float) -> Solid:
-    """Return a flat disc at z = ``height`` that looks along ``up`` (1 or -1)."""
+    """Return a flat disc at z = ``height`` whose normal points to ``up`` along z (1 or -1)."""
     angles = np.linspace(0.0, 2 * math.pi, SEGMENTS, endpoint=False)
     ring = np.stack([radius * np.cos(angles), radius * np.sin(angles), np.full(SEGMENTS, height)], 1)
     positions = np.vstack([[0.0, 0.0, height], ring])
@@ -86,7 +86,10 @@ def disc(radius: float, height: float, up: float) -> Solid:
 
 
 def lathe(profile: list[tuple[float, float, float, float]]) -> Solid:
-    """Return the surface that a profile makes about z; rows of radius, height, normal's radius and height, upwards."""
+    """Return the surface of revolution of a profile about z.
+
+    The profile's points go upwards; each has a radius and a height, and the radial and the axial part of its normal.
+    """
     rows = np.asarray(profile, float)
     angles = np.linspace(0.0, 2 * math.pi, SEGMENTS + 1)
     cosine, sine = np.cos(angles), np.sin(angles)
@@ -105,7 +108,7 @@ def join(*solids: Solid) -> Solid:
 
 
 def from_mesh(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> Solid:
-    """Return a mesh to draw: vertices are shared where its surface is smooth, and parted at sharp edges.
+    """Return a mesh to draw: vertices are shared where its surface is smooth, and duplicated at sharp edges.
 
     A corner's normal is the mean of the faces about its vertex that lie within 40 degrees of its own face.
 
@@ -134,7 +137,7 @@ def from_mesh(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> Soli
 def _parted(
     vertex: NDArray[np.int64], face: NDArray[np.int64], flat: NDArray[np.float64], unit: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the normal of each corner, given its vertex and its face, from the neighbours that bend little."""
+    """Return the normal of each corner, given its vertex and face, from the vertex's faces that bend little from it."""
     order = np.argsort(vertex, kind="stable")
     vertex, face = vertex[order], face[order]
     total = flat[face].copy()
@@ -161,13 +164,13 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def grid(half: float, step: float) -> tuple[Floats, Floats]:
-    """Return line ends (n, 3) of a square grid in the plane z = 0, a line every ``step`` [m], and their strength (n,).
+    """Return line ends (n, 3) [m] of a square grid in the plane z = 0, ``step`` [m] apart, and their strength (n,).
 
-    Lines fade from the middle outwards, so that they end nowhere; every fifth is stronger.
+    Lines fade from the middle outwards, so that no end is visible; every fifth is stronger.
     """
     count = max(1, round(half / step))
     places = np.arange(-count, count + 1)
-    along = np.repeat(places, 2)[1:-1] * step  # begin and end of each piece
+    along = np.repeat(places, 2)[1:-1] * step  # start and end of each segment
     strong = np.where(places % 5 == 0, 0.60, 0.26)
     first = np.stack([np.repeat(places * step, len(along)), np.tile(along, len(places))], 1)
     flat = np.vstack([first, first[:, ::-1]])
@@ -178,9 +181,9 @@ def grid(half: float, step: float) -> tuple[Floats, Floats]:
 
 
 def feature_edges(solid: Solid, *, most: int = 60_000) -> NDArray[np.float64]:
-    """Return line ends (n, 3) of the edges at which a solid bends by more than 40 degrees, or ends.
+    """Return line ends (n, 3) [m] of the edges at which a solid bends by more than 40 degrees, or ends.
 
-    None of a solid with more than ``most`` faces: its edges would be a cloud.
+    A solid with more than ``most`` faces has none: its edges would only clutter the picture.
     """
     if not 0 < len(solid.faces) <= most:
         return np.empty((0, 3))

@@ -1,4 +1,4 @@
-"""The interface between window and session: where State comes from, and who takes its commands."""
+"""The interface between window and session: where State comes from, and where the window's commands go."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from itouch_tools.viewer.signals import Curves
 
 
 class Source(Protocol):
-    """What a window needs of a session; nothing of it may block."""
+    """What a window needs of a session; none of its methods may block."""
 
     @property
     def model(self) -> Model:
@@ -29,22 +29,22 @@ class Source(Protocol):
         """Bring State up to date after ``seconds`` of the host's time, and feed the curves."""
 
     def pause(self) -> str:
-        """Pause, or go on; return what to say."""
+        """Pause, or go on; return a message to show, if any."""
 
     def hold(self, held: bool) -> None:
-        """Say whether the operator holds the run key."""
+        """Report whether the operator holds the dead-man's switch."""
 
     def beat(self) -> None:
-        """Say that the window answers to its keys, between two pictures."""
+        """Report that the window is responding to keys, between two pictures."""
 
     def save(self) -> str:
-        """Save the session; return what to say."""
+        """Save the session; return a message to show, if any."""
 
     def rearm(self) -> str:
-        """Re-arm after a fault; return what to say."""
+        """Re-arm after a fault; return a message to show, if any."""
 
     def steer(self, step: tuple[float, float, float] | None) -> str:
-        """Move the finger of a twin session by a step [m]; None lets the hand follow its script again."""
+        """Move the finger of a simulated session by a step [m]; None lets the hand follow its script again."""
 
     def stop(self) -> None:
         """End the session safely."""

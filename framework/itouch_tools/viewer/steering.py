@@ -11,10 +11,10 @@ from itouch.world.model import led
 from itouch_tools.viewer.source import Source
 
 Vector = tuple[float, float, float]
-#: Way [m] of the finger for a pixel of the mouse, and speeds [m/s] by keys and with a stick fully to one side, where
-#: the arm has none of its own.
+#: Motion of the finger per pixel of the mouse [m], and its speeds [m/s] by keys and with a stick fully deflected, where
+#: the arm does not set its own.
 PIXEL, KEY_SPEED, STICK_SPEED = 0.1e-3, 0.03, 0.06
-#: Pixels that a notch of the wheel stands for, and the longest time [s] that one frame counts for.
+#: Pixels for which a notch of the wheel stands, and the longest time [s] that a single frame counts for.
 _NOTCH, _LONGEST = 10.0, 0.1
 _ARROWS: Mapping[int, Vector] = {
     key.LEFT: (-1, 0, 0), key.RIGHT: (1, 0, 0), key.UP: (0, 1, 0), key.DOWN: (0, -1, 0),
@@ -28,9 +28,9 @@ _WORDS = {
 
 
 class Steering:
-    """Leads the first probe's finger; an arm that a person leads is led from the start, others when M is pressed.
+    """Leads the first probe's finger: from the start if its arm is led by a person, else when M is pressed.
 
-    Every call returns what to say, if anything.
+    Calls return a message to show, if any.
     """
 
     def __init__(self, source: Source) -> None:
@@ -41,7 +41,7 @@ class Steering:
         speed = getattr(arm.params, "speed", None) if arm is not None else None
         self._keys = speed if self._by == "keyboard" and speed else KEY_SPEED
         self._stick = speed if self._by == "gamepad" and speed else STICK_SPEED
-        #: Whether mouse and gamepad lead the finger; keys always do.
+        #: Whether mouse and gamepad may lead the finger; keys always may.
         self.on = False
         #: The gamepad, if there is one.
         self.pad: Pad | None = None
@@ -80,11 +80,11 @@ class Steering:
     def _sticks(self, way: float) -> Vector:
         if self.pad is None:
             return (0.0, 0.0, 0.0)
-        x, y, z = self.pad.sticks()  # also while they do not lead: what waits must not be taken later
+        x, y, z = self.pad.sticks()  # also while they do not lead: events that wait must not act later
         return (way * x, way * y, way * z) if self.on and self._by in ("", "gamepad") else (0.0, 0.0, 0.0)
 
     def moved(self, dx: int, dy: int) -> str:
-        """Move the finger across, if the mouse leads it."""
+        """Move the finger horizontally, if the mouse leads it."""
         return self._source.steer((self._pixel * dx, self._pixel * dy, 0.0)) if self._mouse() else ""
 
     def scrolled(self, notches: float) -> str | None:
@@ -95,6 +95,6 @@ class Steering:
         return self.on and (self._by in ("", "mouse") or (self._by == "gamepad" and self.pad is None))
 
     def close(self) -> None:
-        """Let the gamepad go."""
+        """Release the gamepad."""
         if self.pad is not None:
             self.pad.close()

@@ -1,7 +1,7 @@
-"""The screens of a study: the participant's, readable at 2 m, and the operator's; neither is told the condition.
+"""The screens of a study: the participant's, readable at 2 m, and the operator's; neither shows the condition.
 
-What is shown comes as a `Face`, which any object with these attributes is.  Letters of the participant's screen are at
-least 4 % of its height tall: 12 mm on a screen of 0.3 m, 20 minutes of arc at 2 m (ISO 9241-303 asks for 16).
+What is shown comes as a `Face`: any object with these attributes.  Letters on the participant's screen are at least 4 %
+of its height tall: 12 mm on a screen of 0.3 m, 20 minutes of arc at 2 m (ISO 9241-303 asks for 16).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ WORDS: Mapping[str, str] = {
     "hold": "The devices wait for the operator.", "pause": "Thank you. Rest.",
     "end": "Thank you. Rest.", "break": "A break.", "done": "All done. Thank you.",
 }  # fmt: skip
-#: Height of a large letter over the font's size in pixels, and pixels of a point.
+#: Height of a capital letter over the font's size in pixels, and pixels per point.
 _LETTER, _POINT = 0.73, 96.0 / 72.0
 
 
@@ -39,15 +39,15 @@ class Face(Protocol):
 
     @property
     def question(self) -> str:
-        """What is asked."""
+        """The question that is asked."""
 
     @property
     def choices(self) -> Sequence[str]:
-        """The answers that there are."""
+        """The answers to choose from."""
 
     @property
     def left(self) -> float | None:
-        """Seconds left of it."""
+        """Seconds left of the present phase; None: it has no end of its own."""
 
     @property
     def force(self) -> float | None:
@@ -55,7 +55,7 @@ class Face(Protocol):
 
     @property
     def window(self) -> tuple[float, float] | None:
-        """Least and greatest force that is asked for [N]."""
+        """Least and greatest force that is asked for [N]; None: there is no such window."""
 
     @property
     def trial(self) -> int:
@@ -63,18 +63,18 @@ class Face(Protocol):
 
     @property
     def trials(self) -> int:
-        """How many there are."""
+        """How many trials there are."""
 
     @property
     def void(self) -> int:
-        """How many were void."""
+        """How many trials were void."""
 
     @property
     def message(self) -> str:
-        """What was said last."""
+        """The last message."""
 
 
-#: How one goes on from the instructions.
+#: How to go on from the instructions.
 GO_ON = "Enter: go on"
 
 
@@ -100,7 +100,7 @@ LIGHT = Look((0.97, 0.97, 0.96, 1.0), (0.08, 0.10, 0.13), (0.27, 0.30, 0.34), (0
 class Board:
     """Draws a participant's or an operator's screen into frames; needs a current OpenGL context.
 
-    ``targets`` is where the last picture had its choices, for the mouse.
+    ``targets`` are the areas of the choices in the last picture, for the mouse.
     """
 
     def __init__(self, look: Look = DARK, words: Mapping[str, str] | None = None) -> None:
@@ -110,7 +110,7 @@ class Board:
         self.targets: list[Rectangle] = []
 
     def participant(self, face: Face, frame: Frame, *, page: Sequence[str] = ()) -> None:
-        """Draw what the participant sees: instructions (``page``, lines of Markdown), or what to do now."""
+        """Draw the participant's screen: instructions (``page``, lines of Markdown), else choices or what to do now."""
         self._clear(frame)
         self.targets = []
         if page:
@@ -123,7 +123,7 @@ class Board:
         self._text.draw()
 
     def operator(self, face: Face, lines: Sequence[tuple[str, bool]], frame: Frame) -> None:
-        """Draw what the operator sees: trial, phase, time left, and ``lines`` of (words, whether all is well)."""
+        """Draw the operator's screen: trial, phase, time left, and ``lines`` of (words, whether all is well)."""
         self._clear(frame)
         left = "" if face.left is None else f", {face.left:.0f} s left"
         head = [f"trial {min(face.trial, face.trials)} of {face.trials}: {face.cue}{left}", f"void: {face.void}"]
@@ -144,7 +144,7 @@ class Board:
         self._text.draw()
 
     def hit(self, x: float, y: float) -> int | None:
-        """Return which choice is at a place [pixels] of the last picture, from 0; None: none."""
+        """Return the index of the choice at a place [pixels] of the last picture, or None."""
         for index, (left, low, width, height) in enumerate(self.targets):
             if left <= x <= left + width and low <= y <= low + height:
                 return index
@@ -162,12 +162,12 @@ class Board:
 
     @staticmethod
     def _points(frame: Frame, letter: float) -> float:
-        """Return the size of a font whose large letters have this share of the picture's height."""
+        """Return the size [points] of a font whose capital letters have this share of the picture's height."""
         return letter * frame.height / _LETTER / _POINT
 
     @staticmethod
     def _tall(size: float) -> float:
-        """Return the height of a large letter [pixels]."""
+        """Return the height of a capital letter [pixels] in a font of this size [points]."""
         return size * _POINT * _LETTER
 
     def _lines(self, words: str, size: float, room: float) -> list[str]:
@@ -191,7 +191,7 @@ class Board:
                 self._text.put(line, middle, place, self.look.quiet, size=small, anchor="center")
 
     def _bar(self, force: float, window: tuple[float, float], frame: Frame) -> None:
-        """Draw the force as a bar between none and twice the middle of the window, which is marked."""
+        """Draw the force as a bar, from 0 to twice the middle of the window, with the window marked on it."""
         low, high = window
         most = low + high
         left, bottom, wide, tall = 0.15 * frame.width, 0.38 * frame.height, 0.7 * frame.width, 0.10 * frame.height
@@ -208,7 +208,7 @@ class Board:
         self._text.put(words, middle, bottom + 1.25 * tall, self.look.ink, size=size, anchor="center")
 
     def _choices(self, face: Face, frame: Frame) -> None:
-        """Draw the question over large targets, each with its number, in rows that fill the width."""
+        """Draw the question above the choices: large targets with numbers, in rows that fill the width."""
         size = self._points(frame, 0.05)
         y = 0.86 * frame.height
         for line in self._lines(face.question, size, 0.92 * frame.width)[:2]:
@@ -243,7 +243,7 @@ class Board:
         self._text.put(number, *corner, self.look.quiet, size=small)
 
     def _page(self, page: Sequence[str], frame: Frame) -> None:
-        """Draw instructions: headings, paragraphs and lists of Markdown, smaller if they would not fit."""
+        """Draw instructions (headings, paragraphs and lists of Markdown), smaller if they would not fit otherwise."""
         for letter in (0.04, 0.034, 0.028, 0.022):
             size = self._points(frame, letter)
             laid = self._laid(page, size, 0.88 * frame.width)
@@ -269,7 +269,7 @@ class Board:
         return found
 
     def _progress(self, face: Face, frame: Frame) -> None:
-        """Draw how far the session is, as a line at the foot."""
+        """Draw the progress of the session, as a bar at the foot."""
         if face.trials <= 0:
             return
         margin, tall = 0.06 * frame.height, 0.016 * frame.height

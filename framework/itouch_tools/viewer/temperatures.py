@@ -14,15 +14,15 @@ from itouch.world.rig import DeviceModel
 from itouch_tools.viewer import colours
 from itouch_tools.viewer.colours import Colour
 
-#: The range ends at multiples of this [K in degC], and is at least so wide [K].
+#: The range ends at multiples of ``STEP`` [degC], and is at least ``LEAST`` wide [K].
 STEP, LEAST = 5.0, 10.0
 _ZERO = 273.15
 
 
 class Range:
-    """The ends [K] of the scale of temperatures: what the scene has, and what was there; it grows and never shrinks.
+    """The ends [K] of the temperature scale: it spans the scene's temperatures and all that were shown; it only grows.
 
-    So colours hold still while a plate cools, and 22 degC beside 30 degC are told apart.
+    So colours stay constant while a plate cools, and 22 degC can be told from 30 degC.
     """
 
     def __init__(self, model: Model) -> None:
@@ -32,14 +32,14 @@ class Range:
         self._low, self._high = min(*known, middle - LEAST / 2), max(*known, middle + LEAST / 2)
 
     def hold(self, state: Mapping[str, Any], model: Model) -> None:
-        """Make room for what skin and plates have now."""
+        """Widen the range to the present temperatures of skin and plates."""
         for kelvin in present(state, model):
             if colours.COLDEST < kelvin < colours.HOTTEST:
                 self._low, self._high = min(self._low, kelvin), max(self._high, kelvin)
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Its lower and its upper end [K], round numbers of degC."""
+        """The lower and the upper end [K], round numbers of degC."""
         return (_ZERO + STEP * math.floor((self._low - _ZERO + 0.3) / STEP),
                 _ZERO + STEP * math.ceil((self._high - _ZERO - 0.3) / STEP))  # fmt: skip
 
@@ -49,14 +49,14 @@ class Range:
 
 
 def degrees(low: float, high: float) -> list[float]:
-    """Return the round numbers [degC] that stand at a scale from ``low`` to ``high`` [K]: six at most."""
+    """Return the round numbers [degC] that label a scale from ``low`` to ``high`` [K]: six at most."""
     step = next(step for step in (5.0, 10.0, 20.0, 50.0, 1e3) if (high - low) / step <= 5.0)
     first, last = math.ceil((low - _ZERO) / step - 1e-6), math.floor((high - _ZERO) / step + 1e-6)
     return [step * index for index in range(first, last + 1)]
 
 
 def present(state: Mapping[str, Any], model: Model) -> Iterator[float]:
-    """Yield the temperatures [K] of skin and plates, those that are known."""
+    """Yield the temperatures [K] of skin and plates, as far as they are known."""
     skin = skin_temperature(state, model)
     if skin is not None:
         yield skin
@@ -67,7 +67,7 @@ def present(state: Mapping[str, Any], model: Model) -> Iterator[float]:
 
 
 def plate_temperature(state: Mapping[str, Any], device: DeviceModel) -> float | None:
-    """Return the temperature [K] that a device reads of what the skin touches, or None if it has no such channel."""
+    """Return the temperature [K] that a device reads on the surface under the skin; None if it has no such channel."""
     name = device.field(Role.SKIN_CONTACT_TEMPERATURE)
     return float(np.ravel(state[name])[0]) if name else None
 
@@ -80,13 +80,13 @@ def skin_temperature(state: Mapping[str, Any], model: Model) -> float | None:
 
 
 def skin_named(state: Mapping[str, Any], model: Model) -> str:
-    """Return what that temperature is called, as its curve is."""
+    """Return the name of the skin's temperature, the same as that of its curve."""
     key = _skin(state, model)
     return (declared(model)[key].show.partition("|")[2].strip() if key else "") or "skin"
 
 
 def _skin(state: Mapping[str, Any], model: Model) -> str:
-    """Return the field of the skin's temperature; empty: there is none."""
+    """Return the name of the field of the skin's temperature; empty: there is none."""
     owners = [modality.name for modality in model.modalities]
     named = [name for name, field in declared(model).items() if field.role is Role.SKIN_TEMPERATURE and name in state]
     return min(named, key=lambda name: name.partition(".")[0] not in owners, default="")

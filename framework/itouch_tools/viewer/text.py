@@ -6,12 +6,12 @@ from typing import Any
 
 import pyglet
 
-#: Fonts with digits of equal width, the first that the machine has.
+#: Monospaced fonts, of which the first that is installed is used.
 FONTS = ("DejaVu Sans Mono", "Liberation Mono", "Menlo", "Consolas", "Noto Sans Mono", "monospace")
 
 
 class Text:
-    """Writes lines at pixel places; call ``begin``, then ``put`` for each, then ``draw``."""
+    """Draws lines of text at places in pixels; call ``begin``, then ``put`` for each line, then ``draw``."""
 
     def __init__(self) -> None:
         self._batch = pyglet.graphics.Batch()
@@ -22,7 +22,7 @@ class Text:
         self._font = next((font for font in FONTS[:-1] if pyglet.font.have_font(font)), FONTS[-1])
 
     def width(self, size: float) -> float:
-        """Return the width of one letter of this size [pixels]."""
+        """Return the width [pixels] of one letter of this size [points]."""
         if size not in self._widths:
             label = pyglet.text.Label("0" * 50, font_name=self._font, font_size=size)
             self._widths[size] = label.content_width / 50
@@ -36,7 +36,7 @@ class Text:
     def put(
         self, words: str, x: float, y: float, colour: tuple[float, float, float], *, size: float, anchor: str = "left"
     ) -> None:
-        """Write one line with its base line at a place [pixels]; ``anchor`` is left, center or right."""
+        """Add a line with its baseline at a place [pixels]; ``anchor`` is left, center or right."""
         tint = (*(round(255 * part) for part in colour), 255)
         asked = (words, round(x), round(y), tint, size, anchor)
         if self._used == len(self._labels):

@@ -1,4 +1,4 @@
-"""The time line of a recording: what happened when, and which of it is shown; without graphics."""
+"""The time line of a recording: what happened when, and which time is shown; needs no graphics."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from itouch.recording import Recording
 class Timeline:
     """What a time line shows; times in seconds of the session.
 
-    ``spans`` are contacts: begin, end, object.  ``marks`` and ``faults`` have a time and a name.  ``known`` tells of
-    equal parts whether they have been read.
+    ``spans`` are contacts: begin, end, object.  ``marks`` and ``faults`` have a time and a name.  ``known`` (n,) says
+    which of n equal parts have been read.
     """
 
     first: float
@@ -33,23 +33,23 @@ class Timeline:
 
     @property
     def stops(self) -> list[float]:
-        """Times that are worth going to [s], in order: contacts, marks, faults and both ends."""
+        """Times [s] to jump to, in order: beginnings of contacts, marks, faults and both ends."""
         found = {self.first, self.last, *(t for t, _ in self.marks), *(t for t, _ in self.faults)}
         return sorted(found | {begin for begin, _, _ in self.spans})
 
     def share(self, seconds: float) -> float:
-        """Return where a time stands between the ends, 0 to 1."""
+        """Return the place of a time [s] between the ends, 0 to 1."""
         return min(1.0, max(0.0, (seconds - self.first) / max(self.last - self.first, 1e-9)))
 
     def words(self) -> str:
-        """Return what stands before the line."""
+        """Return the words beside the line: what it is doing, the speed, and the time that is shown."""
         sign = "reading" if self.reading else "playing" if self.playing else "paused"
         speed = f"{self.speed:g} x" if self.speed >= 1.0 else f"1/{1.0 / self.speed:g} x"
         return f"{sign:<8}{speed:<6}{self.now:9.3f} of {self.last:.3f} s"
 
 
 def timeline(recording: Recording, ticks: NDArray[np.int64], period: float) -> Timeline:
-    """Return the time line of a recording, of its ticks (n,) and the loop's period [s]."""
+    """Return the time line of a recording, given its ticks (n,) and the loop's period [s]."""
     first, last = float(ticks[0]) * period, float(ticks[-1]) * period
     marks = tuple((float(mark["time"]), str(mark["name"])) for mark in recording.marks)
     faults = tuple((float(f["time"]), str(f.get("trip") or f.get("kind"))) for f in recording.faults if f.get("trip"))
@@ -72,7 +72,7 @@ def _spans(events: Sequence[Mapping[str, Any]], last: float) -> list[tuple[float
 def faults_at(
     faults: Sequence[Mapping[str, Any]], states: Sequence[Mapping[str, Any]], tick: int
 ) -> list[dict[str, Any]]:
-    """Return the recorded faults that lasted at a tick: those after which nobody had re-armed."""
+    """Return the recorded faults that were present at a tick: those after which nobody had re-armed yet."""
     anew = max((int(s["tick"]) for s in states if s["reason"] in ("rearm", "enable") and int(s["tick"]) <= tick),
                default=-1)  # fmt: skip
     return [dict(f) for f in faults if f.get("trip") and not f.get("optional") and anew <= int(f["tick"]) <= tick]

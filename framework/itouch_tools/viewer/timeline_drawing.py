@@ -1,4 +1,4 @@
-"""Draws the time line of a recording, and tells which time is under the mouse."""
+"""Draws the time line of a recording, and finds the time under the mouse."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _HELP = "P play   left right: a tick   up down: speed   page: next contact"
 
 
 def bar(area: Rectangle, size: float) -> Rectangle:
-    """Return the part of a time line's area that answers to the mouse: left, bottom, width, height [pixels]."""
+    """Return the part of a time line's area that responds to the mouse: left, bottom, width, height [pixels]."""
     left, bottom, width, _ = area
     return left + 1.2 * size, bottom + 0.9 * size, width - 2.4 * size, 1.5 * size
 
 
 def time_at(line: Timeline, place: Rectangle, x: float) -> float:
-    """Return the time [s] at a pixel of the bar; beyond its ends, the end."""
+    """Return the time [s] at a pixel of the bar; beyond an end, the time of that end."""
     left, _, width, _ = place
     return line.first + (line.last - line.first) * min(1.0, max(0.0, (x - left) / max(width, 1.0)))
 
@@ -31,7 +31,7 @@ def time_at(line: Timeline, place: Rectangle, x: float) -> float:
 def draw(line: Timeline, paint: Paint, text: Text, area: Rectangle, seen: NDArray[np.float64], size: float) -> None:
     """Draw a time line into an area: left, bottom, width, height [pixels].
 
-    ``seen`` (4, 4) brings pixels to the clip space of OpenGL; ``size`` [pixels] is that of letters.
+    ``seen`` (4, 4) transforms pixels to the clip space of OpenGL; ``size`` is that of letters, and the unit of layout.
     """
     paint.draw(gl.GL_TRIANGLES, rectangle(area, look().panel), seen)
     left, bottom, width, height = place = bar(area, size)
@@ -59,7 +59,7 @@ def draw(line: Timeline, paint: Paint, text: Text, area: Rectangle, seen: NDArra
 
 
 def _names(line: Timeline, text: Text, place: Rectangle, size: float) -> None:
-    """Write the names of contacts into their spans, and of marks and faults above, as far as there is room."""
+    """Draw the names of contacts in their spans, and of marks and faults above, as far as there is room."""
     left, bottom, width, height = place
     letter, free = text.width(0.8 * size), 0.0
     for begin, end, name in line.spans:

@@ -1,4 +1,4 @@
-"""The window: keys and mouse, and a picture at most sixty times a second."""
+"""The window: keys and mouse, and at most sixty pictures a second."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from itouch_tools.viewer.picture import Picture
 from itouch_tools.viewer.source import Source
 from itouch_tools.viewer.steering import Steering
 
-#: Greatest frames a second, and the share of one core that drawing may take: software rendering would take them all.
+#: Most frames a second, and the share of one core that drawing may take: software rendering would take all cores.
 RATE, SHARE = 60.0, 0.8
 #: Longest rest [s] between two frames.
 MOST_REST = 1.0
-#: How long [s] what was said stays.
+#: How long [s] a message stays on the screen.
 SAID = 4.0
-#: How often [s] keys are looked at while it rests.
+#: Period [s] at which keys are handled between two frames.
 LISTEN = 0.02
 _NUMBERS = {key._1: "operator", key._2: "front", key._3: "side", key._4: "top", key._5: "corner"}  # noqa: SLF001
 
-#: Keys that make words larger and smaller, and by how much.
+#: Keys that make words larger and smaller, and by what factor's change.
 _LARGER = {key.PLUS: 0.25, key.EQUAL: 0.25, key.NUM_ADD: 0.25, key.MINUS: -0.25, key.NUM_SUBTRACT: -0.25}
 
 
 class Window(pyglet.window.Window):
-    """Shows a session and hands the person's wishes to it; ``frame`` draws one picture, ``show`` does it until closed.
+    """Shows a session and passes the person's commands to it; ``frame`` draws one picture, ``show`` runs until closed.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Window(pyglet.window.Window):
     now
         Returns the host's time [s]; tests give their own.
     mute
-        Without sound.
+        Play no sound.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Window(pyglet.window.Window):
             resizable=True, config=config(), vsync=False,
         )  # fmt: skip
         self.source, self._now = source, now
-        if self.scale > 1.0:  # a dense screen: as large as on others
+        if self.scale > 1.0:  # a screen with small pixels: make the window as large as on others
             room = self.screen
             self.set_size(min(round(width * self.scale), room.width), min(round(height * self.scale), room.height))
         self.picture = Picture(source.model, scale=max(self.scale, self.get_pixel_ratio()))
@@ -70,7 +70,7 @@ class Window(pyglet.window.Window):
         self._say(self._steering.begin() or "H, or the button, opens the menu")
 
     def show(self, *, while_: Callable[[], bool] = lambda: True) -> None:
-        """Draw and answer until the window is closed, or a condition no longer holds."""
+        """Draw and handle events until the window is closed, or ``while_`` returns false."""
         used = time.process_time()
         try:
             while True:
@@ -79,7 +79,7 @@ class Window(pyglet.window.Window):
                 if self.closed or not while_():
                     return
                 self.frame()
-                before, used = used, time.process_time()  # of all threads, also of those that draw by software
+                before, used = used, time.process_time()  # of all threads, those of software rendering included
                 rest = max(1.0 / RATE, (used - before) / SHARE)
                 self._rest(begin + min(MOST_REST, rest))
         finally:
@@ -88,7 +88,7 @@ class Window(pyglet.window.Window):
             self.close()
 
     def _rest(self, end: float) -> None:
-        """Rest until a time [s], but not deaf: keys act at once also where pictures are few."""
+        """Rest until a time [s], but go on handling keys, so that they act at once even at a low frame rate."""
         while (left := end - self._now()) > 0.0 and not self.closed:
             time.sleep(min(left, LISTEN))
             if left > LISTEN:
@@ -117,7 +117,7 @@ class Window(pyglet.window.Window):
         self.cost = self._now() - begin
 
     def screenshot(self, path: str | os.PathLike[str]) -> None:
-        """Write the picture as it is now."""
+        """Write the present picture to a PNG file."""
         self.switch_to()
         self.picture.draw(self.source.state, self._target, self.source.situation)
         write_png(path, self._target.read())
@@ -178,7 +178,7 @@ class Window(pyglet.window.Window):
             self.source.hold(False)
 
     def on_deactivate(self) -> None:
-        """Let go of everything when another window takes the keys."""
+        """Let go of everything when another window takes the focus."""
         self._pressed = None
         self._keys.clear()
         self.source.hold(False)
@@ -214,7 +214,7 @@ class Window(pyglet.window.Window):
         )
 
     def _key_at(self, x: int, y: int) -> int | None:
-        """Return the key that stands where the mouse is, if the menu or its button is there."""
+        """Return the key under the mouse, if the menu or a button is there, else None."""
         ratio = self.get_pixel_ratio()
         name = next((place.key for place in self.picture.menu if place.holds(x * ratio, y * ratio)), "")
         return getattr(key, name) if name else None
@@ -225,7 +225,7 @@ class Window(pyglet.window.Window):
         self._pressed = None
 
     def on_mouse_motion(self, x: int, y: int, dx: int, dy: int) -> None:
-        """Move the finger across, if the mouse has it."""
+        """Note where the mouse points, and move the finger horizontally if the mouse leads it."""
         self.picture.pointed = (x * self.get_pixel_ratio(), y * self.get_pixel_ratio())
         self._say(self._steering.moved(dx, dy))
 
@@ -234,7 +234,7 @@ class Window(pyglet.window.Window):
         self.picture.pointed = (-1.0, -1.0)
 
     def on_mouse_scroll(self, x: int, y: int, scroll_x: float, scroll_y: float) -> None:
-        """Zoom, or raise and lower the finger, if the mouse has it."""
+        """Zoom, or raise and lower the finger if the mouse leads it."""
         said = self._steering.scrolled(scroll_y)
         if said is None:
             self.picture.camera.zoom(scroll_y)
@@ -242,7 +242,7 @@ class Window(pyglet.window.Window):
             self._say(said)
 
     def on_resize(self, width: int, height: int) -> None:
-        """Take the new size; a window of no height keeps its picture."""
+        """Take the new size; a window without width or height keeps the size of its picture."""
         self.switch_to()
         size = self.get_framebuffer_size()
         if hasattr(self, "_target") and min(size) > 0 and size != (self._target.width, self._target.height):
@@ -251,7 +251,7 @@ class Window(pyglet.window.Window):
         self._orthogonal(*size)
 
     def on_scale(self, scale: float, dpi: int) -> None:
-        """Write as large as on other screens, also on one that is denser."""
+        """Adapt the size of words to a screen with another density of pixels."""
         if hasattr(self, "picture"):
             self.picture.scale = max(scale, self.get_pixel_ratio())
 
@@ -261,18 +261,18 @@ class Window(pyglet.window.Window):
         self.projection = Mat4.orthogonal_projection(0, max(width, 1), 0, max(height, 1), -255, 255)
 
     def on_close(self) -> None:
-        """Stop safely; the window closes when its events are through."""
+        """Stop safely; the window closes when its events have been handled."""
         self.closed = True
         self.source.hold(False)
         self.source.stop()
 
     def on_context_lost(self) -> None:
-        """Make everything in graphics memory anew; what is seen, and how, stays."""
+        """Recreate everything in graphics memory; curves, camera and choices stay."""
         before = self.picture
         self.picture = Picture(self.source.model, scale=before.scale)
         self.picture.ring, self.picture.camera, self.picture.choices = before.ring, before.camera, before.choices
         self._target = Frame(*self.get_framebuffer_size())
 
     def on_refresh(self, *_: Any) -> None:
-        """Redraw what was uncovered, or lost with its context."""
+        """Count the time between frames from now on; the next frame redraws what was uncovered or lost."""
         self._last = self._now()

@@ -68,7 +68,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _check(parser: Parser, options: argparse.Namespace) -> None:
-    """Refuse what says nothing as it stands; exit code 2."""
+    """Refuse options that mean nothing without another, and values out of range; exit code 2."""
     for option, given, whole in (
         ("--twin", options.twin is not None, "rig"), ("--for", options.duration is not None, "rig"),
         ("--busy", options.busy != 0, "rates"),
@@ -82,7 +82,7 @@ def _check(parser: Parser, options: argparse.Namespace) -> None:
 
 
 def _rates(path: str, each: float, *, beside: int, as_json: bool) -> int:
-    """Measure which rates are held, each for some seconds."""
+    """Measure which rates are held, each for ``each`` seconds, and print them."""
     from itouch.session import load_scene
     from itouch_tools.cli.doctor.loop import bench_scene
     from itouch_tools.cli.doctor.rates import best, rates
@@ -101,7 +101,7 @@ def _rates(path: str, each: float, *, beside: int, as_json: bool) -> int:
 
 
 def _rig(path: str, twin: str | None, each: float, *, as_json: bool) -> int:
-    """Look at a rig in the air; 1 if a line fails."""
+    """Examine a rig in the air and print a line for each check; return 1 if one fails."""
     from itouch.loop import WallClock
     from itouch.servo.prepare import prepare
     from itouch_tools.cli.doctor.rig import FAIL, NOT, examine_rig

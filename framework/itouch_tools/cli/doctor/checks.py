@@ -1,4 +1,4 @@
-"""What the doctor looks at on the machine: system, processors, timer, priority, memory, graphics, sound, USB, disk."""
+"""What the doctor examines on the machine: system, processors, timer, priority, memory, graphics, sound, USB, disk."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software")
 
 
 def examine() -> list[Finding]:
-    """Look at everything, in the order in which it matters."""
+    """Return the findings on everything, the most important first."""
     looks: list[tuple[str, Callable[[], Finding]]] = [
         ("system", system), ("processors", processors), ("kernel", kernel), ("timer", timer), ("priority", priority),
         ("memory lock", memory_lock), ("shared memory", shared_memory), ("compile cache", compile_cache),
@@ -57,7 +57,7 @@ def system() -> Finding:
 
 
 def processors() -> Finding:
-    """How many there are, whether one is isolated, and how they change their clock."""
+    """How many processors there are, how many are isolated, and by which governors their clocks change."""
     from itouch.servo.realtime import isolated_cpus
 
     count, free = cores(), isolated_cpus()
@@ -140,7 +140,7 @@ def display() -> Finding:
 
 
 def graphics() -> Finding:
-    """Which OpenGL draws."""
+    """Which OpenGL driver draws, if any."""
     words = [sys.executable, "-P", "-c", _ASK]
     try:
         done = subprocess.run(words, capture_output=True, text=True, timeout=30, check=False)
@@ -158,7 +158,7 @@ def graphics() -> Finding:
 
 
 def sound() -> Finding:
-    """Whether something can be heard."""
+    """Whether there is a sound card or a sound server."""
     cards = Path("/proc/asound/cards")
     listed = [line for line in cards.read_text().splitlines() if "[" in line] if cards.exists() else []
     runtime = Path(os.environ.get("XDG_RUNTIME_DIR", "/nonexistent"))
@@ -170,7 +170,7 @@ def sound() -> Finding:
 
 
 def usb() -> Finding:
-    """Whether USB devices that are attached may be opened by this user."""
+    """Whether this user may open the USB devices that are attached."""
     nodes = sorted(Path("/dev/bus/usb").glob("*/*"))
     if not nodes:
         return Finding(

@@ -1,4 +1,4 @@
-"""One device that the doctor watches: it is read and written in its rhythm, and what it read is kept."""
+"""One device that the doctor watches: it is read and written at its rate, and statistics of its readings are kept."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Watched:
-    """One device of the rig, and what its readings were."""
+    """One device of the rig, with statistics of its readings."""
 
     def __init__(self, runner: Runner, state: Record) -> None:
         self.runner, self.model = runner, runner.model
@@ -25,11 +25,11 @@ class Watched:
         self.count, self.gap, self.since = 0, 0.0, 0
         self.fault: DeviceFaultError | None = None
         self._rows: set[bytes] = set()
-        #: Mean, newest and greatest size of each number that was read; zeros, and worth nothing, before ``count`` > 0.
+        #: Mean, newest and greatest absolute value of each number that was read; meaningless until ``count`` > 0.
         self.mean, self.newest, self.most = (np.zeros(runner.reading.numbers.shape) for _ in range(3))
 
     def look(self, tick: int, period: float) -> None:
-        """Take what has come, and send what is safe; the loss of an optional device is a fault like any other here."""
+        """Read what has come, and write safe commands; the loss of an optional device counts as a fault, too."""
         if self.fault is not None or self.runner.status is Status.CLOSED:
             return
         before = int(self._sequence)
@@ -42,7 +42,7 @@ class Watched:
             return
         finally:
             self.runner.on_loss = on_loss
-        if self.runner.status is Status.FAULT:  # then nobody checks what it reads
+        if self.runner.status is Status.FAULT:  # its readings are no longer checked then
             trip = self.runner.trip
             self.fault = DeviceFaultError(self.model.name, tick, trip, f"was stopped before by {trip.label}")
             return
@@ -60,9 +60,9 @@ class Watched:
             self._rows.add(numbers.tobytes())
 
     def at(self, role: Role, numbers: NDArray[Any]) -> tuple[str, list[float]] | None:
-        """Return the name of the reading with a role, and its part of ``mean``, ``newest`` or ``most``.
+        """Return the name of the reading with a role, and its part of ``mean``, ``newest`` or ``most``; None: none.
 
-        ``numbers`` (n,): those of all readings, one after the other, in their channels' units.
+        ``numbers`` (n,) are those of all readings, one after the other, in their channels' units.
         """
         begin = 0
         for channel in self.model.reads:
@@ -73,5 +73,5 @@ class Watched:
 
     @property
     def still(self) -> bool:
-        """Whether no number has ever changed."""
+        """Whether no number that was read has ever changed."""
         return len(self._rows) < 2

@@ -1,4 +1,4 @@
-"""What is kept on disk so that a start is quick: compiled kernels, results of compiling scenes, meshes."""
+"""What is cached on disk so that a start is quick: compiled kernels, results of compiling scenes, meshes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _KERNELS = (".nbi", ".nbc")
 
 
 def compile_cache() -> Finding:
-    """Whether compiled kernels can be kept, and are."""
+    """Whether compiled kernels can be cached, and how many are."""
     folders = kernel_folders()
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     count = sum(path.suffix == ".nbi" for path in kernels())
@@ -30,7 +30,7 @@ def compile_cache() -> Finding:
 
 
 def kept_results() -> Finding:
-    """Results of compiling scenes: start temperatures, modal bases, hierarchies of meshes."""
+    """Describe the cached results of compiling scenes: start temperatures, modal bases, hierarchies of meshes."""
     from itouch.contact.meshfile import cache as meshes
     from itouch.plugin import result_cache
 
@@ -45,7 +45,7 @@ def kept_results() -> Finding:
 
 
 def clear_kept() -> str:
-    """Remove all that is kept, and return what it was in one sentence."""
+    """Remove all that is cached, and return a sentence that says what it was."""
     from itouch.contact.meshfile import cache as meshes
     from itouch.plugin import result_cache
 
@@ -65,7 +65,7 @@ def kernels() -> list[Path]:
 
 
 def kernel_folders() -> list[Path]:
-    """Return where compiled kernels are kept: the user's folder first, then those of the packages."""
+    """Return the folders of compiled kernels: ``NUMBA_CACHE_DIR`` alone, or the user's first, then the packages'."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if chosen:
         return [Path(chosen)]

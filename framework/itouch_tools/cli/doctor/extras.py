@@ -1,4 +1,4 @@
-"""Which extras are installed: what ``pip install 'itouch-py[NAME]'`` would bring is there, and in which version."""
+"""Which extras are installed: whether what ``pip install 'itouch-py[NAME]'`` brings is there, and which version."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from importlib.metadata import PackageNotFoundError, requires, version
 
 from itouch_tools.cli.doctor.finding import Finding
 
-#: Extras of those who work on itouch-py itself.
+#: Extras for people who work on itouch-py itself.
 _OWN = frozenset({"test", "lint", "docs", "mutation", "bids"})
 _NEEDS = re.compile(r"^([A-Za-z0-9._-]+).*;.*extra\s*==\s*['\"]([A-Za-z0-9._-]+)['\"]")
 
 
 def extras() -> Finding:
-    """Which extras are there, with their packages, and which are not."""
+    """Which extras are installed, with their packages, and which are not."""
     there, missing = [], []
     for name, packages in sorted(named(requires("itouch-py") or ()).items()):
         found = {package: _version(package) for package in packages}
@@ -30,7 +30,7 @@ def extras() -> Finding:
 
 
 def named(requirements: Iterable[str]) -> dict[str, list[str]]:
-    """Return extra -> packages that it asks for, of a distribution's requirements; without those of developers."""
+    """Return the packages that each extra asks for, given a distribution's requirements; without developers' extras."""
     found: dict[str, list[str]] = {}
     for line in requirements:
         match = _NEEDS.match(line)

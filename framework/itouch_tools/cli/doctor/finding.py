@@ -1,4 +1,4 @@
-"""One finding of the doctor: what was looked at, how it is, and what to do."""
+"""One finding of the doctor: what was examined, its condition, and what to do."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was looked at: ``status`` is ok, lack or note; ``advice`` says what to do about a lack."""
+    """One thing that was examined; ``status`` is ok, lack or note, on a rig pass, fail or not possible."""
 
     name: str
     status: str

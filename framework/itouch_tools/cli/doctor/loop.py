@@ -1,4 +1,4 @@
-"""The loop that is measured: on which scene, in a servo process for some seconds, and whether it may have priority."""
+"""The loop that the doctor measures: its scene, a run in a servo process, and whether it may have priority."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from itouch_tools.cli.doctor.touch_scene import scene
 
 
 def bench_scene() -> Scene:
-    """Return the scene that is measured: arm, table and display as twins, a finger that touches again and again."""
+    """Return the scene to measure: arm, table and display as twins, and a finger that touches again and again."""
     text = scene(touches=200, remote=False, hold=False)
     return loads(text.encode(), Catalog(), shown="bench-loop.xml")
 
 
 def in_process(description: Scene, seconds: float, *, realtime: bool) -> Timing:
-    """Run in a servo process for some seconds."""
+    """Run a scene in a servo process for some seconds, and return how long its ticks took."""
     with launch(description, realtime=realtime) as handle:
         while handle.running and handle.link.tick == 0:
             time.sleep(0.005)
@@ -30,7 +30,7 @@ def in_process(description: Scene, seconds: float, *, realtime: bool) -> Timing:
 
 
 def may_have_priority() -> bool:
-    """Return whether this user is given real-time priority."""
+    """Return whether this user may have real-time priority."""
     given = []
 
     def ask() -> None:
@@ -40,7 +40,7 @@ def may_have_priority() -> bool:
         except OSError:
             return
 
-    thread = threading.Thread(target=ask)  # the priority is the thread's, and goes with it
+    thread = threading.Thread(target=ask)  # the priority is the thread's own, and ends with it
     thread.start()
     thread.join()
     return bool(given)

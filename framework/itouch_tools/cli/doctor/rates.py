@@ -14,19 +14,20 @@ from itouch_tools.cli.doctor.timer import beside_the_loop, busy
 
 #: The rates that are tried [Hz], the slowest first.
 RATES = (1000.0, 2000.0, 4000.0)
-#: Share of ticks that may overrun by the tick's own time, and by the machine.
+#: Share of ticks that may overrun because the tick itself took long, and because of the machine.
 OWN, WOKEN_LATE = 1e-4, 1e-3
-#: What a tick on twins usually takes of a processor [s], before it is known.
+#: Processor time [s] that a tick on twins usually takes: assumed until it has been measured.
 USUAL = 50e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """One rate: how long ticks took, how many overran by themselves and by the machine, and the verdict; times [us].
+    """One rate: how long ticks took, how many overran by themselves or because of the machine, and whether it is held.
 
-    ``cpu_p999_us`` and ``cpu_max_us``: for how long a tick had a processor.  ``overruns_late``: ticks that were woken
-    late, ``overruns_taken``: that lost the processor.  ``bare_...``: the same of a loop that only waits and then has a
-    processor for as long as a tick usually has, at the same rate and priority, before and after it.
+    Times are in [us].  ``cpu_p999_us`` and ``cpu_max_us``: how long a tick had a processor.  ``overruns_late``: ticks
+    that were woken late; ``overruns_taken``: ticks that lost the processor.  ``bare_...``: the same for a loop that
+    only waits and then keeps a processor busy for as long as a tick usually does, at the same rate and priority, run
+    before and after the measurement.
     """
 
     rate_hz: float
@@ -47,7 +48,7 @@ class Held:
 
     @property
     def held(self) -> bool:
-        """Whether the machine holds this rate."""
+        """Whether the machine holds this rate: no period given up, and few enough overruns."""
         if self.problem or not self.ticks or self.skipped:
             return False
         return (
@@ -56,7 +57,7 @@ class Held:
         )
 
     def sentence(self) -> str:
-        """Say it in words."""
+        """Return the measurement in words."""
         if self.problem:
             return f"{self.rate_hz:g} Hz: {self.problem}"
         spent = f"tick p50 {self.tick_p50_us:.0f} us, p99 {self.tick_p99_us:.0f} us of {1e6 / self.rate_hz:.0f}"
@@ -74,9 +75,9 @@ def _over(own: int, late: int, taken: int) -> str:
 
 
 def rates(scene: Scene, seconds: float, *, beside: int = 0) -> Iterator[Held]:
-    """Yield what each rate was like, run for some seconds; a rate that does not suit the scene is told as that.
+    """Yield the measurement of each rate, run for some seconds; one that does not suit the scene has a ``problem``.
 
-    ``beside``: so many processes compute at the same time, and a loop that only waits is measured, too.
+    If ``beside`` > 0, that many processes compute at the same time, and a loop that only waits is measured, too.
     """
     with busy(beside):
         for rate in RATES:
@@ -102,6 +103,6 @@ def rates(scene: Scene, seconds: float, *, beside: int = 0) -> Iterator[Held]:
 
 
 def best(found: list[Held]) -> str:
-    """Say which is the fastest rate that is held."""
+    """Return a sentence that names the fastest rate that is held."""
     held = [row.rate_hz for row in found if row.held]
     return f"this machine holds {max(held):g} Hz for this scene" if held else "this machine holds none of these rates"

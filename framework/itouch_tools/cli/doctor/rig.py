@@ -1,8 +1,8 @@
 """The harmless half of a laboratory's checklist, on a rig in the air: sensors, watchdogs, cut-offs.
 
-Devices are opened as for a session and read and written in its rhythm, but never enabled: they get their safe commands
-only, which for a surface is to retreat: it goes down from the first tick on.  At the end everything is stopped as after
-a fault, and that is verified.  Each line names the rule it is about.
+Devices are opened as for a session, and read and written at its rate, but never enabled: they get only their safe
+commands, which for a surface is to retreat: it goes down from the first tick on.  At the end everything is stopped as
+after a fault, and that is verified.  Each line names the rule that it is about.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from itouch.schema import ItouchError
 from itouch_tools.cli.doctor.device_watch import Watched
 from itouch_tools.cli.doctor.finding import Finding
 
-#: What a drive may still read when it is off, as a part of its greatest value.
+#: What a delivered drive may still read when it is off, as a share of the drive's greatest value.
 OFF = 0.02
-#: A reading that never changes in this time [s] says nothing of whether its sensor is alive.
+#: If a reading does not change for this time [s], nobody knows whether its sensor is alive.
 STILL = 1.0
-#: What a line of the checklist says.
+#: The statuses of a line of the checklist.
 PASS, FAIL, NOT = "pass", "fail", "not possible"
 
 
 def examine_rig(session: Engine, seconds: float = 3.0) -> Iterator[Finding]:
-    """Yield what is found of a rig that nobody touches; the session is closed at the end."""
+    """Yield the findings on a rig that nobody touches, watched for some seconds; the session is closed at the end."""
     try:
         yield from _examined(session, seconds)
     except BaseException:
@@ -62,7 +62,7 @@ def _examined(session: Engine, seconds: float) -> Iterator[Finding]:
 
 
 def _watch(session: Engine, there: list[Watched], seconds: float) -> None:
-    """Let the rig stand for some seconds as it does before anything is enabled."""
+    """Run the rig for some seconds as it is before anything is enabled."""
     period, real = session.model.period, session.clock.pace == "real"
     session.clock.start(period)
     for one in there:
@@ -111,7 +111,7 @@ def _sensors(one: Watched, seconds: float) -> Iterator[Finding]:
 
 
 def _silent(one: Watched, seconds: float) -> Iterator[Finding]:
-    """Say of a device that has answered when it was opened, and then never, what that leaves open."""
+    """Yield the findings on a device that answered when it was opened and never again: what can't be known then."""
     found = f"it answered when it was opened, and then nothing came in {seconds:g} s"
     yield Finding(f"W1 {one.model.name}", FAIL, found, "check power and cable, and what its plugin does when it waits")
     rules = {Role.CONTACT_FORCE: "K4", Role.TRACKED_POSE: "K6", Role.SKIN_CONTACT_TEMPERATURE: "T1",
@@ -122,7 +122,7 @@ def _silent(one: Watched, seconds: float) -> Iterator[Finding]:
 
 
 def _nobody_there(one: Watched) -> Iterator[Finding]:
-    """Look at what sensors must read while nobody touches the rig."""
+    """Check what sensors must read while nobody touches the rig."""
     name = one.model.name
     if (force := one.at(Role.CONTACT_FORCE, one.mean)) is not None:
         size = math.hypot(*force[1][:3])
@@ -175,7 +175,7 @@ def _watchdog(one: Watched) -> Finding:
 
 
 def _drives(one: Watched) -> Iterator[Finding]:
-    """Look at what is delivered while nothing but safe commands are sent."""
+    """Check the delivered drive while nothing but safe commands are sent."""
     delivered = one.at(Role.DELIVERED_DRIVE, one.most)
     if delivered is None or one.fault is not None or not one.count:
         return
@@ -193,7 +193,7 @@ def _drives(one: Watched) -> Iterator[Finding]:
 
 
 def _switch(session: Engine) -> Finding:
-    """After the stop, while nobody holds the dead-man's switch, nothing may be enabled again."""
+    """Check after the stop that nothing can be enabled while nobody holds the dead-man's switch."""
     asked = session.model.scene.safety.hold_to_run
     hold = HoldToRun(session.state, list(session.runners), session.model.period, asked=asked)
     if not hold.required:
@@ -222,7 +222,7 @@ def _switch(session: Engine) -> Finding:
 
 
 def _stop(session: Engine, there: list[Watched]) -> Iterator[Finding]:
-    """Stop everything as after a fault, and say what was then seen of each device."""
+    """Stop everything as after a fault, and yield what was then seen of each device."""
     acting = [one for one in there if one.model.commands and one.runner.status is not Status.CLOSED]
     if not acting:
         yield Finding("W2", NOT, "there is nothing to cut off")
@@ -230,7 +230,7 @@ def _stop(session: Engine, there: list[Watched]) -> Iterator[Finding]:
     session.make_safe(
         DeviceFaultError(acting[0].model.name, session.ticks, Trip.RELEASED, "was stopped to see it stop")
     )
-    # an optional device that is lost meanwhile has an entry of its own
+    # an optional device that is lost meanwhile has a fault of its own in the list, without "safe"
     outcome = next(fault["safe"] for fault in reversed(session.statistics.faults) if "safe" in fault)
     seen = outcome["devices"]
     told = "; ".join(f"{one.model.name}: {seen[one.model.name]}" for one in acting)

@@ -1,8 +1,8 @@
-"""A loop that only waits, and then has a processor for as long as a tick has: what this machine gives, for comparison.
+"""A bare timer for comparison: a loop that only waits, and then computes for as long as a tick does.
 
-``python -m itouch_tools.cli.doctor.timer RATE SECONDS WORK`` runs it in a process of the servo's priority and prints
-how many of its periods there were, and how many of them ended after the next one was due: because the loop was woken
-late, because the processor was taken from it during the WORK seconds, and because of those themselves.
+``python -m itouch_tools.cli.doctor.timer RATE SECONDS WORK`` runs it with the priority of a servo process, and prints
+the number of its periods and how many of them ended after the next one was due: because the loop was woken late,
+because it lost the processor during the WORK seconds, and because of the work itself.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ _BUSY = "while True: sum(range(10000))"
 
 
 def waited(clock: Clock, period: float, count: int, work: float) -> tuple[int, int, int]:
-    """Wait for so many periods [s], and compute for ``work`` [s] after each; return how many ended too late.
+    """Wait for ``count`` periods [s], and compute for ``work`` [s] after each; return how many ended too late.
 
-    First those that were woken late, then those that lost the processor, then those that were late by themselves: by
-    the rule by which the servo loop judges its ticks.
+    First those that were woken late, then those that lost the processor, then those that were late because of the work:
+    judged by the same rule as the ticks of the servo loop.
     """
     times = Timing(["work"])
     clock.start(period)
@@ -35,7 +35,7 @@ def waited(clock: Clock, period: float, count: int, work: float) -> tuple[int, i
             pass
         end = now()
         times.pace(late, period, (since, end), end=end, busy=processor_time() - begin)
-        if late > HOPELESS * period:  # what is missed is not caught up with
+        if late > HOPELESS * period:  # periods that were missed are not made up for
             times.skip(round(late / period))
             clock.start(period)
     late, taken = times.machine().values()
@@ -43,7 +43,7 @@ def waited(clock: Clock, period: float, count: int, work: float) -> tuple[int, i
 
 
 def beside_the_loop(rate: float, seconds: float, work: float) -> tuple[int, int, int, int]:
-    """Run it in a process of its own; return how many periods there were, then what ``waited`` returns."""
+    """Run the timer in a process of its own; return the number of periods, then what ``waited`` returns."""
     words = [sys.executable, "-m", "itouch_tools.cli.doctor.timer", str(rate), str(seconds), str(work)]
     done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=seconds + 120.0)
     periods, late, taken, own = map(int, done.stdout.split())
@@ -52,7 +52,7 @@ def beside_the_loop(rate: float, seconds: float, work: float) -> tuple[int, int,
 
 @contextmanager
 def busy(count: int) -> Iterator[None]:
-    """Let so many processes compute beside."""
+    """Let ``count`` processes compute while the context lasts."""
     processes = [subprocess.Popen([sys.executable, "-c", _BUSY]) for _ in range(count)]
     try:
         yield
@@ -64,7 +64,7 @@ def busy(count: int) -> Iterator[None]:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Run it here, and print."""
+    """Run the timer in this process, and print the result."""
     rate, seconds, work = (float(word) for word in argv)
     be_punctual()
     count = round(rate * seconds)

@@ -1,4 +1,4 @@
-"""A scene to measure on: arm, table and display as twins, a finger that touches and lets go all the time."""
+"""A scene to measure on: arm, table and display as twins, and a finger that touches and lets go again and again."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def scene(*, touches: int = 30, remote: bool = True, hold: bool = True) -> str:
     Parameters
     ----------
     touches
-        How often the finger touches the block; one takes 1.8 s.
+        How often the finger touches the block; each touch takes 1.8 s.
     remote
         Whether each twin runs in a process of its own.
     hold

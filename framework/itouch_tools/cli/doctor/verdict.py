@@ -12,18 +12,18 @@ from itouch.platforms import cores
 from itouch_tools.cli.doctor.finding import Finding
 from itouch_tools.cli.doctor.loop import bench_scene, in_process
 
-#: An arm's watchdog [us]: later than that, devices make themselves safe.
+#: An arm's watchdog [us]: if commands are later than that, devices make themselves safe.
 WATCHDOG_US = 20_000.0
-#: Share of ticks that may end after the next one was due, and the latest that any may begin [us].
+#: Share of ticks that may end after the next one was due, and how late any tick may begin at most [us].
 SHARE, LATEST_US = 1e-3, 5_000.0
-#: What must be there, and how it is called.
+#: The findings without which no finger should be put in, and their names in the verdict.
 _NEEDED = {"system": "Linux", "timer": "timer that is exact enough", "priority": "real-time priority"}
 _BUSY = "while True: sum(range(10000))"
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """The loop beside a load: how late ticks began, how long they took [us], how many overran and on what."""
+    """The loop beside a load: how late ticks began, how long they took [us], how many overran and because of what."""
 
     load: str
     ticks: int
@@ -35,7 +35,7 @@ class Measured:
     culprits: dict[str, int]
 
     def sentence(self) -> str:
-        """Say it in words."""
+        """Return the measurement in words."""
         late = f"late p50 {self.late_p50_us:.0f} us, p99 {self.late_p99_us:.0f}, at worst {self.late_max_us:.0f}"
         causes = ", ".join(f"{name} {count}" for name, count in sorted(self.culprits.items(), key=lambda c: -c[1])[:3])
         over = f"{self.overruns} of {self.ticks} ticks overran" + (f" ({causes})" if causes else "")
@@ -51,7 +51,7 @@ class Verdict:
 
 
 def measure(seconds: float) -> list[Measured]:
-    """Run the loop for ``seconds`` idle, and as long beside as many busy processes as there are processors."""
+    """Run the loop for ``seconds`` on an idle machine, and again beside as many busy processes as processors."""
     description = bench_scene()
     idle = _measured("idle", in_process(description, seconds, realtime=True))
     busy = [subprocess.Popen([sys.executable, "-c", _BUSY]) for _ in range(cores())]
@@ -74,7 +74,7 @@ def _measured(load: str, times: Timing) -> Measured:
 
 
 def judge(findings: Sequence[Finding], measured: Sequence[Measured] | None) -> Verdict:
-    """Say whether a person should put a finger in."""
+    """Judge whether a person should put a finger in, by the findings and by the measured loop, if it was measured."""
     lacks = {finding.name for finding in findings if finding.status == "lack"}
     why = [f"there is no {named}" for name, named in _NEEDED.items() if name in lacks]
     if measured is None and not why:

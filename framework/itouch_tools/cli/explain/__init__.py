@@ -1,4 +1,4 @@
-"""``itouch-py explain CODE``: what the code of a message means, and the smallest input that gives it."""
+"""``itouch-py explain CODE``: what the code of a message means, and the smallest input that causes it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def examples() -> dict[str, Example]:
-    """Return an example of each code."""
+    """Return an example for each code, by code."""
     from itouch_tools.cli.explain.bindings import BINDINGS, DEVICES
     from itouch_tools.cli.explain.lint_notes import ODD
     from itouch_tools.cli.explain.meshes import MESHES

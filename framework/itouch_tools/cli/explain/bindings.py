@@ -1,4 +1,4 @@
-"""Examples of devices, plugins, limits, modalities and what else a scene binds together."""
+"""Examples of problems with devices, plugins, limits, modalities, and with what connects them in a scene."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ _NAMESPACE = ' xmlns:lever="urn:itouch:plugin:lever"'
 
 
 def _lever(body: str, code: str = _LEVER, points: str | None = None) -> Example:
-    """Return the example of a scene where a small plugin, "lever", is installed."""
+    """Return the example of a scene for which a small plugin, "lever", is installed."""
     about = "Metadata-Version: 2.1\nName: itouch-lever\nVersion: 1.0\n"
     others = {
         "itouch_lever.py": code,
@@ -91,7 +91,7 @@ def _devices(inside: str, namespace: str = "") -> str:
 
 
 def _record() -> Mapping[str, str]:
-    """Return the calibration of a table, from long ago."""
+    """Return a file with an expired calibration of a table."""
     record = {"device": "table", "kind": "touch-off", "twin": True, "made": "2025-01-01T09:00:00+00:00",
               "expires": "2025-01-08T09:00:00+00:00", "values": {}, "mount": [0, 0, 0.003, 1, 0, 0, 0],
               "residual": 0.0, "unit": "m", "samples": 3}  # fmt: skip

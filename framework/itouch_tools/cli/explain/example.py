@@ -18,10 +18,10 @@ from pathlib import Path
 class Example:
     """A wrong input: files by name, the words of a command, and what is different about the machine.
 
-    ``shown`` is the file that a reader should see (default: the scene), ``note`` a sentence in its place;
-    ``absent`` a package that is taken for not installed; ``plugin`` whether the folder holds an installed plugin;
-    ``shipped`` whether the shipped scenes stand in it; ``varies``: patterns of what is another in each
-    run, with what the page says in their place.
+    ``shown`` is the file that a reader should see (default: the scene), ``note`` a text in its place;
+    ``absent`` a package that is made to appear not installed; ``plugin`` whether the folder holds an installed plugin;
+    ``shipped`` whether it holds the shipped scenes; ``varies`` are patterns of what differs from run to run, each with
+    the text that the page has in its place.
     """
 
     files: Mapping[str, str | bytes] = field(default_factory=dict)
@@ -56,7 +56,7 @@ def scene(
 
 
 def play(example: Example) -> str:
-    """Run an example in an empty folder; return what the program prints."""
+    """Run an example in a folder of its own; return what the program prints."""
     from itouch_tools.cli import main
 
     printed = io.StringIO()
@@ -75,7 +75,7 @@ def play(example: Example) -> str:
 
 @contextlib.contextmanager
 def _inside(folder: Path, example: Example) -> Iterator[None]:
-    """Make the example's world, and put back what it changed of this process."""
+    """Set up the example's files and process, and restore the process afterwards."""
     if example.shipped:
         from itouch_tools.cli.demo import scenes_folder
 
@@ -91,10 +91,10 @@ def _inside(folder: Path, example: Example) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _without(package: str) -> Iterator[None]:
-    """Let a package be taken for not installed."""
+    """Make a package appear not installed."""
     before = sys.modules.get(package)
     if package:
-        sys.modules[package] = None  # type: ignore[assignment]  # what the import system takes for "there is none"
+        sys.modules[package] = None  # type: ignore[assignment]  # for the import system: there is no such module
     try:
         yield
     finally:
@@ -106,7 +106,7 @@ def _without(package: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _on_path(folder: Path | None) -> Iterator[None]:
-    """Let a folder's distributions be installed; what was imported from it is forgotten afterwards."""
+    """Make a folder's distributions appear installed; modules imported from it are forgotten afterwards."""
     if folder is None:
         yield
         return

@@ -1,4 +1,4 @@
-"""Examples of mesh files that cannot be touched, or may be meant otherwise."""
+"""Examples of mesh files that cannot be touched, or that may not mean what their author intended."""
 
 from __future__ import annotations
 

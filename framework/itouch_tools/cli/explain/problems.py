@@ -1,4 +1,4 @@
-"""For each code of a file the smallest input that gives it."""
+"""For each code of a problem in a file, the smallest input that causes it."""
 
 from __future__ import annotations
 

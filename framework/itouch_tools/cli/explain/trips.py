@@ -1,4 +1,4 @@
-"""For each code of a running device the smallest run that gives it, on simulated twins."""
+"""For each code of a running device, the smallest run that causes it, on simulated twins."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _SAFETY = '<safety force="3 N"/>'
 
 
 def _scene(fault: str, safety: str = "") -> Example:
-    """Return `scenes/faults.xml` with another fault, and limits."""
+    """Return the example of `scenes/faults.xml` with another fault, and with further limits if any are given."""
     from itouch_tools.cli.demo import scenes_folder
 
     tighter = f"{_SAFETY[:-2]} {safety}/>"
@@ -47,7 +47,7 @@ current = engine.state["peltier.command.current"]
 
 
 def _driven(fault: str, current: str) -> Example:
-    """Return the example of a display that does something else than it is told."""
+    """Return the example of a display that does not do as it is commanded."""
     text = (
         '<itouch version="1.0">\n  <devices><device name="peltier" plugin="thermal"/></devices>\n'
         f'  <fault device="peltier" at="0.1 s" {fault}/>\n</itouch>\n'

@@ -15,7 +15,7 @@ __all__ = ["Tested", "Worst", "document", "html", "markdown", "run"]
 
 
 class Tested(NamedTuple):
-    """An injected fault, its phase, what stopped it, after what time [s] it was safe, whether all went as it must."""
+    """An injected fault: its phase, what stopped it, after how long [s] all was safe, and whether the test passed."""
 
     fault: str
     phase: str
@@ -34,11 +34,11 @@ def document(
     model
         The compiled scene.
     worst, fault
-        What was seen of its script on the twin, and the fault that ended it, if any.
+        The extremes seen while the scene's script ran on the twin, and the fault that ended it ("": none).
     tested
-        The faults that were injected.
+        The faults that were injected, with what came of them.
     made, program
-        When and by what the report was made.
+        When the report was made, and by which program.
     """
     yield Heading("Safety report", 1)
     if fault:

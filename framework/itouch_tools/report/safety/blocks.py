@@ -33,7 +33,7 @@ class Items:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table; the rows whose numbers are in ``bad`` stand out."""
+    """A table; the rows whose indices are in ``bad`` are highlighted in HTML."""
 
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]

@@ -1,4 +1,4 @@
-"""What trips at what, with the numbers that are in force in one scene (T, K and W of the reference of the limits)."""
+"""What trips at which value, as in force in one scene (rules T, K and W of the reference of the limits)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ K0 = 273.15
 
 
 class Rule(NamedTuple):
-    """One limit: its number, whose it is, what is limited, where, what stops, what never passes, and who set it."""
+    """One limit: its number, the device, what is limited, from where, what trips, the absolute limit, who set it."""
 
     number: str
     device: str
@@ -26,7 +26,7 @@ class Rule(NamedTuple):
 
 
 def rules(model: Model) -> Iterator[Rule]:
-    """Yield every limit in force in a scene: what its monitors say, device by device, then what holds for all."""
+    """Yield every limit in force in a scene: those of its monitors, device by device, then those that hold for all."""
     for device in model.devices.values():
         for rule in rules_of(device.monitors):
             yield Rule(rule.number, device.name, rule.quantity, rule.limit, rule.trip, rule.absolute, rule.source)
@@ -34,7 +34,7 @@ def rules(model: Model) -> Iterator[Rule]:
 
 
 def alone(model: Model) -> Iterator[str]:
-    """Yield the names of the hardware that obeys and has no watchdog of its own that its driver knows of."""
+    """Yield the names of hardware that takes commands and has no watchdog of its own that its driver knows of."""
     for device in model.devices.values():
         if not device.twin and device.commands and device.cls.lets_go(device.params) is None:
             yield device.name

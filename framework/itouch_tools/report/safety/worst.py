@@ -1,4 +1,4 @@
-"""The worst that a scene's script does to the operator's twin: what is true of the plant, not what sensors say."""
+"""The worst that a scene's script does to the operator's twin: the true values of the plant, not sensor readings."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from itouch.plugin import Record, Role
 from itouch.session import Session
 from itouch.world import truth
 
-#: Temperatures [K] from which dose counts, and at which a second is a second.
+#: Temperature [K] from which thermal dose (CEM43) counts, and that at which a second of it counts as one second.
 DOSE_FROM, DOSE_UNIT = 312.15, 316.15
-#: What is followed of a twin by what its fields are for, and how it is called.
+#: What is followed of a twin, by the roles of its fields, and how it is named in the report.
 _SKIN = "skin temperature [K]"
 _TRUE = {
     Role.SKIN_CONTACT_TEMPERATURE: "plate temperature [K]",
@@ -56,7 +56,7 @@ class Worst:
 
 
 def _values(session: Session) -> dict[str, Value]:
-    """Return what is followed, by name; the unit stands at the end."""
+    """Return the functions that read what is followed, by its name with the unit at the end."""
     state, found = session.state, dict[str, Value]()
     for name, device in session.model.devices.items():
         if given := device.field(Role.FORCE_ON_OPERATOR, "sent"):
@@ -76,20 +76,20 @@ def _values(session: Session) -> dict[str, Value]:
 
 
 def _length(state: Record, name: str, first: int = 0) -> Value:
-    """Return the length of three numbers of a field."""
+    """Return a function that reads the length of three numbers of a field, from the place ``first`` on."""
     view = state[name]
     return lambda: math.hypot(*view[first : first + 3].tolist())
 
 
 def run(session: Session, *, longest: float = 120.0) -> tuple[Worst, str]:
-    """Run the scene's script on its twins and follow it; return what was seen, and the fault that ended it, if any.
+    """Run the scene's script on its twins and follow it; return the extremes, and the fault that ended it ("": none).
 
     Parameters
     ----------
     session
-        Freshly built.
+        A session that has not run yet.
     longest
-        How many seconds are run where there is no script that ends.
+        How long [s] it runs where there is no script, 5 s at most.
     """
     from itouch.loop import DeviceFaultError
 

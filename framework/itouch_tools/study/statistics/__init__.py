@@ -1,4 +1,4 @@
-"""Statistics of psychophysical studies: functions on plain tables, which know nothing of scenes or devices."""
+"""Statistics of psychophysical studies: functions of plain tables, independent of scenes and devices."""
 
 from itouch_tools.study.statistics.confusion import (
     Choice,

@@ -1,7 +1,7 @@
-"""What was answered to what: the confusion matrix and what it says.
+"""The confusion matrix of stimuli and answers, and the measures derived from it.
 
 A matrix has one row for each stimulus and one column for each answer; every function takes counts, shape
-(stimuli, answers), and answers for empty cells, rows and columns, too.
+(stimuli, answers), and gives a result for empty cells, rows and columns, too.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def confusion_matrix(shown: Sequence[Hashable], answered: Sequence[Hashable], la
     Parameters
     ----------
     shown, answered
-        One entry a trial.
+        One entry per trial.
     labels
         All stimuli, in the order of rows and columns.
 
@@ -50,7 +50,7 @@ def _counts(counts: ArrayLike) -> Counts:
 
 
 def proportion_correct(counts: ArrayLike) -> float:
-    """Return the part of all answers that lie on the diagonal of counts (stimuli, answers); NaN of an empty table."""
+    """Return the share of answers on the diagonal of counts (stimuli, answers); NaN for an empty table."""
     table = _counts(counts)
     return float(np.trace(table) / table.sum()) if table.sum() else math.nan
 
@@ -58,7 +58,7 @@ def proportion_correct(counts: ArrayLike) -> float:
 def kappa(counts: ArrayLike) -> float:
     """Return Cohen's kappa of counts (stimuli, answers): agreement beyond chance.
 
-    It is NaN where chance alone would always agree.
+    It is NaN if chance alone would always agree, or if there are no answers.
     """
     table = _counts(counts)
     total = table.sum()
@@ -70,22 +70,22 @@ def kappa(counts: ArrayLike) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Information:
-    """Information transferred from stimuli to answers [bit]: as counted, its bias, and without it."""
+    """Information transferred from stimuli to answers [bit]: the plug-in estimate, its bias, and the corrected one."""
 
     plug_in: float
     bias: float
 
     @property
     def corrected(self) -> float:
-        """The estimate without its bias [bit]; small samples can bring it below 0."""
+        """The estimate less its bias [bit]; in small samples it can be below 0."""
         return self.plug_in - self.bias
 
 
 def information_transfer(counts: ArrayLike) -> Information:
-    """Return the mutual information of stimulus and answer [bit] with the bias of Miller (1955) and Madow.
+    """Return the mutual information of stimulus and answer [bit], with its bias after Miller (1955) and Madow.
 
-    The bias is (K_xy - K_x - K_y + 1) / (2 N ln 2) with the numbers of occupied cells, rows and columns of ``counts``,
-    shape (stimuli, answers).
+    The bias is (K_xy - K_x - K_y + 1) / (2 N ln 2), where the K are the numbers of occupied cells, rows and columns of
+    ``counts``, shape (stimuli, answers), and N is its sum.
     """
     table = _counts(counts)
     total = table.sum()
@@ -114,16 +114,16 @@ class Choice:
 
 
 def choice_model(counts: ArrayLike, *, rounds: int = 20000, tolerance: float = 1e-13) -> Choice:
-    """Fit p_ij = b_j eta_ij / sum_k b_k eta_ik (Luce 1963), by fitting quasi-symmetry with iterative scaling.
+    """Fit p_ij = b_j eta_ij / sum_k b_k eta_ik (Luce 1963), as the model of quasi-symmetry, by iterative scaling.
 
     The maximum-likelihood fit keeps the row sums, the column sums and the sums of mirrored cells (Smith 1982).
 
     Parameters
     ----------
     counts
-        How often each stimulus got each answer, shape (stimuli, stimuli).
+        How often each stimulus was given each answer, shape (stimuli, stimuli).
     rounds, tolerance
-        The greatest number of rounds of scaling, and the relative change at which they end.
+        The greatest number of scaling rounds, and the relative change at which they end.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """Signal detection: d' from the proportion correct of forced-choice tasks, and back.
 
-Gaussian noise of equal variance.  *m intervals, which is the coldest*: Hacker and Ratcliff (1979), Percept. Psychophys.
-26:168.  *Three intervals, which is the odd one* (the triangle method) is another task and needs a larger d' for the
-same proportion: Frijters (1980), Ennis (1993).
+Noise is Gaussian, of equal variance.  *Which of m intervals is the coldest*: Hacker and Ratcliff (1979), Percept.
+Psychophys. 26:168.  *Which of three intervals is the odd one* (the triangle method) is another task, and needs a larger
+d' for the same proportion: Frijters (1980), Ennis (1993).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from scipy import stats
 #: Nodes and weights of Gauss-Hermite quadrature for integrals against a standard normal density.
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(120)
 _WEIGHTS = _WEIGHTS / math.sqrt(2.0 * math.pi)
-#: Largest d' that is told apart from certainty.
+#: Largest d' that is distinguished from certainty.
 MOST = 10.0
 
 
@@ -54,12 +54,12 @@ def correct_of_oddity(d_prime: float) -> float:
 
 
 def d_prime_of_alternatives(correct: float, alternatives: int) -> float:
-    """Return d' for a proportion correct of ``alternatives``; below chance it is negative, at certainty infinite."""
+    """Return d' for a proportion correct among ``alternatives``; it is negative below chance, infinite at certainty."""
     return _inverse(lambda d: correct_of_alternatives(d, alternatives), correct, -MOST)
 
 
 def d_prime_of_oddity(correct: float) -> float:
-    """Return d' for a proportion correct of the triangle method; 0 at or below chance, at certainty infinite."""
+    """Return d' for a proportion correct in the triangle method; it is 0 at or below chance, infinite at certainty."""
     return _inverse(correct_of_oddity, correct, 0.0)
 
 
@@ -69,7 +69,7 @@ def d_prime_of_rates(hits: float, false_alarms: float) -> float:
 
 
 def criterion_of_rates(hits: float, false_alarms: float) -> float:
-    """Return the criterion c of a yes-no task: 0 is unbiased, positive means seldom *yes*."""
+    """Return the criterion c of a yes-no task: 0 is unbiased, positive a bias towards *no*."""
     return -0.5 * (_z(hits) + _z(false_alarms))
 
 
@@ -85,7 +85,7 @@ def _z(rate: float) -> float:
 
 
 def _inverse(rising: Callable[[float], float], wanted: float, least: float) -> float:
-    """Return where a rising function takes a value, by bisection to the last bits."""
+    """Return the argument at which a rising function takes a value, by bisection to full precision."""
     if not 0.0 <= wanted <= 1.0:
         raise ValueError(f"a proportion lies between 0 and 1, not at {wanted!r}")
     if wanted >= 1.0:

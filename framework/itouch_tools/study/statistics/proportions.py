@@ -30,20 +30,20 @@ def wilson(successes: int, trials: int, *, level: float = 0.95) -> tuple[float, 
 
 
 def binomial_tail(successes: int, trials: int, chance: float) -> float:
-    """Return the probability of at least so many successes: the one-sided exact test against ``chance``."""
+    """Return the probability of at least this many successes: the p of the one-sided exact test against ``chance``."""
     _checked(successes, trials)
     return float(stats.binom.sf(successes - 1, trials, chance))
 
 
 def mcnemar(only_first: int, only_second: int) -> float:
-    """Return the exact two-sided p of McNemar's test, from the numbers of pairs in which one of two was right."""
+    """Return the exact two-sided p of McNemar's test, from the numbers of pairs in which only one of two was right."""
     total = only_first + only_second
     return min(1.0, 2.0 * binomial_tail(max(only_first, only_second), total, 0.5)) if total else 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """A statistic, its degrees of freedom and its p."""
+    """A test statistic, its degrees of freedom and its p value."""
 
     statistic: float
     freedom: int
@@ -72,7 +72,7 @@ def cochran_q(answers: ArrayLike) -> Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Equivalence:
-    """Two one-sided tests: ``difference`` of two proportions, its interval (1 - 2 alpha) and the larger p."""
+    """Two one-sided tests: the ``difference`` of two proportions, its 1 - 2 alpha interval, and the larger p."""
 
     difference: float
     low: float
@@ -90,12 +90,14 @@ def tost(
     Parameters
     ----------
     first, first_trials, second, second_trials
-        Successes and trials; trials of one person are taken as independent, see `clustered_tost` for others.
+        Successes and trials; all trials are taken as independent, see `clustered_tost` for several from each person.
     margin
-        Difference of proportions that would matter, more than 0.
+        Smallest difference of proportions that would matter, more than 0.
+    alpha
+        Level of each of the two tests, which sets the interval.
     method
-        ``"wald"`` takes the standard error of what was seen, ``"score"`` that under the border of the hypothesis
-        (Miettinen and Nurminen 1985), which holds for proportions near 0 and 1, too.
+        ``"wald"`` takes the standard error of the observed proportions, ``"score"`` that at the border of the
+        hypothesis (Miettinen and Nurminen 1985), which is valid for proportions near 0 and 1, too.
     """
     _checked(first, first_trials)
     _checked(second, second_trials)
@@ -119,7 +121,7 @@ def _margin(margin: float) -> None:
 def _two_one_sided(
     difference: float, errors: tuple[float, float], shown: float, margin: float, alpha: float, distribution: Any
 ) -> Equivalence:
-    """Return both tests; ``distribution`` is that of difference / error, ``shown`` the error of the interval."""
+    """Return both tests; ``distribution`` is that of difference / error, ``shown`` the error for the interval."""
     statistics = tuple(
         (difference + side) / error if error else math.copysign(math.inf, difference + side)
         for side, error in zip((margin, -margin), errors, strict=True)
@@ -133,8 +135,8 @@ def _two_one_sided(
 def clustered_tost(first: ArrayLike, second: ArrayLike, *, margin: float, alpha: float = 0.05) -> Equivalence:
     """Test that two proportions differ by less than ``margin`` when each participant gave many answers.
 
-    The participants' own differences are the sample, so that answers of one person need not be independent; it is the
-    paired t-test of equivalence, with participants - 1 degrees of freedom.
+    The participants' own differences are the sample, so answers of one person need not be independent.  It is the
+    paired t test of equivalence, with participants - 1 degrees of freedom.
 
     Parameters
     ----------
@@ -142,7 +144,7 @@ def clustered_tost(first: ArrayLike, second: ArrayLike, *, margin: float, alpha:
         Proportion of each participant in the two conditions, 0 to 1, shape (participants,); a NaN leaves a participant
         out.
     margin
-        Difference of proportions that would matter, more than 0.
+        Smallest difference of proportions that would matter, more than 0.
     """
     _margin(margin)
     differences = np.asarray(first, float) - np.asarray(second, float)

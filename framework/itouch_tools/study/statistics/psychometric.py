@@ -1,7 +1,7 @@
 """Psychometric functions: psi(x) = guess + (1 - guess - lapse) F((x - threshold) / spread), with intervals.
 
-Fitted by maximum likelihood from several starts; the overdispersion of real observers is taken in by the beta-binomial
-model of Schuett et al. (2016), Vision Res. 122:105.
+They are fitted by maximum likelihood from the best point of a grid; the beta-binomial model of Schuett et al. (2016),
+Vision Res. 122:105, describes the overdispersion of real observers.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ class Psychometric:
     """A fitted psychometric function.
 
     ``threshold`` and ``spread`` are in the unit of the stimulus (for ``"weibull"`` of its natural logarithm); ``loss``
-    is the negative log-likelihood without binomial coefficients, ``deviance`` that against the saturated model;
-    ``bounded`` tells that the data would have the spread at a bound (a step, or no slope): take no number from it.
+    is the negative log-likelihood without binomial coefficients, ``deviance`` that against the saturated model.
+    ``bounded`` means that the fit ended at a bound of its search (the data are a step, or have no slope): its numbers
+    mean nothing then.
     """
 
     threshold: float
@@ -54,7 +55,7 @@ class Psychometric:
         Raises
         ------
         ValueError
-            If it never does.
+            If the function never takes it.
         """
         share = (probability - self.guess) / (1.0 - self.guess - self.lapse)
         if not 0.0 < share < 1.0:
@@ -107,12 +108,12 @@ def fit_psychometric(
     lapse
         Proportion wrong however strong the stimulus is; None: fitted between 0 and ``most_lapse``.
     shape
-        Of the function.
+        Shape of the function F.
 
     Raises
     ------
     ValueError
-        If the data do not belong together, or there are none.
+        If the data do not fit together, or there are none.
     """
     x, r, n = _data(levels, right, trials, shape)
     if not len(x):
@@ -154,14 +155,14 @@ def profile_interval(
 ) -> tuple[float, float]:
     """Return the profile-likelihood interval of the threshold (infinite where the data do not bound it).
 
-    The lapse rate stays where it was fitted; the spread is fitted anew at every threshold.
+    The lapse rate stays as fitted; the spread is fitted anew at every threshold.
 
     Parameters
     ----------
     levels, right, trials
         Stimulus levels in the stimulus's unit, and counts of right answers and of trials at each, shape (levels,).
     fitted
-        What `fit_psychometric` found of the same data.
+        The fit of the same data by `fit_psychometric`.
     level
         Confidence level, 0 to 1.
 
@@ -192,7 +193,7 @@ def profile_interval(
 
 
 def _crossing(excess: Callable[[float], float], inside: float, width: float) -> float:
-    """Return where ``excess`` becomes positive on the way from ``inside`` (infinite: nowhere near)."""
+    """Return where ``excess`` becomes positive, from ``inside`` in the direction of ``width``; infinite: nowhere."""
     step = 0.05 * width
     if excess(inside) >= 0.0:
         return inside
@@ -204,7 +205,10 @@ def _crossing(excess: Callable[[float], float], inside: float, width: float) -> 
 
 
 def beta_binomial_log_pmf(right: int, trials: int, probability: float, overdispersion: float) -> float:
-    """Return log P(right) of the beta-binomial model with eta in (0, 1): nu = 1 / eta^2 - 1; eta = 0 is binomial."""
+    """Return log P(right) of the beta-binomial model, with the overdispersion eta in [0, 1): nu = 1 / eta^2 - 1.
+
+    eta = 0 is the binomial model.
+    """
     if overdispersion == 0.0:
         return float(stats.binom.logpmf(right, trials, probability))
     nu = 1.0 / overdispersion**2 - 1.0

@@ -13,7 +13,7 @@ from scipy import special, stats
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """One coefficient on the log-odds: ``name`` is ``FACTOR=LEVEL`` against the factor's first level."""
+    """One coefficient of the log-odds; ``name`` is ``FACTOR=LEVEL``, relative to the factor's first level."""
 
     name: str
     estimate: float
@@ -29,28 +29,29 @@ def logistic_gee(
 ) -> list[Term]:  # fmt: skip
     """Fit the log-odds of a right answer by factors, with exchangeable correlation within participants.
 
-    Errors are robust with the bias reduction of Kauermann and Carroll (2001, J. Am. Stat. Assoc. 96:1387), which small
-    panels need, and intervals take Student's distribution with participants minus coefficients degrees of freedom.
-    (The stronger reduction of Mancl and DeRouen, 2001, Biometrics 57:126, is wrong too seldom with it.)
+    Standard errors are robust, with the bias reduction of Kauermann and Carroll (2001, J. Am. Stat. Assoc. 96:1387),
+    which small panels need; intervals use Student's t distribution with participants minus coefficients degrees of
+    freedom.  (With it the stronger reduction of Mancl and DeRouen, 2001, Biometrics 57:126, is too conservative.)
 
     Parameters
     ----------
     right
         1 or 0 for each trial.
     factors
-        Name -> level of each trial.
+        For each factor, by its name, the level of each trial.
     participants
         Code of each trial's participant.
     levels
-        Name -> its levels in order, the first is the reference; default: in the order of appearance.
+        For each factor, by its name, its levels in order; the first is the reference; default: in the order of
+        appearance.
     level
-        Of the intervals.
+        Confidence level of the intervals.
 
     Returns
     -------
     list of Term
-        The intercept first; NaN throughout where it is not defined: too few participants, or an answer that never
-        varies at some level.
+        The intercept first; all NaN if the model is not defined: with too few participants, or if the answers do not
+        vary at some level.
     """
     names, table = _design(factors, levels or {}, len(right))
     answers = np.asarray(right, float)
@@ -93,13 +94,13 @@ def _spread(
     likeness: float,
     power: float = 0.5,
 ) -> np.ndarray:
-    """Return the estimates' robust covariance with the participants' leverage taken out, (coefficients, coefficients).
+    """Return the estimates' robust covariance, corrected for participants' leverage, (coefficients, coefficients).
 
-    With M_i = D'V^-1 D and s_i = D'V^-1 r of participant i and M their sum, the corrected score is
-    (1 - M_i M^-1)^-p s_i, and the covariance M^-1 (sum of the scores' squares) M^-1: p = 1/2 is Kauermann and
+    With M_i = D'V^-1 D and s_i = D'V^-1 r of participant i, and M the sum of the M_i, the corrected score is
+    (1 - M_i M^-1)^-p s_i, and the covariance is M^-1 (sum of the scores' squares) M^-1: p = 1/2 is Kauermann and
     Carroll's, 1 Mancl and DeRouen's, 0 the plain sandwich.  (The papers take the power of 1 - H_i with
-    H_i = D M^-1 D'V^-1, a trial a row; D' V^-1 (1 - H_i)^-p = (1 - M_i M^-1)^-p D' V^-1 makes it as small as the
-    number of coefficients.)
+    H_i = D M^-1 D'V^-1, which has a row for each trial; D' V^-1 (1 - H_i)^-p = (1 - M_i M^-1)^-p D' V^-1 makes the
+    matrix as small as the number of coefficients.)
 
     Parameters
     ----------
@@ -109,7 +110,7 @@ def _spread(
     Raises
     ------
     numpy.linalg.LinAlgError
-        A coefficient hangs on one participant alone.
+        If a coefficient depends on one participant alone.
     """
     size = table.shape[1]
     shares = special.expit(table @ estimates)
@@ -130,7 +131,7 @@ def _spread(
         leverages, axes = np.linalg.eigh(back @ information @ back.T)
         if leverages[-1] > 1.0 - 1e-9:
             raise np.linalg.LinAlgError("a coefficient hangs on one participant")
-        # Already times M^-1, as root back is 1 and M^-1 is back' back.
+        # This is the corrected score times M^-1: root times back is 1, and M^-1 is back' back.
         moved = back.T @ (axes * (1.0 - leverages) ** -power) @ axes.T @ back @ score
         total += np.outer(moved, moved)
     return total
@@ -139,7 +140,7 @@ def _spread(
 def _design(
     factors: Mapping[str, Sequence[str]], levels: Mapping[str, Sequence[str]], count: int
 ) -> tuple[list[str], np.ndarray]:
-    """Return the columns' names and the matrix (trials, columns): intercept, and one a level but the first."""
+    """Return the columns' names and the design matrix (trials, columns): intercept, and each level but the first."""
     names, columns = ["intercept"], [np.ones(count)]
     for factor, shown in factors.items():
         seen = set(shown)
@@ -151,7 +152,7 @@ def _design(
 
 
 def _varies(answers: np.ndarray, table: np.ndarray) -> bool:
-    """Tell whether right and wrong answers occur at every level, without which a coefficient is infinite."""
+    """Tell whether right and wrong answers occur at every level: otherwise a coefficient would be infinite."""
     if not len(answers):
         return False
     rest = table[:, 1:].sum(axis=1) == 0.0

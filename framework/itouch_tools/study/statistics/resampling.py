@@ -1,4 +1,4 @@
-"""Intervals by resampling participants, because the answers of one person are not independent."""
+"""Confidence intervals by resampling participants, because the answers of one person are not independent."""
 
 from __future__ import annotations
 
@@ -21,24 +21,27 @@ def participant_interval(
 ) -> tuple[float, float]:  # fmt: skip
     """Return the bias-corrected and accelerated bootstrap interval of a statistic over participants (Efron 1987).
 
-    Its quantiles are widened for small panels: Student's for the normal ones and n - 1 for n (Hesterberg 2015, The
-    American Statistician 69:371), without which 16 participants cover the truth in 91 to 92 % instead of 95.
+    Its quantiles are widened for small panels: Student's t for normal ones, and n - 1 for n (Hesterberg 2015, The
+    American Statistician 69:371), without which the interval covers the truth in 91 to 92 % instead of 95 % with 16
+    participants.
 
     Parameters
     ----------
     participants
-        One entry for each: anything that ``statistic`` takes a list of.
+        One entry for each participant: anything of which ``statistic`` takes a list.
     statistic
-        Number of a panel; draws for which it is NaN are left out.
+        Returns a number for a panel; draws for which it is NaN are left out.
     seed
-        Of the resampling: equal seeds give equal intervals.
+        Seed of the resampling: equal seeds give equal intervals.
     draws
         Number of panels drawn with replacement.
+    level
+        Confidence level of the interval.
 
     Returns
     -------
     tuple of float
-        NaN where there are fewer than two participants or the statistic is not defined.
+        The ends; NaN if there are fewer than two participants, or if the statistic is not defined.
     """
     count = len(participants)
     if count < 2:
@@ -58,23 +61,23 @@ def participant_interval(
 def share_interval(
     counts: Sequence[tuple[int, int]], *, seed: int, draws: int = 2000, level: float = 0.95
 ) -> tuple[float, float]:
-    """Return the interval of the participants' mean share, from each one's (successes, trials).
+    """Return the interval of the participants' mean proportion, from the (successes, trials) of each.
 
-    It is `participant_interval` of their shares.  Where all have the same share, resampling them has no width: 12
-    people who are right in 10 of 10 would have [1, 1], which never covers a truth of 99 %.  Then, and for one
-    participant, it is Wilson's interval of all answers.
+    It is `participant_interval` of their proportions.  If these are all the same, resampling would give an interval of
+    no width: 12 people who are right in 10 of 10 would have [1, 1], which never covers a truth of 99 %.  Then, and for
+    a single participant, it is Wilson's interval of all answers.
 
     Parameters
     ----------
     counts
         Successes and trials of each participant; one without trials is left out.
     seed, draws, level
-        As of `participant_interval`.
+        As in `participant_interval`.
 
     Returns
     -------
     tuple of float
-        NaN where there are no trials.
+        The ends; NaN if there are no trials.
     """
     held = [(right, trials) for right, trials in counts if trials]
     if not held:

@@ -1,1 +1,1 @@
-"""A running session for other programs: ROS 2 and Rerun are told what the servo process publishes, and only that."""
+"""A running session for other programs: what the servo process publishes is passed on to ROS 2 and to Rerun."""

@@ -1,4 +1,4 @@
-"""What a running session publishes, at a rate, and what has happened since the last look; the loop notices nothing."""
+"""Samples of what a running session publishes, and the events since the last sample; the loop is not disturbed."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from itouch.session.marks import remembered
 from itouch.world import Model
 from itouch.world.state import EVENTS
 
-#: How far a process that only tells others steps back for others, and how often it looks [s] at most and at least.
+#: Niceness of a process that only passes States on, and its shortest and longest time [s] between two looks.
 NICE: Final = 10
 _SHORTEST, _LONGEST = 5e-4, 5e-3
-#: How many moments may wait, if nothing else is asked for.
+#: How many moments may wait, by default.
 WAITING: Final = 32
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """One published State, which is a copy, and when it was published [ns] by the wall clock."""
+    """A copy of one published State, and when it was published [ns] by the wall clock."""
 
     tick: int
     wall_ns: int
@@ -34,9 +34,9 @@ class Moment:
 
 
 class Moments:
-    """Takes a session's States at a rate [Hz]; ``passed``: how many it was too slow for.
+    """Takes a session's States at a rate [Hz]; ``passed`` is how many were passed over.
 
-    At most so many wait; of more the oldest are passed over, so that what is told is never old.
+    At most ``waiting`` of them wait; of more the oldest are passed over, so that what is passed on is never old.
     """
 
     def __init__(self, link: Link, rate: float, *, waiting: int = WAITING) -> None:
@@ -48,11 +48,11 @@ class Moments:
 
     @property
     def passed(self) -> int:
-        """How many moments were not taken: too many waited."""
+        """How many moments were passed over because too many were waiting."""
         return self._passed + self._follower.dropped // self._every
 
     def take(self) -> Iterator[list[Moment]]:
-        """Yield the moments that are new, oldest first, until the session ends; the list may be empty."""
+        """Yield lists of the new moments, oldest first, until the session ends; a list may be empty."""
         with contextlib.suppress(OSError, AttributeError):
             os.nice(NICE)
         while self._link.alive:
@@ -72,7 +72,7 @@ class Moments:
 
 
 class News:
-    """Contacts and marks that have come since the last look, as a recording tells them."""
+    """Contact events and marks that are new since the last call, in the form that they have in a recording."""
 
     def __init__(self, model: Model, state: Record) -> None:
         self._model = model

@@ -1,6 +1,6 @@
 """A running session in Rerun: its 3-D scene, its curves, its contacts and marks, as a recording shows them.
 
-Rerun is another process, ours or one that runs already; this one only reads what is published.
+Rerun is another process, started by us or running already; ours only reads what the session publishes.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from itouch.world import Model
 from itouch_tools.export.rerun_viewer import Scene, blueprint, curves, happened
 from itouch_tools.viewer.live.published_states import Moment, Moments, News
 
-#: Rows a second of the curves; the scene is told as often as in recordings. How long [s] of rows are sent together.
+#: Rate [Hz] of the curves' rows, and the time [s] whose rows are sent together; the scene's rate is that of recordings.
 RATE: Final = 250.0
 TOGETHER: Final = 0.1
 
 
 class Shown:
-    """One session in a stream of Rerun."""
+    """A session as it is shown in a stream of Rerun."""
 
     def __init__(self, stream: Any, model: Model, state: Record) -> None:
         self._stream, self._period = stream, model.period
@@ -42,7 +42,7 @@ class Shown:
         self._begun = False
 
     def show(self, moments: Sequence[Moment]) -> None:
-        """Show moments, oldest first: the scene and what happened at once, curves some rows together."""
+        """Show moments, oldest first: the scene and the events at once, the curves several rows at a time."""
         if not moments:
             return
         ticks, rows = np.array([moment.tick for moment in moments]), np.stack([m.state.raw for m in moments])
@@ -57,7 +57,7 @@ class Shown:
             self._waiting, self._begun = [], True
 
     def _rows(self, track: Track) -> NDArray[Any]:
-        """Return what waits as rows (n,) of a track."""
+        """Return the waiting moments as rows (n,) of a track."""
         rows = np.zeros(len(self._waiting), track.dtype)
         rows["tick"] = [moment.tick for moment in self._waiting]
         rows["time"] = rows["tick"] * self._period
@@ -72,13 +72,13 @@ def show(link: Link, address: str, told: Callable[[], None], looks: Callable[[],
     Parameters
     ----------
     link
-        What is read; nothing is asked of it.
+        The session; it is only read.
     address
-        Of Rerun's server, such as ``rerun+http://127.0.0.1:9876/proxy``.
+        Address of Rerun's server, such as ``rerun+http://127.0.0.1:9876/proxy``.
     told
-        Called when it is shown.
+        Called once when showing begins.
     looks
-        Asked again and again whether Rerun is still there.
+        Called again and again; returns whether Rerun is still there.
     """
     import rerun as rr
 

@@ -1,7 +1,7 @@
-"""A running session as topics of ROS 2, without ROS: by Zenoh, which ROS speaks with `rmw_zenoh`.
+"""A running session as topics of ROS 2, without an installation of ROS: over Zenoh, which ROS speaks with `rmw_zenoh`.
 
-The topics are those of `itouch-py export --rosbag`.  The package `zenoh-ros2-sdk` makes publishers that ROS finds; it
-would fetch definitions of messages from the internet, so they, and their hashes, are given to it by `rosbags`.
+The topics are those of `itouch-py export --rosbag`.  The package `zenoh-ros2-sdk` makes publishers that ROS discovers;
+it would fetch message definitions from the internet, so they and their hashes are given to it, from `rosbags`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from itouch.world import Model
 from itouch_tools.export.ros_messages import FRAMES, TEXT, Messages, store, topic_of, type_of
 from itouch_tools.viewer.live.published_states import Moment, Moments, News
 
-#: How often a second each topic is told if nothing else is asked for.
+#: Rate [Hz] at which topics are published, by default.
 RATE: Final = 100.0
 #: How long [s] a router may take to answer when it is looked for.
 _LOOK = 1.0
@@ -35,7 +35,7 @@ _LOOK = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where topics are told: the Zenoh router, and the domain of ROS."""
+    """Where topics are published: the Zenoh router, and the domain of ROS."""
 
     host: str = "127.0.0.1"
     port: int = 7447
@@ -91,7 +91,7 @@ class Topics:
         return line
 
     def tell(self, moment: Moment) -> None:
-        """Publish a moment on every topic, and what has happened since the last one."""
+        """Publish a moment on every topic, and the events and marks since the last one."""
         state = moment.state
         self._make.at(moment.wall_ns)
         for line, column, make in self._lines:
@@ -109,8 +109,8 @@ class Topics:
 
 
 def library() -> tuple[Any, Any]:
-    """Return the library's class of publishers, and the quality of service: who does not keep up holds nobody up."""
-    os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")  # it would not be imported where there is no git
+    """Return the library's class of publishers, and the quality of service: a slow subscriber holds nobody up."""
+    os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")  # otherwise its import fails where there is no git
     from zenoh_ros2_sdk.publisher import ROS2Publisher
     from zenoh_ros2_sdk.qos import QosProfile, QosReliability
 
@@ -122,16 +122,16 @@ def _fields(message: Any) -> dict[str, Any]:
 
 
 def tell(link: Link, place: Place, rate: float, told: Callable[[list[str]], None]) -> int:
-    """Tell ROS 2 what a session publishes until it ends; return how many moments were passed over.
+    """Publish a session to ROS 2 until it ends; return how many moments were passed over.
 
     Parameters
     ----------
     link
-        What is read; nothing is asked of it.
+        The session; it is only read.
     place, rate
-        Where topics are told, and how often a second.
+        Where topics are published, and at which rate [Hz].
     told
-        Called with the names of the topics when they are there.
+        Called with the names of the topics when they have been created.
     """
     topics = Topics(Model.of(link.scene(), Catalog()), link.state, place)
     moments = Moments(link, rate)

@@ -1,4 +1,4 @@
-"""A session in a browser: what runs is shown by the library `viser`, and nothing can be asked of it."""
+"""A session in a browser: the running session is shown through the library `viser`, and can't be controlled there."""
 
 from itouch_tools.viewer.web.access import Access
 from itouch_tools.viewer.web.serve import show

@@ -1,7 +1,7 @@
-"""Who may look at a session in a browser: the one open port, its token, in front of the library's server.
+"""Who may look at a session in a browser: a gate, with the one open port and a token, before the library's server.
 
-That server knows no secrets.  It listens on this machine only; what is forwarded to it was asked for by a page of this
-address, and, where other machines may look, by a browser that has shown the token.
+That server has no access control of its own.  It listens on this machine only; a request is forwarded to it if it comes
+from a page of this address and, where other machines may look, from a browser that has shown the token.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import hmac
 from dataclasses import dataclass
 from urllib.parse import parse_qs, urlsplit
 
-#: Largest head of a request [bytes], how long [s] it may take, and how many connections there are at once.
+#: Largest head of a request [bytes], how long [s] it may take to arrive, and most connections at once.
 HEAD, PATIENCE, MOST = 16384, 10.0, 64
 #: The cookie that holds the token.
 COOKIE = "itouch-view"
@@ -22,9 +22,9 @@ _PIECE = 1 << 16
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """Where browsers reach the view: the address and port that are listened at, and the token that they must show.
+    """Where browsers reach the view: the address and port to listen at, and the token that browsers must show.
 
-    Without a token only this machine is listened to, and only pages of its own name are answered.
+    Without a token only requests to this machine by its own name are answered.
     """
 
     host: str = "127.0.0.1"
@@ -33,7 +33,7 @@ class Access:
 
     @property
     def near(self) -> bool:
-        """Whether only this machine reaches it."""
+        """Whether the address can be reached from this machine only."""
         return self.host in LOOPBACK | {"::1"}
 
 
@@ -65,7 +65,7 @@ class Gate:
 
     @property
     def port(self) -> int:
-        """The port that is listened at."""
+        """The port at which the gate listens."""
         assert self._server is not None  # noqa: S101
         return int(self._server.sockets[0].getsockname()[1])
 
@@ -82,17 +82,17 @@ class Gate:
                 return
             await self._forward(request, reader, writer)
         except (OSError, ValueError, TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
-            pass  # a browser that goes away, or one that speaks another language
+            pass  # a browser that goes away, or a client that does not speak HTTP
         finally:
             self._open -= 1
             with contextlib.suppress(OSError):
                 writer.close()
 
     def refusal(self, request: Request) -> bytes | None:
-        """Return the answer to what may not pass, or None: it may."""
+        """Return the answer to a request that may not pass, or None if it may."""
         access, host = self._access, request.headers.get("host", "")
         if not access.token and _name(host) not in LOOPBACK:
-            return _page(403, "this view is for this machine only")  # a foreign name that leads here is an attack
+            return _page(403, "this view is for this machine only")  # a foreign name that leads here: DNS rebinding
         origin = request.headers.get("origin")
         if origin is not None and urlsplit(origin).netloc != host:
             return _page(403, "a page of another address may not look")
@@ -109,7 +109,7 @@ class Gate:
         return _page(401, "open the address that `itouch-py view --web` printed: it ends in ?token=...")
 
     async def _forward(self, request: Request, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Carry bytes both ways until either side ends; one request a connection."""
+        """Carry bytes both ways until either side ends; each connection is checked once, at its first request."""
         inner_reader, inner_writer = await asyncio.open_connection(*self._inner)
         try:
             inner_writer.write(request.data)
@@ -128,7 +128,7 @@ class Gate:
 async def _carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
     while data := await reader.read(_PIECE):
         writer.write(data)
-        await writer.drain()  # a browser that is slow slows its own stream and no other's
+        await writer.drain()  # a slow browser slows down its own stream and no other's
 
 
 async def _request(reader: asyncio.StreamReader) -> Request:
@@ -137,7 +137,7 @@ async def _request(reader: asyncio.StreamReader) -> Request:
     Raises
     ------
     ValueError
-        If it is none that a browser makes.
+        If it is not a request that a browser would make of a view.
     """
     data = await reader.readuntil(b"\r\n\r\n")
     first, *lines = data.decode("latin-1").split("\r\n")[:-2]
@@ -155,7 +155,7 @@ async def _request(reader: asyncio.StreamReader) -> Request:
 
 
 def _name(host: str) -> str:
-    """Return the name of a host header, without its port."""
+    """Return the name in a host header, without its port."""
     return host if host.endswith("]") or ":" not in host else host.rpartition(":")[0]
 
 

@@ -1,4 +1,4 @@
-"""A session as a browser's scene: solids are put once, then frames, forces and heat follow State."""
+"""A session as a browser's scene: solids are sent once, then frames, forces and temperatures follow State."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from itouch_tools.viewer import colours
 from itouch_tools.viewer.scene_graph import SceneGraph
 from itouch_tools.viewer.temperatures import plate_temperature, skin_temperature
 
-#: Most objects whose names are written, and least change of a temperature [K] that changes a colour.
+#: With more objects than this no names are shown; and the step of temperature [K] that changes a colour.
 NAMED, STEP = 16, 0.1
 _RADII = {"shaft_radius": 0.0012, "head_radius": 0.003, "head_length": 0.008}
 _LINES = (0.40, 0.43, 0.48)
 _NOWHERE = np.zeros((1, 2, 3))
-#: Where browsers look from: in front, above, a little beside.
+#: Direction from the scene to the browser's camera at first: in front, above, a little to the side.
 _FROM = np.array([0.35, -1.0, 0.75])
 
 
 class Scenery:
     """The nodes of one session in a server of `viser`; ``show`` brings them up to date.
 
-    A frame's node lies below that of its parent, so places and turns are State's own numbers.
+    A frame's node is a child of its parent frame's node, so positions and rotations are State's own numbers.
     """
 
     def __init__(self, server: Any, model: Model, state: Record) -> None:
@@ -60,7 +60,7 @@ class Scenery:
         self._look(state)
 
     def show(self, state: Record, words: str = "") -> None:
-        """Show a State; what did not change is not sent, and what changed arrives together."""
+        """Show a State, and words beside it; what did not change is not sent, and what changed arrives together."""
         with self._server.atomic():
             for frame in self._view.frames:
                 self._place(frame, state)
@@ -74,7 +74,7 @@ class Scenery:
             _set(self._words, "content", words)
 
     def _path(self, frame: str) -> str:
-        """Return a frame's place in the tree: below its parent, down from the world."""
+        """Return a frame's path in the tree of nodes: below its parent, down from the world."""
         if frame not in self._paths:
             self._paths[frame] = f"{self._path(self._parents[frame])}/{_part(frame)}"
         return self._paths[frame]
@@ -113,7 +113,7 @@ class Scenery:
                 self._solids[name].color = _bytes(colours.of_temperature(kelvin))
 
     def _put(self, solid: Solid) -> Any:
-        """Put a solid, which stays as it is in its frame."""
+        """Add a solid, which does not change within its frame, and return its node."""
         scene, path = self._server.scene, f"{self._paths[solid.frame]}/{_part(solid.name)}"
         place: dict[str, Any] = {"position": solid.pose[:3], "wxyz": solid.pose[3:], "color": _bytes(solid.colour)}
         if len(solid.colour) == 4 and solid.colour[3] < 1.0:
@@ -129,7 +129,7 @@ class Scenery:
         return scene.add_mesh_simple(path, points, corners, **place)
 
     def _name_objects(self) -> None:
-        """Write the names of objects, where there are not too many."""
+        """Add the names of objects, unless there are too many."""
         if len(self._model.objects) > NAMED:
             return
         for name in self._model.objects:
@@ -139,7 +139,7 @@ class Scenery:
                                              position=solid.pose[:3], anchor="top-center")  # fmt: skip
 
     def _look(self, state: Record) -> None:
-        """Let browsers begin with all in the picture, over a grid of centimetres."""
+        """Let browsers begin with everything in the picture, over a grid of centimetres."""
         low, high = SceneGraph(self._model).bounds(state)
         middle, size = (low + high) / 2, max(0.05, float(np.linalg.norm(high - low)))
         camera = self._server.initial_camera
@@ -149,7 +149,7 @@ class Scenery:
 
 
 def _set(node: Any, name: str, value: Any) -> None:
-    """Set a node's property if it is another: each setting is a message to every browser."""
+    """Set a node's property if it differs: each setting is a message to every browser."""
     if getattr(node, name) != value:
         setattr(node, name, value)
 

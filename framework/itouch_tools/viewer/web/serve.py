@@ -1,4 +1,4 @@
-"""Streams a running session to browsers until it ends: a process of its own that only reads."""
+"""Streams a running session to browsers until it ends, in a process of its own that only reads the session."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from itouch.world import Model
 from itouch_tools.viewer.web.access import Access, Gate
 from itouch_tools.viewer.web.browser_scene import Scenery
 
-#: Pictures a second, of which every so manieth brings the words, and how far this process steps back for others.
+#: Updates a second; after how many updates the text is renewed; and the niceness of this process.
 RATE, WORDS, NICE = 30.0, 6, 10
 
 
@@ -30,18 +30,18 @@ def show(link: Link, access: Access, told: Callable[[str], None], looks: Callabl
     Parameters
     ----------
     link
-        What is read; nothing is asked of it.
+        The session; it is only read.
     access
-        Where browsers reach it, and what they must show.
+        Where browsers reach it, and the token that they must show.
     told
-        Called with the address for a browser when there is one.
+        Called with the address for a browser when the server listens.
     looks
-        Called, in another thread, when one more browser shows the session, with how many do.
+        Called, in another thread, when another browser connects, with the number of browsers.
 
     Raises
     ------
     ItouchError
-        If nothing can be listened at there.
+        If it can't listen at that address.
     """
     with contextlib.suppress(OSError, AttributeError):
         os.nice(NICE)  # the loop comes first on a machine with few cores
@@ -75,16 +75,16 @@ async def _serve(
 
 
 def address(access: Access, port: int) -> str:
-    """Return what is put into a browser's address line."""
+    """Return the URL to open in a browser."""
     host = "localhost" if access.near else access.host
-    if host in ("0.0.0.0", "::"):  # everything here: browsers elsewhere need this machine's name
+    if host in ("0.0.0.0", "::"):  # all addresses of this machine: browsers elsewhere need its name
         host = socket.gethostname()
     host = f"[{host.strip('[]')}]" if ":" in host else host
     return f"http://{host}:{port}/" + (f"?token={access.token}" if access.token else "")
 
 
 def said(link: Link, state: Record) -> str:
-    """Return what stands beside the picture, as Markdown: whose it is, its time, what it does."""
+    """Return the words beside the picture, as Markdown: the session's name, its time and phase, and losses."""
     words = f"**{_plain(link.name)}**\n\n{int(state['tick']) * link.period:.2f} s, {link.phase}"
     for loss in link.losses:
         words += f"\n\n**{loss.upper()} LOST**"
@@ -92,23 +92,23 @@ def said(link: Link, state: Record) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return a name so that Markdown means nothing else by it."""
+    """Return a name escaped for Markdown."""
     return "".join(letter if letter.isalnum() or letter in " .-" else f"\\{letter}" for letter in text)
 
 
 @contextlib.contextmanager
 def _server(name: str) -> Iterator[Any]:
-    """Yield the library's server, which listens on this machine only and tells nobody."""
+    """Yield the library's server, which listens on this machine only and does not print its address."""
     import viser
 
     class Quiet(viser.ViserServer):
-        """Does not carry the view to a server on the internet, whichever browser asks for it."""
+        """Does not share the view through a server on the internet, even if a browser asks for it."""
 
         def request_share_url(self, verbose: bool = True) -> str | None:
             """Refuse."""
             return None
 
-    with contextlib.redirect_stdout(io.StringIO()):  # it would print an address that passes the gate by
+    with contextlib.redirect_stdout(io.StringIO()):  # it would print an address that bypasses the gate
         server = Quiet(host=_inner_host(), port=0, label=name, verbose=False)
     try:
         server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=True)
@@ -119,7 +119,7 @@ def _server(name: str) -> Iterator[Any]:
 
 
 def _inner_host() -> str:
-    """Return an address of this machine that no page can guess, where there is more than one."""
+    """Return a loopback address that no page can guess, where there is more than one."""
     if sys.platform == "linux":
         found = ".".join(["127", *(str(random.SystemRandom().randrange(1, 255)) for _ in range(3))])
         with contextlib.suppress(OSError), socket.socket() as probe:
