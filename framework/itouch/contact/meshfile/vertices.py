@@ -65,7 +65,7 @@ def joined_seams(vertices: Floats, faces: Ints, edges: Edges) -> tuple[Ints, Edg
 
 
 def _groups(points: Floats, reach: float) -> Ints:
-    """For each point, the first of the points that share a cell with it in one of eight grids, shifted by half cells."""
+    """For each point, the first of the points that share a cell with it, in one of eight grids half a cell apart."""
     first = np.arange(len(points))
     if reach <= 0.0:
         return first
