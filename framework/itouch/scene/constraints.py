@@ -33,7 +33,7 @@ def broken_constraints(node: Node, cls: type, attributes: Mapping[str, Attribute
             sentence = f"<{node.written}> needs one of {_listed(names)}"
             yield Problem("one-of", sentence, node.place)
     for name, other in constraint(cls, "REQUIRES"):
-        if xml_name(name) in node.attributes and not given([other]):  # a default also reaches elements without the other
+        if xml_name(name) in node.attributes and not given([other]):  # defaults reach elements without the other
             sentence = f"<{node.written}> with '{xml_name(name)}' also needs '{xml_name(other)}'"
             yield Problem("requires", sentence, attributes[xml_name(name)].place)
 

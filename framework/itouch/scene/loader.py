@@ -327,7 +327,7 @@ def _mount_cycles(scene: Scene) -> list[Problem]:
 
 
 def _merged(inherited: list[Node], own: list[Node]) -> list[Node]:
-    """Return ``inherited`` and ``own`` elements as one list; of the same tag they are merged, and own attributes win."""
+    """Return ``inherited`` and ``own`` elements as one list; those of one tag are merged, and own attributes win."""
     mine = {(node.namespace, node.tag): node for node in own}
     merged = []
     for node in inherited:

@@ -53,7 +53,7 @@ def _part(part: PluginPart) -> list[str]:
 
 
 def _element(element: Any, tag: str, extra: Iterable[tuple[str, str]] = (), *, prefix: str = "") -> list[str]:
-    """Return the lines of one element; ``prefix`` is a plugin's namespace prefix, which the element's children share."""
+    """Return the lines of one element; ``prefix`` is a plugin's namespace prefix, which its children share."""
     attributes, inner = list(extra), []
     for name, spec in specs(type(element)).items():
         value = getattr(element, name)
