@@ -52,7 +52,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """A shape in a frame: ``box`` (three edges), ``ball`` (radius), ``rod`` (radius, half length) or ``skin`` (mesh)."""
+    """A shape in a frame: ``box`` (three edges), ``ball`` (radius), ``rod`` (radius, half length), ``skin`` (mesh)."""
 
     name: str
     frame: str
