@@ -138,7 +138,7 @@ class Hand:
     def bound(self, moving: NDArray[np.int64], stage: NDArray[np.int64], done: int) -> Bound | None:
         """Return the usual step along the path as one compiled call, which returns 1 if ``advance`` is needed instead.
 
-        ``moving`` (1,), 0 or 1: whether scripts run; ``stage`` (1,), the code of a touch-off's stage, ``done`` of its last.
+        ``moving`` (1,), 0 or 1: whether scripts run; ``stage`` (1,), a touch-off's stage as a code, ``done`` its last.
         """
         if self._recorded is not None:
             return None
