@@ -84,7 +84,7 @@ class ModalitySubject:
 
     @cached_property
     def loaded(self) -> tuple[Scene, float]:
-        """The scene without a recording, and a check's duration in it [s]; its motion is replaced if it does not touch."""
+        """The scene without a recording, and a check's duration in it [s]; without a touch, its motion is replaced."""
         scene = replace(self._read(), record=None)
         seconds, touched = self._seen(scene)
         if seconds is None:
