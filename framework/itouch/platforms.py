@@ -59,7 +59,7 @@ def _system() -> str:
 
 
 def keep_standard_numbers() -> None:
-    """Open those of the file descriptors 0, 1 and 2 that are closed on the null device, here and for child processes.
+    """Open the null device on those of the file descriptors 0, 1 and 2 that are closed; child processes inherit it.
 
     Otherwise the next files that are opened would get these numbers, and a device could receive what a program prints
     or what a library complains.

@@ -37,7 +37,7 @@ class Friction:
 
 
 def join_tables(surfaces: Sequence[Surface]) -> tuple[list[int], Tables | None]:
-    """Join the tables of several surfaces; returns the row of each one's root, and the tables. One is not copied."""
+    """Join the tables of several surfaces; returns the row of each root, and the tables. A single one is not copied."""
     distinct: list[Surface] = []
     for surface in surfaces:
         if not any(surface is other for other in distinct):
@@ -136,7 +136,7 @@ class Geometry:
         return layout.MEMORY_POSES + 7 * self.count
 
     def memory_range(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return the lowest and highest values of the numbers in a probe's memory; only indices and counts have any."""
+        """Return lower and upper bounds of the numbers in a probe's memory: infinite but for indices and counts."""
         low, high = np.full(self.memory_size(), -np.inf), np.full(self.memory_size(), np.inf)
         objects = slice(layout.MEMORY_CONTACTS, layout.MEMORY_CONTACTS + 2 * layout.MAX_CONTACTS, 2)
         low[[layout.MEMORY_SLIP, layout.MEMORY_COUNT]] = 0

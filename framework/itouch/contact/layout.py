@@ -1,4 +1,4 @@
-"""Where each number stands in the contact engine's flat arrays: memory of a probe, result, scratch rows.
+"""The place of each number in the contact engine's flat arrays: memory of a probe, result, scratch rows.
 
 The engine reads and writes flat ``float64`` arrays, because the framework owns the memory: the probe's memory is a
 field of its State record, the result a field that is rewritten on every tick. Every index has its name here.

@@ -59,7 +59,7 @@ class StraightEmulator(Emulator):
         self._device = device
 
     def open(self) -> str:
-        """Return that there is no wire."""
+        """Return words for the place of listening: there is no wire."""
         return "without a wire"
 
     def close(self) -> None:

@@ -45,7 +45,7 @@ class Channel(Quantity):
         A value, HOLD or RETRACT; a command channel must state it (zero is safe for a force, not for a pose).
         RETRACT moves down to ``low[2]``.  If it is left out or HOLD, a force, a drive and any other command that acts
         by its size become zero, or the value of their range nearest to zero; a temperature target goes to the middle of
-        the limits, unless the device has an output switch.
+        the limits, unless the device has an output switch.  A surface for which it is left out retracts.
     locked
         Degrees of freedom, numbered 0..5 as in a wrench, that the mechanism cannot move or exert.
     harmless

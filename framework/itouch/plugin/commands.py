@@ -12,6 +12,6 @@ from typing import Any
 def framework() -> Any:
     """Return the module ``itouch``, whose functions load and build scenes, as in a user's script.
 
-    It is imported only here: the framework itself imports a plugin's module, before it is complete.
+    It is imported here and no earlier, because the framework imports a plugin's module before it is complete itself.
     """
     return import_module("itouch")

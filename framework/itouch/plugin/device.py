@@ -305,7 +305,7 @@ class Device(Grouped, ABC):
         return ""
 
     def make_safe(self, safe: Record) -> None:
-        """Make the device safe from another process than the one that ran it: called once, on a new instance.
+        """Make the device safe in another process than the one that ran it: called once, on a new instance.
 
         Parameters
         ----------

@@ -26,8 +26,8 @@ class Emulator(ABC):
     #: every period, and its host's requests are answered as if in no time.
     lives: bool = False
 
-    #: True once a host has commanded it anything, be it to exert no force.  An arm in the air is driven by nobody, but
-    #: on a rig that has nothing but arms the operator's motion must go on from there.
+    #: True once a host has sent it any command, even one of zero force.  An arm in free space counts as not driven, but
+    #: on a rig with nothing but arms the operator's motion must begin from then on.
     commanded: bool = False
 
     def __init__(self, params: Any) -> None:

@@ -28,7 +28,7 @@ class ArmDriver(Protocol):
     """The driver of an arm: it sends zero force in ``open`` and in ``close``."""
 
     def open(self) -> object:
-        """Find the arm and send zero force; report what is wrong with the arm only after the zero was sent."""
+        """Find the arm and send zero force; raise errors about the arm only after the zero was sent."""
 
     def close(self) -> None:
         """Send zero force and release the arm."""

@@ -204,7 +204,7 @@ class Carries(NamedTuple):
         nothing is wrong.  The arm then renders the contact, and report and log tell where it happened first.
     yields
         Field: how far [m] its command already yields because the surface presses too hard.  The framework (K4) then
-        lowers the surface only by what its own yielding exceeds this, not by all of it again.
+        lowers the surface only by as much as its own yielding exceeds this, not by all of it again.
     """
 
     probe: str
@@ -329,7 +329,7 @@ class Modality(ABC):
         """Return ``update`` with these arguments, which stay the same, as compiled calls; None: it is Python.
 
         They run joined with the steps beside them.  A call that does not return 0 must have changed nothing, and leaves
-        this tick to ``update``.  Several calls run one after the other; the first one decides whether they do.
+        this tick to ``update``.  Several calls run one after the other; only the first one may leave it to ``update``.
         """
         return None
 

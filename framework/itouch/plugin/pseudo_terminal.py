@@ -31,7 +31,7 @@ class Terminal:
     Raises
     ------
     DeviceError
-        If the link cannot be made.
+        If the link cannot be made, or the path is in use.
     """
 
     def __init__(self, name: str = "", *, baud: float = 0.0) -> None:

@@ -1,6 +1,6 @@
 """Numbers with a unit: ``"60 60 20 mm"`` becomes a tuple in SI.
 
-One unit may stand at the end of the numbers; without one they are in SI.  The grammar of a number is strict:
+One unit may follow the numbers; without one they are in SI.  The grammar of a number is strict:
 what Python's ``float`` accepts beyond it (``nan``, ``inf``, ``1_0``) is refused.
 """
 

@@ -57,7 +57,9 @@ def embedded(data: bytes, shown: str, fetch: Callable[[str], bytes]) -> bytes:
 
 
 def read_gltf(data: bytes, shown: str, *, binary: bool) -> tuple[list[Primitive], int]:
-    """Return the triangles of each placed primitive in the file's units, and how many lists of points or lines it has.
+    """Return the triangles of each placed primitive in the file's units, and the number of primitives left out.
+
+    Left out are primitives of points or lines.
 
     Raises
     ------

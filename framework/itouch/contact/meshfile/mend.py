@@ -45,7 +45,7 @@ class MeshFacts:
     closed_parts, overlapping
         Parts without open edges; pairs of these that reach into one another.
     left_out
-        Lists of points or lines that the file also has.
+        Primitives of points or lines that the file also has.
     low, high
         Corners of the bounding box.
     """
@@ -101,7 +101,7 @@ def mended(vertices: Floats, faces: Ints, shown: str, *, left_out: int = 0) -> t
     shown
         The file's name, for messages.
     left_out
-        Lists of points or lines that the file also has.
+        Number of primitives of points or lines that the file also has.
 
     Raises
     ------

@@ -36,7 +36,7 @@ class Triangles:
     faces
         (m, 3) indices of existing vertices.
     left_out
-        How many lists of points or lines the file also has.
+        How many primitives of points or lines the file also has.
     """
 
     vertices: NDArray[np.float64]

@@ -92,7 +92,7 @@ class Mesh(_Placed):
     )
 
 
-#: The kinds of object that may stand in a world.
+#: The kinds of object that a world may contain.
 OBJECTS: tuple[type, ...] = (Box, Sphere, Plane, Capsule, Cylinder, Mesh)
 
 

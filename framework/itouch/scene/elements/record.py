@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from itouch.schema.fields import children, choice, quantity, text
 
-#: What may stand in braces in the name of a recording.
+#: Placeholders that may be used in the name of a recording.
 PLACEHOLDERS = ("{scene}", "{time}", "{seed}")
 
 
