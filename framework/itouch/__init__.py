@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.moved import MOVED
 
-# kernels that came with the program are for a kind of processor, which Numba asks for when it is imported: whoever of
-# the program or its plugins does that first finds it chosen
+# Kernels shipped with the program are compiled for one kind of processor, which Numba reads from the environment when
+# it is imported: it is chosen here, before any module of the program or of a plugin can import Numba.
 if os.path.exists(os.path.join(os.path.dirname(__file__), "compiled", "manifest.json")):
     from itouch.shipped import choose_processor
 
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from itouch.session.batch import batch
     from itouch.session.replay import replay
 
-#: Public name -> where it lives; loaded when it is first asked for, so that the command line starts fast.  A sweep is
-#: a tool, and is named here only because users write ``itouch.sweep``: the core imports nothing of the tools.
+#: Public name -> the module that has it, imported on first access, so that the command line starts fast.  ``sweep`` is
+#: one of the tools, and is listed only because users write ``itouch.sweep``: the core imports nothing from the tools.
 _HOMES = {
     "DeviceError": "itouch.plugin",
     "DeviceFaultError": "itouch.loop",

@@ -4,5 +4,5 @@ import sys
 from importlib import import_module
 
 if __name__ == "__main__":
-    # looked up by its name: the core imports nothing of the tools
+    # imported by name at run time: the core imports nothing from the tools
     sys.exit(import_module("itouch_tools.cli").main())

@@ -1,4 +1,4 @@
-"""Cache folders, for what can be made again: found, bounded, and written so that a reader sees a whole file or none."""
+"""Cache folders for what can be made again: located, kept bounded, and written so that no reader sees half a file."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _OFF = ("off", "no", "0", "none")
 
 
 def folder(name: str, switch: str) -> Path | None:
-    """Return where entries of a kind are kept, or None if nothing is kept.
+    """Return the folder that caches one kind of entry, or None if that cache is switched off.
 
     Parameters
     ----------
     name
-        Of the folder inside the user's folder for caches.
+        Name of the folder inside the user's cache folder.
     switch
-        The environment variable that names another folder, or ``off``.
+        Name of an environment variable: its value is another folder, or ``off``.
     """
     given = os.environ.get(switch, "")
     if given.lower() in _OFF:
@@ -39,7 +39,7 @@ def folder(name: str, switch: str) -> Path | None:
 
 
 def owned(place: Path) -> bool:
-    """Tell whether a folder belongs to this user, and nobody else can write into it."""
+    """Tell whether a folder belongs to this user and nobody else can write into it; on Windows only that it exists."""
     try:
         status = place.stat()
     except OSError:
@@ -48,16 +48,16 @@ def owned(place: Path) -> bool:
 
 
 def put(place: Path, name: str, blocks: Iterable[Any], *, size: int, capacity: int) -> None:
-    """Write an entry that takes its place at once; a folder that can't be written is no fault.
+    """Write an entry atomically; if the folder cannot be written, do nothing.
 
     Parameters
     ----------
     blocks
         The content, in parts.
     size
-        At most how long it is [bytes]; an entry longer than ``capacity`` is not kept.
+        Upper bound of its length [bytes]; an entry larger than ``capacity`` is not kept.
     capacity
-        What all entries together may take [bytes]; those that were not used for longest go first.
+        What all entries together may take [bytes]; the least recently used are removed first.
     """
     if size > capacity:
         return
@@ -75,7 +75,7 @@ def put(place: Path, name: str, blocks: Iterable[Any], *, size: int, capacity: i
 
 
 def entries(place: Path | None, suffix: str) -> list[tuple[float, int, Path]]:
-    """Return when each entry was last used [s], its length [bytes] and its path; and what a killed writer left."""
+    """Return when each entry was last used [s], its length [bytes] and its path; with what a killed writer has left."""
     found: list[tuple[float, int, Path]] = []
     with contextlib.suppress(OSError):
         for path in place.iterdir() if place is not None else ():

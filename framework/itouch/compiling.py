@@ -1,12 +1,12 @@
 """Compiled functions whose copies on disk are never older than what they were compiled from.
 
-Numba keeps compiled functions on disk and compiles one anew when its own file has changed.  What it calls in other
-files, and the constants that it takes from there, are compiled into it, but nobody looks whether they have changed:
-after an upgrade in place old code could go on running.  Here the key of what is kept has a fingerprint of all that a
-function is made of, so that what fits no more is not found, and is compiled again.  As the fingerprint alone decides,
-kernels lie in the user's own folder, for all environments of Python and all copies of the sources; where that can't be
-written, or others can write it, they lie where Numba would put them.  What is not found among the kernels that were
-kept is looked for among those that came with the program (see ``shipped``).
+Numba caches compiled functions on disk and compiles one again when the file that defines it has changed.  Functions
+that it calls in other files, and constants that it takes from there, are compiled into it, but Numba does not check
+whether they have changed: after an upgrade in place, old code could go on running.  Here each cache key includes a
+fingerprint of all that a function is made of, so that outdated code is not found, and is compiled again.  As the
+fingerprint alone decides, kernels are cached in the user's own folder, for all Python environments and all copies of
+the sources; where that folder cannot be written, or others can write to it, they are cached where Numba would put
+them.  Kernels that are not in the cache are looked for among those that were shipped with the program (``shipped``).
 """
 
 # ruff: noqa: SLF001  - Numba's stores have no public way in
@@ -39,31 +39,31 @@ from numba.extending import register_jitable  # noqa: E402
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
-#: Names another folder for compiled kernels, or switches the user's off.
+#: Environment variable that names another folder for compiled kernels, or switches the user's folder off.
 SWITCH = "ITOUCH_KERNELS"
-#: What lists a function's kernels, and what holds one.
+#: Suffixes of the file that lists a function's kernels, and of the file of one kernel.
 INDEX, DATA = ".nbi", ".nbc"
 #: What compiled kernels may take in the user's folder [bytes]: those of this program and its plugins take some 30 MB.
 CAPACITY = 512_000_000
-#: How long [s] a kernel may be used before that is noted.
+#: A kernel's time of last use is updated when it is older than this [s].
 _DAY = 86_400.0
 
 
-#: How often [s] a process that waits for what another compiles looks whether it is there.
+#: How often [s] a process that waits for another one to compile a kernel checks whether it is done.
 _LOOK = 0.02
-#: How long [s] it waits at most: one that is stopped, or waits for a disk, keeps its claim.
+#: How long [s] it waits at most: a process that is suspended, or waits for a disk, keeps its claim.
 _LONGEST = 120.0
-#: Where the processes that compile for one start say what each is at (``compile_together``); None: this one is alone.
+#: Folder where processes that compile for the same start claim kernels (``compile_together``); None: compile alone.
 _together: Path | None = None
 
 
 class _Seldom(event.Listener):
-    """Lets garbage be collected seldom while something is compiled: what a compiler makes is nearly all still in use.
+    """Makes garbage collection rare while Numba compiles, as nearly all objects of the compiler are still in use then.
 
-    Looking through it again and again is a good part of a first start.  One thread compiles at a time.
+    Scanning them again and again takes a good part of a first start.  One thread compiles at a time.
     """
 
-    #: After how many new objects, and how many times of that, garbage is looked for.
+    #: Thresholds of the garbage collector while compiling, as for ``gc.set_threshold``.
     SELDOM = (50_000, 20, 100)
 
     def __init__(self) -> None:
@@ -71,15 +71,15 @@ class _Seldom(event.Listener):
         self._before = gc.get_threshold()
 
     def on_start(self, event: Any) -> None:
-        """Begin to compile a function, perhaps inside another."""
+        """Raise the thresholds when compiling begins; compilations may be nested."""
         if self._depth == 0:
             self._before = gc.get_threshold()
-            if self._before[0]:  # 0: not at all
+            if self._before[0]:  # 0: collection is switched off
                 gc.set_threshold(*map(max, self._before, self.SELDOM))
         self._depth += 1
 
     def on_end(self, event: Any) -> None:
-        """Put back what was before, though compiling may have failed."""
+        """Restore the thresholds, also when compiling has failed."""
         self._depth -= 1
         if self._depth == 0:
             gc.set_threshold(*self._before)
@@ -89,33 +89,33 @@ event.register("numba:compile", _Seldom())
 
 
 def compile_together(place: Path | None) -> None:
-    """Compile nothing from here on that another process with the same ``place``, a folder, is compiling: wait for it.
+    """From now on, wait for a kernel that another process with the same folder ``place`` is already compiling.
 
-    Nobody waits in a circle: what a kernel calls is compiled before it and calls nothing that waits for it, and a
-    process that ends, however it does, gives back what it was at.  None: compile alone again.
+    There is no deadlock: the functions that a kernel calls are compiled before it and never wait for it, and a process
+    that ends, in whatever way, releases its claims.  None: compile alone again.
     """
     global _together
     _together = place
 
 
 def kernel(function: Function) -> Function:
-    """Compile a function when it is first called, and keep it on disk; division by zero gives what IEEE says.
+    """Compile a function when it is first called, and cache it on disk; division by zero follows IEEE 754.
 
-    Where nothing can be kept (neither the package's folder nor the user's can be written), every process compiles.
+    Where nothing can be cached (neither the package's folder nor the user's can be written), every process compiles.
     """
     return _kept(function, njit(error_model="numpy")(function))
 
 
 def nogil_kernel(function: Function) -> Function:
-    """Do what ``kernel`` does, for a function that lets other threads run beside it."""
+    """Do what ``kernel`` does, for a function that releases the GIL while it runs."""
     return _kept(function, njit(error_model="numpy", nogil=True)(function))
 
 
 def inlined(function: Function) -> Function:
-    """Put a small function into the code of the kernels that call it; Python runs it as it is written.
+    """Inline a small function into the kernels that call it; from Python, it runs as plain Python.
 
-    It is for a step of a derivation that has a name of its own: handing it its arguments would cost more than its work.
-    It takes part in no counting of references, so it may not make arrays; it is kept with the kernels that it is in.
+    It is for a named step of a derivation, where passing the arguments would cost more than the step itself.  It is
+    compiled without reference counting, so it must not create arrays; it is cached as part of the kernels that call it.
     """
     marked: Function = register_jitable(
         error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True, _nrt=False
@@ -131,7 +131,7 @@ def _kept(function: Function, found: Any) -> Function:
 
 
 def _locks(file: int) -> bool:
-    """Claim an open file; tell whether that was possible, as no other process has it."""
+    """Try to claim an open file; tell whether it worked, that is, whether no other process holds it."""
     try:
         platforms.claim(file)
     except BlockingIOError:
@@ -140,7 +140,7 @@ def _locks(file: int) -> bool:
 
 
 class _Nowhere(_CacheLocator):
-    """A place to keep nothing, for a program whose folder and whose user's folder can't be written."""
+    """The locator of last resort: nothing is cached, as neither the program's folder nor the user's can be written."""
 
     def __init__(self, line: int) -> None:
         self._line = line
@@ -159,15 +159,15 @@ class _Nowhere(_CacheLocator):
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> _Nowhere:
-        """Return the place for a function: there always is one."""
+        """Return the locator of a function; it never declines."""
         return cls(py_func.__code__.co_firstlineno)
 
 
 class _Shared(_CacheLocator):
-    """The user's folder: what a function is, not where it lies or when it was written, decides what is found."""
+    """The user's folder: a kernel is found by what the function is, not by the place or date of its source."""
 
     def ensure_cache_path(self) -> None:
-        """Make nothing: it is made with its first entry."""
+        """Make nothing: the folder is made with its first entry."""
 
     def get_cache_path(self) -> str:
         return str(folder())
@@ -180,13 +180,13 @@ class _Shared(_CacheLocator):
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> _Shared | None:
-        """Return the place, unless Numba was told another, or it is not this user's alone."""
+        """Return the locator, or None if Numba was given another folder, or others can write to the user's."""
         return cls() if _is_usable() else None
 
 
 @cache
 def folder() -> Path | None:
-    """Return the user's folder for compiled kernels, or None where it is switched off or Numba was told another."""
+    """Return the user's folder for compiled kernels; None if it is switched off or Numba was given another folder."""
     return None if os.environ.get("NUMBA_CACHE_DIR") else caches.folder("kernels", SWITCH)
 
 
@@ -205,10 +205,10 @@ class _Impl(CompileResultCacheImpl):
 
 
 class _Store(IndexDataCacheFile):
-    """What is kept of one function: a list of kernels by their types, and a file for each, named by what it holds.
+    """The cache of one function: a list of its kernels by their types, and a file for each, named by its key's digest.
 
-    Numba numbers the files, and writes the list first: of two processes that compile at once, and of one that finds
-    the list while an older file still lies there, one could take a kernel for another.
+    Numba numbers the files and writes the list first.  Then one kernel could be taken for another: when two processes
+    compile at once, or when a process finds the new list while an older file still has that number.
     """
 
     def __init__(self, place: str, base: str, stamp: str) -> None:
@@ -217,7 +217,7 @@ class _Store(IndexDataCacheFile):
         self._base = base
 
     def save(self, key: Any, data: Any) -> None:
-        """Write a kernel, then the list; what another process has added to it meanwhile may be compiled once more."""
+        """Write a kernel, then the list; an entry that another process adds meanwhile may be lost, and recompiled."""
         of_numba: Any = self
         name = f"{self._base}.{hashlib.sha256(of_numba._dump(key)).hexdigest()[:16]}{DATA}"
         of_numba._save_data(name, data)
@@ -231,7 +231,7 @@ class _Store(IndexDataCacheFile):
 
 
 class _SharedStore(_Store):
-    """The same in the user's folder: bounded, and what was not used for longest goes first."""
+    """The same in the user's folder: its size is bounded, and the least recently used kernels are removed first."""
 
     def _save_data(self, name: str, data: Any) -> None:
         of_numba: Any = self
@@ -248,7 +248,7 @@ class _SharedStore(_Store):
     def _load_data(self, name: str) -> Any:
         of_numba: Any = super()._load_data
         found = of_numba(name)
-        with contextlib.suppress(OSError):  # used: it stays
+        with contextlib.suppress(OSError):  # mark it as used, so that it stays
             path = os.path.join(self._cache_path, name)
             if os.stat(path).st_mtime < time.time() - _DAY:
                 os.utime(path)
@@ -257,10 +257,10 @@ class _SharedStore(_Store):
 
 
 class KernelCache(FunctionCache):
-    """Numba's store for one function, with the fingerprint of what it is made of in its keys."""
+    """Numba's cache of one function, with the fingerprint of all that the function is made of in its keys."""
 
     _impl_class = _Impl
-    #: How many kernels this process did not find, and compiles.
+    #: How many kernels this process did not find, and so compiles.
     missed = 0
     _prepared: ClassVar[weakref.WeakSet[Any]] = weakref.WeakSet()
 
@@ -275,30 +275,30 @@ class KernelCache(FunctionCache):
         self._shipped = IndexDataCacheFile(place, f"{self._base}-{py_func.__code__.co_firstlineno}", "shipped")
         self._making = making is not None
         self._store: _Store | None = None
-        #: What this process compiles while others compile with it: open files, which are locked.
+        #: The locked files by which this process claims what it is compiling, by signature (``compile_together``).
         self._claims: dict[str, int] = {}
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return what is kept of a function for these types, or None.
+        """Return the cached kernel of the function for these types, or None.
 
-        Numba brings the compiler's lists up to date at each look, which takes more than what is found.  Code that was
-        compiled needs them to be there; whoever compiles brings them up to date.
+        Numba refreshes the compiler's registries at each look-up, which takes longer than loading the kernel.  Loaded
+        code needs them to have been filled once; when something is compiled, they are refreshed anyway.
         """
         if target_context not in KernelCache._prepared:
             KernelCache._prepared.add(target_context)
             of_numba: Any = super().load_overload
             return of_numba(sig, target_context)
         found, guard = None, cast(Any, self._guard_against_spurious_io_errors)
-        with guard():  # Numba passes over some errors of the disk
+        with guard():  # Numba ignores some errors of the disk
             found = self._load_overload(sig, target_context)
-        return found  # noqa: RET504  - None where an error was passed over
+        return found  # noqa: RET504  - None if an error was ignored
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         of_numba: Any = super()._index_key
         return (*of_numba(sig, codegen), fingerprint(self._py_func))
 
     def _kept(self) -> _Store:
-        """Return the store; found when it is first used, as all that a function names is there by then."""
+        """Return the store, made at its first use: only then does all that the function names exist."""
         if self._store is None:
             path, stamp = self._cache_path, self._impl.locator.get_source_stamp()
             if isinstance(self._impl.locator, _Shared):
@@ -314,7 +314,7 @@ class KernelCache(FunctionCache):
         self._kept()
         try:
             found = of_numba(sig, target_context)
-        except Exception:  # damaged, or of types that another version of the program had: pickle raises anything
+        except Exception:  # damaged, or of types from another version of the program: pickle may raise anything
             self._forget()
             found = None
         if found is None and self._enabled and not self._making and shipped.fits():
@@ -326,13 +326,13 @@ class KernelCache(FunctionCache):
         return found
 
     def _claim(self, place: Path, sig: Any, target_context: Any) -> Any:
-        """Return what another process has compiled by the time that nobody is at it, or None: then it is this one's."""
+        """Wait while another process compiles this kernel, and return it; None: this process compiles it."""
         said = f"{self._py_func.__module__} {self._base} {fingerprint(self._py_func)} {sig}"
         try:
             claim = os.open(
                 place / hashlib.sha256(said.encode()).hexdigest(), os.O_RDWR | os.O_CREAT | platforms.OPEN_FLAGS, 0o600
             )
-        except OSError:  # the start that this was for is over
+        except OSError:  # the folder is gone: that start is over
             return None
         limit = time.monotonic() + _LONGEST
         while not _locks(claim):
@@ -349,12 +349,12 @@ class KernelCache(FunctionCache):
         return None
 
     def _forget(self) -> None:
-        """Take away the list of what is kept for the function: it is written anew with the next kernel."""
+        """Remove the list of the function's cached kernels; it is written anew with the next kernel."""
         with contextlib.suppress(OSError):
             os.unlink(self._kept()._index_path)
 
     def _load_shipped(self, sig: Any, target_context: Any) -> Any:
-        """Return the kernel that came with the program; None unless its files are the ones that were shipped."""
+        """Return the kernel shipped with the program; None unless its files are unchanged since then."""
         store = self._shipped
         if not shipped.sound(Path(store._index_path)):
             return None
@@ -368,7 +368,7 @@ class KernelCache(FunctionCache):
         if not isinstance(self._impl.locator, _Nowhere):
             of_numba: Any = super()._save_overload
             self._kept()
-            with contextlib.suppress(Exception):  # what is kept cannot be read, nor taken away: it is not kept then
+            with contextlib.suppress(Exception):  # the old cache can be neither read nor removed: go on without it
                 of_numba(sig, data)
         if self._making and self._impl.check_cachable(data):
             os.makedirs(self._shipped._cache_path, exist_ok=True)

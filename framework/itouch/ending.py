@@ -1,7 +1,7 @@
-"""How a program of ours ends: when its work is done, with its own exit code, and within some seconds after it.
+"""How a program of ours ends: when its work is done, with its own exit code, and within some seconds after that.
 
-Code of others runs in the process.  It may try to end the program at once, which would look like an end in order; and
-it may leave what never ends: threads, functions that ``atexit`` calls, locks that those wait for.
+Plugins run in the process.  Their code may try to end the program at once, which would look like an orderly end; and
+it may leave behind what never ends: threads, functions registered with ``atexit``, locks that those wait for.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
-#: How long [s] what others have left may take when all is done.
+#: How long [s] what plugins have left behind may take to end once all is done.
 LONGEST = 5.0
-#: Functions that end the process at once, in the modules under whose names they are found.
+#: Functions that end the process at once, with each module that has them.
 _ENDINGS = tuple(
     (module, name)
     for module in (os, sys.modules[os.name if os.name == "nt" else "posix"])
@@ -28,14 +28,14 @@ _ENDINGS = tuple(
     if hasattr(module, name)
 )
 _exit, _write, _sleep = os._exit, os.write, time.sleep
-#: What threads beside the loop's have tried in order to end the program: it was refused, and nobody was told.
+#: Attempts to end the program that were refused in threads other than the loop's, where no one sees the exception.
 refused: list[str] = []
-#: The exit code of a program whose work is done, else nothing.
+#: Holds the exit code once the program's work is done; empty until then.
 _done: list[int] = []
 
 
 def refuse_sudden_ends() -> None:
-    """Let nobody end this process, or put another program in its place, from now on; processes that it forks may."""
+    """From now on, refuse calls that end this process at once or replace its program; processes that it forks may."""
     own, loop = os.getpid(), _thread.get_ident()
     for module, name in _ENDINGS:
         setattr(module, name, _refusing(name, getattr(module, name), own, loop))
@@ -63,10 +63,10 @@ def end_now(code: int) -> None:
 
 
 def end_in_order(code: int) -> None:
-    """End this process as the interpreter does, except that it takes nothing apart: call it when all is done.
+    """End this process as the interpreter does, but without finalizing its objects: call it when all is done.
 
-    What others have left in garbage (``__del__``, callbacks of the collector) would be run while no thread runs any
-    more that could end it.
+    Finalizing would run what plugins have left in garbage (``__del__``, callbacks of the garbage collector) when no
+    thread runs any more that could end the process.
     """
     if not _done:
         end_soon(code)
@@ -78,9 +78,9 @@ def end_in_order(code: int) -> None:
 
 
 def end_soon(code: int) -> None:
-    """End the process with this exit code if it has not ended in some seconds: call it when all is done.
+    """End the process with this exit code if it has not ended within ``LONGEST``: call it when all is done.
 
-    The thread that waits is begun without `threading`, whose locks somebody may hold.
+    The thread that waits is started without `threading`, because another thread may hold the locks of that module.
     """
     _done.append(code)
     _thread.start_new_thread(_end_late, (code, _thread.get_ident()))
@@ -92,14 +92,14 @@ def _end_late(code: int, waited_for: int) -> None:
     place = _place(frame) or _threads() or " (registered with atexit, or holding a lock)"
     said = f"note: what a plugin has left{place} does not end; all is done, the program ends without\n"
     with contextlib.suppress(Exception):
-        _thread.start_new_thread(_flush, ())  # somebody may hold a stream: what can't go out then is lost
+        _thread.start_new_thread(_flush, ())  # another thread may hold a stream: what cannot be written then is lost
         _sleep(0.1)
         _write(2, said.encode())
     _exit(code)
 
 
 def _threads() -> str:
-    """Return the names of the threads that the interpreter waits for, without their lock."""
+    """Return the names of the threads that the interpreter waits for, without taking the lock of their list."""
     listed = getattr(sys.modules.get("threading"), "_active", {})
     names = [f"'{one.name}'" for one in list(listed.values()) if not one.daemon and one.name != "MainThread"]
     return f" (thread {', '.join(names)})" if names else ""
@@ -112,7 +112,7 @@ def _flush() -> None:
 
 
 def _place(frame: FrameType | None) -> str:
-    """Return where a frame is, or the first around it that is neither Python's own nor of this program."""
+    """Return file and line of the innermost frame, from this one outwards, that is not of Python or this program."""
     here = os.path.dirname(os.path.dirname(__file__))
     libraries = sysconfig.get_path("stdlib"), os.path.join(here, "itouch"), os.path.join(here, "itouch_tools")
     while frame is not None:

@@ -1,7 +1,7 @@
-"""The fingerprint of a compiled function: a digest of its code, of all that it calls, and of the constants they take.
+"""The fingerprint of a compiled function: a digest of its code, of all that it calls, and of the constants they use.
 
 Equal fingerprints mean equal machine code for equal types of arguments on one kind of processor, wherever the files
-lie and whenever they were written: what was compiled for one environment of Python serves another.
+are and whenever they were written: what was compiled for one Python environment serves another.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-#: Packages whose functions are told by their names: Numba looks after its own version.
+#: Packages whose functions are identified by name alone: Numba checks its own version, and NumPy's is in the digest.
 _OUTSIDE = frozenset(("builtins", "llvmlite", "math", "numba", "numpy"))
 
 
 @lru_cache(maxsize=1024)
 def fingerprint(function: Any) -> str:
-    """Return a digest of a function's code, of all that it calls, and of the constants that they take from outside."""
+    """Return a digest of a function's code, of all that it calls, and of the outside constants that they use."""
     found = hashlib.sha256(np.__version__.encode())
     seen: set[int] = set()
     waiting: list[Any] = [function]
@@ -36,7 +36,7 @@ def fingerprint(function: Any) -> str:
 
 
 class _Same:
-    """A value that is equal to itself alone: what a function is made of may not be hashable."""
+    """A value that is hashed and compared by identity: what a function is made of may not be hashable."""
 
     def __init__(self, value: Any) -> None:
         self.value = value
@@ -50,7 +50,7 @@ class _Same:
 
 @lru_cache(maxsize=8192)  # functions share most of what they call
 def _own(value: _Same) -> tuple[bytes, tuple[Any, ...]]:
-    """Return a digest of what a function itself is, and the functions that it uses."""
+    """Return a digest of a function alone, and the functions that it uses."""
     parts = list(_parts(value.value))
     digest = hashlib.sha256()
     for part in parts:
@@ -60,9 +60,9 @@ def _own(value: _Same) -> tuple[bytes, tuple[Any, ...]]:
 
 
 def _parts(value: Any) -> Iterator[Any]:
-    """Yield the bytes that tell what a value is, and the functions that it stands for or uses."""
+    """Yield the bytes that identify a value, and the functions that it wraps or uses."""
     inner = getattr(value, "py_func", None) or getattr(value, "_defn", None)
-    if inner is not None:  # a compiled function, or an intrinsic one
+    if inner is not None:  # a compiled function or an intrinsic
         yield repr(sorted(getattr(value, "targetoptions", {}).items(), key=str)).encode()
         yield inner
     elif isinstance(value, FunctionType):
@@ -86,7 +86,7 @@ def _parts(value: Any) -> Iterator[Any]:
 
 
 def _used(function: FunctionType) -> Iterator[Any]:
-    """Yield the code of a function, and what its names stand for in its module and in the modules that it names."""
+    """Yield the code of a function, and what its names refer to in its module and in the modules that it names."""
     names: set[str] = set()
     yield from _code(function.__code__, names, function.__doc__)
     for cell in function.__closure__ or ():
@@ -98,7 +98,7 @@ def _used(function: FunctionType) -> Iterator[Any]:
             yield name.encode()
             yield from _held(outer[name])
     seen = set()
-    while modules:  # also those that are named through another: package.module.constant
+    while modules:  # also modules reached through others: package.module.constant
         module = modules.pop()
         if module.__name__.partition(".")[0] in _OUTSIDE or module.__name__ in seen:
             continue
@@ -113,7 +113,7 @@ def _used(function: FunctionType) -> Iterator[Any]:
 
 
 def _held(value: Any) -> Iterator[Any]:
-    """Yield a function to be looked at in its turn, or what tells any other value."""
+    """Yield a function as it is, to be visited in its turn; of any other value, yield its parts."""
     if isinstance(value, FunctionType) or hasattr(value, "py_func") or hasattr(value, "_defn"):
         yield value
     else:
@@ -121,9 +121,9 @@ def _held(value: Any) -> Iterator[Any]:
 
 
 def _code(code: CodeType, names: set[str], doc: str | None = None) -> Iterator[bytes]:
-    """Yield the bytes of some code, and of the code inside it, not its docstring; collect the names that it uses."""
+    """Yield the bytes of a code object and of those nested in it, without ``doc``; collect the names that they use."""
     yield code.co_code
-    yield f"{code.co_argcount} {code.co_kwonlyargcount} {code.co_varnames}".encode()  # a caller may name its arguments
+    yield f"{code.co_argcount} {code.co_kwonlyargcount} {code.co_varnames}".encode()  # callers may pass by name
     names.update(code.co_names)
     for place, constant in enumerate(code.co_consts):
         if place == 0 and doc is not None and constant == doc:

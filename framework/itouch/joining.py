@@ -1,13 +1,13 @@
-"""Compiled functions joined into chains: several calls, each with arguments that never change, are one from Python.
+"""Compiled functions joined into chains: Python runs several calls, whose arguments never change, by a single one.
 
-A tick consists of many small compiled functions on views of State.  Called from Python each costs more than it
-computes: looking up its type and taking its arrays apart.  Here the arrays are taken apart once, and a ``Chain`` runs
-the calls one after the other, by their addresses.
+A tick consists of many small compiled functions on views of State.  When Python calls one of them, dispatching on its
+argument types and unpacking its arrays costs more than the computation.  Here the arrays are unpacked once, and a
+``Chain`` runs the calls one after the other, by their addresses.
 
-What passes from one call to the next stands in the arrays.  A function returns 0, or another number to say that
-Python is wanted: the chain stops there, and can go on behind it.  Several calls can be one step: ``SKIP`` says that
-nothing more is to be done of it.  The same function with the same arguments can be called from Python alone, and is
-then called so: there is one implementation.
+Data passes from one call to the next through the arrays.  A function returns 0, or another number to hand over to
+Python: the chain stops there, and can go on with the call after it.  Several calls can form one step: ``SKIP`` leaves
+out the rest of the step.  Where functions cannot be joined, Python calls the same function with the same arguments by
+itself: there is one implementation.
 """
 
 from __future__ import annotations
@@ -34,28 +34,28 @@ from numpy.typing import NDArray
 from itouch.compiling import kernel, nogil_kernel
 
 _SIGNATURE = int64(int64)
-#: What a call returns to leave out the others of its step.
+#: What a call returns to leave out the remaining calls of its step.
 SKIP = 1 << 40
-#: How many numbers say where a chain stands.
+#: How many numbers describe where a chain is in memory (``Chain._about``).
 _ABOUT = 7
-#: What arrays may hold.
+#: Element types that arrays may have.
 _KINDS = (
     np.float64, np.float32, np.int64, np.int32, np.int16, np.int8, np.uint64, np.uint32, np.uint16, np.uint8,
 )  # fmt: skip
-#: The entries of this process, by function, body and the named tuples in it.
+#: The compiled entries of this process, by function, body and the named tuples in the body.
 _made: dict[tuple[Any, ...], Any] = {}
 #: Their addresses, by function and kinds of arguments: a session has dozens of them, and a sweep ten thousand sessions.
 _addresses: dict[tuple[Any, ...], int] = {}
-#: Those that are only listed, while that is asked for (``listing``).
+#: Entries that are only listed and not compiled yet, inside ``listing``; else None.
 _listed: dict[tuple[Any, ...], Any] | None = None
-_untyped: Any = numba  # what it exports is not typed
+_untyped: Any = numba  # it exports no types
 intrinsic: Any = _intrinsic
 carray, config = _untyped.carray, _untyped.config
 
 
 @intrinsic
 def _pointer(typing: Any, address: Any) -> Any:
-    """Take a number as the address of memory."""
+    """Turn a number into a pointer."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.inttoptr(arguments[0], cgutils.voidptr_t)
@@ -65,7 +65,7 @@ def _pointer(typing: Any, address: Any) -> Any:
 
 @intrinsic
 def _only_read(typing: Any, array: Any) -> Any:
-    """Take an array as one that may not be written, as Python hands over what is read-only."""
+    """Give an array Numba's read-only type, which Python's read-only arrays have."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return imputils.impl_ret_borrowed(context, builder, signature.return_type, arguments[0])
@@ -75,7 +75,7 @@ def _only_read(typing: Any, array: Any) -> Any:
 
 @intrinsic
 def _call(typing: Any, address: Any, words: Any) -> Any:
-    """Call the function at an address with one number, and return its number."""
+    """Call the function at an address with one number, and return the number that it returns."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         number = ir.IntType(64)
@@ -87,7 +87,7 @@ def _call(typing: Any, address: Any, words: Any) -> Any:
 
 @intrinsic
 def _read_clock(typing: Any, address: Any, which: Any, memory: Any) -> Any:
-    """Call ``clock_gettime`` at its address."""
+    """Call ``clock_gettime`` at its address, for the clock ``which``; the result is written to ``memory``."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kind = ir.FunctionType(ir.IntType(32), [ir.IntType(32), ir.IntType(64)])
@@ -100,9 +100,10 @@ def _read_clock(typing: Any, address: Any, which: Any, memory: Any) -> Any:
 
 @nogil_kernel
 def run_chain(about: int, begin: int) -> int:
-    """Run the calls from ``begin`` on; return -1, or where one wants Python and what it says: index * 2**32 + code.
+    """Run the calls from ``begin`` on; return -1, or index * 2**32 + code of the call that hands over to Python.
 
-    ``about``: where the chain stands (``Chain``).  Numbers are what Python hands over quickest.
+    ``about``: the address of the chain's description (``Chain.place``).  Plain numbers are the quickest arguments to
+    pass from Python.
     """
     chain = carray(_pointer(about), _ABOUT, int64)
     count = chain[0]
@@ -139,7 +140,7 @@ def _run_timed(about: int, begin: int, stamps: Any, first: int) -> int:
 
 @nogil_kernel
 def host_time(about: int) -> float:
-    """Return the host's time [s] by the clock of a chain, which is that of ``time.perf_counter``."""
+    """Return the host's time [s] by the clock of a chain (of its place), which is that of ``time.perf_counter``."""
     chain = carray(_pointer(about), _ABOUT, int64)
     memory = carray(_pointer(chain[6]), 2, int64)
     _read_clock(chain[5], 1, chain[6])
@@ -148,7 +149,7 @@ def host_time(about: int) -> float:
 
 @nogil_kernel
 def _repeat(entries: Any, words: Any, ends: Any, tick: Any, rounds: int) -> int:
-    """Run all calls again and again, each time a tick later; return how often one left its step to Python."""
+    """Run all calls ``rounds`` times, a tick later each time; return how often a call handed over to Python."""
     left = 0
     for _ in range(rounds):
         i = 0
@@ -175,7 +176,7 @@ class Call(Protocol):
 class Chain:
     """Calls that run one after the other; of no use where compiling is switched off.
 
-    ``sizes`` says of how many calls each step consists; default: each call is one.
+    ``sizes`` gives the number of calls in each step; default: each call is a step of its own.
     """
 
     def __init__(self, calls: Sequence[Call], sizes: Sequence[int] = ()) -> None:
@@ -192,25 +193,27 @@ class Chain:
         self._memory = np.zeros(2, np.int64)
         arrays = (self._entries, self._blocks, self.ends, self.steps)
         addresses = [array.ctypes.data for array in arrays]
-        #: Where the chain stands, for compiled code: how many calls, their arrays, and the clock with its memory.
-        count = len(calls) if _listed is None else 0  # what is only listed can't be run
+        #: What compiled code needs to know of the chain: the number of calls, and the addresses of the arrays (entries,
+        #: argument words, ends, steps), of the clock's function and of the memory for its result.
+        count = len(calls) if _listed is None else 0  # entries that are only listed cannot be run
         self._about = np.array([count, *addresses, _clock_address(), self._memory.ctypes.data], np.int64)
-        #: The address of that.
+        #: The address of ``_about``.
         self.place = int(self._about.ctypes.data)
 
     def run(self, begin: int = 0) -> int:
-        """Run the calls from ``begin`` on; return -1, or where one wants Python: its index * 2**32 + its code."""
+        """Run the calls from ``begin`` on; return -1, or index * 2**32 + code of the call that hands over to Python."""
         return run_chain(self.place, begin)
 
     def warm_up(self) -> None:
-        """Compile, or load, what runs the calls; none of them is run."""
+        """Compile, or load from the cache, the functions that run chains; none of the calls is run."""
         self.run(len(self.calls))
         self.run_timed(np.zeros(1), 0, len(self.calls))
 
     def repeat(self, rounds: int, tick: NDArray[np.int64]) -> int:
-        """Run all calls so many times in one compiled loop, for measurements; ``tick`` (1,) goes on by one each time.
+        """Run all calls ``rounds`` times in one compiled loop, for measurements; ``tick`` (1,) advances by 1 each time.
 
-        What a step leaves to Python is left out with what remains of it.  Returns how often that was.
+        When a call hands over to Python, that work and the remaining calls of its step are left out.  Returns how often
+        this happened.
         """
         return _repeat(self._entries, self._blocks, self.ends, tick, rounds)
 
@@ -220,7 +223,7 @@ class Chain:
 
 
 def can_join() -> bool:
-    """Tell whether compiled functions can be joined here: not with the compiler switched off, or a clock of its own."""
+    """Tell whether functions can be joined here: the compiler is on, and compiled code can read Python's clock."""
     return (
         not config.DISABLE_JIT
         and _clock_address() != 0
@@ -229,9 +232,9 @@ def can_join() -> bool:
 
 
 def runner(calls: Sequence[Call]) -> Callable[[], int]:
-    """Return what runs calls one after the other from Python, as one of which nothing but the joined form is compiled.
+    """Return a function that runs the calls one after the other, joined where that is possible.
 
-    It returns -1, or where one wanted Python, as ``Chain.run`` does; compiling is done here.
+    It returns what ``Chain.run`` does.  The calls are compiled here, and in their joined form alone.
     """
     if can_join():
         chain = Chain(calls)
@@ -250,11 +253,12 @@ def runner(calls: Sequence[Call]) -> Callable[[], int]:
 
 @contextlib.contextmanager
 def listing() -> Iterator[Callable[[float], None]]:
-    """Let all entries that are asked for here only be listed: chains are built, but run nothing.
+    """Inside the context, only list the entries that chains need instead of compiling them; such chains run nothing.
 
-    Yields what compiles the entries that were listed by then, the last of them first, so that two processes that build
-    the same engine, one with a list, meet halfway; told a part of the list, from 0 to 1, it begins that far from its
-    end.  What another process has compiled meanwhile is loaded.
+    Yields a function that compiles the entries listed so far, the last one first, so that it meets another process that
+    builds the same engine, and compiles from the front, halfway.  Its argument, from 0 to 1, is the share of the list
+    that it skips at first, counted from the end, and compiles last.  What another process has compiled meanwhile is
+    loaded.
     """
     global _listed
     before, found = _listed, dict[tuple[Any, ...], Any]()
@@ -273,7 +277,7 @@ def listing() -> Iterator[Callable[[float], None]]:
 
 
 def is_newest(cls: type, joined: str, alone: str) -> bool:
-    """Tell whether no heir has replaced the method ``alone`` of the class whose method ``joined`` would run."""
+    """Tell whether the method ``joined`` may stand in for ``alone``: no class further down overrides ``alone`` only."""
     ancestry = cls.__mro__
     owners = [next(i for i, base in enumerate(ancestry) if name in vars(base)) for name in (joined, alone)]
     return owners[0] <= owners[1]
@@ -286,7 +290,7 @@ def _clock_address() -> int:
 
 
 def _words(arguments: Sequence[Any]) -> list[int]:
-    """Return arguments as words: of an array its address and its shape, of a number its bits."""
+    """Return arguments as 64-bit words: for an array its address and shape, for a number its bits."""
     words: list[int] = []
     for argument in arguments:
         if isinstance(argument, np.ndarray):
@@ -305,7 +309,7 @@ def _words(arguments: Sequence[Any]) -> list[int]:
 
 
 def _entry(call: Call) -> int:
-    """Return the address of a function that takes the address of the words, and calls with what they stand for."""
+    """Return the address of the call's entry: it takes the address of the argument words, and calls the function."""
     known = (call.function, _kinds(call.arguments))
     if _listed is not None:
         return _written(call)
@@ -315,7 +319,7 @@ def _entry(call: Call) -> int:
 
 
 def _kinds(arguments: Sequence[Any]) -> tuple[Any, ...]:
-    """Return what decides how arguments are put together again: of an array its kind, not its place."""
+    """Return what decides how arguments are rebuilt from their words: for an array its type, not its address."""
     return tuple(
         (each.ndim, each.dtype, each.flags.writeable) if isinstance(each, np.ndarray)
         else (type(each), _kinds(each)) if isinstance(each, tuple)
@@ -341,7 +345,7 @@ def _written(call: Call) -> int:
 
 
 def _joined(function: Callable[..., int], body: str, classes: dict[str, type]) -> Any:
-    """Return the entry of a function with this body, which nothing has compiled yet; it is kept beside the function."""
+    """Return the entry of a function with this body, not compiled yet; it is cached like the function itself."""
     inner: Any = getattr(function, "py_func", function)
     name = f"{inner.__name__}_{hashlib.sha256(body.encode()).hexdigest()[:12]}"
     names = {
@@ -354,7 +358,7 @@ def _joined(function: Callable[..., int], body: str, classes: dict[str, type]) -
 
 
 class _Writer:
-    """Writes how the arguments are put together again from their words."""
+    """Writes the code that rebuilds arguments from their words."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -390,6 +394,6 @@ class _Writer:
         data = self._next()
         shape = "".join(f"{self._next()}, " for _ in argument.shape)
         made = f"carray(pointer({data}), ({shape}), {argument.dtype.name})"
-        # of the same type as when Python calls: another one would be compiled once more, with all that it calls
+        # of the same type as when Python calls: another type would be compiled again, with all that the function calls
         self.lines.append(f"{name} = {made if argument.flags.writeable else f'only_read({made})'}")
         return name

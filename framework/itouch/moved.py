@@ -1,6 +1,6 @@
-"""Old names of modules that are in other packages now, for one version: importing one warns, and gives what is there.
+"""Old names of modules that have moved, kept for one version: importing one warns, and passes on to the new module.
 
-Only those that the documentation, a shipped scene or an entry point told users to import.
+Listed are only names that the documentation, a shipped scene or an entry point told users to import.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any, cast
 
-#: Old name -> where it is now, with all that is beneath.  They are texts, looked up when a user imports an old name:
-#: the core imports nothing of the tools or the evidence.
+#: Old name -> new name, also for submodules.  They are strings, imported only when a user imports an old name: the core
+#: itself imports nothing from the tools or the evidence.
 PLACES = {
     "itouch.bench": "itouch_evidence",
     "itouch.report": "itouch_tools.report",
@@ -24,16 +24,16 @@ PLACES = {
 
 
 class _Alias:
-    """Fills a module that passes on what another one has."""
+    """Loader of a module that passes on what another one has."""
 
     def __init__(self, to: str) -> None:
         self._to = to
 
     def create_module(self, spec: ModuleSpec) -> None:
-        """Leave it to Python to make the module."""
+        """Leave making the module to Python."""
 
     def exec_module(self, module: ModuleType) -> None:
-        """Let a module have what the other one has; warn where the name begins that has moved."""
+        """Pass on the other module's attributes; warn if this is the module that was moved, not a submodule of it."""
         if module.__name__ in PLACES:
             said = f"'{module.__name__}' is '{self._to}' now: import from there"
             warnings.warn(said, DeprecationWarning, stacklevel=2)
@@ -43,10 +43,10 @@ class _Alias:
 
 
 class _Moved:
-    """Asked last of all, so only for names that nobody else has found."""
+    """Finder of old names; last in ``sys.meta_path``, so it is asked only for modules that no other finder knows."""
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
-        """Return how to load an old name; None for any other."""
+        """Return the spec for loading an old name; None for any other name."""
         old = next((old for old in PLACES if name == old or name.startswith(f"{old}.")), None)
         if old is None:
             return None

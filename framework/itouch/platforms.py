@@ -1,7 +1,7 @@
-"""What differs between operating systems, in one place: what this one has, and what takes its place where it has not.
+"""What differs between operating systems, in one place: what this system has, and what replaces what it lacks.
 
-Simulated sessions run wherever Python does.  Hardware, the guardian and real-time priority need Linux: they stand on
-its process handles, its anonymous files and its scheduler, and what cannot be relied on is refused.
+Simulated sessions run wherever Python does.  Hardware, the guardian and real-time priority need Linux, as they rely on
+its process handles, its anonymous files and its scheduler; elsewhere they are refused.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ except ImportError:  # Windows
 
 #: Whether a session can run in a servo process with a guardian; elsewhere it runs in a thread, on twins only.
 SERVO_PROCESS: Final[bool] = hasattr(os, "memfd_create") and hasattr(os, "pidfd_open")
-#: Whether a process can go on as two.
+#: Whether a process can fork.
 FORKS: Final[bool] = hasattr(os, "fork")
-#: Whether files are locked as on Unix, by a lock that ends with the process.
+#: Whether files have Unix locks, which end with the process.
 FILE_LOCKS: Final[bool] = bool(fcntl)
-#: Flags for every ``os.open``: children do not inherit the file, and bytes stay bytes.
+#: Flags for every ``os.open``: child processes do not inherit the file, and no line ends are converted.
 OPEN_FLAGS: Final[int] = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-#: With it a pipe that nobody writes is not waited for.
+#: Flag of ``os.open`` with which opening and reading a pipe does not wait for a writer.
 NO_WAIT: Final[int] = getattr(os, "O_NONBLOCK", 0)
-#: What the kernel says of a process that has ended.
+#: States in /proc of a process that has ended.
 _ENDED = frozenset("ZXx")
-#: The system as a plain text: checkers of types decide by ``sys.platform`` what can be reached.
+#: The system as a plain string: of ``sys.platform`` itself, type checkers conclude which code cannot be reached.
 _SYSTEM = str(sys.platform)
-#: From the Windows API: the right to wait for a process, and what waiting says of one that runs.
+#: From the Windows API: the right to wait for a process, and the result of waiting for one that still runs.
 _SYNCHRONIZE, _WAIT_TIMEOUT = 0x100000, 0x102
-#: Where Windows locks a file [bytes]: far behind its end, for what is locked cannot be read by others.
+#: Offset at which Windows locks a file [bytes]: far beyond its end, since others cannot read a locked region.
 _FAR = 1 << 40
 
 
 def hardware_refused(names: list[str]) -> str:
-    """Return the sentence that refuses hardware, or an empty one where it may be driven."""
+    """Return the message that refuses these devices, or an empty string if this system may drive hardware."""
     if SERVO_PROCESS or not names:
         return ""
     listed = ", ".join(f"'{name}'" for name in names)
@@ -59,29 +59,30 @@ def _system() -> str:
 
 
 def keep_standard_numbers() -> None:
-    """Open onto nothing what is closed of the files 0, 1 and 2, for this process and those that it starts.
+    """Open the null device on those of the file descriptors 0, 1 and 2 that are closed; child processes inherit it.
 
-    Else the next files that are opened would get these numbers: a device what a program prints, or a library complains.
+    Otherwise the next files that are opened would get these numbers, and a device could receive what a program prints
+    or what a library complains.
     """
     for number in range(3):
         try:
             os.fstat(number)
         except OSError:
-            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # the lowest number that is free: this one
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # gets the lowest free number: this one
 
 
 def signals(*names: str) -> list[signal.Signals]:
-    """Return the signals that this system has, of those named."""
+    """Return those of the named signals that this system has."""
     return [getattr(signal, name) for name in names if hasattr(signal, name)]
 
 
 def cores() -> int:
-    """Return how many cores this process may use."""
+    """Return how many processor cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def limit(name: str) -> int:
-    """Return a limit of this process as it is in force, such as ``RLIMIT_RTPRIO``; -1 without one, 0 if unknown."""
+    """Return the soft limit of a resource such as ``RLIMIT_RTPRIO`` for this process; -1: unlimited, 0: unknown."""
     if resource is None or not hasattr(resource, name):
         return 0
     found = resource.getrlimit(getattr(resource, name))[0]
@@ -95,20 +96,20 @@ def priority() -> tuple[Any, ...]:
 
 
 def waits() -> int:
-    """Return how often this thread has given its processor away, to wait for something; 0 if that is not told."""
+    """Return how often this thread has given up its processor to wait (voluntary context switches); 0 if unknown."""
     if resource is None or not hasattr(resource, "RUSAGE_THREAD"):
         return 0
     return resource.getrusage(resource.RUSAGE_THREAD).ru_nvcsw
 
 
 def leave_no_core() -> None:
-    """Let this process die without writing its memory to the disk."""
+    """Let this process die without a core dump."""
     if resource is not None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
 
 
 def lives(process: int) -> bool:
-    """Tell whether a process exists and has not ended; one that nobody has buried yet has ended."""
+    """Tell whether a process exists and has not ended; a zombie has ended."""
     if process == os.getpid():
         return True
     try:
@@ -140,12 +141,12 @@ def _lives_elsewhere(process: int) -> bool:
 
 
 def claim(handle: int) -> None:
-    """Claim an open file for this process alone, until it is closed; where that is not known nothing happens.
+    """Lock an open file for this process alone until it is closed; where files cannot be locked, do nothing.
 
     Raises
     ------
     BlockingIOError
-        If another process has it.
+        If another process has locked it.
     """
     if FILE_LOCKS:
         try:
@@ -170,12 +171,12 @@ def claim(handle: int) -> None:
 
 
 class Memory:
-    """Memory that a child process maps, too: without a name where the system has that, else a temporary file.
+    """Memory shared with a child process: an anonymous file where the system has these, otherwise a temporary file.
 
     Attributes
     ----------
     word
-        What the child is told, for ``Memory.opened``.
+        What the child is told, and passes to ``Memory.opened``.
     passed
         File descriptors that the child must inherit.
     """
@@ -187,7 +188,7 @@ class Memory:
 
     @classmethod
     def create(cls, label: str, size: int) -> Memory:
-        """Make memory of so many bytes, all zero."""
+        """Make ``size`` bytes of memory, all zero."""
         if hasattr(os, "memfd_create"):
             memory = cls(os.memfd_create(label, 0), "")
         else:
@@ -197,7 +198,7 @@ class Memory:
 
     @classmethod
     def opened(cls, word: str) -> Memory:
-        """Open what a parent has made, by what it told."""
+        """Open the memory that the parent process has made, given its ``word``."""
         if word.isdigit():
             return cls(int(word), "")
         memory = cls(os.open(word, os.O_RDWR | OPEN_FLAGS), word)
@@ -205,29 +206,29 @@ class Memory:
         return memory
 
     def map(self, size: int) -> mmap.mmap:
-        """Map it."""
+        """Map the first ``size`` bytes."""
         return mmap.mmap(self.handle, size)
 
     def forget(self) -> None:
-        """Close the descriptor; what is mapped stays."""
+        """Close the file descriptor; existing mappings stay valid."""
         if self.handle >= 0:
             os.close(self.handle)
             self.handle = -1
 
     def _unlink(self) -> None:
-        """Let go of the name; on Windows that must wait until nobody has it open."""
+        """Remove the temporary file, if there is one; on Windows this works only once no process has it open."""
         if self._path:
             with contextlib.suppress(OSError):
                 os.unlink(self._path)
 
     def close(self) -> None:
-        """Leave nothing behind, once it is not mapped any more."""
+        """Close the memory and leave no file behind; call it when nothing maps it any more."""
         self.forget()
         self._unlink()
 
 
 class Ended:
-    """Sees the end of a pipe, such as a child's standard input when its parent dies; works on every system."""
+    """Detects the end of a pipe, such as a child's standard input when its parent dies; works on every system."""
 
     def __init__(self, handle: int) -> None:
         self._over = threading.Event()
@@ -240,13 +241,13 @@ class Ended:
         self._over.set()
 
     def wait(self, seconds: float) -> bool:
-        """Wait a little; tell whether it has ended."""
+        """Wait up to ``seconds`` [s] for the end; tell whether the pipe has ended."""
         return self._over.wait(seconds)
 
 
 @contextlib.contextmanager
 def answering(handlers: dict[signal.Signals, Any]) -> Iterator[None]:
-    """Answer signals while the context lasts, where this is the main thread; elsewhere nothing happens."""
+    """Handle signals with ``handlers`` inside the context if this is the main thread; in another thread do nothing."""
     before = {}
     if threading.current_thread() is threading.main_thread():
         before = {number: signal.signal(number, handler) for number, handler in handlers.items()}

@@ -1,8 +1,8 @@
-"""Kernels that came compiled with the program: whether they fit this machine, and whether each is what was shipped.
+"""Kernels shipped with the program: whether they fit this machine, and whether each file is the one that was shipped.
 
-They lie in the package's folder ``compiled``, made by ``.ci/compile_kernels.py`` for a kind of processor that is older
-than most, so that a first start is as quick as a later one.  A folder that others can write, a file with another
-digest than the manifest's, another Python, Numba or processor: all mean that the kernels are compiled here instead.
+They are in the package's folder ``compiled``.  ``.ci/compile_kernels.py`` makes them, for a processor level that most
+machines have, so that a first start is as quick as later ones.  If others can write to the folder, if a file's digest
+differs from the manifest's, or if Python, Numba or the processor does not fit, kernels are compiled here instead.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from typing import Any
 
 FOLDER = Path(__file__).parent / "compiled"
 MANIFEST = "manifest.json"
-#: While kernels are compiled to be shipped: the folder that they are written to.
+#: Environment variable that is set while kernels are compiled for shipping: the folder to write them to.
 MAKING = "ITOUCH_SHIP_KERNELS"
-#: What a processor must have for what is compiled for x86-64-v3, by the names of /proc/cpuinfo, and by those of LLVM.
+#: Features that x86-64-v3 needs of a processor: the name in /proc/cpuinfo -> the name in LLVM.
 NAMES = {
     "avx": "avx", "avx2": "avx2", "bmi1": "bmi", "bmi2": "bmi2", "f16c": "f16c", "fma": "fma", "abm": "lzcnt",
     "movbe": "movbe", "xsave": "xsave",
 }  # fmt: skip
 V3 = frozenset(NAMES)
 BASELINE = "x86-64-v3"
-#: What the processor itself says that it lacks, though the system says otherwise.
+#: Features that the processor itself reports as missing though the system lists them.
 _lacking: frozenset[str] = frozenset()
 
 
 def choose_processor() -> None:
-    """Let Numba compile for the kind of processor of the shipped kernels, if they fit; before Numba is imported."""
+    """Let Numba compile for the processor level of the shipped kernels, if they fit; call before importing Numba."""
     if fits() and "NUMBA_CPU_NAME" not in os.environ and "NUMBA_CPU_FEATURES" not in os.environ:
         os.environ["NUMBA_CPU_NAME"], os.environ["NUMBA_CPU_FEATURES"] = BASELINE, ""
 
 
 def confirm_processor() -> None:
-    """Ask the processor itself, too, and take the choice back if it lacks something; before kernels are compiled.
+    """Ask the processor itself too, and undo the choice if it lacks a feature; call before kernels are compiled.
 
-    An emulator passes on what the system tells of the machine below it.  LLVM asks the processor, but is slow to load:
-    where kernels are made it has to be there anyway.
+    Under emulation, /proc/cpuinfo may describe the host machine.  LLVM asks the processor, but is slow to load; where
+    kernels are compiled it is needed anyway.
     """
     if not fits() or not (lacks := V3 - asked_flags()):
         return
@@ -50,21 +50,21 @@ def confirm_processor() -> None:
     fits.cache_clear()
     why_not.cache_clear()
     if os.environ.get("NUMBA_CPU_NAME") == BASELINE:
-        for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"):  # whoever set the first may not have set the second
+        for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"):  # a user may have set the first alone
             os.environ.pop(name, None)
-    if "numba" in sys.modules:  # a plugin may have been first
+    if "numba" in sys.modules:  # a plugin may have imported it already
         sys.modules["numba"].config.reload_config()
 
 
 @cache
 def fits() -> bool:
-    """Tell whether there are shipped kernels, and they may be used here."""
+    """Tell whether there are shipped kernels that may be used here."""
     return not why_not() if (FOLDER / MANIFEST).exists() else False
 
 
 @cache
 def why_not() -> str:
-    """Return why shipped kernels can't be used here, or an empty text; also if none were shipped."""
+    """Return why shipped kernels cannot be used here (there may be none), or an empty string if they can."""
     try:
         manifest = _manifest()
         status = FOLDER.stat()
@@ -83,7 +83,7 @@ def why_not() -> str:
 
 
 def made_with() -> dict[str, str]:
-    """Return what shipped kernels depend on, besides the kind of processor and what is in their keys."""
+    """Return what shipped kernels depend on besides the processor level and what their cache keys contain."""
     from importlib.metadata import version
 
     python = f"{sys.implementation.name} {sys.version_info[0]}.{sys.version_info[1]}"
@@ -92,7 +92,7 @@ def made_with() -> dict[str, str]:
 
 
 def processor_flags() -> frozenset[str]:
-    """Return what this machine's processor can do, by the names of /proc/cpuinfo; nothing where that is not told."""
+    """Return the processor's features as listed in /proc/cpuinfo; an empty set where there is no such file."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -102,7 +102,7 @@ def processor_flags() -> frozenset[str]:
 
 
 def asked_flags() -> frozenset[str]:
-    """Return what the processor itself says it can do of what is needed, by the names of /proc/cpuinfo."""
+    """Return which of the needed features the processor itself reports (through LLVM), by their /proc/cpuinfo names."""
     from llvmlite.binding import get_host_cpu_features
 
     try:
@@ -113,7 +113,7 @@ def asked_flags() -> frozenset[str]:
 
 
 def sound(path: Path) -> bool:
-    """Tell whether a shipped file is the one that the manifest names."""
+    """Tell whether a shipped file has the digest that the manifest lists."""
     try:
         known = _manifest()["files"].get(path.relative_to(FOLDER).as_posix())
         return known is not None and hashlib.sha256(path.read_bytes()).hexdigest() == known
@@ -130,7 +130,7 @@ def _manifest() -> dict[str, Any]:
 
 
 def write_manifest(folder: Path) -> int:
-    """Write the manifest of kernels that were compiled into a folder, and return how many there are."""
+    """Write the manifest of the kernels that were compiled into a folder; return how many kernels there are."""
     paths = sorted(path for path in folder.rglob("*") if path.suffix in (".nbi", ".nbc"))
     files = {p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in paths}
     content = {**made_with(), "processor": BASELINE, "files": files}

@@ -1,4 +1,4 @@
-"""Virtual arms: a mouse, a keyboard or a gamepad leads the finger on them, or a recording does."""
+"""Virtual arms: their finger is led by a mouse, a keyboard, a gamepad or a recording."""
 
 from itouch.arms.interactive import Gamepad, Keyboard, Mouse
 from itouch.arms.recorded import Recorded

@@ -1,6 +1,6 @@
-"""A gamepad straight from the Linux kernel, for machines without a display; by the kernel's own layout of gamepads.
+"""A gamepad read directly from the Linux kernel, for machines without a display, by the kernel's layout of gamepads.
 
-Linux documentation, "Linux Gamepad Specification" and "Input event codes".
+Source: Linux documentation, "Linux Gamepad Specification" and "Input event codes".
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 _EVENT = struct.Struct("@llHHi")
 _SYN, _KEY, _ABS = 0, 1, 3
 _DROPPED = 3
-#: The button that every gamepad has, and the axes that are used: left stick, right stick up and down.
+#: Codes of the button that every gamepad has, and of the axes that are used: left stick, right stick up and down.
 GAMEPAD, LEFT_X, LEFT_Y, RIGHT_Y = 0x130, 0, 1, 4
 _AXES = {LEFT_X: "leftx", LEFT_Y: "lefty", RIGHT_Y: "righty"}
 _READ, _NAME_BYTES = 2, 256
@@ -23,7 +23,7 @@ _READ, _NAME_BYTES = 2, 256
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """What the kernel says of an input device: its name, the keys that it has, and the range of each axis."""
+    """What the kernel knows of an input device: its name, its keys, and the range of each axis that is used."""
 
     name: str
     keys: frozenset[int]
@@ -36,7 +36,7 @@ def describe(descriptor: int) -> Description:
     Raises
     ------
     OSError
-        If it is none.
+        If it is not one.
     """
     name = _ask(descriptor, 0x06, _NAME_BYTES).split(b"\0")[0].decode(errors="replace")
     keys = _bits(_ask(descriptor, 0x20 + _KEY, 96))
@@ -60,7 +60,7 @@ def _bits(data: bytes) -> set[int]:
 
 
 class EventPad:
-    """An open gamepad: its sticks, -1 to 1, right and down positive, as `itouch.arms.gamepad.Controller` has them."""
+    """An open gamepad: its sticks, -1 to 1, right and down positive, as in `itouch.arms.gamepad.Controller`."""
 
     def __init__(self, descriptor: int, description: Description) -> None:
         self._descriptor = descriptor
@@ -70,10 +70,10 @@ class EventPad:
         self.device = self
 
     def open(self) -> None:
-        """Do nothing: it is open."""
+        """Do nothing: it is open already."""
 
     def poll(self) -> bool:
-        """Take what has come; there is nothing left to select then."""
+        """Read all events that have arrived; return False, as there is nothing left for ``select``."""
         while self.is_open:
             try:
                 data = os.read(self._descriptor, 64 * _EVENT.size)
@@ -89,15 +89,15 @@ class EventPad:
                     low, high = self._ranges[code]
                     part = (2.0 * value - low - high) / (high - low) if high > low else 0.0
                     setattr(self, _AXES[code], max(-1.0, min(1.0, part)))
-                elif kind == _SYN and code == _DROPPED:  # the kernel's queue was full: better at rest than stuck
+                elif kind == _SYN and code == _DROPPED:  # the kernel's queue overflowed: rest rather than stick
                     self.leftx = self.lefty = self.righty = 0.0
         return False
 
     def select(self) -> None:
-        """Do nothing: `poll` has taken all."""
+        """Do nothing: `poll` has read everything."""
 
     def close(self) -> None:
-        """End reading it."""
+        """Close the gamepad."""
         if self.is_open:
             self.is_open = False
             os.close(self._descriptor)
@@ -106,7 +106,7 @@ class EventPad:
 def find(
     folder: str = "/dev/input", *, look: Callable[[int], Description] = describe
 ) -> tuple[EventPad | None, list[str]]:
-    """Open the first gamepad; return it, or None, and the files that this user may not read.
+    """Open the first gamepad; return it, or None, and the device files that this user may not read.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A gamepad, read by asking: it needs neither a window nor an event loop."""
+"""A gamepad, read by polling: it needs neither a window nor an event loop."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from typing import Any, Protocol
 from itouch.arms import evdev
 
 Vector = tuple[float, float, float]
-#: What of a stick's way is rest.
+#: Dead zone of a stick, as a share of its travel.
 REST = 0.15
 
 
 class PadError(Exception):
-    """There is no gamepad that can be used; the message says why."""
+    """No gamepad can be used; the message says why."""
 
 
 class Controller(Protocol):
-    """What is used of pyglet's controllers: the sticks, -1 to 1, down and right positive."""
+    """The part of pyglet's controllers that is used: the sticks, -1 to 1, down and right positive."""
 
     device: Any
     leftx: float
@@ -49,9 +49,9 @@ class Pad:
         return self._controller is not None
 
     def sticks(self) -> Vector:
-        """Return where the sticks are, -1 to 1: left stick right and up, right stick up; rest near their middle.
+        """Return the deflections of the sticks, -1 to 1: left stick right and up, right stick up; 0 near the middle.
 
-        A gamepad that was unplugged rests for ever.
+        A gamepad that was unplugged stays at rest.
         """
         if self._controller is not None:
             self._poll(self._controller)
@@ -61,7 +61,7 @@ class Pad:
         return _rested(pad.leftx), _rested(-pad.lefty), _rested(-pad.righty)
 
     def _poll(self, controller: Controller) -> None:
-        """Let pyglet take what has come: on Linux only an event loop, which we do not run, would ask it to."""
+        """Let pyglet read the events that have arrived: on Linux only its event loop, which we do not run, does so."""
         device = controller.device
         if not (hasattr(device, "poll") and hasattr(device, "select")):
             return
@@ -76,7 +76,7 @@ class Pad:
             logging.getLogger(__name__).warning("gamepad: %s was unplugged", self.name)
 
     def close(self) -> None:
-        """End reading it; one that is gone is no error here."""
+        """Close the gamepad; it is no error if it is gone."""
         controller, self._controller = self._controller, None
         if controller is not None:
             with contextlib.suppress(Exception):
@@ -88,7 +88,7 @@ def _rested(value: float) -> float:
 
 
 def find_pad() -> Pad:
-    """Open the first gamepad: as pyglet finds it where there is a display, else as the Linux kernel does.
+    """Open the first gamepad that pyglet finds; on Linux, without a display or if it finds none, that of the kernel.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def _first() -> Controller:
     if not sys.platform.startswith("linux"):
         return _of_pyglet()
     if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        with contextlib.suppress(PadError):  # it knows the wiring of many, and leaves out some
+        with contextlib.suppress(PadError):  # it knows the layouts of many gamepads, but not of all
             return _of_pyglet()
     return _of_kernel()
 
@@ -125,13 +125,13 @@ def _of_kernel() -> Controller:
 def _of_pyglet() -> Controller:
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a gamepad without a stored mapping is told by its axes
+            warnings.simplefilter("ignore")  # of gamepads without a stored mapping
             import pyglet.input
 
             found = pyglet.input.get_controllers()
     except FileNotFoundError as error:
         raise PadError("none: there is no folder /dev/input on this machine") from error
-    except Exception as error:  # each platform says in its own way that it has none
+    except Exception as error:  # each platform fails in its own way without gamepads
         raise PadError(f"gamepads cannot be looked for: {type(error).__name__}: {error}") from error
     if not found:
         raise PadError("none is attached, or this user may not read it (on Linux: join the group 'input')")

@@ -1,7 +1,7 @@
 """Simulated arms whose finger a person leads by mouse, keyboard or gamepad.
 
-The finger hangs on an arm without mass or friction.  Its hand follows the person where there is a window (a gamepad
-needs none), and the scene's ``<operator>`` otherwise.  The arm's force moves the simulated finger; nobody feels it.
+The finger holds an arm without mass or friction.  Its hand follows the person if there is a window (a gamepad needs
+none), and otherwise the scene's ``<operator>``.  The arm's force moves the simulated finger; nobody feels it.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class LedArm(TwinOnlyArm):
 
 
 class Mouse(LedArm):
-    """A simulated arm whose finger the mouse leads across, and its wheel up and down, in the window."""
+    """A simulated arm whose finger the mouse leads horizontally in the window, and its wheel up and down."""
 
     Params = MouseParams
     operator_input = OperatorInput(input_source="mouse")
@@ -71,7 +71,7 @@ class Mouse(LedArm):
 
 
 class Keyboard(LedArm):
-    """A simulated arm whose finger the arrow keys lead across, and Page Up and Down up and down, in the window."""
+    """A simulated arm whose finger the arrow keys lead horizontally in the window, and Page Up and Down up and down."""
 
     Params = KeyboardParams
     operator_input = OperatorInput(input_source="keyboard")
@@ -83,7 +83,7 @@ class Keyboard(LedArm):
 
 
 class Gamepad(LedArm):
-    """A simulated arm whose finger a gamepad leads: the left stick across, the right one up and down."""
+    """A simulated arm whose finger a gamepad leads: the left stick horizontally, the right one up and down."""
 
     Params = GamepadParams
     operator_input = OperatorInput(input_source="gamepad")

@@ -1,4 +1,4 @@
-"""Poses over time, by which a recorded arm moves: out of a recording, a table of text, or made up."""
+"""Poses over time, along which a recorded arm moves: from a recording, a text table, or a built-in example."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ MOST_ROWS = 4_000_000
 _PLACE, _TURN = ("x", "y", "z"), ("qw", "qx", "qy", "qz")
 _SCALES = {"": 1.0, "m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "s": 1.0, "ms": 1e-3}
 _LENGTHS = ("m", "mm", "cm", "um")
-#: What the framework puts before the name of a command, and of what is true of a twin.
+#: Parts of State names that mark commands and a twin's true values.
 _TOLD = {"command", "sent", "out", "twin"}
-#: Where a recorded probe was: the framework's own name for it.
+#: The framework's name for the position of a recorded probe.
 _HIP = "hip"
 _LABEL = re.compile(r"^(?P<name>[^\[]*?)\s*(?:\[(?P<unit>[^\]]*)\])?$")
 
 
 def example() -> Motion:
-    """Return four seconds of a finger that comes down by 30 mm, strokes along by 20 mm, and goes up again."""
+    """Return four seconds of a finger that moves down by 30 mm, strokes sideways by 20 mm, and moves up again."""
     times = np.arange(401, dtype=np.float64) * 0.01
     down, along, up = (_blend(times, begin) for begin in (0.4, 1.6, 2.8))
     poses = np.zeros((len(times), 7))
@@ -39,18 +39,18 @@ def example() -> Motion:
 
 
 def _blend(times: NDArray[np.float64], begin: float) -> NDArray[np.float64]:
-    """Minimum jerk from 0 to 1 in 0.8 s (Flash and Hogan 1985)."""
+    """Minimum jerk from 0 to 1 within 0.8 s after ``begin`` (Flash and Hogan 1985)."""
     s: NDArray[np.float64] = np.clip((times - begin) / 0.8, 0.0, 1.0)
     return np.asarray(s**3 * (10.0 + s * (6.0 * s - 15.0)), np.float64)
 
 
 def from_recording(name: str, data: bytes, track: str) -> Motion:
-    """Return the pose of a recorded device, or the place of a recorded probe.
+    """Return the poses of a recorded device, or the positions of a recorded probe.
 
     Raises
     ------
     ParameterError
-        Naming what is not in the file, and what is.
+        If the recording cannot be read or has no such track; names the tracks that it has.
     """
     try:
         content = parse(name, data, len(data))
@@ -83,16 +83,16 @@ def _named_by(track: Track, role: Role) -> str:
 
 
 def from_csv(data: bytes) -> Motion:
-    """Return the poses of a table of text.
+    """Return the poses of a text table.
 
-    Columns are found as ``itouch-py export`` writes them: ``time [s]``, and the one quantity that has the parts
-    ``.x [m]``, ``.y [m]``, ``.z [m]`` and perhaps ``.qw`` ... ``.qz``, commands and the like left out; or
-    ``t, x, y, z`` and perhaps ``qw, qx, qy, qz``; without names they stand in this order.
+    Columns are named as ``itouch-py export`` writes them: ``time [s]``, and the only quantity with the parts
+    ``.x [m]``, ``.y [m]``, ``.z [m]`` and perhaps ``.qw`` ... ``.qz`` (commands and the like are ignored); or
+    ``t, x, y, z`` and perhaps ``qw, qx, qy, qz``; columns without names are in this order.
 
     Raises
     ------
     ValueError
-        Saying what is not there.
+        If the table is not of this form; says what is missing.
     """
     try:
         text = data.decode("utf-8-sig")
@@ -120,7 +120,7 @@ def from_csv(data: bytes) -> Motion:
 
 
 def _named(header: list[str]) -> list[tuple[int, float]]:
-    """Return index and scale of time, position and, if they are there, of the quaternion's parts."""
+    """Return index and scale to SI of the columns of time, position and, if there is one, quaternion."""
     found: dict[str, tuple[int, float]] = {}
     labels = [_LABEL.match(label.strip()) for label in header]
     placed = _placed([(match["name"], match["unit"] or "") for match in labels if match is not None])
@@ -148,7 +148,7 @@ def _named(header: list[str]) -> list[tuple[int, float]]:
 
 
 def _placed(columns: list[tuple[str, str]]) -> set[str]:
-    """Return the quantities that have a place in a unit of length, of what was read or is true of a probe."""
+    """Return the quantities that are positions in a unit of length (else without a unit), of readings and probes."""
     parts: dict[str, dict[str, str]] = {}
     for name, unit in columns:
         owner, _, part = name.rpartition(".")
@@ -174,12 +174,12 @@ def _is_number(word: str) -> bool:
 
 
 def checked(times: NDArray[np.float64], values: NDArray[np.float64]) -> Motion:
-    """Return a motion from times [s] and positions (n, 3) or poses (n, 7), beginning at 0.
+    """Return a motion from times [s] and positions (n, 3) or poses (n, 7) [m; quaternion]; its times begin at 0.
 
     Raises
     ------
     ValueError
-        If there are fewer than two rows, times that do not rise, what is no number, or quaternions of no length.
+        If there are fewer than two rows, times do not increase, a number is not finite, or a quaternion is zero.
     """
     if len(times) < 2:
         raise ValueError(f"it has {len(times)} rows; a motion has two at least")

@@ -1,4 +1,4 @@
-"""A recording as an arm (`recorded`): it reads the pose that was recorded, whatever force it is commanded."""
+"""A recording as an arm (`recorded`): it reads the recorded pose, whatever force it is commanded."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from itouch.plugin import (
 )
 from itouch.schema.files import open_regular
 
-#: Greatest file [bytes].
+#: Largest file [bytes].
 MOST = 256 << 20
-#: How near [samples] to a sample its pose is taken as it is: recorded times are rounded.
+#: Nearer than this to a sample [samples], its pose is used as it is: recorded times are rounded.
 _NEAR = 1e-6
 
 
@@ -52,7 +52,7 @@ class RecordedParams:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Played:
-    """Parameters with the file's content: times [s] from 0 on, rising, and poses (n, 7)."""
+    """Parameters with the file's content: increasing times from 0 on [s], and poses (n, 7) [m; quaternion]."""
 
     params: RecordedParams
     times: list[float]
@@ -60,11 +60,11 @@ class Played:
 
     @property
     def duration(self) -> float:
-        """How long it lasts [s]; what repeats has no end."""
+        """How long it lasts [s]; 0 if it repeats and so has no end."""
         return 0.0 if self.params.repeat else self.times[-1]
 
     def at(self, time: float) -> list[float]:
-        """Return the pose at a time [s]: between two samples on the straight way, turning evenly."""
+        """Return the pose at a time [s]: positions are interpolated linearly, quaternions linearly and normalized."""
         times = self.times
         if self.params.repeat and time > times[-1]:
             time = math.fmod(time, times[-1])
@@ -89,32 +89,32 @@ def _between(here: list[float], there: list[float], part: float) -> list[float]:
 
 
 class RecordedTwin(Twin):
-    """Plays the recording on the session's own clock; forces do not move it."""
+    """Plays the recording by the session's clock; forces do not move it."""
 
     def __init__(self, params: Any) -> None:
         super().__init__(params)
         self._played = params if isinstance(params, Played) else Recorded.bind(params, _read)
 
     def fields(self) -> tuple[Field, ...]:
-        """Return how much of it has been played [s]."""
+        """Return the field with the time that has been played [s]."""
         return (Field("time", unit="s", doc="how much of the recording has been played", show="no"),)
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:
-        """Begin at its beginning."""
+        """Start at the beginning."""
         state["time"] = 0.0
 
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
-        """Play on."""
+        """Advance the time by one period [s]."""
         state["time"] = state["time"].item() + period
 
     def read(self, state: Record, reading: Record) -> bool | None:
-        """Give the pose of this moment."""
+        """Read the pose of this moment."""
         reading["pose"] = self._played.at(state["time"].item())
         return True
 
 
 class Recorded(TwinOnlyArm):
-    """A recording as an arm: it replays a recorded pose; forces are rendered and recorded, and move nothing."""
+    """A recording as an arm: it replays a recorded pose; forces are rendered and recorded, but move nothing."""
 
     Params = RecordedParams
     reads = (pose(),)
@@ -129,12 +129,12 @@ class Recorded(TwinOnlyArm):
 
     @classmethod
     def bind(cls, params: Any, read: Callable[[str, int], bytes]) -> Played:
-        """Return the parameters with what their file holds.
+        """Return the parameters with the content of their file.
 
         Raises
         ------
         ParameterError
-            If the file holds no such motion.
+            If the file does not contain such a motion.
         """
         if not params.file:
             return Played(params, *example())
@@ -154,17 +154,17 @@ class Recorded(TwinOnlyArm):
 
     @classmethod
     def discover(cls) -> tuple[Attached, ...]:
-        """Tell that it needs nothing but a file."""
+        """Return that it needs nothing but a file."""
         return (Attached("a file that a scene names", True, "or, without one, a built-in example"),)
 
 
 def _read(file: str, most: int) -> bytes:
-    """Read a file outside of a session: its name is relative to where the program runs.
+    """Read a file without a session, with its name relative to the working folder.
 
     Raises
     ------
     DeviceError
-        If it can't be read.
+        If it cannot be read, or is too large.
     """
     try:
         if os.path.getsize(file) > most:

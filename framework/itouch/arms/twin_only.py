@@ -1,4 +1,4 @@
-"""What virtual arms share: they are twins alone, with the force and stiffness of a common desktop arm."""
+"""What virtual arms share: they only have a twin, with the force and stiffness of a common desktop arm."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ FORCE, STIFFNESS = 8.0, 3000.0
 
 
 class TwinOnlyArm(Device):
-    """A simulated arm; what leads its finger is `input_source`."""
+    """A simulated arm; its `input_source` leads the finger."""
 
     commands = (wrench(force=FORCE),)
     opening = Opening(twin_only=True)

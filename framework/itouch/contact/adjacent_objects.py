@@ -1,4 +1,4 @@
-"""What lies beside the place of a contact: how far along the surface another object begins."""
+"""What lies beside a contact: how far away along the surface another object begins."""
 
 import numpy as np
 
@@ -11,15 +11,15 @@ from itouch.contact.scratch import Mesh, empty_site, put_object, site_rows
 from itouch.contact.search import nearest
 from itouch.contact.vectors import Floats, Vector, dot, norm, place_of, sub, vector
 
-#: Nearer than this another object is here, whatever way its nearest point lies [m].
+#: An object nearer than this counts as adjacent, in whatever direction its nearest point lies [m].
 _HERE = 1e-5
-#: Cosine to the surface's normal above which the other object lies below the surface, or above it, and not beside.
+#: Greatest |cosine| between the surface's normal and the direction to an object that lies beside, not above or below.
 _ASIDE = 0.35
 
 
 @inner
 def _away(site: Floats, k: int, mesh: Mesh, p: Vector, reach: float) -> tuple[float, Vector]:
-    """Distance of a point from a mesh, and the way from its nearest point; infinite beyond reach."""
+    """Distance [m] of a point from a mesh, and the vector to it from the mesh's nearest point; inf beyond ``reach``."""
     square, found, q = nearest(*mesh, int(site[k, at.FRAME_ROOT]), to_local(site, k, p), reach, -1, site)
     way = sub(p, to_world(site, k, q))
     return (np.sqrt(square), way) if found >= 0 else (np.inf, way)
@@ -29,7 +29,7 @@ def _away(site: Floats, k: int, mesh: Mesh, p: Vector, reach: float) -> tuple[fl
 def beside(
     world: Floats, mesh: Mesh | None, poses: Floats, primary: int, point: Floats, normal: Floats, reach: float
 ) -> tuple[int, float]:
-    """Find the object that lies beside a contact: its nearest point is along the surface.
+    """Find the object that lies beside a contact, with its nearest point in a direction along the surface.
 
     Parameters
     ----------

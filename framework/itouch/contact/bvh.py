@@ -1,10 +1,10 @@
 """Bounding-volume hierarchy over triangles, in flat arrays.
 
 A node is one row of float32: for each of its two children a box and a slab (mean normal n, and the bounds of n . x),
-then for each child a reference and a count. Count 0: the reference is a node; else a leaf: the first of ``count``
-triangles, which lie side by side. Boxes and slabs are rounded outwards, so that they never hide a triangle; references
-are whole numbers that float32 holds exactly (below 2**24). On a smooth surface a slab is far thinner than a box: it
-tells that a patch beside the point of contact does not reach into a probe.
+then for each child a reference and a count. With count 0 the child is a node, and the reference is its row; otherwise
+it is a leaf, and the reference is the first of its ``count`` consecutive triangles. Boxes and slabs are rounded
+outwards, so that they never hide a triangle; references are whole numbers that float32 holds exactly (below 2**24). On
+a smooth surface a slab is far thinner than a box: it shows that a patch beside the contact does not reach into a probe.
 
 Splits minimise the surface area heuristic over bins along the widest axis of the centroids (Wald, "On fast
 construction of SAH-based bounding volume hierarchies", 2007).
@@ -19,7 +19,7 @@ from itouch.contact.vectors import Floats
 Floats32 = NDArray[np.float32]
 Ints32 = NDArray[np.int32]
 
-LEAF = 4  # most triangles in a leaf
+LEAF = 4  # greatest number of triangles in a leaf
 BINS = 16
 MAX_DEPTH = 60
 TRIANGLE_WIDTH = 7
@@ -229,7 +229,7 @@ def _reach(nodes: Floats32, node: int, side: int, x: float, y: float, z: float, 
 
 @entry
 def add_slabs(vertices: Floats, triangles: Ints32, nodes: Floats32) -> None:
-    """Fill in the slabs, from the leaves up; children have higher rows than their parents.
+    """Fill in the slabs, from the leaves up; the rows of children come after those of their parents.
 
     ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH), ``nodes`` (m, NODE_WIDTH) [m] as `build` leaves
     them, filled in place.
@@ -267,10 +267,10 @@ def add_slabs(vertices: Floats, triangles: Ints32, nodes: Floats32) -> None:
 def pack(vertices: Floats, faces: Ints32, order: Ints32) -> tuple[Floats, Ints32]:
     """Vertices and triangles in the order of the leaves, so that what is near in space is near in memory.
 
-    Returns (v, 3) vertices that are used, and (n, TRIANGLE_WIDTH): three vertices, the face's number as given, and room
-    for the neighbours.
+    Returns the vertices in use, (v, 3) [m], and the triangles, (n, TRIANGLE_WIDTH): three vertices, the index of the
+    face as given, and room for the neighbours.
 
-    ``vertices`` (v, 3) [m], ``faces`` (n, 3), ``order`` (n,) the numbers of the faces in the order of the leaves.
+    ``vertices`` (v, 3) [m], ``faces`` (n, 3), ``order`` (n,) the indices of the faces in the order of the leaves.
     """
     number = np.full(vertices.shape[0], -1, np.int32)
     packed = np.empty_like(vertices)

@@ -1,7 +1,7 @@
-"""Continuous collision: where a sphere that is moved along a straight line first touches an object.
+"""Continuous collision detection: where a sphere that moves along a straight line first touches an object.
 
-The distance of a moving point from a convex object is a convex function of the way it has gone, so Newton's iteration
-for "distance = radius" from the free side never passes the root and converges quadratically.
+The distance of a moving point from a convex object is a convex function of the distance travelled, so Newton's
+iteration for "distance = radius" from the free side never passes the root and converges quadratically.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ from itouch.contact.scratch import Mesh, empty_site, put_object, site_rows
 from itouch.contact.vectors import Floats, Vector, along, dot, norm, place_of, put, sub, vector
 
 BACK = 0.025  # a probe that has sunk in by less than this still faces the surface that it came through [m]
-_CLOSE = 1e-9  # [m]; the root is then nearer than this over the cosine of the incidence
+_CLOSE = 1e-9  # gap at which the iteration ends [m]; the root is then nearer than this over the cosine of incidence
 _STEPS = 100
 _NO_NORMAL = (0.0, 0.0, 0.0)
 
@@ -27,7 +27,7 @@ _NO_NORMAL = (0.0, 0.0, 0.0)
 def _advance(
     site: Floats, k: int, start: Vector, way: Vector, radius: float, first: float, last: float
 ) -> tuple[float, Vector]:
-    """First touch of one primitive between ``first`` and ``last`` along the way, or infinity; all world frame."""
+    """Distance of the first touch of a primitive between ``first`` and ``last`` (inf: none), normal; world frame."""
     gone, normal = first, _NO_NORMAL
     for _ in range(_STEPS):
         depth, local, _ = distance(site, k, to_local(site, k, along(start, gone, way)))
@@ -45,7 +45,7 @@ def _advance(
 
 @inner
 def _meet(site: Floats, k: int, start: Vector, way: Vector, radius: float, limit: float) -> tuple[float, Vector]:
-    """First touch of one primitive; negative where the probe has already sunk into the side that it faces."""
+    """Distance of the first touch of a primitive; negative if the probe has already sunk into the side it faces."""
     depth, _, _ = distance(site, k, to_local(site, k, start))
     if depth >= radius:
         return _advance(site, k, start, way, radius, 0.0, limit)
@@ -56,14 +56,14 @@ def _meet(site: Floats, k: int, start: Vector, way: Vector, radius: float, limit
     beyond = 2.0 * (site[k, at.FRAME_BOUND] + radius)
     if beyond < np.inf:
         leave, _ = _advance(site, k, start, (-way[0], -way[1], -way[2]), radius, -beyond, 0.0)
-        if leave <= 0.0 and -leave < -entry_way:  # nearer to the far side than to this one: it is on its way out
+        if leave <= 0.0 and -leave < -entry_way:  # nearer to the far side than to this one: on its way out
             return np.inf, normal
     return entry_way, normal
 
 
 @inner
 def _meet_mesh(site: Floats, mesh: Mesh, k: int, start: Vector, way: Vector, limit: float) -> tuple[float, Vector]:
-    """First touch of a mesh; negative where the probe has already sunk into a front that it faces."""
+    """Distance of the first touch of a mesh; negative if the probe has already sunk into a front that it faces."""
     q, local = to_local(site, k, start), unrotate(site, k, way)
     gap, _, _ = mesh_overlap(site, mesh, k, q)
     if gap < 0.0:
@@ -87,7 +87,7 @@ def sphere_cast(
     max_distance: float,
     normal_out: Floats,
 ) -> tuple[float, int]:
-    """Find where a sphere moved from a place along a unit direction first touches an object.
+    """Find where a sphere that moves from a point along a unit direction first touches an object.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def sphere_cast(
     radius, max_distance
         [m].
     normal_out
-        (3,), written: the object's normal where it is touched.
+        (3,), written: the object's normal at the point of touch.
 
     Returns
     -------

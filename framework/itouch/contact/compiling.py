@@ -1,4 +1,4 @@
-"""How the contact kernels are compiled: entries with a signature, inner functions, inlined ones."""
+"""How the contact kernels are compiled: entries that Python calls, inner functions, inlined ones."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -13,14 +13,14 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 
 def entry(function: Function) -> Function:
-    """Compile a kernel that Python calls; kept on disk together with all that it calls."""
+    """Compile a kernel that Python calls; it is cached on disk together with all that it calls."""
     return kernel(function)
 
 
 def inner(function: Function) -> Function:
-    """Let kernels call a function, compiled without wrappers for Python; Python runs it as it is written.
+    """Let kernels call a function, compiled without wrappers for Python; from Python, it runs as plain Python.
 
-    It takes part in no counting of references (see ``borrow``), so it may not make arrays.
+    It is compiled without reference counting (see ``borrowed``), so it must not create arrays.
     """
     marked: Function = register_jitable(
         error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False
@@ -29,6 +29,6 @@ def inner(function: Function) -> Function:
 
 
 def making(function: Function) -> Function:
-    """Like ``inner``, for a function that makes arrays of its own."""
+    """Like ``inner``, for a function that creates arrays."""
     marked: Function = register_jitable(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
     return marked

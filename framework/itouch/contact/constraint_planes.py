@@ -1,4 +1,4 @@
-"""Constraint planes of the god-object: one of each near primitive, and of each mesh triangle in view."""
+"""Constraint planes of the god-object: one for each near primitive, and for each mesh triangle in view."""
 
 from itouch.contact import layout as at
 from itouch.contact.compiling import inlined, inner
@@ -12,7 +12,7 @@ from itouch.contact.vectors import Floats, Vector
 
 @inner
 def gather(site: Floats, mesh: Mesh | None, p: Vector, reach: float) -> int:
-    """Fill the planes of all that is within ``reach`` of the probe's surface at ``p``; returns how many.
+    """Write the planes of everything within ``reach`` of the surface of a probe at ``p``; returns how many.
 
     ``site`` (rows, SITE_WIDTH); ``p`` and ``reach`` [m], world frame.
     """
@@ -35,7 +35,7 @@ def gather(site: Floats, mesh: Mesh | None, p: Vector, reach: float) -> int:
 
 @inlined
 def touching(site: Floats, mesh: Mesh | None, p: Vector) -> int:
-    """Fill the planes of all that touches a probe at ``p``; returns how many.
+    """Write the planes of everything that touches a probe at ``p``; returns how many.
 
     A plane that does not touch yet is a safe bound for a move, but it exerts no force.
 

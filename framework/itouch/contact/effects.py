@@ -1,19 +1,19 @@
 """What a surface adds to the proxy's spring: layers, texture, stick-slip, viscosity, vibration, attraction.
 
 The kernel runs between ``step`` and the force layer, and only where a scene asks for an effect.  It scales and turns
-the spring's force in the result (layers, texture), and writes what comes on top of it (the rest).
+the spring's force in the result (layers, texture), and writes the force to be added to it (all other effects).
 
-* Layers: the spring's force becomes a function of the whole deflection r = |proxy - HIP|, by the sum of the layers'
-  stiffness over the way gone through each; it keeps its direction.  A radial force is the gradient of an energy.
+* Layers: the spring's force becomes a function of the whole deflection r = |proxy - HIP|: the sum over the layers of
+  stiffness times the depth gone through each; it keeps its direction.  A radial force is the gradient of an energy.
 * Texture: the surface is carved by delta = depth (1 - h), h the height map's value 0 to 1 at the place of the surface
   that is nearest to the HIP.  U = K/2 (d - delta)^2 while the HIP is d > delta deep; the force is -grad U, of which the
-  part along the surface is K (d - delta) grad delta (Ho, Basdogan and Srinivasan 1999).  Friction keeps to its cone
-  about the normal force that is left.
-* Stick-slip: a spring from the HIP to a point of the surface where it holds, up to a force; beyond it lets go and holds
-  anew where it is.  It never holds with more than the normal force.
+  part along the surface is K (d - delta) grad delta (Ho, Basdogan and Srinivasan 1999).  Friction stays within its
+  cone about the normal force that is left.
+* Stick-slip: a spring holds the HIP at a point of the surface up to a greatest force; beyond it, the spring lets go and
+  takes hold at the point where the HIP is then.  It never holds with more than the normal force.
 * Viscosity: -b times the HIP's velocity along the surface, relative to it.
-* Vibration: along the normal; a steady one while touched, and a decaying one after a tap whose size is in proportion
-  to the speed of impact (Okamura, Dennerlein and Howe 1998).  It never pulls the finger in.
+* Vibration: along the normal; a steady one while touched, and a decaying one after a tap, with an amplitude in
+  proportion to the speed of impact (Okamura, Dennerlein and Howe 1998).  It never pulls the finger in.
 * Attraction: towards the nearest surface, F (1 - (g / range)^2)^2 at the gap g < range, F in contact.
 """
 
@@ -83,7 +83,7 @@ def _texture(
 def _spring(
     table: Floats, samples: Floats, world: Floats, poses: Floats, stiffness: Floats, hip: Vector, result: Floats
 ) -> None:
-    """Replace the spring's force by that of layers and texture."""
+    """Turn and scale the spring's force in ``result``, for texture and layers."""
     n, k = vector(result, at.RESULT_NORMAL), result[at.RESULT_STIFFNESS]
     force = vector(result, at.RESULT_FORCE)
     push = dot(force, n)
@@ -112,7 +112,7 @@ def _spring(
 
 @inner
 def _stick_slip(table: Floats, poses: Floats, obj: int, hip: Vector, n: Vector, push: float, memory: Floats) -> Vector:
-    """Hold the HIP at a point of the surface, and let go beyond the greatest force."""
+    """Return the force [N] that holds the HIP at a point of the surface; beyond the greatest force, let go."""
     k, most = table[obj, SLIP_STIFFNESS], min(table[obj, SLIP_FORCE], push)
     centre = place_of(poses, obj)
     if memory[HELD] > 0.0:
@@ -127,7 +127,7 @@ def _stick_slip(table: Floats, poses: Floats, obj: int, hip: Vector, n: Vector, 
 
 @inner
 def _vibration(table: Floats, obj: int, push: float, memory: Floats) -> float:
-    """Force along the normal [N]: steady while touched, decaying after a tap; never more of a pull than the push."""
+    """Force along the normal [N]: steady while touched, decaying after a tap; it pulls no harder than ``push``."""
     time = memory[SINCE]
     force = table[obj, BUZZ_FORCE] * math.sin(2.0 * math.pi * table[obj, BUZZ_FREQUENCY] * time)
     if table[obj, TAP_GAIN] > 0.0:
@@ -140,7 +140,7 @@ def _vibration(table: Floats, obj: int, push: float, memory: Floats) -> float:
 def _touch(
     table: Floats, poses: Floats, velocity: Vector, hip: Vector, period: float, memory: Floats, result: Floats
 ) -> Vector:
-    """Return the force on top of the spring's while an object is touched [N]."""
+    """Return the force to be added to the spring's while an object is touched [N]."""
     obj, n = int(result[at.RESULT_PRIMARY]), vector(result, at.RESULT_NORMAL)
     relative = sub(velocity, vector(result, at.RESULT_SURFACE_VELOCITY))
     closing = -dot(relative, n)
@@ -178,15 +178,15 @@ def render_effects(
     world, poses, stiffness, hip_at
         As in ``step``.
     velocity_at
-        (3,) of the HIP [m/s].
+        Velocity of the HIP, (3,) [m/s].
     period
-        Of a tick [s].
+        Length of a tick [s].
     memory
         (EFFECTS_MEMORY,) what the probe remembers; all zero before the first tick.
     result
-        Of ``step``; its force is rewritten.
+        The result of ``step``; its force is rewritten.
     extra
-        (3,), written: the force on the operator that comes on top [N].
+        (3,), written: the force on the operator to be added to that force [N].
     """
     hip, force = vector(hip_at, 0), (0.0, 0.0, 0.0)
     if result[at.RESULT_PRIMARY] >= 0.0:

@@ -7,9 +7,9 @@ from itouch.contact.vectors import Floats, Vector
 
 @inner
 def rotate(f: Floats, k: int, v: Vector) -> Vector:
-    """Object's direction to world, by the present pose.
+    """Turn a direction from the object's frame to the world's, by the present pose.
 
-    ``f``: a site, (rows, SITE_WIDTH), whose row ``k`` is the object's; ``v`` in whatever unit.
+    ``f``: a site, (rows, SITE_WIDTH), whose row ``k`` is the object's; ``v`` in any unit.
     """
     c = FRAME_NOW
     return (
@@ -21,9 +21,9 @@ def rotate(f: Floats, k: int, v: Vector) -> Vector:
 
 @inner
 def unrotate(f: Floats, k: int, v: Vector) -> Vector:
-    """World direction to object's, by the present pose.
+    """Turn a direction from the world's frame to the object's, by the present pose.
 
-    ``f``: a site, (rows, SITE_WIDTH), whose row ``k`` is the object's; ``v`` in whatever unit.
+    ``f``: a site, (rows, SITE_WIDTH), whose row ``k`` is the object's; ``v`` in any unit.
     """
     c = FRAME_NOW
     return (
@@ -35,7 +35,7 @@ def unrotate(f: Floats, k: int, v: Vector) -> Vector:
 
 @inner
 def to_world(f: Floats, k: int, q: Vector) -> Vector:
-    """Object's point to the world, by the present pose.
+    """Transform a point from the object's frame to the world's, by the present pose.
 
     ``f``: a site, (rows, SITE_WIDTH), whose row ``k`` is the object's; ``q`` [m].
     """
@@ -46,7 +46,7 @@ def to_world(f: Floats, k: int, q: Vector) -> Vector:
 
 @inner
 def to_local(f: Floats, k: int, p: Vector) -> Vector:
-    """World point to the object's frame, by the present pose.
+    """Transform a point from the world's frame to the object's, by the present pose.
 
     ``f``: a site, (rows, SITE_WIDTH), whose row ``k`` is the object's; ``p`` [m].
     """
@@ -61,7 +61,7 @@ def to_local(f: Floats, k: int, p: Vector) -> Vector:
 
 @inner
 def to_local_then(f: Floats, k: int, p: Vector) -> Vector:
-    """World point to the object's frame, by the pose of the last step.
+    """Transform a point from the world's frame to the object's, by the pose of the last step.
 
     ``f``: a site, (rows, SITE_WIDTH), whose row ``k`` is the object's; ``p`` [m].
     """

@@ -1,9 +1,9 @@
 """Coulomb friction of the proxy: it stays where it sticks, and slides no farther than to the edge of the cone.
 
-With the frictionless solution N deep above the goal and a tangential distance t from the proxy to it, the proxy sticks
-while t <= mu_s N, and once it slides it follows at t = mu_d N until t falls below that (Salisbury's friction cone for a
-god-object; Melder and Harwin 2004 for several surfaces at once). With several contacts N is the length of the resultant
-normal force and mu the mean of the contacts' coefficients, weighted by their shares.
+Let N be the distance of the HIP below the frictionless solution, and t the tangential distance from the proxy to that
+solution. The proxy sticks while t <= mu_s N; once it slides, it follows at t = mu_d N until t falls below that
+(Salisbury's friction cone for a god-object; Melder and Harwin 2004 for several surfaces at once). With several contacts
+N is the length of the resultant normal force and mu the mean of the contacts' coefficients, weighted by their shares.
 """
 
 from itouch.contact import layout as at
@@ -18,7 +18,7 @@ Pressed = tuple[int, Solution, float, float]
 #: How often the proxy may slip on in one step, from one surface to another.
 MAX_SLIPS = 6
 _MARGIN = 1e-9  # relative slack of the cone against rounding
-_MARGIN_SLIDING = 1e-3  # likewise after a slide over a curved surface, whose normal has turned on the way
+_MARGIN_SLIDING = 1e-3  # the same after a slide over a curved surface, whose normal has turned on the way
 
 
 @inlined
@@ -60,7 +60,7 @@ def drag(site: Floats, mesh: Mesh | None, start: Vector, hip: Vector, slip: int)
     pressed = press(site, mesh, p, hip)
     for _ in range(MAX_SLIPS):
         _, solution, static, dynamic = pressed
-        goal, rubs = hip, static > 0.0 and solution[4]  # without a contact that rubs: straight on
+        goal, rubs = hip, static > 0.0 and solution[4]  # without friction: straight to the HIP
         if rubs:
             tangential = solution[0]
             normal, wanted = norm(sub(tangential, sub(hip, p))), norm(tangential)
@@ -76,7 +76,7 @@ def drag(site: Floats, mesh: Mesh | None, start: Vector, hip: Vector, slip: int)
         pressed = press(site, mesh, p, hip)
         if not rubs:
             return p, at.SLIP_NONE if solution[1] < 0 else at.SLIP_SLIDE, pressed
-        if p[0] == before[0] and p[1] == before[1] and p[2] == before[2]:  # nor would it move the next time
+        if p[0] == before[0] and p[1] == before[1] and p[2] == before[2]:  # it would not move the next time either
             break
     return p, at.SLIP_SLIDE, pressed
 
@@ -108,7 +108,7 @@ def first_touch(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) ->
 
 @inner
 def into_cone(force: Vector, direction: Vector, mu: float) -> Vector:
-    """Cut the tangential part of a force to the cone of ``mu`` about the unit normal ``direction``."""
+    """Reduce the tangential part of a force to the friction cone of ``mu`` about the unit normal ``direction``."""
     push = dot(force, direction)
     tangential = along(force, -push, direction)
     size = norm(tangential)

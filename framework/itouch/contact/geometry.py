@@ -18,7 +18,7 @@ from itouch.contact.vectors import Floats
 
 @dataclass(frozen=True, slots=True)
 class Friction:
-    """Coulomb friction of one object, and whether a surface without inside is touched from both sides.
+    """Coulomb friction of one object, and whether its mesh is touched from both sides.
 
     ``dynamic`` must not exceed ``static``; both are >= 0. ``shading`` smooths a mesh's force by its vertex normals.
     """
@@ -37,7 +37,7 @@ class Friction:
 
 
 def join_tables(surfaces: Sequence[Surface]) -> tuple[list[int], Tables | None]:
-    """Join the tables of several surfaces; returns the row of each one's root. A single surface is not copied."""
+    """Join the tables of several surfaces; returns the row of each root, and the tables. A single one is not copied."""
     distinct: list[Surface] = []
     for surface in surfaces:
         if not any(surface is other for other in distinct):
@@ -136,7 +136,7 @@ class Geometry:
         return layout.MEMORY_POSES + 7 * self.count
 
     def memory_range(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return the lowest and the highest number of each place of a probe's memory that is an index or a count."""
+        """Return lower and upper bounds of the numbers in a probe's memory: infinite but for indices and counts."""
         low, high = np.full(self.memory_size(), -np.inf), np.full(self.memory_size(), np.inf)
         objects = slice(layout.MEMORY_CONTACTS, layout.MEMORY_CONTACTS + 2 * layout.MAX_CONTACTS, 2)
         low[[layout.MEMORY_SLIP, layout.MEMORY_COUNT]] = 0
@@ -145,7 +145,7 @@ class Geometry:
         low[objects], high[objects] = (
             -1,
             max(self.count - 1, 0),
-        )  # places that are not in use are 0, also without objects
+        )  # entries that are not in use are 0, also without objects
         return tuple(low.tolist()), tuple(high.tolist())
 
     def new_memory(self) -> Floats:
@@ -153,7 +153,7 @@ class Geometry:
         return np.zeros(self.memory_size())
 
     def new_result(self) -> Floats:
-        """Return the result of one probe as before any step: no contact, nothing near."""
+        """Return the result of one probe before its first step: no contact, nothing near."""
         result = np.zeros(layout.RESULT_SIZE)
         result[[layout.RESULT_PRIMARY, layout.RESULT_NEAREST]] = -1.0
         result[layout.RESULT_DISTANCE] = np.inf

@@ -1,7 +1,7 @@
 """The small quadratic programme of the god-object: the point nearest to a goal inside at most 16 half-spaces.
 
-In three dimensions at most three planes are active at the solution. They are found plane by plane: when a new plane is
-violated by the solution so far, it is active in the new one, which is then sought on that plane alone (the argument of
+In three dimensions at most three planes are active at the solution. Planes are added one by one: if the solution so far
+violates the new plane, that plane is active in the new solution, which is then sought on it alone (the argument of
 Seidel, "Small-dimensional linear programming and convex hulls made easy", 1991, for a quadratic objective).
 Coordinates are relative to an anchor, so that rounding does not grow with the distance from the world's origin.
 """
@@ -76,8 +76,8 @@ def nearest_inside(planes: Floats, count: int, goal: Vector) -> Solution:
     Returns
     -------
     tuple
-        The point relative to the anchor, up to three active planes (-1: none), and whether the planes leave room at
-        all. The anchor itself is a solution whenever every gap is >= 0.
+        The point relative to the anchor, up to three active planes (-1: none), and whether there is any point inside
+        all half-spaces. The anchor itself is inside whenever every gap is >= 0.
     """
     slack = 1e-12 * norm(goal) + 1e-16
     best: Solution = (goal, -1, -1, -1, True)

@@ -1,4 +1,4 @@
-"""Height maps of textures: read from PNG, PGM or .npy, and made gentle enough to be felt stably."""
+"""Height maps of textures: read from PNG, PGM or .npy, and smoothed so that they can be rendered stably."""
 
 import io
 import re
@@ -10,23 +10,23 @@ from itouch.contact.png import grey_of_png
 
 Heights = NDArray[np.float64]
 
-#: Greatest file of a height map [bytes], and its greatest number of samples.
+#: Largest file of a height map [bytes], and its greatest number of samples.
 MAX_BYTES = 32 * 2**20
 MAX_SAMPLES = 2048 * 2048
-STEEPEST = 1.0  # slope of the carved surface that is let be
+STEEPEST = 1.0  # greatest slope of the carved surface that is left as it is
 _PGM = re.compile(rb"P([25])(?:\s+|#[^\n]*\n)+(\d{1,6})(?:\s+|#[^\n]*\n)+(\d{1,6})(?:\s+|#[^\n]*\n)+(\d{1,6})\s")
 
 
 def height_map(data: bytes) -> Heights:
     """Return the values of a height map, 0 (deep) to 1 (at the surface), (rows, columns).
 
-    PNG and PGM images give their grey values; a ``.npy`` array of floats its values, which must lie in 0 to 1, one of
-    whole numbers its values over the greatest of its type.
+    PNG and PGM images give their grey values; a ``.npy`` array of floats its values, which must lie in 0 to 1; an array
+    of integers its values divided by the greatest of its type.
 
     Raises
     ------
     ValueError
-        If it is too large, of another kind, damaged, or holds values that are no heights.
+        If it is too large, of another format, damaged, or holds values outside 0 to 1.
     """
     if data.startswith(b"\x89PNG"):
         values = grey_of_png(data, MAX_SAMPLES)
@@ -83,16 +83,16 @@ def _in_range(values: Heights) -> Heights:
 
 
 def gentle(values: Heights, depth: float, pitch: float) -> tuple[Heights, int]:
-    """Smooth a map until its surface is nowhere steeper than STEEPEST, with a window of [1 2 1] / 4 both ways.
+    """Smooth a map until its surface is nowhere steeper than STEEPEST, with a window of [1 2 1] / 4 in both directions.
 
-    A map that repeats has to fit at its edges too.  Steeper flanks are beyond what a loop at 1 kHz can render.
+    The map repeats, so opposite edges are treated as neighbours.  A loop at 1 kHz cannot render steeper flanks.
 
     Parameters
     ----------
     values
         Heights as parts of the depth, 0 to 1, shape (rows, columns).
     depth, pitch
-        What a height of 1 means [m], and the distance of neighbours [m].
+        The depth that a height of 1 stands for [m], and the distance between neighbouring samples [m].
 
     Returns
     -------

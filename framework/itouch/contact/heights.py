@@ -15,7 +15,7 @@ Height = tuple[float, float, float]
 
 @inner
 def _sample(samples: Floats, first: int, rows: int, columns: int, u: float, v: float) -> Height:
-    """Value of a map, linear between its samples, and its two derivatives by the place in samples."""
+    """Value of a map at (u, v) [samples], linear between samples, and its derivatives with respect to u and v."""
     x, y = u + 0.5 * columns - 0.5, v + 0.5 * rows - 0.5
     i, j = int(math.floor(x)), int(math.floor(y))
     s, t = x - i, y - j

@@ -1,6 +1,6 @@
-"""Where each number stands in the contact engine's flat arrays: memory of a probe, result, scratch rows.
+"""The place of each number in the contact engine's flat arrays: memory of a probe, result, scratch rows.
 
-The engine takes and gives flat ``float64`` arrays, because the framework owns the memory: the probe's memory is a
+The engine reads and writes flat ``float64`` arrays, because the framework owns the memory: the probe's memory is a
 field of its State record, the result a field that is rewritten on every tick. Every index has its name here.
 """
 
@@ -20,7 +20,7 @@ WORLD_DYNAMIC_FRICTION: Final = 6
 WORLD_SIDES: Final = 7  # ONE_SIDED, TWO_SIDED or SOLID
 WORLD_MESH: Final = 8  # the row of the mesh's root in the table of nodes
 WORLD_SHADING: Final = 9  # 1: force shading by vertex normals
-WORLD_SKIN: Final = 10  # distance that stands for r = 0 on a surface without thickness [m]
+WORLD_SKIN: Final = 10  # least radius with which a probe is treated on a surface without thickness [m]
 WORLD_WIDTH: Final = 11
 
 KIND_PLANE: Final = 0
@@ -80,7 +80,7 @@ PLANE_OBJECT: Final = 0
 PLANE_FEATURE: Final = 1
 PLANE_NORMAL: Final = 2  # three numbers, world frame
 PLANE_GAP: Final = 5  # distance of the solver's anchor from the plane; < 0: the anchor violates it [m]
-PLANE_LOAD: Final = 6  # multiplier: depth that this plane takes of (solution - goal) [m]
+PLANE_LOAD: Final = 6  # multiplier: this plane's share of (solution - goal) [m]
 PLANE_FRAME: Final = 7  # row of the object
 MAX_PLANES: Final = 16
 
@@ -107,7 +107,7 @@ FRAME_POSE: Final = 12  # width of one pose; that of the last step follows, fill
 FRAME_KIND: Final = 26
 FRAME_SIZE: Final = 27  # three numbers, as in the world table
 FRAME_REACH: Final = 30  # the probe's radius; for a surface without thickness at least its skin [m]
-FRAME_SLACK: Final = 31  # depth of a triangle in the probe that is let be [m]
+FRAME_SLACK: Final = 31  # how deep a triangle may reach into the probe and still be ignored [m]
 FRAME_ROOT: Final = 32
 FRAME_BOUND: Final = 33
 FRAME_SIDES: Final = 34  # of a mesh: ONE_SIDED, TWO_SIDED or SOLID

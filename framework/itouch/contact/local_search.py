@@ -1,8 +1,9 @@
-"""The short way for small moves over a mesh: guess the place, prove that it is right.
+"""A shortcut for small moves over a mesh: guess the new position, then prove that it is right.
 
-When the probe is large against the move, two free places that lie less than a quarter of its radius apart are joined
-by a path that is free for a probe one percent smaller; so it is enough that the new place is free and that the
-planes which touch there hold the goal back. Most steps then cost a single search of the hierarchy, for an intruder.
+When the probe is large compared with the move, two free positions less than a quarter of its radius apart are joined
+by a path that is free for a probe one percent smaller; so it is enough that the new position is free and that the
+planes which touch there hold the goal back. Most steps then cost a single search of the hierarchy, for a triangle that
+intrudes.
 """
 
 from itouch.contact import layout as at
@@ -18,14 +19,14 @@ from itouch.contact.search import intruder
 from itouch.contact.triangle import nearest_of
 from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub
 
-NEAR = 0.25  # of the radius: farthest place that the short way goes to
+NEAR = 0.25  # of the radius: the longest move that the shortcut makes
 ROUNDS = 12
-WALK = 16  # triangles at most that are walked over in search of the nearest one
+WALK = 16  # greatest number of triangles walked over in search of the nearest one
 
 
 @inner
 def _walk(mesh: Mesh, first: int, q: Vector) -> tuple[int, Vector]:
-    """Go from a triangle to its neighbours for as long as that leads nearer to ``q``; triangle and nearest point."""
+    """Walk from triangle to triangle as long as they are nearer to ``q``; returns the last and its nearest point."""
     nearest = first
     foot = nearest_of(mesh[0], mesh[1], first, q)
     d = sub(q, foot)
@@ -46,7 +47,7 @@ def _walk(mesh: Mesh, first: int, q: Vector) -> tuple[int, Vector]:
 
 @inner
 def _follow_seeds(site: Floats, mesh: Mesh, x: Vector) -> None:
-    """Let each triangle in view give way to a neighbour that is nearer to ``x``, unless that is in view itself."""
+    """Replace each triangle in view by its neighbour nearest to ``x``, if that is nearer and not in view already."""
     first, end = at.SEED_FIRST, int(site[at.ENDS, at.END_SEEDS])
     for s in range(first, end):
         k, here = int(site[s, at.SEED_FRAME]), int(site[s, at.SEED_TRIANGLE])
@@ -67,7 +68,7 @@ def _follow_seeds(site: Floats, mesh: Mesh, x: Vector) -> None:
 
 @inner
 def _lead(site: Floats, mesh: Mesh, goal: Vector) -> int:
-    """Return the row of the triangle in view that is nearest to the goal; -1 if none is."""
+    """Return the row of the triangle in view that is nearest to the goal; -1 if none is in view."""
     best, lead = 1e300, -1
     first, end = at.SEED_FIRST, int(site[at.ENDS, at.END_SEEDS])
     if end == first + 1:
@@ -83,10 +84,11 @@ def _lead(site: Floats, mesh: Mesh, goal: Vector) -> int:
 
 @inner
 def _guess(site: Floats, mesh: Mesh, lead: int, p: Vector, goal: Vector) -> tuple[bool, Vector, Vector]:
-    """Guess the place from the leading triangle; returns whether it is the exact one for that triangle, and its foot.
+    """Guess the new position from the leading triangle; returns whether it is exact for it, the guess, and the foot.
 
-    That is the place nearest to the goal on the triangle grown by the radius; for a goal beyond the triangle, the one
-    that the planes of all triangles in view allow.
+    The foot is the triangle's nearest point to the goal, in the object's frame.  The guess is the position nearest to
+    the goal on the triangle grown by the radius; for a goal on the far side of the triangle, the position that the
+    planes of all triangles in view allow.
     """
     if lead < 0:
         return False, goal, goal
@@ -108,9 +110,10 @@ def _guess(site: Floats, mesh: Mesh, lead: int, p: Vector, goal: Vector) -> tupl
 
 @inner
 def _intrusion(site: Floats, mesh: Mesh, lead: int, foot: Vector, p: Vector, x: Vector) -> int:
-    """Look for a triangle that a probe at ``x`` would cut: 0 none, 1 found and kept in view, 2 one to be ignored.
+    """Look for a triangle that a probe at ``x`` would cut: 0 none, 1 found and kept in view, 2 one that does not count.
 
-    The leading triangle and its point ``foot`` give a plane under which there is no need to look.
+    A triangle does not count if it cannot hold back the probe (``counts``).  The leading triangle and its point
+    ``foot`` give a plane below which there is no need to look.
     """
     found = 0
     for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
@@ -157,7 +160,7 @@ def _primitives_allow(site: Floats, x: Vector) -> bool:
 
 @inner
 def search_locally(site: Floats, mesh: Mesh, p: Vector, goal: Vector) -> tuple[bool, Vector, Solution]:
-    """Try the short way; returns whether it led anywhere, the place, and the solution there.
+    """Try the shortcut; returns whether it succeeded, the new position, and the solution there.
 
     ``site`` (rows, SITE_WIDTH); ``p`` and ``goal`` [m], world frame.
     """

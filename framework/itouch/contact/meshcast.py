@@ -1,4 +1,4 @@
-"""A sphere moved along a straight line against a mesh."""
+"""Where a sphere that moves along a straight line first touches a mesh."""
 
 import numpy as np
 
@@ -29,9 +29,9 @@ def off_triangle(vertices: Floats, triangles: Ints32, t: int, q: Vector) -> tupl
 
 @inner
 def place_then(site: Floats, k: int) -> Vector:
-    """Return the proxy's place at the end of the last step, in the frame that the object had then.
+    """Return the proxy's position at the end of the last step, in the frame that the object had then.
 
-    ``site`` (rows, SITE_WIDTH), whose row ``k`` is the object's; the place in [m].
+    ``site`` (rows, SITE_WIDTH), whose row ``k`` is the object's; the position in [m].
     """
     c = at.END_OLD
     old = (site[at.ENDS, c], site[at.ENDS, c + 1], site[at.ENDS, c + 2])
@@ -44,8 +44,8 @@ def place_then(site: Floats, k: int) -> Vector:
 def counts(site: Floats, mesh: Mesh, k: int, t: int, q: Vector) -> bool:
     """Whether a triangle can hold back a probe that is at ``q``.
 
-    One-sided surfaces let through what comes from behind: a probe behind the triangle, and one that has sunk into an
-    open surface on its way from behind. A probe that rolls over the rim of an open surface goes on touching it.
+    One-sided surfaces let through what comes from behind: a probe behind the triangle, and a probe that is on its way
+    through an open surface from behind. A probe that rolls over the rim of an open surface goes on touching it.
 
     ``site`` (rows, SITE_WIDTH), whose row ``k`` is the mesh's; ``q`` [m], mesh's frame.
     """
@@ -72,11 +72,11 @@ def counts(site: Floats, mesh: Mesh, k: int, t: int, q: Vector) -> bool:
 def triangle_cast(
     vertices: Floats, triangles: Ints32, t: int, start: Vector, way: Vector, length: float, radius: float, slack: float
 ) -> Hit:
-    """First touch of one triangle: way gone (inf: none), triangle, normal, and the start's distance from that plane.
+    """First touch of a triangle: distance travelled (inf: none), triangle, normal, and the start's gap to that plane.
 
-    Newton's iteration on the convex function "distance along the way"; every iterate's plane leaves the whole triangle
-    behind it, so that stopping early is safe. A triangle that is only grazed, less than ``slack`` deep, is no touch:
-    a probe that slides from one triangle on to the next grazes the edge between them.
+    Newton's iteration on the distance as a convex function of the distance travelled; each iterate's plane has the
+    whole triangle behind it, so that stopping early is safe. A triangle that is only grazed, less than ``slack`` deep,
+    is no touch: a probe that slides from one triangle to the next grazes the edge between them.
 
     ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH); ``start``, ``length``, ``radius`` and ``slack`` [m],
     ``way`` a unit vector.
@@ -98,7 +98,7 @@ def triangle_cast(
 
 @inner
 def _entry(nodes: Floats32, node: int, side: int, start: Vector, way: Vector, length: float, radius: float) -> float:
-    """Way gone when a point enters a child's box grown by the radius; inf if it does not within the length."""
+    """Distance travelled when a point enters a child's box grown by the radius; inf if not within the length."""
     low, high = 0.0, length
     for c in range(3):
         down, up = (

@@ -7,10 +7,10 @@ import numpy as np
 from itouch.contact.compiling import entry, inner
 from itouch.contact.vectors import Floats, Vector, add, along, cross, dot, norm
 
-# --- one piece of a script: start and duration [s]; from a place by a way; from an orientation by a rotation vector
+# --- one piece of a script: start, duration [s]; first position, displacement [m]; first orientation, rotation vector
 PIECE_START, PIECE_TIME, PIECE_SMOOTH, PIECE_FROM, PIECE_WAY, PIECE_QUATERNION, PIECE_TURN = 0, 1, 2, 3, 6, 9, 13
 PIECE_WIDTH = 16
-# --- one scripted object: its number, its first piece and the one after its last, its length [s], whether it repeats
+# --- one scripted object: its index, its first piece and the one after its last, its duration [s], whether it repeats
 SCRIPT_OBJECT, SCRIPT_FIRST, SCRIPT_END, SCRIPT_TIME, SCRIPT_REPEAT = 0, 1, 2, 3, 4
 SCRIPT_WIDTH = 5
 
@@ -19,7 +19,7 @@ Quaternion = tuple[float, float, float, float]
 
 @inner
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """Return the rotation ``b``, then ``a``."""
+    """Return the product a b of two quaternions: the rotation by ``b``, followed by ``a``."""
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
@@ -49,7 +49,7 @@ def _put_pose(poses: Floats, obj: int, place: Vector, q: Quaternion) -> None:
 
 @inner
 def _piece_at(pieces: Floats, first: int, end: int, time: float) -> int:
-    """Last piece that has begun."""
+    """Return the last piece that has begun at a time."""
     low, high = first, end - 1
     while low < high:
         middle = (low + high + 1) // 2
@@ -64,8 +64,8 @@ def _piece_at(pieces: Floats, first: int, end: int, time: float) -> int:
 def move_scripted(scripts: Floats, pieces: Floats, time: float, poses: Floats, twists: Floats) -> None:
     """Write poses and twists of all scripted objects at a time on their scripts [s].
 
-    Places follow minimum jerk (Flash and Hogan 1985) or straight lines at even speed, orientations the rotation vector
-    of each piece; the twist is the exact derivative.
+    Each piece is a straight line and a rotation about a fixed axis, with minimum jerk (Flash and Hogan 1985) or at
+    constant speed; the twist is the exact derivative.
 
     ``scripts`` (scripted, SCRIPT_WIDTH), ``pieces`` (all, PIECE_WIDTH); ``poses`` (objects, 7) [m; quaternion],
     ``twists`` (objects, 6) [m/s, rad/s].
@@ -117,14 +117,16 @@ def carry(
     Parameters
     ----------
     obj
-        Its number.
+        Its index.
     frame, reading, offset
-        Poses (7,): of the device in the world, of what it carries in the device, of the object in what is carried.
-        A reading that is not finite leaves the object where it is.
+        Poses (7,) [m; quaternion]: of the device in the world, of what it carries in the device, of the object in what
+        is carried. A reading that is not finite, or still all zero, leaves the object where it is.
     period, smooth
-        Of a tick [s]; share of the new velocity in the filtered one.
+        Length of a tick [s]; share of the new velocity in the filtered one.
     first
         Whether there is no earlier pose to take a velocity from.
+    poses, twists
+        (objects, 7) and (objects, 6); the object's row is written.
     """
     length = 0.0
     for c in range(7):

@@ -1,4 +1,4 @@
-"""Objects that move: the proxy rides on what it touches and is pushed by what comes."""
+"""Objects that move: the proxy rides on what it touches and is pushed by what comes its way."""
 
 from itouch.contact import layout as at
 from itouch.contact.compiling import inner
@@ -15,11 +15,12 @@ _ROUNDS = 12
 
 @inner
 def pushed(site: Floats, mesh: Mesh | None, p: Vector) -> Vector:
-    """Place of the proxy after the objects have moved: out of the way of those that came, not through the others.
+    """Position of the proxy after the objects have moved: pushed by those that came its way, not through the others.
 
-    In each object's own frame the proxy was at the old place; the plane that held it back there moves with the object.
+    In each object's own frame the proxy is still at its old position; the plane that held it back there moves with the
+    object.
 
-    ``site`` (rows, SITE_WIDTH); ``p``, the place before, in [m], world frame.
+    ``site`` (rows, SITE_WIDTH); ``p``, the position before, in [m], world frame.
     """
     count = int(ZERO)
     for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):

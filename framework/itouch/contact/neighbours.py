@@ -1,4 +1,4 @@
-"""Which triangles share an edge: lets the solver walk over a surface without a search."""
+"""Which triangles share an edge, so that the solver can walk over a surface without a search."""
 
 import numpy as np
 
@@ -10,9 +10,9 @@ NEIGHBOUR = 4  # first of the three columns of the triangles table: across the e
 
 @entry
 def add_neighbours(vertex_count: int, triangles: Ints32) -> None:
-    """Fill in the neighbours. At an edge of more than two triangles they are paired as they come.
+    """Fill in the neighbours. At an edge of more than two triangles they are paired in the order of their rows.
 
-    ``triangles`` (n, TRIANGLE_WIDTH), filled in place: numbers of triangles, -1 for none.
+    ``triangles`` (n, TRIANGLE_WIDTH), filled in place: indices of triangles, -1 for none.
     """
     count = triangles.shape[0]
     start = np.zeros(vertex_count + 1, np.int32)
@@ -30,7 +30,7 @@ def add_neighbours(vertex_count: int, triangles: Ints32) -> None:
             low = min(triangles[t, e], triangles[t, (e + 1) % 3])
             half_edges[filled[low]] = 3 * t + e
             filled[low] += 1
-    waiting = np.full(vertex_count, -1, np.int32)  # by the greater end: where an edge waits for the other triangle's
+    waiting = np.full(vertex_count, -1, np.int32)  # by an edge's greater end: the half-edge that waits for its other
     for v in range(vertex_count):
         for i in range(start[v], start[v + 1]):
             t, e = half_edges[i] // 3, half_edges[i] % 3

@@ -99,7 +99,7 @@ def _unfiltered(data: bytes, rows: int, width: int, step: int) -> NDArray[np.uin
 def _sequential(
     kind: int, line: NDArray[np.uint8], above: NDArray[np.uint8], here: NDArray[np.uint8], step: int
 ) -> None:
-    """Undo the filters that look at the sample to the left."""
+    """Undo the filters that use the sample to the left."""
     source, up, done = line.tolist(), above.tolist(), here.tolist()
     for i, value in enumerate(source):
         left, over, corner = done[i], up[i + step], up[i]

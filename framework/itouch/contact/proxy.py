@@ -1,4 +1,4 @@
-"""The proxy as an object of its own: surfaces that stand still, one probe, forces out."""
+"""The proxy by itself: one probe on stationary surfaces, positions in, forces out."""
 
 import math
 from collections.abc import Iterable
@@ -27,7 +27,7 @@ def _checked(name: str, value: float) -> float:
 
 
 def _shapes(surfaces: Surface | Shape | Iterable[Surface | Shape]) -> list[Shape]:
-    """Return surfaces as shapes; raises ValueError when there is none, or something else among them."""
+    """Return surfaces as shapes; raises ValueError when there is none, or one is neither a surface nor a shape."""
     known = (Surface, *get_args(Shape))
     try:
         given: list[Any] = [surfaces] if isinstance(surfaces, known) else list(surfaces)  # type: ignore[arg-type]
@@ -42,16 +42,16 @@ def _shapes(surfaces: Surface | Shape | Iterable[Surface | Shape]) -> list[Shape
 
 
 class Proxy:
-    """A sphere-tipped probe's god-object on surfaces that stand still, with friction.
+    """The god-object of a spherical probe on stationary surfaces, with friction.
 
     Parameters
     ----------
     surfaces
         One or several surfaces or shapes, all in world coordinates.
     radius
-        Of the probe's sphere [m]; 0 is a point.
+        Radius of the probe's sphere [m]; 0 is a point.
     stiffness
-        Of the spring between proxy and HIP [N/m].
+        Stiffness of the spring between proxy and HIP [N/m].
     static_friction, dynamic_friction
         Coulomb coefficients; dynamic must not exceed static.
     shading
@@ -60,7 +60,7 @@ class Proxy:
     Raises
     ------
     ValueError
-        A number out of its range, or no surface.
+        If a number is out of its range, or there is no surface.
     """
 
     __slots__ = ("_arguments", "_hip", "_memory", "_result", "geometry", "radius", "stiffness")

@@ -1,4 +1,4 @@
-"""What a step of contact returns: contacts, force, penetration, velocity of the surface, and what is near."""
+"""The result of a step of contact: contacts, force, penetration, velocity of the surface, and what is near."""
 
 import numpy as np
 
@@ -57,7 +57,7 @@ def report_near(site: Floats, mesh: Mesh | None, p: Vector, radius: float, near:
 
 @inner
 def _reported(site: Floats, k: int, filled: int, result: Floats) -> bool:
-    """Whether a contact of the same object with the same normal is already there (a neighbour in a flat face)."""
+    """Whether a contact with the same object and normal is reported already (of a neighbour in a flat face)."""
     for c in range(filled):
         row = at.RESULT_CONTACTS + c * at.CONTACT_WIDTH
         same = result[row + at.CONTACT_OBJECT] == site[k, at.PLANE_OBJECT]
@@ -160,7 +160,7 @@ def report(
 
 @inner
 def clear(result: Floats) -> None:
-    """Write what a probe far from everything feels.
+    """Write the result of a probe that is far from everything.
 
     ``result`` (RESULT_SIZE,): forces [N], lengths [m], velocities [m/s].
     """

@@ -1,4 +1,4 @@
-"""Where the proxy of a probe without a past starts: at the HIP, or at the nearest free point outside of solids."""
+"""Where the proxy starts in a probe's first step: at the HIP, or at the nearest free point outside of solids."""
 
 import numpy as np
 
@@ -20,9 +20,9 @@ _ABSOLUTE = 1e-13
 
 @inner
 def mesh_overlap(site: Floats, mesh: Mesh, k: int, q: Vector) -> tuple[float, Vector, int]:
-    """Gap (negative: overlap), direction out and triangle of a mesh at ``q``, its frame; inf where nothing is wrong.
+    """Gap (negative: overlap), outward direction and triangle of a mesh at ``q``, in its frame; inf: certainly free.
 
-    Inside a solid the way out leads through the nearest surface. Behind an open one-sided surface nothing is wrong.
+    Inside a solid the way out leads through the nearest surface. Behind an open one-sided surface a probe is free.
 
     ``site`` (rows, SITE_WIDTH), whose row ``k`` is the mesh's; ``q`` and the gap [m].
     """
@@ -43,7 +43,7 @@ def mesh_overlap(site: Floats, mesh: Mesh, k: int, q: Vector) -> tuple[float, Ve
 
 @inner
 def overlaps(site: Floats, mesh: Mesh | None, p: Vector) -> int:
-    """Planes of all objects that a probe at ``p`` overlaps; returns how many.
+    """Write the planes of all objects that a probe at ``p`` overlaps; returns how many.
 
     ``site`` (rows, SITE_WIDTH); ``p`` [m], world frame.
     """
@@ -64,7 +64,7 @@ def overlaps(site: Floats, mesh: Mesh | None, p: Vector) -> int:
 
 @inner
 def nearest_free(site: Floats, mesh: Mesh | None, hip: Vector) -> Vector:
-    """Nearest place to ``hip`` where the probe overlaps no solid and no front of a surface.
+    """Find the position nearest to ``hip`` at which the probe overlaps no solid and no front of a surface.
 
     ``site`` (rows, SITE_WIDTH); ``hip`` [m], world frame.
     """
@@ -89,7 +89,7 @@ def nearest_free(site: Floats, mesh: Mesh | None, hip: Vector) -> Vector:
         solution = nearest_inside(kept, count, (0.0, 0.0, 0.0))
         if solution[4]:
             p = add(anchor, solution[0])
-        else:  # opposed walls: leave by the deepest overlap alone
+        else:  # opposed walls: move out of the deepest overlap alone
             p = along(p, -site[worst, at.PLANE_GAP], normal_of(site, worst))
             count, anchor = int(ZERO), p
     return p

@@ -14,17 +14,17 @@ def _turn(poses: Floats, obj: int, sign: float, v: Vector) -> Vector:
 
 @inner
 def to_space(poses: Floats, obj: int, v: Vector) -> Vector:
-    """Object's direction to world; the quaternion may have any length but zero.
+    """Turn a direction from the object's frame to the world's; the quaternion may have any length but zero.
 
-    ``poses`` (objects, 7) [m; quaternion w, x, y, z]; ``v`` in whatever unit.
+    ``poses`` (objects, 7) [m; quaternion w, x, y, z]; ``v`` in any unit.
     """
     return _turn(poses, obj, 1.0, v)
 
 
 @inner
 def to_body(poses: Floats, obj: int, v: Vector) -> Vector:
-    """World direction to object's.
+    """Turn a direction from the world's frame to the object's.
 
-    ``poses`` (objects, 7) [m; quaternion w, x, y, z]; ``v`` in whatever unit.
+    ``poses`` (objects, 7) [m; quaternion w, x, y, z]; ``v`` in any unit.
     """
     return _turn(poses, obj, -1.0, v)

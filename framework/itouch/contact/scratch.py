@@ -9,20 +9,20 @@ from itouch.contact.vectors import Floats, Vector, norm, place_of, sub
 Mesh = tuple[Floats, Ints32, Floats32]
 """Vertices, triangles and nodes of all meshes together; see :mod:`itouch.contact.bvh`."""
 
-TOLERANCE = 2e-6  # of the radius: a triangle that reaches into the probe less than this is let be
+TOLERANCE = 2e-6  # of the radius: a triangle that reaches less than this into the probe is ignored
 TOUCH = 1e-10  # nearer than this is contact, whatever the size of the probe [m]
-TOLERANCE_SKIN = 1e-2  # of the skin, likewise
+TOLERANCE_SKIN = 1e-2  # of the skin: the same for a surface without thickness
 
 
 @inner
 def site_rows(objects: int) -> int:
-    """Rows of the table for so many objects; the last MAX_PLANES are spare."""
+    """Rows of the table for a number of objects; the last MAX_PLANES are spare."""
     return max(at.STACK_ROWS, at.FRAME_FIRST + objects + 1) + at.MAX_PLANES
 
 
 @inner
 def empty_site(site: Floats) -> None:
-    """Begin with nothing in the table.
+    """Empty the table.
 
     ``site`` (rows, SITE_WIDTH), its lengths in [m].
     """
@@ -82,7 +82,7 @@ def put_near_objects(
 
 @inner
 def put_plane(site: Floats, count: int, frame: int, feature: int, normal: Vector, gap: float) -> int:
-    """Add a plane; in a full table it takes the place of the farthest one if it is nearer. Returns the count.
+    """Add a plane; in a full table it replaces the farthest one if it is nearer. Returns the count.
 
     ``site`` (rows, SITE_WIDTH); ``gap``, the anchor's distance from the plane, in [m].
     """
@@ -107,7 +107,7 @@ def put_plane(site: Floats, count: int, frame: int, feature: int, normal: Vector
 
 @inner
 def add_seed(site: Floats, frame: int, triangle: int, began: float) -> None:
-    """Keep a triangle in view; in a full table the last one has to go.
+    """Keep a triangle in view; in a full table it replaces the last one.
 
     ``site`` (rows, SITE_WIDTH); ``frame`` is the row of the mesh, ``triangle`` its index.
     """

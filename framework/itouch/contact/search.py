@@ -1,4 +1,4 @@
-"""Searches in the hierarchy of a mesh: the nearest triangle, and one that comes too near."""
+"""Searches in the hierarchy of a mesh: for the nearest triangle, and for one that reaches into the probe."""
 
 import numpy as np
 
@@ -89,7 +89,7 @@ def nearest(
 
 @inner
 def slab_distance(nodes: Floats32, node: int, side: int, p: Vector) -> float:
-    """Distance [m] of a point (3,) [m] from a child's slab, a bound from below for its distance from the triangles.
+    """Distance [m] of a point (3,) [m] from a child's slab: a lower bound of its distance from the triangles.
 
     ``nodes`` (m, NODE_WIDTH): the hierarchy; ``node``, ``side``: the row of the parent, and which of its two children.
     """
@@ -112,8 +112,8 @@ def intruder(
 ) -> int:
     """Nearest triangle within ``radius`` of ``p`` among those that reach above the plane n . x = level; -1 if none.
 
-    With the plane that touches the sphere from below, what lies under it cannot be within the radius; on a smooth
-    surface that leaves next to nothing to look at. ``n`` = 0 and level -1 looks at everything.
+    If the plane touches the sphere from below, nothing under it can be within the radius; on a smooth surface that
+    leaves next to nothing to search. With ``n`` = 0 and level -1 everything is searched.
 
     ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH), ``nodes`` (m, NODE_WIDTH) [m], ``stack`` (rows,
     SITE_WIDTH) scratch; ``p``, ``radius`` and ``level`` [m].
@@ -162,9 +162,9 @@ def intruder(
 def steepest(
     vertices: Floats, triangles: Ints32, nodes: Floats32, root: int, p: Vector, distance: float, stack: Floats
 ) -> int:
-    """Of all triangles at the least ``distance``, the one that ``p`` lies most squarely above or below.
+    """Find, of all triangles at the least ``distance`` from ``p``, the one whose plane is farthest from it.
 
-    Where the nearest point is on an edge or a vertex, this one alone tells the inside from the outside.
+    Where the nearest point is on an edge or a vertex, only this triangle tells the inside from the outside.
 
     ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH), ``nodes`` (m, NODE_WIDTH) [m], ``stack`` (rows,
     SITE_WIDTH) scratch; ``p`` and ``distance`` [m].

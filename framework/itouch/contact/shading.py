@@ -1,9 +1,9 @@
-"""Force shading: the force of a faceted mesh turned to the direction that its vertex normals say.
+"""Force shading: the force of a faceted mesh is turned to the direction given by its vertex normals.
 
 The proxy stays where the facets hold it; only the direction of the force is blended over a facet, as Phong's shading
 blends that of light (Morgenbesser and Srinivasan, "Force shading for haptic shape perception", 1996). A curved surface
-made of flat facets then feels smooth. Like every shading it is no gradient of an energy: on a coarse mesh a closed
-path may return a little, in proportion to the angle by which the force is turned.
+made of flat facets then feels smooth. Like every force shading, it is not the gradient of an energy: on a coarse mesh a
+closed path may give back a little energy, in proportion to the angle by which the force is turned.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ _COSINE = 0.7071  # a vertex normal farther than 45 degrees from the force's own
 
 
 def vertex_normals(vertices: Floats, triangles: Ints32) -> Floats:
-    """Return unit normals of vertices, means of their faces' weighted by angle (Thuermer and Wuethrich 1998).
+    """Return the unit normals of vertices: means of their faces' normals, weighted by angle (Thuermer, Wuethrich 1998).
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def vertex_normals(vertices: Floats, triangles: Ints32) -> Floats:
     Returns
     -------
     ndarray
-        (v, 3); zero for a vertex whose faces cancel.
+        (v, 3); zero for a vertex whose faces' normals cancel out.
     """
     _, one = np.unique(vertices[:, :3], axis=0, return_inverse=True)
     points, one = vertices[:, :3][triangles[:, :3]], one.reshape(-1)[triangles[:, :3]]
@@ -54,7 +54,7 @@ def vertex_normals(vertices: Floats, triangles: Ints32) -> Floats:
 
 @inner
 def _blended(vertices: Floats, triangles: Ints32, t: int, q: Vector) -> Vector:
-    """Vertex normals of one triangle, blended at the point of it that is nearest to ``q``."""
+    """Vertex normals of one triangle, blended at its point nearest to ``q``."""
     foot = nearest_of(vertices, triangles, t, q)
     a, b, c = (corner(vertices, triangles[t, 0]), corner(vertices, triangles[t, 1]), corner(vertices, triangles[t, 2]))
     n = cross(sub(b, a), sub(c, a))

@@ -1,14 +1,14 @@
 """Move a god-object towards a goal without friction and without ever entering an object.
 
 The probe's centre is a point; every object grown by the probe's radius is an obstacle. At the present position each
-convex obstacle gives one half-space that is surely free of it: the plane through its nearest point. The best point of
-all these half-spaces is reached along a straight line that meets nothing, whatever its length, so nothing can be
-jumped over; then the planes are taken anew. Each move brings the centre nearer to the goal; where no move is left,
-the goal is held back by exactly the surfaces that touch (Zilles and Salisbury 1995, Ruspini 1997, with all
-constraints at once in place of one after the other).
+convex obstacle gives one half-space that is surely free of it, bounded by the plane through its nearest point. The
+point of all these half-spaces that is nearest to the goal is reached along a straight line that meets nothing,
+whatever its length, so nothing can be jumped over; then new planes are taken at that point. Each move brings the centre
+nearer to the goal; when no move is left, it is exactly the touching surfaces that hold the centre back (Zilles and
+Salisbury 1995, Ruspini 1997, with all constraints at once in place of one after the other).
 
-A mesh has too many triangles to take a plane of each. Its planes are found when they are needed: the straight line to
-the best point is tried, the first triangle that it touches gives a plane, and the best point is sought again.
+A mesh has too many triangles to take a plane from each. Its planes are found when they are needed: the straight line to
+the nearest point is tried, the first triangle that it touches gives a plane, and the nearest point is sought again.
 """
 
 from itouch.contact import layout as at
@@ -26,10 +26,10 @@ from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub
 
 #: How many straight moves the god-object may make in one step.
 MAX_MOVES = 64
-SMALL = 0.2  # share of the way to the goal below which a probe is small
+SMALL = 0.2  # a probe is small if its radius is below this share of the distance to the goal
 MAX_CUTS = 24
-RELATIVE, ABSOLUTE = 1e-10, 1e-13  # a shorter move ends the search; of the distance to the goal, and [m]
-ROUNDED = 1e-2  # and of the gap that counts as contact
+RELATIVE, ABSOLUTE = 1e-10, 1e-13  # a shorter move ends the search: of the distance to the goal, plus [m]
+ROUNDED = 1e-2  # with a mesh, plus this share of the gap that counts as contact
 Slid = tuple[Vector, Solution]
 
 
@@ -50,7 +50,7 @@ def _onto_surface(site: Floats, count: int, active: int, p: Vector, goal: Vector
 
 @inner
 def cut(site: Floats, mesh: Mesh, p: Vector, y: Vector, count: int) -> tuple[int, float]:
-    """Add the plane of the first triangle on the way from ``p`` by ``y``; returns the count and the free share of y.
+    """Add the plane of the first triangle that a move from ``p`` by ``y`` touches; returns count and free share of y.
 
     ``site`` (rows, SITE_WIDTH), of which the first ``count`` rows are planes; ``p`` and ``y`` [m], world frame.
     """
@@ -81,7 +81,7 @@ def creep(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
     count = int(ZERO)
     solution: Solution = ((0.0, 0.0, 0.0), -1, -1, -1, True)
     jumped, fine = mesh is not None, ABSOLUTE
-    if mesh is not None:  # directions away from a triangle are only as exact as rounding over the reach
+    if mesh is not None:  # a direction away from a triangle has an error of the rounding error divided by the reach
         fine += ROUNDED * site[at.ENDS, at.END_TOUCH]
     for move in range(MAX_MOVES):
         to_goal = sub(goal, p)
@@ -122,7 +122,7 @@ def creep(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
 
 @inner
 def is_small(site: Floats, length: float) -> bool:
-    """Whether the probe is small against the way to its goal, so that guessing a place nearby is of no use.
+    """Whether the probe is small compared with the way to its goal, so that guessing a nearby position is of no use.
 
     ``site`` (rows, SITE_WIDTH); ``length`` of the way [m].
     """
@@ -134,7 +134,7 @@ def is_small(site: Floats, length: float) -> bool:
 
 @inner
 def slide(site: Floats, mesh: Mesh | None, start: Vector, goal: Vector) -> Slid:
-    """Slide from ``start`` towards ``goal``; returns the place and the solution there.
+    """Slide from ``start`` towards ``goal``; returns the position reached and the solution there.
 
     ``site`` (rows, SITE_WIDTH); ``start`` and ``goal`` [m], world frame.
     """

@@ -1,4 +1,4 @@
-"""Whether a mesh encloses a volume: closed, wound the same way all over, and the front outside."""
+"""Whether a mesh encloses a volume: it is closed, wound consistently, and has its front outside."""
 
 import numpy as np
 
@@ -24,8 +24,8 @@ def _mix(a: np.uint64, b: np.uint64) -> np.uint64:
 def encloses(vertices: Floats, triangles: Ints32) -> bool:
     """Whether every directed edge has its opposite and the signed volume is positive.
 
-    Edges are compared by a 64-bit sum of words made from their ends' coordinates, so that vertices given twice count
-    as one; a wrong answer has a chance of about 1e-19.
+    Edges are compared by a 64-bit sum of hashes of their ends' coordinates, so that duplicate vertices count as one;
+    the chance of a wrong answer is about 1e-19.
 
     ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH).
     """

@@ -1,4 +1,4 @@
-"""One step of contact of one probe: moving objects, proxy, friction, force, and what to remember."""
+"""One step of contact of one probe: moving objects, proxy, friction, force, and the memory for the next step."""
 
 import numpy as np
 
@@ -20,10 +20,10 @@ from itouch.contact.vectors import Floats, Vector, norm, put, sub, vector
 
 @inlined
 def last_poses(memory: Floats, poses: Floats, last: Floats) -> None:
-    """Unpack the poses of the last step; for a probe without a past, the present ones.
+    """Unpack the poses of the last step into ``last``; in a probe's first step, the present poses.
 
-    ``memory`` as `Geometry.new_memory` gives it, (MEMORY_POSES + 7 objects,); ``poses`` and ``last`` (objects, 7)
-    [m; quaternion].
+    ``memory`` from `Geometry.new_memory`, (MEMORY_POSES + 7 objects,); ``poses`` and ``last`` (objects, 7) [m;
+    quaternion].
     """
     ready = memory[at.MEMORY_READY] > 0.0
     for obj in range(poses.shape[0]):
@@ -33,7 +33,7 @@ def last_poses(memory: Floats, poses: Floats, last: Floats) -> None:
 
 @inlined
 def recall(site: Floats, mesh: Mesh | None, memory: Floats) -> None:
-    """Take the triangles that were touched in the last step into view.
+    """Bring the triangles that were touched in the last step into view.
 
     ``site`` (rows, SITE_WIDTH); ``memory`` (MEMORY_POSES + 7 objects,) [m].
     """
@@ -50,9 +50,9 @@ def recall(site: Floats, mesh: Mesh | None, memory: Floats) -> None:
 
 @inner
 def is_covered(site: Floats, mesh: Mesh | None, p: Vector, hip: Vector) -> bool:
-    """Whether the HIP is plainly not free, for a proxy at ``p``.
+    """Whether the HIP is certainly not free, for a proxy at ``p``.
 
-    It is inside a primitive, nearer than the radius to a triangle in view, or straight behind it.
+    That is: inside a primitive, nearer than the radius to a triangle in view, or straight behind one.
 
     ``site`` (rows, SITE_WIDTH); ``p`` and ``hip`` [m], world frame.
     """
@@ -85,7 +85,7 @@ def follow(
     radius: float,
     near: float,
 ) -> tuple[Vector, int, Pressed]:
-    """Place of the proxy, its slip state and what holds it, from the memory of the last step.
+    """Return the proxy's new position, its slip state and what holds it, from the memory of the last step.
 
     ``site`` (rows, SITE_WIDTH); other arrays as in `step`; ``hip``, ``radius`` and ``near`` [m].
     """
@@ -122,7 +122,7 @@ def follow(
 
 @inlined
 def remember(poses: Floats, memory: Floats, result: Floats) -> None:
-    """Keep what the next step starts from.
+    """Write to the memory what the next step starts from.
 
     ``poses`` (objects, 7) [m; quaternion w, x, y, z]; ``memory`` (MEMORY_POSES + 7 objects,) is written, ``result``
     (RESULT_SIZE,) read.
@@ -142,7 +142,7 @@ def remember(poses: Floats, memory: Floats, result: Floats) -> None:
 
 @inner
 def name_faces(world: Floats, mesh: Mesh | None, result: Floats) -> None:
-    """Turn the triangles of mesh contacts into the numbers of the faces as they were given.
+    """Replace the triangles of mesh contacts by the indices of the faces as they were given.
 
     ``world`` (objects, WORLD_WIDTH), ``result`` (RESULT_SIZE,): the index of a triangle becomes that of its face.
     """
@@ -169,7 +169,7 @@ def advance(
     memory: Floats,
     result: Floats,
 ) -> None:
-    """Move one probe by one step; like ``step``, with scratch of its caller's: a site and room for the last poses.
+    """Move one probe by one step; like ``step``, but the caller provides the scratch: a site and room for last poses.
 
     ``site`` (rows, SITE_WIDTH), ``last`` (objects, 7) scratch; other arrays as in `step`; ``hip``, ``radius`` and
     ``near`` [m].
@@ -213,17 +213,18 @@ def step(
     twists
         (n, 6): velocity of the frame's origin [m/s], angular velocity [rad/s], world frame.
     stiffness
-        (n,) of each object as it is to be rendered now [N/m].
+        (n,) stiffness with which each object is rendered now [N/m].
     hip_at
-        (3,) centre of the probe's sphere as the device has it [m].
+        (3,) centre of the probe's sphere as the device reports it [m].
     radius
-        Of the probe's sphere [m].
+        Radius of the probe's sphere [m].
     near
         Objects within this distance of the probe's surface are looked for [m].
     memory
-        From ``Geometry.new_memory``; all zero: this step is a reset.
+        From ``Geometry.new_memory``; if it is all zero, this step is a reset.
     result
-        (layout.RESULT_SIZE,), rewritten. For a HIP that is not finite it says "no contact", and the memory stays.
+        (layout.RESULT_SIZE,), rewritten. For a HIP that is not finite it says "no contact", and the memory is left
+        unchanged.
     """
     own_site, own_last = np.empty((site_rows(world.shape[0]), at.SITE_WIDTH)), np.empty(poses.shape)
     advance(
@@ -257,9 +258,9 @@ def follow_path(
     result: Floats,
     forces: Floats,
 ) -> None:
-    """Step along the rows of ``hips`` (n, 3), objects standing still, and write the forces (n, 3).
+    """Step along the rows of ``hips`` (n, 3) with stationary objects, and write the forces (n, 3).
 
-    Places and ``radius`` [m], forces [N]; other arrays as in `step`.
+    Positions and ``radius`` [m], forces [N]; other arrays as in `step`.
     """
     own_site, own_last = np.empty((site_rows(world.shape[0]), at.SITE_WIDTH)), np.empty(poses.shape)
     site, last, meshes, objects = borrowed(own_site), borrowed(own_last), borrowed(mesh), borrowed(world)

@@ -9,13 +9,13 @@ from itouch.contact.scratch import Mesh as Tables
 from itouch.contact.solid import encloses
 from itouch.contact.vectors import Floats
 
-_SKIN = 1e-7  # of the size: how far a point stays off a surface without thickness
+_SKIN = 1e-7  # of the mesh's size: how far a point probe stays off a surface without thickness
 _FARTHEST = 1e100  # [m]; squares must not overflow
 _SKIN_FAR = 1e-8  # of the greatest coordinate: rounding must stay far below the skin
 
 
 def checked_vertices(vertices: ArrayLike) -> Floats:
-    """Vertices as a contiguous (n, 3) float array [m]; raises ValueError when they are not."""
+    """Vertices as a contiguous (n, 3) float array [m]; raises ValueError unless they are (n, 3) finite numbers."""
     array = checked_numbers("vertices", vertices)
     if array.ndim != 2 or array.shape[1] != 3:
         raise ValueError(f"vertices has shape {array.shape}; it must be (n, 3)")
@@ -68,13 +68,13 @@ class Surface:
     faces
         (m, 3) indices of vertices; the winding gives the front.
     two_sided
-        False: contact from the front only; what starts behind is let through. A mesh that is closed and has its front
-        outside is a solid: what is inside is pushed out.
+        False: contact from the front only; a probe that comes from behind is let through. A mesh that is closed and has
+        its front outside is a solid: a probe inside is pushed out.
 
     Raises
     ------
     ValueError
-        Wrong shapes, no triangle, too many, a vertex that is not finite or does not exist.
+        If shapes are wrong, there is no triangle or too many, or a vertex is not finite or does not exist.
     """
 
     __slots__ = ("_encloses", "bound", "face_count", "skin", "tables", "two_sided")
@@ -102,7 +102,7 @@ class Surface:
 
     @classmethod
     def of_tables(cls, tables: Tables, *, is_solid: bool) -> "Surface":
-        """Make a surface of the tables of another one, as they were kept; they are not checked."""
+        """Make a surface from the stored tables of another one; they are not checked."""
         surface = cls.__new__(cls)
         surface._set(tables, False, is_solid)  # noqa: SLF001 (its own class)
         return surface
@@ -131,8 +131,8 @@ class Surface:
         Returns
         -------
         tuple
-            Nearest points, like ``points``; unsigned distances [m], () or (n,); indices of faces, () or (n,). A point
-            that is not finite has none: distance inf, face -1.
+            Nearest points, shaped like ``points``; unsigned distances [m], () or (n,); indices of faces, () or (n,). A
+            point that is not finite has no nearest point: distance inf, face -1.
 
         Raises
         ------
@@ -158,7 +158,7 @@ class Surface:
 
     @property
     def vertices(self) -> Floats:
-        """The vertices that faces use (n, 3) [m], in an order of its own; read-only."""
+        """The vertices that faces use (n, 3) [m], in the surface's own order; read-only."""
         return self.tables[0]
 
     @property

@@ -1,10 +1,10 @@
-"""The short way of a point over a mesh: from triangle to neighbour towards the goal, each straight piece tried.
+"""A shortcut for a point probe over a mesh: from triangle to triangle towards the goal, each straight piece checked.
 
-A point probe has no size that would prove a guessed place right (see ``search_locally``), and the rounding of an edge
-by its tiny skin costs the general search many tiny moves. Walking over the triangles goes straight to where it ends:
-inside a triangle, at the goal's foot, or in a valley between two, at the goal's foot on their common edge. What the
-walk meets that is not of this kind - a rim, a peak, the other side, a goal in front of the surface, another piece of
-surface in its way - is left to the general search.
+A point probe has no size that would prove a guessed position right (see ``search_locally``), and at an edge, which is
+rounded by its tiny skin, the general search makes many tiny moves. Walking over the triangles leads straight to the
+end: inside a triangle, at the goal's foot, or in a valley between two triangles, at the goal's foot on their common
+edge. Whenever the walk meets anything else - a rim, a peak, the other side, a goal in front of the surface, another
+piece of surface in its way - it is left to the general search.
 """
 
 from itouch.contact import layout as at
@@ -23,7 +23,7 @@ SHARP = 0.1  # 1 + cosine between two normals below which an edge is too sharp f
 
 @inner
 def _exit(vertices: Floats, triangles: Ints32, t: int, n: Vector, x: Vector, y: Vector) -> tuple[float, int]:
-    """Share of the way from ``x`` to ``y`` in the plane of a triangle where it leaves it, and across which edge."""
+    """Share of the way from ``x`` to ``y``, in a triangle's plane, where it leaves the triangle, and by which edge."""
     best, edge = 1.0, -1
     for e in range(3):
         a = corner(vertices, triangles[t, e])
@@ -38,14 +38,14 @@ def _exit(vertices: Floats, triangles: Ints32, t: int, n: Vector, x: Vector, y: 
 
 @inner
 def _mitre(n: Vector, m: Vector) -> Vector:
-    """Place at distance 1 from the planes of both normals, over their common line."""
+    """Point at distance 1 from the two planes with these normals, above their common line."""
     scale = 1.0 / (1.0 + dot(n, m))
     return (scale * (n[0] + m[0]), scale * (n[1] + m[1]), scale * (n[2] + m[2]))
 
 
 @inner
 def _tried(site: Floats, mesh: Mesh, k: int, p: Vector, q: Vector) -> bool:
-    """Whether the straight way between two places meets nothing."""
+    """Whether the straight way between two points meets nothing."""
     way = sub(q, p)
     length = norm(way)
     if length == 0.0:
@@ -55,9 +55,9 @@ def _tried(site: Floats, mesh: Mesh, k: int, p: Vector, q: Vector) -> bool:
 
 @inner
 def walk_surface(site: Floats, mesh: Mesh, lead: int, start: Vector, goal_at: Vector) -> tuple[bool, Vector]:
-    """Walk from ``start`` towards a goal behind the surface; returns whether that ended well, and where.
+    """Walk from ``start`` towards a goal behind the surface; returns whether the walk succeeded, and where it ended.
 
-    ``lead`` is the row of the triangle in view that is touched; where the walk ends is taken into view.
+    ``lead`` is the row of the triangle in view that is touched; triangles where the walk ends are brought into view.
 
     ``site`` (rows, SITE_WIDTH); ``start`` and ``goal_at`` [m], world frame.
     """

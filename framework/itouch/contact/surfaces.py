@@ -26,7 +26,7 @@ class Texture:
     depth, pitch
         [m]; the pitch is the distance between samples.
     axis
-        Of AXES: -1 triplanar.
+        A value of AXES; -1 is triplanar.
     """
 
     heights: NDArray[np.float64]
@@ -37,7 +37,7 @@ class Texture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Effects:
-    """What one object's surface adds to the proxy's spring; see :mod:`itouch.contact.effects` for each.
+    """What one object's surface adds to the proxy's spring; :mod:`itouch.contact.effects` describes each effect.
 
     ``layers`` are (thickness [m], stiffness [N/m]) from the outside in; stick-slip has stiffness [N/m] and greatest
     force [N]; viscosity is in N s/m; the magnet has force [N] and range [m]; the steady vibration amplitude [N] and

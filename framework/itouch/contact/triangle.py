@@ -58,7 +58,7 @@ def nearest_of(vertices: Floats, triangles: Ints32, t: int, p: Vector) -> Vector
 
 @inner
 def plane_distance2(vertices: Floats, triangles: Ints32, t: int, p: Vector) -> float:
-    """Squared distance from the triangle's plane: a bound that costs a quarter of the distance; 0 without area.
+    """Squared distance from the triangle's plane: a lower bound at a quarter of the cost; 0 for one without area.
 
     ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH); ``p`` [m], what is returned [m2].
     """
@@ -70,7 +70,7 @@ def plane_distance2(vertices: Floats, triangles: Ints32, t: int, p: Vector) -> f
 
 @inner
 def face_normal(vertices: Floats, triangles: Ints32, t: int) -> Vector:
-    """Return the unit normal of the front by the winding; zero for a triangle without area.
+    """Return the unit normal of the front, as given by the winding; zero for a triangle without area.
 
     ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH).
     """
@@ -93,7 +93,7 @@ def height(vertices: Floats, triangles: Ints32, t: int, p: Vector) -> float:
 
 @inner
 def pierced(vertices: Floats, triangles: Ints32, t: int, p: Vector, q: Vector) -> bool:
-    """Whether the way from ``p`` in front of a triangle to ``q`` leads through it to its back.
+    """Whether the straight way from ``p``, in front of a triangle, to ``q`` leads through the triangle to its back.
 
     ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH); ``p`` and ``q`` [m], mesh's frame.
     """

@@ -11,13 +11,13 @@ Floats = NDArray[np.float64]
 
 @inner
 def vector(array: Floats, at: int) -> Vector:
-    """Three numbers of a flat array (n,), in whatever unit, as a vector."""
+    """Three numbers of a flat array (n,), in any unit, as a vector."""
     return (array[at], array[at + 1], array[at + 2])
 
 
 @inner
 def put(array: Floats, at: int, v: Vector) -> None:
-    """Write a vector, in whatever unit, into a flat array (n,)."""
+    """Write a vector, in any unit, into a flat array (n,)."""
     array[at] = v[0]
     array[at + 1] = v[1]
     array[at + 2] = v[2]

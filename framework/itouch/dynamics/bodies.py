@@ -1,9 +1,9 @@
-"""A world as MuJoCo sees it: free bodies, moved ones, and what stands still.
+"""The world as MuJoCo sees it: free bodies, bodies that are moved, and bodies that stand still.
 
-Nothing of it changes while it runs: everything that does is one flat array, MuJoCo's integration state (time,
-positions, velocities, warm start, applied forces, moved poses), that is put back before each step. Two steps from equal
-states and forces are equal to the last bit. The finger's force reaches a body by the virtual coupling of the contact
-engine alone: the finger is no body here. Meshes collide with other objects as their convex hulls.
+The model does not change while it runs: everything that does is in one flat array, MuJoCo's integration state (time,
+positions, velocities, warm start, applied forces, moved poses), which is restored before each step. Two steps from
+equal states and forces are equal to the last bit. The finger's force acts on a body through the virtual coupling of the
+contact engine alone: the finger is not a body here. Meshes collide with other objects as their convex hulls.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ STILL, MOVED, FREE = 0, 1, 2
 
 
 class BodyError(ValueError):
-    """An object that cannot be a rigid body; ``index`` is its number."""
+    """An object cannot be a rigid body; ``index`` is its index."""
 
     def __init__(self, index: int, sentence: str) -> None:
         super().__init__(sentence)
@@ -34,10 +34,10 @@ class BodyError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """One object: its shape and pose at start, whether it is STILL, MOVED or FREE, and of a free one its physics.
+    """One object: its shape and initial pose, whether it is STILL, MOVED or FREE, and, if it is free, its physics.
 
-    ``inertia`` is about its own axes [kg m2], None: of the shape, filled evenly; ``friction`` that against others;
-    ``damping`` the rate at which its motion dies away [1/s].
+    ``mass`` [kg]; ``inertia`` about its own axes [kg m2], None: that of the shape at uniform density; ``friction``
+    is the coefficient against others, ``damping`` the rate at which its motion decays [1/s].
     """
 
     shape: Shape
@@ -64,11 +64,11 @@ def build_bodies(bodies: Sequence[Body], gravity: tuple[float, float, float], pe
     """
     import mujoco
 
-    mujoco.set_mju_user_warning(_ignore)  # else it writes a file into the working folder
+    mujoco.set_mju_user_warning(_ignore)  # otherwise MuJoCo writes a file to the working folder
     spec = mujoco.MjSpec()
     spec.option.timestep, spec.option.gravity = period, gravity
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0  # what rests does not creep
+    spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0  # resting bodies do not creep
     spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
     meshes: dict[int, str] = {}
     for index, body in enumerate(bodies):
@@ -81,11 +81,11 @@ def build_bodies(bodies: Sequence[Body], gravity: tuple[float, float, float], pe
 
 
 def _ignore(message: str) -> None:
-    """Let a warning be: a body that runs away is put back to its start by MuJoCo, and is seen there."""
+    """Ignore a warning: MuJoCo resets a body that diverges to its initial pose, where it can be seen."""
 
 
 def _which(message: str, bodies: Sequence[Body]) -> int:
-    """Find the object that a message of the compiler names, or the first free one."""
+    """Return the index of the object that a message of the compiler names, or of the first free one."""
     named = [i for i in range(len(bodies)) if f"'o{i}'" in message or f"'m{i}'" in message]
     free = [i for i, body in enumerate(bodies) if body.kind == FREE]
     return (named or free or [0])[0]
@@ -138,7 +138,7 @@ def _form(mujoco: Any, spec: Any, index: int, body: Body, meshes: dict[int, str]
 
 
 class Bodies:
-    """The compiled bodies; ``make`` gives a workplace to step them."""
+    """The compiled bodies; ``make`` returns a `Physics` to step them."""
 
     __slots__ = ("_model", "bodies", "free", "moved", "state_size")
 
@@ -151,12 +151,12 @@ class Bodies:
         self.state_size = int(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
 
     def make(self) -> Physics:
-        """Return a workplace with scratch memory of its own."""
+        """Return a `Physics` with scratch memory of its own."""
         return Physics(self._model, self)
 
 
 class Physics:
-    """Steps the bodies; between two calls it remembers nothing."""
+    """Steps the bodies; it keeps nothing from one call to the next."""
 
     def __init__(self, model: Any, bodies: Bodies) -> None:
         import mujoco
@@ -176,7 +176,7 @@ class Physics:
         self._push = self._data.xfrc_applied
 
     def start(self, state: Floats) -> None:
-        """Write the state at the beginning: MuJoCo's integration state (size,) [SI], as ``mj_getState`` lays it out."""
+        """Write the initial state: MuJoCo's integration state (state_size,) [SI], in the layout of ``mj_getState``."""
         self._mujoco.mj_resetData(self._model, self._data)
         self._mujoco.mj_getState(self._model, self._data, state, self._kind)
 

@@ -1,4 +1,4 @@
-"""What is between the contact engine's objects and MuJoCo's bodies, compiled: forces in, poses and twists out."""
+"""The compiled link between the contact engine's objects and MuJoCo's bodies: forces in, poses and twists out."""
 
 from typing import Any
 
@@ -20,9 +20,9 @@ def _apply(forces: Floats, poses: Floats, obj: int, point: Vector, force: Vector
 
 @entry
 def push_bodies(force_at: Floats, result: Floats, poses: Floats, forces: Floats) -> None:
-    """Add what one probe does to the objects: the opposite of its force (3,), at its contacts, by their shares.
+    """Add the reaction of one probe on the objects: the opposite of its force, at its contacts, by their shares.
 
-    Without a contact the force is an attraction by the nearest object.
+    Without a contact the force is an attraction by the nearest object, which then gets the reaction.
 
     ``force_at`` (3,) [N], ``result`` (RESULT_SIZE,) of the contact, ``poses`` (objects, 7) [m; quaternion],
     ``forces`` (objects, 6) [N, N m].
@@ -54,13 +54,14 @@ def apply_forces(
     Parameters
     ----------
     free, ids
-        (k,) numbers of the free objects, and their rows in ``push``.
+        (k,) indices of the free objects, and their rows in ``push``.
     centres, masses, inertias, damping
         (k, 3) centres of mass in the object's frame [m], (k,) [kg], (k, 3) [kg m2] and (k,) [1/s].
     poses, rates
-        (n, 7) of all objects; (k, 6) of the free ones: velocity in the world's, angular velocity in the body's frame.
+        (n, 7) of all objects; (k, 6) of the free ones: velocity of the frame's origin in the world's frame, angular
+        velocity in the body's frame.
     forces, push
-        (n, 6) force and torque about the frames' origins; written: those about the centres of mass.
+        (n, 6) force and torque about the frames' origins; written: those about the centres of mass [N, N m].
     """
     for i in range(free.shape[0]):
         obj, row = int(free[i]), int(ids[i])
@@ -79,7 +80,7 @@ def apply_forces(
 def read_back(free: Any, places: Floats, rates: Floats, poses: Floats, twists: Floats) -> None:
     """Write poses and twists of the free objects from MuJoCo's coordinates (k, 7) and rates (k, 6).
 
-    ``free`` (k,) numbers of the objects; positions [m], velocities [m/s, rad/s]; ``poses`` (n, 7) and ``twists``
+    ``free`` (k,) indices of the objects; positions [m], velocities [m/s, rad/s]; ``poses`` (n, 7) and ``twists``
     (n, 6) of all objects.
     """
     for i in range(free.shape[0]):

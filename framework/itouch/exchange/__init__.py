@@ -1,4 +1,4 @@
-"""Exchanging with a device that makes its caller wait: in a thread, or with the same delays on its twin."""
+"""Exchanges with a device that makes its caller wait: in a thread, or with the same delays on its twin."""
 
 from itouch.exchange.delayed_twin import LateTwin
 from itouch.exchange.emulator_thread import ServedEmulator

@@ -1,4 +1,4 @@
-"""The twin of a blocking device: readings come late and commands act late, as over the wire; all of it is State."""
+"""The twin of a blocking device: readings arrive late and commands act late, as over a wire; all of it is State."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from itouch.plugin.stamps import Stamped
 class LateTwin(Twin, Stamped):
     """Puts a wire between the loop and another twin.
 
-    An exchange begins every ``period`` of the device, or as `course` has it: it takes the command of that moment and
-    measures.  After ``delay`` the command acts and the reading is there.  Until the first one acts the device does what
-    is safe.
+    An exchange begins every ``period`` of the device, or when `course` says: it takes the command of that moment and
+    measures.  After ``delay`` the command acts and the reading has arrived.  Until the first command acts, the device
+    does what is safe.
     """
 
     def __init__(self, twin: Twin, device: type[Device], servo_period: float) -> None:
@@ -29,7 +29,7 @@ class LateTwin(Twin, Stamped):
         self._seen: Record | None = None
 
     def fields(self) -> tuple[Field, ...]:
-        """Return the inner twin's State and the wire's."""
+        """Return the State of the inner twin and of the wire."""
         reads, commands = _size(self._reads), _size(self._commands)
         return (
             *self.twin.fields(),
@@ -51,11 +51,11 @@ class LateTwin(Twin, Stamped):
         )
 
     def set_environment(self, ambient: float, skin_temperature: float | None) -> None:
-        """Tell the inner twin."""
+        """Pass the temperatures [K] on to the inner twin."""
         self.twin.set_environment(ambient, skin_temperature)
 
     def _look(self, state: Record) -> Record:
-        """Return the inner twin's part of a State, and keep views of the wire's part."""
+        """Return the inner twin's part of a State; make scratch records when the State is a new one."""
         if state is not self._seen:
             self._seen = state
             self._inner = state.part("", self._names) if self._names else Record(np.dtype([]))
@@ -63,22 +63,22 @@ class LateTwin(Twin, Stamped):
         return self._inner
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:
-        """Set the inner twin to its start; nothing is on the wire."""
+        """Reset the inner twin; nothing is on the wire."""
         self.twin.reset(self._look(state), rng)
         for name in ("due", "fresh", "begun", "told", "took", "since", "gone", "takes"):
             state[f"line.{name}"] = 0
         state["line.left"] = -1
 
     def position(self, state: Record) -> NDArray[np.float64] | None:
-        """Return the true position of what the device carries: no wire is between."""
+        """Return the true position [m] of what the device carries, which no wire delays; or None."""
         return self.twin.position(self._look(state))
 
     def settle(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
-        """Let the inner twin take its place before anything goes over the wire."""
+        """Step the inner twin directly, before anything goes over the wire."""
         self.twin.step(self._look(state), command, touch, period)
 
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
-        """Begin or end an exchange if it is time, and advance the inner twin."""
+        """Begin or end an exchange if it is due, and advance the inner twin."""
         inner = self._look(state)
         if not state["line.begun"].item():
             state["line.begun"] = 1
@@ -108,7 +108,7 @@ class LateTwin(Twin, Stamped):
         state["line.due"] = due - 1
 
     def _rest(self, acting: NDArray[np.float64], command: Record) -> None:
-        """Fill what the device does until it has been told anything: what is safe, or nothing new."""
+        """Fill in what the device does before its first command: the safe value, or else the present command."""
         _put(acting, command)
         at = 0
         for channel in self._commands:
@@ -124,20 +124,20 @@ class LateTwin(Twin, Stamped):
         state["line.took"], state["line.since"] = state["line.takes"], 0
 
     def course(self, state: Record) -> tuple[int, int]:
-        """Return how many ticks the exchange that begins now will take, and after how many the next one begins."""
+        """Return how many ticks the exchange that begins now takes, and after how many ticks the next one begins."""
         return self._delay, self._every
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
-        """Say when the exchange began whose reading has come.
+        """Fill in the tick in which the exchange began whose reading has arrived.
 
-        ``ticks`` (channels,): the number of a tick for each reading, written.
+        ``ticks`` (channels,), written: the number of a tick for each reading.
         """
         ticks[...] = (
             tick - state["line.took"].item() - (state["line.since"].item() if state["line.begun"].item() else 0)
         )
 
     def departed(self, state: Record, tick: int, command: Record) -> int | None:
-        """Say which command has left, and from which tick on it will act, or acts."""
+        """Fill in the command that has left, once, and return the tick from which on it acts; None: none has left."""
         if not state["line.told"].item():
             return None
         state["line.told"] = 0
@@ -145,7 +145,7 @@ class LateTwin(Twin, Stamped):
         return tick - 1 - int(state["line.gone"].item()) + int(state["line.takes"].item())
 
     def read(self, state: Record, reading: Record) -> bool | None:
-        """Give the reading of the last exchange that has ended, once; before the first one, what is true now."""
+        """Return the reading of the last exchange that has ended, once; before the first one, read the inner twin."""
         if not state["line.begun"].item():
             return self.twin.read(self._look(state), reading)
         if not state["line.fresh"].item():
@@ -164,7 +164,7 @@ def _record(channels: tuple[Channel, ...]) -> Record:
 
 
 def _put(field: NDArray[np.float64], record: Record) -> None:
-    """Copy a record into a field of State; one without channels has a field of one number that is not used."""
+    """Copy a record to a field of State; without channels the field has one number, which is not used."""
     field[: record.nbytes // 8] = record.raw.view(np.float64)
 
 

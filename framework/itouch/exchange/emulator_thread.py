@@ -1,4 +1,4 @@
-"""An emulator in a thread of its own: a wire that must wait holds up neither the simulation nor another wire."""
+"""An emulator in a thread of its own: a wire that has to wait delays neither the simulation nor another wire."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ import threading
 from itouch.exchange.thread import keep_up, told
 from itouch.plugin import Emulator, Record
 
-#: How long [s] closing waits for the thread.
+#: How long [s] closing waits for the thread to end.
 _END = 1.0
 
 
 class ServedEmulator:
-    """Runs ``serve`` whenever the host has asked for something, or the emulator has something due.
+    """Runs ``serve`` whenever the host has sent a request, or the emulator has something due.
 
-    The simulation leaves the newest reading and takes the newest command; neither waits for the other.  A
-    pseudo-terminal, for one, answers only when a thread of the kernel has run, which a busy machine puts off.
+    The simulation deposits the newest reading and takes the newest command; neither side waits for the other.  (A
+    pseudo-terminal, for example, answers only after a kernel thread has run, which a busy machine delays.)
 
     Parameters
     ----------
     emulator
-        Open.
+        An open emulator.
     reading, command
-        What the twin reads, and what it obeys now; copied.
+        The twin's present reading and command; copied.
     """
 
     def __init__(self, emulator: Emulator, reading: Record, command: Record) -> None:
@@ -37,16 +37,16 @@ class ServedEmulator:
         self._thread.start()
 
     def show(self, now: float, reading: Record) -> None:
-        """Leave what the twin reads at the simulated time ``now`` [s]."""
+        """Deposit the twin's reading at the simulated time ``now`` [s]."""
         self._shown = now, reading.tobytes()
 
     def take(self, command: Record) -> bool:
-        """Copy what the host has commanded last; tell whether it drives the device.
+        """Copy the host's last command; tell whether the host drives the device.
 
         Raises
         ------
         Exception
-            What the emulator raised.
+            The exception that the emulator has raised, if any.
         """
         if self._error is not None:
             raise self._error

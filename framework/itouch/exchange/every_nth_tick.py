@@ -1,4 +1,4 @@
-"""A blocking device on the virtual clock: it exchanges every so many ticks, whatever that takes on the wall."""
+"""A blocking device on the virtual clock: it exchanges every so many ticks, however long that takes in real time."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from numpy.typing import NDArray
 from itouch.plugin import Device, Field, Record, Stamps
 from itouch.plugin.stamps import Stamped, ticks_of
 
-#: Drivers in step wait so much longer [s] than on hardware: the world stands still meanwhile.
+#: Factor on drivers' timeouts in step: the simulated world stands still while they wait.
 PATIENCE = 30.0
 
 
 class EveryNth(Device, Stamped):
-    """A blocking device that exchanges in the tick itself, as its wire and thread would.
+    """A blocking device that exchanges in the tick itself, in the rhythm of its wire and thread.
 
     An exchange takes ``every`` ticks.  After it, the device waits up to ``waits`` ticks for a command that differs
-    from the last one.  ``cls`` is whose channels it has, if not the device's own; ``course`` returns after how many
-    ticks the next exchange begins, whatever is commanded, or None: as the rest says.
+    from the last one; ``period`` [s] is that of a tick.  ``cls`` is the class whose channels it has, if not the
+    device's own; ``course`` returns after how many ticks the next exchange begins, regardless of commands, or None: as
+    above.
     """
 
     def __init__(
@@ -28,7 +29,7 @@ class EveryNth(Device, Stamped):
     ) -> None:  # fmt: skip
         super().__init__(device.params)
         self._period, self._course = period, course
-        #: After how many ticks the next exchange begins, if that is fixed.
+        #: After how many ticks the next exchange begins, if ``course`` has fixed that.
         self._next: int | None = None
         self.device, self._every, self._waits = device, every, waits
         self._since, self._command, self._sent = every + waits, b"", b""
@@ -38,22 +39,22 @@ class EveryNth(Device, Stamped):
         self._told, self._reads = True, 0
 
     def open(self) -> None:
-        """Open the device, which goes by the loop's time from then on."""
+        """Open the device, which uses the loop's time from then on."""
         self.device.trace, self.device.patience, self.device.stamps = self.trace, PATIENCE, self._stamps
         self.device.clock = lambda: self._reads * self._period
         self._since, self._command, self._sent = self._every + self._waits, b"", b""
-        self._told = True  # what was sent before it was opened anew is told of by nobody
+        self._told = True  # what was sent before it was opened again is not reported
         self.device.open()
 
     def close(self) -> None:
-        """Send what was left, and close it."""
+        """Send the last command, and close the device."""
         try:
             self._send()
         finally:
             self.device.close()
 
     def read(self, reading: Record) -> bool | None:
-        """Exchange if it is time."""
+        """Exchange if it is due; return False if it is not."""
         self._reads += 1
         since, self._since = self._since, self._since + 1
         due = self._every + (self._waits if self._command == self._sent else 0) if self._next is None else self._next
@@ -69,15 +70,15 @@ class EveryNth(Device, Stamped):
         self._command = command.tobytes()
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
-        """Say when the reading was measured: in this tick, less what the device had it for by itself.
+        """Fill in when the reading was measured: in this tick, less the time that it was inside the device.
 
-        ``ticks`` (channels,): the number of a tick for each reading, written.
+        ``ticks`` (channels,), written: the number of a tick for each reading.
         """
         for index, inside in enumerate(self._stamps.inside()):
             ticks[index] = tick - ticks_of(inside, self._period)
 
     def departed(self, state: Record, tick: int, command: Record) -> int | None:
-        """Say which command has left in this tick."""
+        """Fill in the command that has left in this tick, and return the tick; None: none has left."""
         if self._told:
             return None
         self._told = True

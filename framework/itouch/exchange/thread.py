@@ -1,4 +1,4 @@
-"""A blocking device in a thread of its own: the tick puts the newest command in and takes the newest reading out."""
+"""A blocking device in a thread of its own: the tick deposits the newest command and takes the newest reading."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ from itouch.plugin.device import is_new
 from itouch.plugin.stamps import Stamped, ticks_of
 from itouch.schema.diagnostics import named
 
-#: A command with the time when it was asked for, or when it left.
+#: A command with the time [s] at which it was requested, or at which it left.
 Sent = tuple[float, bytes] | None
-#: A reading with the times when its channels were measured.
+#: A reading with the times [s] at which its channels were measured.
 _Reading = tuple[tuple[float, ...], bytes]
 
-#: How long [s] closing waits for an exchange that is under way; then the thread is left to end by itself.
+#: How long [s] closing waits for an exchange that is under way; after that the thread is left to end by itself.
 CLOSE_TIME = 0.5
-#: How long [s] opening waits for a first reading.
+#: How long [s] opening waits for the first reading.
 FIRST_TIME = 1.0
-#: A device that does not make its caller wait, though it says so, is asked at most this often [s].
+#: Least time [s] between exchanges with a device that is declared as blocking but does not make its caller wait.
 _LEAST = 1e-4
-#: By what part an exchange moves what is thought of the time that a command takes to leave.
+#: Weight of one exchange in the running estimate of the time that a command takes to leave.
 _LEARNT = 0.2
-#: How many exchanges the figures are taken over.
+#: Over how many of the latest exchanges the figures are computed.
 _LATEST = 5000
 
 
 class ThreadedDevice(Device, Stamped):
     """Runs another device's ``open``, ``write``, ``read`` and ``close`` in one thread, one after the other.
 
-    An exchange is: write the newest command, if one has come since the last exchange; read; and again after the
-    device's period.  A device that ``waits`` is exchanged with as soon as there is another command to send, and
-    without one when it has waited for so long.  A command that has not been renewed for ``patience`` seconds is
-    replaced by the safe one: a loop that hangs must not leave its last force standing.
+    An exchange writes the newest command, if one has come since the last exchange, and reads; the next one follows
+    after the device's period.  With a device that ``waits``, an exchange begins as soon as there is a different command
+    to send, or without one after that waiting time.  A command that has not been renewed for ``patience`` [s] is
+    replaced by the safe one: a loop that hangs must not leave its last force in effect.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class ThreadedDevice(Device, Stamped):
         super().__init__(device.params)
         self.device, self._period = device, servo_period
         self._reads, declared = type(device).channels(device.params)
-        #: With what each is when the device must be safe, which the plugin may have left open.
+        #: The commands with their safe values, which the plugin may have left open.
         self._commands = commands or declared
         self._patience = patience
         self._reading, self._command = _record(self._reads), _record(self._commands)
@@ -64,12 +64,12 @@ class ThreadedDevice(Device, Stamped):
         self._error: Exception | None = None
         self._ending = threading.Event()
         self._thread: threading.Thread | None = None
-        #: How many exchanges there were, and the longest [s].
+        #: Number of exchanges, and duration of the longest [s].
         self.exchanges, self.longest = 0, 0.0
         self._latest: deque[tuple[float, float]] = deque(maxlen=_LATEST)
 
     def open(self) -> None:
-        """Open the device and begin to exchange; returns with the first reading, or after a second without one."""
+        """Open the device and begin to exchange; return with the first reading, or after ``FIRST_TIME`` without one."""
         self._newest = self._taken = self._wanted = self._gone = self._told = self._error = None
         self.device.trace, self.device.stamps = self.trace, self._stamps
         opened, read, self._ending = threading.Event(), threading.Event(), threading.Event()
@@ -85,7 +85,7 @@ class ThreadedDevice(Device, Stamped):
             raise self._error
 
     def read(self, reading: Record) -> bool | None:
-        """Take the newest reading; False if there is none since the last call."""
+        """Take the newest reading; return False if there is no new one since the last call."""
         newest = self._newest
         if newest is None or newest is self._taken:
             self._raise()
@@ -95,9 +95,9 @@ class ThreadedDevice(Device, Stamped):
         return True
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
-        """Say when the reading was measured that was taken last.
+        """Fill in when the reading that was taken last was measured.
 
-        ``ticks`` (channels,): the number of a tick for each reading, written.
+        ``ticks`` (channels,), written: the number of a tick for each reading.
         """
         if self._taken is None:
             ticks[...] = tick
@@ -107,7 +107,7 @@ class ThreadedDevice(Device, Stamped):
             ticks[index] = tick - max(0, ticks_of(now - moment, self._period))
 
     def departed(self, state: Record, tick: int, command: Record) -> int | None:
-        """Say which command has left last or is on its way, once."""
+        """Fill in, once, the command that has left last or is on its way, and return its tick; None: nothing new."""
         gone = self._gone
         if gone is None or gone is self._told:
             return None
@@ -116,14 +116,14 @@ class ThreadedDevice(Device, Stamped):
         return tick + ticks_of(gone[0] - time.monotonic(), self._period)
 
     def write(self, command: Record) -> None:
-        """Leave a command for the next exchange; it replaces one that was not sent yet."""
+        """Deposit a command for the next exchange; it replaces one that was not sent yet."""
         before, asked = self._wanted, command.tobytes()
         self._wanted = time.monotonic(), asked
         if self._waits and (before is None or before[1] != asked):
             self._woken.set()
 
     def figures(self) -> dict[str, float] | None:
-        """Return rate [1/s] and durations [ms] of the latest exchanges, and how many there were; None before two."""
+        """Return rate [1/s] and durations [ms] of the latest exchanges, and the number of all; None before two."""
         latest = list(self._latest)
         if len(latest) < 2:
             return None
@@ -138,7 +138,7 @@ class ThreadedDevice(Device, Stamped):
         }
 
     def close(self) -> None:
-        """Send what was left, close the device, and end the thread.
+        """Send the last command, close the device, and end the thread.
 
         Raises
         ------
@@ -209,7 +209,7 @@ class ThreadedDevice(Device, Stamped):
         self._send(sent, time.monotonic())
 
     def _send(self, sent: Sent, now: float) -> Sent:
-        """Write what is new, or the safe command if nothing was for too long; return what has been dealt with."""
+        """Write a new command, or the safe one if none came for too long; return the command that is dealt with."""
         wanted = self._wanted
         if wanted is None:
             return sent
@@ -225,12 +225,12 @@ class ThreadedDevice(Device, Stamped):
 
 
 def told(error: BaseException) -> Exception:
-    """Return what the loop is to raise: a driver that wants to end the program has failed like any other."""
+    """Return the exception for the loop to raise: a driver that tries to end the program has failed like any other."""
     return error if isinstance(error, Exception) else DeviceError(f"has tried to end the program: {named(error)}")
 
 
 def keep_up() -> None:
-    """Take the priority of the process's main thread, one step lower: the loop must never wait for this thread."""
+    """Give this thread a real-time priority one below that of the main thread: the loop must never wait for it."""
     with contextlib.suppress(OSError, AttributeError):
         policy = os.sched_getscheduler(os.getpid())
         if policy & os.SCHED_FIFO:

@@ -1,6 +1,7 @@
-"""What the twins of a virtual rig know, in a file that another process of this machine maps: the newest of it counts.
+"""The State of a virtual rig's twins, in a file that another process on this machine maps to read the newest values.
 
-Nobody waits for anybody.  The writer goes round a few slots; who has read one looks whether it was written meanwhile.
+Neither side waits for the other.  The writer cycles through a few slots; a reader checks afterwards that the slot it
+has read was not overwritten meanwhile.
 """
 
 from __future__ import annotations
@@ -16,22 +17,22 @@ import numpy as np
 
 from itouch.plugin import Record
 
-#: So many records are kept: whoever takes longer [periods] to copy one has read nothing.
+#: Number of records kept: copying one must not take longer than this many periods, or it is not valid.
 SLOTS = 16
-#: Records written so far, bytes of one with its time, bytes of the description; records begin after it.
+#: The file's head: records written so far, bytes of one with its time, bytes of the description that follows.
 _HEAD = struct.Struct("<QQQ")
 _COUNT, _TIME = struct.Struct("<Q"), struct.Struct("<d")
 
 
 class TruthWriter:
-    """Makes the file, and leaves there what the twins know.
+    """Makes the file, and writes the twins' State to it.
 
     Parameters
     ----------
     path
-        The file; it must not be there.
+        The file; it must not exist.
     states
-        State of each device's twin, by the device's name: read at each ``write``.
+        State of each device's twin, by the device's name; read at each ``write``.
     """
 
     def __init__(self, path: str, states: Mapping[str, Record]) -> None:
@@ -50,7 +51,7 @@ class TruthWriter:
         self._map[: _HEAD.size] = _HEAD.pack(0, self._size, len(text))
 
     def write(self, now: float) -> None:
-        """Leave what the twins know at the simulated time ``now`` [s]."""
+        """Write the twins' State at the simulated time ``now`` [s]."""
         at = self._begin + self._count % SLOTS * self._size
         self._map[at : at + self._size] = _TIME.pack(now) + b"".join(bytes(raw.data) for raw in self._states)
         self._count += 1
@@ -67,7 +68,9 @@ class TruthReader:
     Attributes
     ----------
     states
-        What the twins knew last, by the device's name; ``now``: the rig's simulated time of that [s].
+        The State of the twins read last, by the device's name.
+    now
+        The rig's simulated time of that State [s].
     """
 
     def __init__(self, path: str) -> None:
@@ -80,7 +83,7 @@ class TruthReader:
         self.now = 0.0
 
     def read(self) -> bool:
-        """Take the newest; tell whether there was one, whole."""
+        """Read the newest record; tell whether there was a valid one."""
         (count,) = _COUNT.unpack_from(self._map)
         if not count:
             return False

@@ -1,6 +1,6 @@
-"""A device without its wire: a host's session reads what a simulated rig's twin reads, and the twin obeys its commands.
+"""A device without its wire: the host's session gets the readings of a simulated rig's twin, which obeys its commands.
 
-For runs in step in which only some devices are on their wires: what the others' protocols cost, and nothing else, is
+For runs in step in which only some devices use their wires: for the others only the protocols, with what they cost, are
 left out.
 """
 
@@ -17,9 +17,9 @@ class Straight(Device):
     Parameters
     ----------
     params
-        The device's.
+        The device's parameters.
     reading, sent
-        What the twin reads now, and what it obeys: of the same channels as the host's.
+        The twin's present reading, and the command that it obeys, with the same channels as the host's.
     """
 
     def __init__(self, params: Any, reading: Record, sent: Record) -> None:
@@ -30,36 +30,36 @@ class Straight(Device):
 
     @classmethod
     def wires(cls, params: Any) -> tuple[str, ...]:
-        """Return nothing: whatever the parameters name."""
+        """Return no wires, whatever the parameters name."""
         return ()
 
     def open(self) -> None:
         """Begin to read."""
 
     def close(self) -> None:
-        """Let go: the twin keeps its last command."""
+        """Stop commanding; the twin keeps its last command."""
         self.driven = False
 
     def read(self, reading: Record) -> bool:
-        """Copy what the twin reads."""
+        """Copy the twin's reading."""
         reading.raw.data[:] = self._reading.tobytes()
         return True
 
     def write(self, command: Record) -> None:
-        """Let the twin obey."""
+        """Pass the command to the twin."""
         self._sent.raw.data[:] = command.tobytes()
         self.driven = True
 
 
 class StraightEmulator(Emulator):
-    """The rig's end: there is nothing to answer, since the host's end has done it."""
+    """The rig's end: there is nothing to answer, since the host's end does everything."""
 
     def __init__(self, device: Straight) -> None:
         super().__init__(device.params)
         self._device = device
 
     def open(self) -> str:
-        """Say that there is no wire."""
+        """Return words for the place of listening: there is no wire."""
         return "without a wire"
 
     def close(self) -> None:

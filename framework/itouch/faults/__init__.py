@@ -1,4 +1,4 @@
-"""Fault injection: twins that fail as planned, so that what the supervisor does about it can be seen and tested."""
+"""Fault injection: twins that fail as planned, so that the supervisor's reaction can be seen and tested."""
 
 from itouch.faults.kinds import FOREVER, Injection, Kind
 from itouch.faults.twin import FaultyTwin

@@ -31,7 +31,7 @@ class Kind(enum.IntEnum):
 
     @classmethod
     def of(cls, label: str) -> Kind:
-        """Return the kind with a name.
+        """Return the kind with a label.
 
         Raises
         ------
@@ -44,13 +44,13 @@ class Kind(enum.IntEnum):
         raise ValueError(f"kind = {label!r} is not one of {', '.join(kind.label for kind in cls if kind)}")
 
 
-#: End [ticks] of a fault that lasts to the end.
+#: End [tick] of a fault that lasts to the end of the session.
 FOREVER = 1 << 62
 
-#: How many readings and commands are late, part of them that is dropped, and part of the samples that are spikes.
+#: By how many readings or commands a delay is late, share of them that is dropped, share of samples that are spikes.
 LATE, DROPPED, SPIKES = 10, 0.2, 0.05
 
-#: By unit: size of a bias, of a drift in a second, and of a spike.
+#: By unit: size of a bias, of a drift per second, and of a spike.
 AMOUNTS: dict[str, tuple[float, float, float]] = {
     "m": (0.005, 0.002, 0.05), "N": (1.0, 0.5, 20.0), "K": (5.0, 1.0, 30.0), "W/m^2": (3e3, 1e3, 15e3),
     "m/s": (0.2, 0.1, 2.0),
@@ -63,7 +63,7 @@ UNITS: dict[str, tuple[float, float]] = {
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """One fault: its kind, from which tick to which, of which channel (empty: all), and how big (NaN: as usual)."""
+    """One fault: its kind, first tick and tick of its end, channel (empty: all), and size (NaN: that of `AMOUNTS`)."""
 
     kind: Kind
     begin: int

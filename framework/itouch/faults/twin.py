@@ -1,8 +1,9 @@
-"""A twin that fails as planned: it stands between the supervisor and a device's twin, and bends what passes.
+"""A twin that fails as planned: it is between the supervisor and a device's twin, and falsifies readings and commands.
 
-Everything that it remembers is State, the plan included: a restored session fails as it would have, and a test can
-write another plan into State.  The device that it stands for has a watchdog of its own, as every device must that moves
-or heats: cut off from its commands it keeps the last one for as long as W1 lets a reading age, then makes itself safe.
+Everything that it remembers is State, including the plan: a restored session fails as it would have, and a test can
+write another plan to State.  The simulated device has a watchdog of its own, as every device that moves or heats must
+have: cut off from its commands, it keeps the last one for as long as W1 allows a reading to age, then makes itself
+safe.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from itouch.plugin.noise import random_word, uniform
 from itouch.plugin.stamps import Stamped
 
 Floats = NDArray[np.float64]
-#: Of State: the word of the generator that decides by chance.
+#: The State field with the word of the random generator.
 _WORD = "fault.word"
-#: Speed [m/s] at which a surface that is cut off retracts by itself, and how near its goal a saturated one is [m].
+#: Speed [m/s] at which a surface that is cut off retracts by itself; how near to its goal a saturated one stops [m].
 RETRACTION, ARRIVED = 0.25, 2e-4
 
 
 class FaultyTwin(Twin, Stamped):
-    """Wraps the twin of a device; ``plan`` has a slot for each fault."""
+    """Wraps the twin of a device; ``plan`` has a slot for each fault; ``period`` and ``watchdog`` [s]."""
 
     def __init__(
         self, twin: Twin, reads: Sequence[Channel], commands: Sequence[Channel], plan: Sequence[Injection], *,
@@ -40,10 +41,10 @@ class FaultyTwin(Twin, Stamped):
         self._width = len(self._units)
         self._received = Record.of([Field.of(channel) for channel in commands])
         self._size = self._received.nbytes // 8
-        #: The twin's compiled calls, and what they were bound to: binding them in every tick takes longer than they do.
+        #: The twin's compiled calls with what they are bound to: binding them in every tick takes longer than they do.
         self._stepping: tuple[Record, TwinInputs, float, Bound] | None = None
         self._reading: tuple[Record, Record, Bound] | None = None
-        from itouch.joining import is_newest  # the compiler is loaded where a twin runs
+        from itouch.joining import is_newest  # the compiler is only loaded where a twin runs
 
         self._binds_step = is_newest(type(twin), "bound_step", "step")
         self._binds_read = is_newest(type(twin), "bound_read", "read")
@@ -104,7 +105,7 @@ class FaultyTwin(Twin, Stamped):
             self.write_plan(state, slot, injection)
 
     def write_plan(self, state: Record, slot: int, injection: Injection) -> None:
-        """Put another fault into a slot of the plan.
+        """Write a fault to a slot of the plan.
 
         Raises
         ------
@@ -125,7 +126,7 @@ class FaultyTwin(Twin, Stamped):
         return Kind(kind), begin, end
 
     def position(self, state: Record) -> Floats | None:
-        """Return the true position of what the device carries."""
+        """Return the true position [m] of what the device carries, or None."""
         return self.twin.position(state)
 
     def _active(self, state: Record) -> list[tuple[int, Kind]]:
@@ -139,7 +140,7 @@ class FaultyTwin(Twin, Stamped):
     # --- readings -------------------------------------------------------------------------------------------------
 
     def read(self, state: Record, reading: Record) -> bool | None:
-        """Read the twin, and bend what it says.
+        """Read the twin, and falsify its reading by the active faults.
 
         Raises
         ------
@@ -164,7 +165,7 @@ class FaultyTwin(Twin, Stamped):
         return new
 
     def _read(self, state: Record, reading: Record) -> bool | None:
-        """Let the twin read, as one compiled call where it can be bound to what is read."""
+        """Let the twin read, by a compiled call where that is possible."""
         known = self._reading
         if known is None or known[0] is not state or known[1] is not reading:
             bound = self.twin.bound_read(state, reading) if self._binds_read else None
@@ -174,9 +175,9 @@ class FaultyTwin(Twin, Stamped):
         return True if known[2]() == 0 else self.twin.read(state, reading)
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
-        """Say what the twin says.
+        """Do what the twin does.
 
-        ``ticks`` (channels,): the number of a tick for each reading, written.
+        ``ticks`` (channels,), written: the number of a tick for each reading.
         """
         if isinstance(self.twin, Stamped):
             self.twin.measured(state, tick, ticks)
@@ -184,7 +185,7 @@ class FaultyTwin(Twin, Stamped):
             ticks[...] = tick
 
     def departed(self, state: Record, tick: int, command: Record) -> int | None:
-        """Say what the twin says."""
+        """Do what the twin does."""
         return self.twin.departed(state, tick, command) if isinstance(self.twin, Stamped) else None
 
     def _start(self, state: Record, slot: int, values: Floats) -> None:
@@ -197,12 +198,12 @@ class FaultyTwin(Twin, Stamped):
             if channel.role is Role.TRACKED_POSE:
                 state["fault.origin"][slot] = values[at : at + 7]
                 place = self.twin.position(state)
-                if place is not None:  # what is read of it may be bent by another fault already
+                if place is not None:  # its reading may be falsified by another fault
                     state["fault.origin"][slot][:3] = place
             at += channel.size
 
     def _chosen(self, state: Record, slot: int) -> list[int]:
-        """Return the components of the reading that a fault is of."""
+        """Return the components of the reading that a fault affects."""
         chosen: list[int] = []
         wanted, at = int(state["fault.channel"][slot]), 0
         for index, channel in enumerate(self.reads):
@@ -252,7 +253,7 @@ class FaultyTwin(Twin, Stamped):
     # --- commands -------------------------------------------------------------------------------------------------
 
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
-        """Bend the command, and advance the twin under what has become of it."""
+        """Falsify the command by the active faults, and advance the twin under the result."""
         received, wanted = self._received.raw.view(np.float64), command.raw.view(np.float64)
         last = state["fault.received"][: self._size]
         received[:] = wanted
@@ -279,7 +280,7 @@ class FaultyTwin(Twin, Stamped):
         state["fault.tick"] = state["fault.tick"].item() + 1
 
     def _step(self, state: Record, touch: TwinInputs, period: float) -> None:
-        """Advance the twin under what it has received, as one compiled call where it can be bound to what it takes."""
+        """Advance the twin under the command that it has received, by a compiled call where that is possible."""
         known = self._stepping
         if known is None or known[0] is not state or known[1] is not touch or known[2] != period:
             bound = self.twin.bound_step(state, self._received, touch, period) if self._binds_step else None
@@ -291,7 +292,7 @@ class FaultyTwin(Twin, Stamped):
             self.twin.step(state, self._received, touch, period)
 
     def _alone(self, state: Record, received: Floats, last: Floats, period: float) -> None:
-        """Do what a device does that hears nothing: keep the last command, then become safe by its own watchdog."""
+        """Do what a device without commands does: keep the last command, then become safe by its own watchdog."""
         passed = state["fault.cut_off"].item() + 1
         state["fault.cut_off"] = passed
         received[:] = last
@@ -318,13 +319,13 @@ class FaultyTwin(Twin, Stamped):
     def _reverse(self, state: Record, slot: int, channel: Channel, view: Floats) -> None:
         if channel.role is not Role.SURFACE_POSE:
             view[:] = -view
-        elif state["fault.started"][slot]:  # an axis that is wired backwards goes the other way from where it stood
+        elif state["fault.started"][slot]:  # an axis wired backwards moves the other way from where it was
             view[:3] = 2.0 * state["fault.origin"][slot][:3] - view[:3]
             if channel.low:
                 view[:3] = np.clip(view[:3], channel.low[:3], channel.high[:3])
 
     def _saturate(self, state: Record, channel: Channel, view: Floats) -> None:
-        """Give all that the actuator can, whatever part of it is asked for; nothing for nothing."""
+        """Drive the actuator to its limit, however little is commanded; a zero command stays zero."""
         if channel.role is Role.SURFACE_POSE:
             place = self.twin.position(state)
             if place is None or not channel.low:

@@ -130,7 +130,7 @@ __all__ = [
     "wrench",
 ]
 
-#: Old names -> what they are now; for one version.
+#: Old name -> new name, kept for one version.
 _RENAMED = {"Touch": "TwinInputs"}
 
 

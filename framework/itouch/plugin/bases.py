@@ -1,8 +1,8 @@
-"""Bases that an eigen-solve made: kept with a session and used again, because a solve may round otherwise elsewhere.
+"""Bases from eigen-solves: stored with a session and used again, because a new solve may round differently elsewhere.
 
-A plugin wraps each solve in ``kept``.  Where no scene is compiled that only calls it; where one is, the result is noted
-by the digest of what it was made from, and a restored session gets the stored arrays instead of a new solve.  What no
-session has stored may have been found by an earlier start on this machine (see ``result_cache``).
+A plugin wraps each solve in ``kept``.  Outside the building of a session, that only calls the solve.  Inside, the
+result is recorded by the digest of what determines it, and a restored session gets the stored arrays instead of a new
+solve.  A result that no session has stored may be in this machine's cache from an earlier start (``result_cache``).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Bases:
         self._made: dict[str, Any] = {}
 
     def take(self, content: object, make: Callable[[], T], pack: Callable[[T], Arrays], load: Load[T]) -> T:
-        """Return what belongs to a content: loaded from what is stored, or found on disk, or made."""
+        """Return the result for a content: loaded from the stored arrays, found in the cache on disk, or made."""
         key = hashlib.sha256(repr(content).encode()).hexdigest()[:32]
         if key not in self._made:
             stored = self.stored.get(key)
@@ -46,11 +46,11 @@ class Bases:
 
 
 def _found(content: object, make: Callable[[], T], pack: Callable[[T], Arrays], load: Load[T]) -> tuple[T, Arrays]:
-    """Return the result of a solve and its arrays: from the shelf on disk, or from a new solve that is put there."""
+    """Return the result of a solve and its arrays: from the cache on disk, or from a new solve, which is put there."""
     name = result_cache.key(content, make)
     arrays = None if name is None else result_cache.read(name)
     if arrays is not None:
-        with suppress(ValueError):  # it does not fit together: as good as none
+        with suppress(ValueError):  # arrays that do not fit together count as absent
             return load(arrays), arrays
     made = make()
     arrays = pack(made)
@@ -64,7 +64,7 @@ _OPEN: ContextVar[Bases | None] = ContextVar("bases", default=None)
 
 @contextmanager
 def keeping(bases: Bases) -> Iterator[Bases]:
-    """Note, or take from ``bases``, all that is built inside."""
+    """Inside the context, record in ``bases`` what ``kept`` returns, or take it from there."""
     token = _OPEN.set(bases)
     try:
         yield bases
@@ -74,7 +74,7 @@ def keeping(bases: Bases) -> Iterator[Bases]:
 
 @contextmanager
 def keeping_anyhow() -> Iterator[None]:
-    """Look up what is found inside among what earlier builds have found, also where no session notes it."""
+    """Inside the context, let ``kept`` use the cache on disk even if no session is being built."""
     if _OPEN.get() is not None:
         yield
         return
@@ -83,12 +83,12 @@ def keeping_anyhow() -> Iterator[None]:
 
 
 def kept(content: object, make: Callable[[], T], pack: Callable[[T], Arrays], load: Callable[[Arrays], T]) -> T:
-    """Return the result of a solve, or what a session stored of it.
+    """Return the result of a solve, or the one that a session has stored.
 
     Parameters
     ----------
     content
-        What determines the result besides the code of the plugin's package; its ``repr`` must say all of it.
+        What determines the result besides the code of the plugin's package; its ``repr`` must contain all of it.
     make
         The solve.
     pack, load
@@ -102,5 +102,5 @@ def kept(content: object, make: Callable[[], T], pack: Callable[[T], Arrays], lo
 
 
 def building() -> bool:
-    """Tell whether a session is being built: caches of what is made from kept arrays must then not be used."""
+    """Tell whether a session is being built: then caches of what is made from kept arrays must not be used."""
     return _OPEN.get() is not None

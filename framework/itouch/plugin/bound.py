@@ -1,4 +1,4 @@
-"""A compiled function with the arguments of each of its calls (`Bound`): by it a plugin's step joins the tick."""
+"""A compiled function bound to its arguments (`Bound`), with which a plugin's step joins the compiled tick."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ def _copied(value: Any) -> Any:
 
 
 class Bound:
-    """A call whose arguments stay the same: views of State, constants, numbers.
+    """A compiled function with arguments that stay the same: views of State, constants, numbers.
 
-    Called from Python it is an ordinary call; the loop can also run several of them, one after the other, as one.
+    From Python it is an ordinary call; the loop can also run several of them, one after the other, as a single call.
 
     Parameters
     ----------
     function
-        Compiled by ``itouch.plugin.kernels.kernel``; returns 0, or a number from 1 to 2**32 - 1 if Python is wanted.
+        Compiled by ``itouch.plugin.kernels.kernel``; returns 0, or a number from 1 to 2**32 - 1 to hand over to Python.
     arguments
-        Contiguous arrays (a scalar of State is one of one number), named tuples of arrays, and numbers.  What changes
-        must stand in an array.
+        Contiguous arrays (a scalar of State is an array of one number), named tuples of arrays, and numbers.  Whatever
+        changes must be in an array.
     """
 
     __slots__ = ("_joined", "arguments", "function")
@@ -52,18 +52,18 @@ class Bound:
         self._joined: Callable[[], int] | None = None
 
     def __call__(self) -> int:
-        """Call the function from Python, alone."""
+        """Call the function from Python, by itself."""
         return self.function(*self.arguments)
 
     def run(self) -> int:
-        """Call the function from Python in the form in which it joins: no other form of it is compiled then.
+        """Call the function from Python in its joined form, so that no other form of it has to be compiled.
 
-        The first call of a `Bound` costs more than an ordinary one, the others cost less.
+        The first call of a `Bound` costs more than an ordinary call, later ones cost less.
         """
         if self._joined is None:
             from itouch.joining import runner
 
-            self._joined = runner((Bound(self.function, *self.arguments),))  # not itself: that would be a circle
+            self._joined = runner((Bound(self.function, *self.arguments),))  # not self: a reference cycle
         found = self._joined()
         return found & 0xFFFFFFFF if found >= 0 else 0
 

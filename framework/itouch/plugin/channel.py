@@ -1,4 +1,4 @@
-"""Channels: the named vectors that a device reads or obeys, and the standard vocabulary of them."""
+"""Channels: the named vectors that a device reads or obeys, and functions that make the standard ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ROTATIONS = (3, 4, 5)
 
 
 class Safe(enum.Enum):
-    """What a command channel does when its device must be safe and a fixed value would not be."""
+    """What a command does when its device must be made safe and no fixed value is safe."""
 
     HOLD = "hold"
     RETRACT = "retract"
@@ -34,21 +34,23 @@ class Channel(Quantity):
     name, size, unit, doc, role, show
         ``size`` numbers in ``unit``, what they are and what they are for: see `Quantity`.
     low, high
-        Commands: the ceiling of the hardware; readings: outside means a trip.  Empty, or ``size`` numbers; given
-        one of the two, the other is endless.
+        Of a command: the limits of the hardware; of a reading: a value outside is a trip.  Empty, or ``size`` numbers;
+        if only one of the two is given, the other is infinite.
     magnitude
-        Greatest length of the linear part (the first three components) of a wrench; scaled with its direction kept.
+        Greatest length of the linear part (the first three components) of a wrench; a longer one is scaled down, and
+        keeps its direction.
     slew
-        Greatest change a second, ``size`` numbers; for a pose target the first three are its speed.
+        Greatest change per second, ``size`` numbers; for a pose target the first three are its speed.
     safe
         A value, HOLD or RETRACT; a command channel must state it (zero is safe for a force, not for a pose).
-        RETRACT goes down to ``low[2]``.  Where it is left open, or HOLD, of what acts by its size, the framework takes
-        nothing, or the least of the range; of a temperature without an output switch the middle of the limits.
+        RETRACT moves down to ``low[2]``.  If it is left out or HOLD, a force, a drive and any other command that acts
+        by its size become zero, or the value of their range nearest to zero; a temperature target goes to the middle of
+        the limits, unless the device has an output switch.  A surface for which it is left out retracts.
     locked
         Degrees of freedom, numbered 0..5 as in a wrench, that the mechanism cannot move or exert.
     harmless
-        Commands: why this drive cannot hurt, a sentence that ``check`` and every safety report print.  It silences
-        only the error that nothing watches its effect, never a monitor or a limit; it is refused for temperatures,
+        Of a command: why this drive cannot hurt, a sentence that ``check`` and every safety report print.  It only
+        silences the error that nothing watches its effect, never a monitor or a limit; it is refused for temperatures,
         electrodes and ultrasound.
     """
 
@@ -70,7 +72,7 @@ class Channel(Quantity):
             length = len(getattr(self, label))
             if length not in (0, self.size):
                 raise ValueError(f"channel '{self.name}': {label} has {length} numbers, it needs {self.size} or none")
-        if bool(self.low) != bool(self.high):  # half-open: the other side is endless
+        if bool(self.low) != bool(self.high):  # half-open: the other side is infinite
             side, value = ("high", math.inf) if self.low else ("low", -math.inf)
             object.__setattr__(self, side, (value,) * self.size)
         if isinstance(self.safe, tuple) and len(self.safe) != self.size:
@@ -82,7 +84,7 @@ class Channel(Quantity):
 
 
 def of_role(channels: Iterable[Channel], role: Role, unit: str = "") -> Channel | None:
-    """Return the first channel of a role, in a unit if one is given, or None."""
+    """Return the first channel with a role, and with a unit if one is given; or None."""
     return next((one for one in channels if one.role is role and unit in ("", one.unit)), None)
 
 
@@ -103,7 +105,7 @@ def twist(*, locked: tuple[int, ...] = ()) -> Channel:
 
 
 def wrench(*, force: float, torque: float = 0.0, locked: tuple[int, ...] | None = None) -> Channel:
-    """Wrench on the operator [N, N m], a command with its greatest force; without a torque the rotations are locked."""
+    """Wrench on the operator [N, N m], a command, with its greatest force and torque; torque 0 locks the rotations."""
     if force <= 0:
         raise ValueError(f"wrench: force = {force!r} must be more than 0 N")
     shut = (ROTATIONS if torque == 0.0 else ()) if locked is None else locked
@@ -116,7 +118,7 @@ def wrench(*, force: float, torque: float = 0.0, locked: tuple[int, ...] | None 
 
 
 def measured_wrench(*, force: float = 1e3, locked: tuple[int, ...] = ()) -> Channel:
-    """Wrench that the device feels [N, N m], a reading; beyond ``force`` it is not believed."""
+    """Wrench that the device measures [N, N m], a reading; beyond ``force`` it is not believed."""
     high = (force,) * 6
     return Channel(
         "wrench", WRENCH_SIZE, "N", tuple(-value for value in high), high, locked=locked,
@@ -132,7 +134,7 @@ def pose_target(
     safe: Safe = RETRACT,
     locked: tuple[int, ...] = ROTATIONS,
 ) -> Channel:
-    """Pose that the device shall go to, a command: corners of its travel [m] and greatest speed [m/s]."""
+    """Pose to which the device moves, a command: corners of its travel [m] and greatest speed [m/s]."""
     one = (1.0,) * 4
     slew = (speed,) * 3 + (float("inf"),) * 4
     return Channel(
@@ -161,16 +163,16 @@ def temperature(
     role
         What is measured: ``Role.SKIN_CONTACT_TEMPERATURE`` for whatever a finger can touch, ``SKIN_TEMPERATURE``,
         ``HEAT_SINK_TEMPERATURE`` or ``OTHER_TEMPERATURE``.  There is no default, because a plate that is taken for
-        something else is not supervised.
+        something else would not be supervised.
     low, high
-        Range in which the sensor is believed.
+        Range in which the sensor is believed [K].
     doc
-        One sentence; the default tells the role.
+        One sentence; by default it describes the role.
 
     Raises
     ------
     ValueError
-        If the role is none of a temperature.
+        If the role is not that of a temperature.
     """
     if role is None or role not in _TEMPERATURES:
         known = ", ".join(f"Role.{known.name}" for known in _TEMPERATURES)
@@ -181,7 +183,7 @@ def temperature(
 
 
 def plate_temperature(name: str = "plate_temperature", *, low: float = 263.15, high: float = 353.15) -> Channel:
-    """Temperature of the body of what the skin touches [K], a reading."""
+    """Temperature of the body that the skin touches [K], a reading."""
     return temperature(name, Role.SKIN_CONTACT_TEMPERATURE, low=low, high=high)
 
 
@@ -206,7 +208,7 @@ def heat_flux(name: str = "heat_flux", *, full_scale: float = 1e5) -> Channel:
 def current(name: str = "current", *, limit: float, harmless: str = "") -> Channel:
     """Electric current [A], a command; zero is safe.
 
-    One that heats or cools a plate cools it when it is positive.  ``harmless``: why nothing need watch it.
+    If it heats and cools a plate, a positive current cools.  ``harmless``: why nothing needs to watch its effect.
     """
     if limit <= 0:
         raise ValueError(f"current: limit = {limit!r} must be more than 0 A")
@@ -219,7 +221,7 @@ def current(name: str = "current", *, limit: float, harmless: str = "") -> Chann
 def temperature_target(
     name: str = "temperature_target", *, low: float = 288.15, high: float = 313.15, safe: float | Safe = HOLD
 ) -> Channel:
-    """Temperature [K] that the device shall bring its surface to by its own control, a command."""
+    """Temperature [K] to which the device brings its surface by its own control loop, a command."""
     value = safe if isinstance(safe, Safe) else (safe,)
     return Channel(
         name, 1, "K", (low,), (high,), safe=value, role=Role.TEMPERATURE_TARGET, show="wish:",

@@ -1,6 +1,6 @@
-"""What a command or a bench of a plugin needs of the whole framework, which stands above the plugins.
+"""Access to the whole framework for a plugin's command or bench, as the framework is a layer above the plugins.
 
-A device or a modality must not reach for it: it is run by what stands here.
+A device or a modality must not use it: it is itself run by the framework.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from typing import Any
 
 
 def framework() -> Any:
-    """Return what users write ``import itouch`` for: its functions load and build scenes, as in a script of theirs.
+    """Return the module ``itouch``, whose functions load and build scenes, as in a user's script.
 
-    It is loaded when it is asked for: a plugin's module is read by the framework itself, before all of that is there.
+    It is imported here and no earlier, because the framework imports a plugin's module before it is complete itself.
     """
     return import_module("itouch")

@@ -1,4 +1,4 @@
-"""Whether what a plugin declares says enough: a unit, a sentence, and a role where a wrong guess could hurt."""
+"""Whether a plugin declares enough: a unit, a sentence, and a role where a wrong guess could hurt."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from itouch.plugin.quantity import PLAIN, Quantity, Role
 from itouch.schema.units import parse_unit
 
-#: What a reading in these units may be taken for: nothing is guessed, its role must be given.
+#: Units in which a reading must be given a role, since a wrong guess could hurt -> what to write.
 _READINGS = {
     "K": "what is measured by one of Role.SKIN_CONTACT_TEMPERATURE, SKIN_TEMPERATURE, HEAT_SINK_TEMPERATURE or "
     "OTHER_TEMPERATURE",
@@ -15,7 +15,7 @@ _READINGS = {
 
 
 def unit_fault(unit: str) -> str:
-    """Return what is wrong with a unit, as the end of a sentence; empty: nothing."""
+    """Return what is wrong with a unit, as the end of a sentence; empty if nothing is."""
     if unit in PLAIN:
         return ""
     if not unit:
@@ -30,7 +30,7 @@ def unit_fault(unit: str) -> str:
 
 
 def doc_fault(doc: str) -> str:
-    """Return what is wrong with a sentence of doc, as the end of a sentence; empty: nothing."""
+    """Return what is wrong with a ``doc`` text, as the end of a sentence; empty if nothing is."""
     if not doc.strip():
         return 'does not say what it is: write one sentence, such as doc="pressure in the bladder"'
     if len(doc) > 400 or "\n" in doc.strip():
@@ -39,7 +39,7 @@ def doc_fault(doc: str) -> str:
 
 
 def faults_of(quantities: Iterable[Quantity], what: str) -> Iterator[str]:
-    """Yield what is missing or wrong, one sentence each; ``what`` is such as ``reading`` or ``field``."""
+    """Yield what is missing or wrong, one sentence each; ``what`` is their kind, such as ``reading`` or ``field``."""
     for quantity in quantities:
         for fault in (unit_fault(quantity.unit), doc_fault(quantity.doc)):
             if fault:
@@ -47,7 +47,7 @@ def faults_of(quantities: Iterable[Quantity], what: str) -> Iterator[str]:
 
 
 def unguessable(reads: Iterable[Quantity]) -> Iterator[str]:
-    """Yield what can't be used as it is, because a wrong guess of its role could hurt."""
+    """Yield a sentence for each reading that cannot be used as it is, because a wrong guess of its role could hurt."""
     for channel in reads:
         if channel.role is Role.SIGNAL and channel.unit in _READINGS:
             yield f"reading '{channel.name}' in {channel.unit} has no role: say {_READINGS[channel.unit]}"

@@ -1,4 +1,4 @@
-"""The device contract: what a plugin that moves, pushes, heats or measures must offer."""
+"""The device contract: what a plugin for hardware that moves, pushes, heats or measures must offer."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from itouch.schema import ItouchError
 
 
 class DeviceError(ItouchError):
-    """A device that is missing, refuses, or has failed; the message says what to do."""
+    """A device is missing, refuses, or has failed; the message says what to do."""
 
 
 @dataclass(frozen=True, slots=True)
 class Attached:
-    """A device that is really there: where, whether it can be used as it is, and how well or why not."""
+    """A device that was found plugged in: where, whether it can be used as it is, and a note on how well or why not."""
 
     where: str
     usable: bool
@@ -39,14 +39,15 @@ class Attached:
 class TwinInputs:
     """What the simulated world presents to a twin in one tick, in the device's frame.
 
-    ``finger_pose`` (7,) and ``finger_twist`` (6,) are those of the finger's centre; ``wrench`` (6,) acts on the
-    device; ``force`` [N] presses on the device's face and ``gap`` [m] is the distance between face and finger pad
-    (negative while they touch), both together the array ``face`` (2,); ``ambient`` [K] is the room.
+    ``finger_pose`` (7,) [m; quaternion] and ``finger_twist`` (6,) [m/s, rad/s] are those of the finger's centre;
+    ``wrench`` (6,) [N, N m] acts on the device; ``force`` [N] presses on the device's face and ``gap`` [m] is the
+    distance between face and finger pad (negative while they touch), the two together being the array ``face`` (2,);
+    ``ambient`` [K] is the room's temperature.
 
-    A device that is worn, for it is mounted on what tracks the finger, sits on it: ``face`` has what acts on the finger
-    and no gap, ``skin`` (1,) is the skin's temperature [K], and its twin writes into ``taken`` (1,) what heat it takes
-    from the finger [W/m2, out of the finger], as the mean over the fingertip.  ``beside`` (1,) is what worn devices
-    take altogether, for a twin that has the finger's tissue of its own.
+    A worn device, which is mounted on the device that tracks the finger, is always in contact with it: ``face`` then
+    has the force on the finger and no gap, ``skin`` (1,) is the skin's temperature [K], and the twin writes to
+    ``taken`` (1,) the heat flux that it takes out of the finger [W/m2], as the mean over the fingertip.  ``beside``
+    (1,) is the heat flux that all worn devices take together, for a twin with a model of the finger's tissue.
     """
 
     __slots__ = (
@@ -67,7 +68,7 @@ class TwinInputs:
 
     @property
     def force(self) -> float:
-        """What presses on the face [N]."""
+        """The force that presses on the face [N]."""
         force: float = self.face[0].item()
         return force
 
@@ -87,12 +88,12 @@ class TwinInputs:
 
 
 class Twin(ABC):
-    """The simulated stand-in of a device: it keeps nothing that changes in attributes, only in its State fields."""
+    """The simulated stand-in of a device: whatever changes is in its State fields, never in attributes."""
 
     def __init__(self, params: Any) -> None:
         self.params = params
 
-    #: What it declares in an older way, one sentence each.
+    #: What it declares in an outdated way, one sentence each.
     outdated: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, **given: Any) -> None:
@@ -102,13 +103,13 @@ class Twin(ABC):
             cls.outdated = (*cls.outdated, f"method 'stand' of {cls.__name__} is 'set_environment' now: rename it")
 
     def set_environment(self, ambient: float, skin_temperature: float | None) -> None:  # noqa: B027
-        """Learn, before anything else, the temperatures [K] of the room and of the operator's skin, if there is one."""
+        """Take the temperatures [K] of the room and of the operator's skin (None without operator); called first."""
 
     def stand(self, ambient: float, skin_temperature: float | None) -> None:
-        """Do what ``set_environment`` of this class does: its old name, for one version."""
+        """Call ``set_environment`` of this class: the old name of that method, kept for one version."""
         warnings.warn("'stand' is 'set_environment' now: call that", DeprecationWarning, stacklevel=2)
         overridden = any("stand" in vars(kind) for kind in type(self).__mro__ if kind is not Twin)
-        if not overridden:  # else it was called by that one, and is what all twins do: nothing
+        if not overridden:  # else an overriding `stand` has called this: there is nothing to do
             self.set_environment(ambient, skin_temperature)
 
     def fields(self) -> tuple[Field, ...]:
@@ -116,21 +117,21 @@ class Twin(ABC):
         return ()
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:  # noqa: B027
-        """Set the State to its start; draw the words of random generators from ``rng``."""
+        """Set the State to its initial values; draw the seeds of random generators from ``rng``."""
 
     def position(self, state: Record) -> NDArray[np.float64] | None:
-        """Return the view of State, shape (3,), that is the true position [m] of what the device carries, or None."""
+        """Return the view of State, shape (3,), that has the true position [m] of what the device carries, or None."""
         return None
 
     @abstractmethod
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
-        """Advance the State by ``period`` seconds under the command that safety let through."""
+        """Advance the State by ``period`` [s] under the command that the supervisor has let through."""
 
     def bound_step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> Bound | None:
-        """Return what ``step`` does with these, which stay the same, as one compiled call; None: it is Python.
+        """Return ``step`` with these arguments, which stay the same, as one compiled call; None: it is Python.
 
-        It then runs joined with others, without the interpreter; `step` should be the same call.  A call that returns
-        another number than 0 has changed nothing, and leaves this tick to ``step``.
+        The call runs joined with others, without the interpreter; ``step`` should do the same.  A call that does not
+        return 0 must have changed nothing, and leaves this tick to ``step``.
         """
         return None
 
@@ -139,18 +140,18 @@ class Twin(ABC):
         """Fill every field of the reading; return False if there is nothing new."""
 
     def bound_read(self, state: Record, reading: Record) -> Bound | None:
-        """Return what ``read`` does with these, which stay the same, as one compiled call; None: it is Python.
+        """Return ``read`` with these arguments, which stay the same, as one compiled call; None: it is Python.
 
-        It returns 0 for a new reading.  A call that returns another number has changed nothing, and leaves this tick
-        to ``read``.
+        The call returns 0 for a new reading.  One that returns another number must have changed nothing, and leaves
+        this tick to ``read``.
         """
         return None
 
 
 def is_new(said: object) -> bool:
-    """Tell whether a reading has come, by what ``read`` has returned: None, or anything that is true.
+    """Tell whether there is a new reading, by what ``read`` has returned: None, or anything that is true.
 
-    A comparison of NumPy's gives a False of its own, which is as false as Python's.
+    It is not compared with ``False``, because comparisons of NumPy arrays return a False of NumPy's own.
     """
     return said is None or bool(said)
 
@@ -158,15 +159,15 @@ def is_new(said: object) -> bool:
 class Device(Grouped, ABC):
     """A device plugin: three declarations and four methods; lifecycle, limits, threads and NaN belong to the framework.
 
-    Four methods: ``open`` and ``close`` pair exactly once; ``read`` and ``write`` see the device's own frame in SI
-    units.  Three declarations: ``Params``, ``reads`` and ``commands``; a ``Twin`` where the ideal one is not enough.
-    All else has a default that most plugins never touch, and stands in groups: ``timing``, ``opening``, ``emulation``,
-    ``operator_input``, ``mechanics``.
+    The methods: each ``open`` that succeeds is followed by exactly one ``close``; ``read`` and ``write`` use the
+    device's own frame and SI units.  The declarations: ``Params``, ``reads`` and ``commands``; and a ``Twin`` if the
+    ideal one is not enough.  Everything else has a default that most plugins never change, and is declared in groups:
+    ``timing``, ``opening``, ``emulation``, ``operator_input``, ``mechanics``.
 
     Raises
     ------
     ValueError
-        When the class is defined: a reading that would hurt if it were taken for another one has no role.
+        When the class is defined, if a reading has no role and could hurt if it were taken for another one.
     """
 
     #: Frozen dataclass of schema fields: the device's XML element ``<NAME:hardware>``.
@@ -176,23 +177,23 @@ class Device(Grouped, ABC):
     #: The twin class; None: the ideal twin made from the channels.
     Twin: ClassVar[type[Twin] | None] = None
 
-    #: What the channels do not say, one sentence each; found when the class is defined.
+    #: What the channels fail to declare, one sentence each; found when the class is defined.
     undeclared: ClassVar[tuple[str, ...]] = ()
 
-    #: Where to write what goes over the wire; set before ``open``, None: nowhere.
+    #: Trace of the transfers on the wire; set before ``open``, None: nothing is traced.
     trace: Trace | None = None
 
-    #: Where a blocking device may note when it measured and when its command left; set before ``open``, None: nowhere.
+    #: Where a blocking device can record when it measured and when its command left; set before ``open``, or None.
     stamps: Stamps | None = None
 
-    #: The limits in force for it by name, SI, as in ``<limits>``; set before ``open``, for a device that knows its own.
+    #: The limits in force, SI, by their names in ``<limits>``; set before ``open``, for a device that has its own too.
     limits: Mapping[str, float | tuple[float, float]] = MappingProxyType({})
 
-    #: The time [s] that it goes by where it needs one, as for the speed of what it is commanded: the host's, or the
-    #: loop's where that is simulated.  How long an answer may take is of the host's own clock in either.
+    #: The time [s] by which the device computes, for example, the speed of its commands: the host's time, or the loop's
+    #: where that is simulated.  Timeouts of answers always use the host's own clock.
     clock: Callable[[], float] = staticmethod(time.monotonic)
 
-    #: Factor on how long it waits for answers; more than 1 only where time is simulated on a busy machine.
+    #: Factor on timeouts of answers; more than 1 only if time is simulated on a busy machine.
     patience: float = 1.0
 
     def __init__(self, params: Any) -> None:
@@ -214,10 +215,10 @@ class Device(Grouped, ABC):
 
     @abstractmethod
     def read(self, reading: Record) -> bool | None:
-        """Fill every field; return False if nothing is new; do not keep the record."""
+        """Fill every field of the reading; return False if nothing is new; do not keep the record."""
 
     def write(self, command: Record) -> None:
-        """Send the command, which is already limited; do not keep the record."""
+        """Send the command, which has been limited already; do not keep the record."""
 
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
@@ -226,14 +227,14 @@ class Device(Grouped, ABC):
 
     @classmethod
     def takes(cls, params: Any) -> float:
-        """Return the seconds that one exchange takes with these parameters; by default ``exchange_time``."""
+        """Return how long [s] one exchange takes with these parameters; by default ``exchange_time``."""
         return cls.exchange_time
 
     @classmethod
     def lets_go(cls, params: Any) -> float | None:
-        """Return after how many seconds without a command this device, with these parameters, makes itself safe.
+        """Return after how long [s] without a command the device, with these parameters, makes itself safe.
 
-        None: it does not, and runs with the guardian and hold-to-run only; by default ``watchdog``.
+        None: it does not, and needs the guardian and the dead-man's switch; by default ``watchdog``.
         """
         return cls.watchdog
 
@@ -244,71 +245,72 @@ class Device(Grouped, ABC):
 
     @classmethod
     def wires(cls, params: Any) -> tuple[str, ...]:
-        """Return what no other device may command over at the same time, with these parameters: ports, addresses.
+        """Return the wires that belong to this device alone, with these parameters: ports, addresses.
 
         Two drivers that write to one wire take each other's answers, and one would go on driving what the other has
-        stopped: such a scene is refused.  By default the parameter ``port``, if there is one and it names something.
+        stopped: such a scene is refused.  By default it is the parameter ``port``, if there is one and it is not empty.
         """
         port = getattr(params, "port", "")
         return (port,) if isinstance(port, str) and port else ()
 
     @classmethod
     def bind(cls, params: Any, read: Callable[[str, int], bytes]) -> Any:
-        """Return what driver and twin are made from: the parameters, with the content of files that they name.
+        """Return what driver and twin are made from: the parameters, with the content of the files that they name.
 
         Parameters
         ----------
         params
             The parameters as the scene has them.
         read
-            Returns the content of a file that the scene names, of at most so many bytes; it is kept with sessions.
+            Takes the name of a file as in the scene and the greatest size [bytes], and returns its content, which is
+            then stored with sessions.
 
         Raises
         ------
         ValueError
-            If a file does not hold what it must; the message becomes a problem at the element's place, that of a
-            `ParameterError` at the attribute's.
+            If the content of a file is wrong; the message becomes a problem at the place of the element, or, for a
+            `ParameterError`, of the attribute.
         """
         return params
 
     @classmethod
     def duration(cls, bound: Any) -> float:
-        """Return how long the twin's own motion lasts [s], from what ``bind`` returned; 0: it has none."""
+        """Return how long the twin's own motion lasts [s], given what ``bind`` returned; 0: it has none."""
         return 0.0
 
     @classmethod
     def face(cls, params: Any) -> tuple[float, float] | None:
-        """Return the half extents [m] of the flat face at the device's origin that a finger can touch, if any."""
+        """Return the half extents [m] of the flat face at the device's origin that a finger can touch, or None."""
         return None
 
     @classmethod
     def discover(cls) -> tuple[Attached, ...] | None:
-        """Look for such devices without moving or heating anything; None: they cannot be looked for."""
+        """Look for attached devices of this kind, without moving or heating anything; None: there is no way to look."""
         return None
 
     @classmethod
     def attached(cls) -> tuple[Attached, ...] | None:
-        """Do what ``discover`` does: its old name, for one version."""
+        """Call ``discover``: the old name of that method, kept for one version."""
         warnings.warn("'attached' is 'discover' now: call that", DeprecationWarning, stacklevel=2)
         overridden = any("attached" in vars(kind) for kind in cls.__mro__ if kind is not Device)
         return None if overridden else cls.discover()
 
     @classmethod
     def missing(cls, bound: Any) -> str:
-        """Return why the device can't be opened as far as that is seen without touching it; empty: nothing is known.
+        """Return why the device cannot be opened, as far as that is known without opening it; empty: nothing is known.
 
-        It is asked before anybody is asked to hold a switch, of devices that move when they are opened; others are
-        opened then.
+        It is called for devices that move when they are opened, before a person is asked to hold the dead-man's switch;
+        other devices are simply opened at that time.
         """
         return ""
 
     def make_safe(self, safe: Record) -> None:
-        """Make the device safe from a process that does not run it: called on a new instance, and only once.
+        """Make the device safe in another process than the one that ran it: called once, on a new instance.
 
         Parameters
         ----------
         safe
-            The safe command, made from the channels and from what was sent last.
+            The safe command, made from the channels and from the command that was sent last.
         """
         self.open()
         try:

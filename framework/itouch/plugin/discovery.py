@@ -1,4 +1,4 @@
-"""Finding plugins by their entry points: lazily, and with a named reason for each that fails to load."""
+"""Finds plugins by their entry points: loaded only when needed, and with the reason for each that fails to load."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from itouch.schema.diagnostics import named
 
 DEVICES, MODALITIES, COMMANDS, BENCHES = "itouch.devices", "itouch.modalities", "itouch.commands", "itouch.benches"
 MONITORS = "itouch.monitors"
-#: The modality that brings surfaces to fingers that no other modality of a scene brings one to.
+#: Entry points of modalities that bring a surface to a finger if no modality of the scene does.
 CARRIERS = "itouch.carriers"
 NAMESPACE = "urn:itouch:plugin:"
 _PROGRAM = "itouch-py"
 
 
 class PluginError(ItouchError):
-    """A plugin that is installed but can't be loaded."""
+    """A plugin is installed but cannot be loaded."""
 
     def __init__(self, plugin: str, distribution: str, cause: str) -> None:
         super().__init__(f"plugin '{plugin}' ({distribution}) failed to load: {cause}")
@@ -43,25 +43,25 @@ class Found:
     entry: metadata.EntryPoint
 
     def load(self) -> Any:
-        """Import what it names.
+        """Import the object that it names.
 
         Raises
         ------
         PluginError
-            With the cause, whatever the plugin's import raised.
+            With the cause, whatever exception the plugin's import raises.
         """
         try:
             return self.entry.load()
-        except (Exception, SystemExit) as error:  # a stranger's import may raise anything; the others go on
+        except (Exception, SystemExit) as error:  # a plugin's import may raise anything; the others go on
             cause = named(error)
             raise PluginError(self.name, f"{self.distribution} {self.version}", cause) from error
 
 
 def find(group: str) -> dict[str, Found]:
-    """Return the entry points of a group by name; of two with one name the first distribution in order wins.
+    """Return the entry points of a group by name; of two with one name, the alphabetically first distribution wins.
 
-    What is installed is read again when a folder of ``sys.path`` was added or has changed: an installation is a new
-    folder in one.
+    Installed distributions are listed again when a folder of ``sys.path`` was added or has changed, as installing adds
+    a folder to one of them.
     """
     found: dict[str, Found] = {}
     for one in _installed(group, _places()):
@@ -71,7 +71,7 @@ def find(group: str) -> dict[str, Found]:
 
 @lru_cache(maxsize=32)
 def _installed(group: str, places: tuple[tuple[str, int], ...]) -> tuple[Found, ...]:
-    """Return what distributions offer in a group, those that win first; to read what they say takes milliseconds."""
+    """Return the entry points of a group, those that win first; cached, as reading them takes milliseconds."""
     found: list[Found] = []
     for entry in _offered(places).select(group=group):
         dist = entry.dist
@@ -82,12 +82,12 @@ def _installed(group: str, places: tuple[tuple[str, int], ...]) -> tuple[Found, 
 
 @lru_cache(maxsize=4)
 def _offered(places: tuple[tuple[str, int], ...]) -> Any:
-    """Return the entry points of all groups: one look at all distributions serves every group."""
+    """Return the entry points of all groups, so that distributions are read once for all."""
     return metadata.entry_points()
 
 
 def _places() -> tuple[tuple[str, int], ...]:
-    """Return where distributions are looked for, each with when it last changed [ns], or -1 where nothing is there."""
+    """Return the folders of ``sys.path``, each with the time of its last change [ns], or -1 if it does not exist."""
     found: list[tuple[str, int]] = []
     for place in sys.path:
         try:
@@ -98,7 +98,7 @@ def _places() -> tuple[tuple[str, int], ...]:
 
 
 class Catalog:
-    """The plugins of this environment; what fails to load is remembered with its reason, the rest go on."""
+    """The plugins of this environment; those that fail to load are recorded with the reason, and the rest go on."""
 
     def __init__(self, finder: Callable[[str], dict[str, Found]] = find) -> None:
         self._devices = finder(DEVICES)
@@ -118,16 +118,16 @@ class Catalog:
         return sorted(set(self._devices) | {_plugin_of(name) for name in self._modalities})
 
     def found(self, name: str) -> Found:
-        """Return where a device plugin comes from."""
+        """Return the entry point of a device plugin."""
         return self._devices[name]
 
     def offered(self, plugin: str) -> Sequence[Found]:
-        """Return where the devices and modalities of a plugin come from."""
+        """Return the entry points of a plugin's devices, modalities and carriers."""
         every = {**self._carriers, **self._modalities, **self._devices}
         return [found for name, found in sorted(every.items()) if _plugin_of(name) == plugin]
 
     def offered_monitors(self) -> Sequence[Found]:
-        """Return where the monitors come from."""
+        """Return the entry points of the monitors."""
         return [found for _, found in sorted(self._monitors.items())]
 
     def version(self, plugin: str) -> str:
@@ -147,13 +147,13 @@ class Catalog:
 
     @property
     def carrier_names(self) -> Sequence[str]:
-        """Names of what can bring a surface to a finger without an element of its own, loadable or not."""
+        """Names of the modalities that bring a surface to a finger without an element in the scene, loadable or not."""
         return sorted(self._carriers)
 
     def carrier(self, name: str = "") -> tuple[str, type[Modality] | None]:
-        """Return who brings surfaces to fingers: its name, and its class, or None if there is none or it did not load.
+        """Return name and class of a modality that brings surfaces to fingers; the class is None if it failed to load.
 
-        Without a name it is the program's own: a scene that wants another one says so, and none comes in by being
+        Without a name it is the program's own: a scene must name another one, which is never used merely because it is
         installed.
         """
         offered = self._carriers.values()
@@ -169,7 +169,7 @@ class Catalog:
 
     @property
     def monitor_failures(self) -> tuple[PluginError, ...]:
-        """What keeps offered monitors from being loaded."""
+        """The errors of offered monitors that failed to load."""
         return tuple(self.failures[name] for name in self._monitors if name in self.failures)
 
     def modality_names(self, plugin: str) -> Sequence[str]:
@@ -229,7 +229,7 @@ class Catalog:
 
 
 def _undeclared(loaded: type) -> str:
-    """Return what a plugin's class has left out without which no scene can name it; empty: nothing."""
+    """Return what is missing in a plugin's class so that no scene can use it; empty if nothing is."""
     if missing := sorted(getattr(loaded, "__abstractmethods__", ())):
         return f"class '{loaded.__name__}' does not define {', '.join(missing)}: each needs a method, however short"
     if issubclass(loaded, Monitor) or dataclasses.is_dataclass(getattr(loaded, "Params", None)):

@@ -1,4 +1,4 @@
-"""Emulators: a device's wire with its simulated twin behind it, so that a driver can be run as on the real thing."""
+"""Emulators: a device's wire with its simulated twin behind it, so that a driver runs as with the real device."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from itouch.plugin.record import Record
 
 
 class Emulator(ABC):
-    """Speaks a device's protocol where the device's parameters say that the device is.
+    """Speaks a device's protocol at the port or address that the device's parameters name.
 
-    The physics is the twin's: `serve` is called many times a second with what the twin reads now, and fills in what
-    the host has commanded.
+    The physics is the twin's: `serve` is called many times a second with the twin's present readings, and fills in the
+    commands of the host.
     """
 
-    #: How much faster than the host's clock its transports' own timers run; set before ``open``.
+    #: How much faster than the host's clock the timers of its transport run; set before ``open``.
     speed: float = 1.0
 
-    #: True if it has a course of its own in simulated time, as a simulated chip has: in step it is then served in
-    #: every period, and its host's requests are answered as in no time.
+    #: True if it does something by itself in simulated time, as a simulated chip does: in step it is then served in
+    #: every period, and its host's requests are answered as if in no time.
     lives: bool = False
 
-    #: True once a host has commanded it anything, be it to exert no force.  An arm in the air is driven by nobody, but
-    #: on a rig that has nothing but arms the operator's motion must go on from there.
+    #: True once a host has sent it any command, even one of zero force.  An arm in free space counts as not driven, but
+    #: on a rig with nothing but arms the operator's motion must begin from then on.
     commanded: bool = False
 
     def __init__(self, params: Any) -> None:
@@ -35,22 +35,22 @@ class Emulator(ABC):
 
     @classmethod
     def somewhere(cls, params: Any) -> Any:
-        """Return the parameters with a place on this machine where driver and emulator can meet, if they name none."""
+        """Return the parameters with a port or address on this machine filled in, if they name none."""
         return params
 
     @classmethod
     def elsewhere(cls, params: Any, folder: str) -> Any:
-        """Return the parameters with a place of its own: a file in ``folder``, or a free port of this machine.
+        """Return the parameters with an address of its own: a file in ``folder``, or a free port of this machine.
 
-        Asked where driver and emulator are in one process: whatever address is named, nobody else comes there.
+        Used if driver and emulator run in one process, so that no other program can connect, whatever address is named.
         """
         return cls.somewhere(params)
 
     @classmethod
     def reachable(cls, params: Any) -> tuple[float, float, float]:
-        """Return a position [m] in the device's frame, with some room around it, that the real device can take.
+        """Return a position [m] in the device's frame, with some room around it, that the real device can reach.
 
-        Only asked of a device that tracks the finger.
+        It is called only for a device that tracks the finger.
         """
         return (0.0, 0.0, 0.0)
 
@@ -58,13 +58,13 @@ class Emulator(ABC):
     def listener(address: tuple[str, int]) -> socket.socket:
         """Return a socket that listens at a host and a port of this machine; port 0 chooses a free one.
 
-        Whoever reaches a simulated device can command it, and a device's own protocol asks for no name: nobody from
-        another machine may.
+        Whoever connects to a simulated device can command it, as device protocols have no authentication: so no other
+        machine may connect.
 
         Raises
         ------
         OSError
-            If the address can be reached from elsewhere, is none, or is taken.
+            If the address can be reached from other machines, is invalid, or is in use.
         """
         host, port = address
         found = socket.getaddrinfo(host or "0.0.0.0", port, type=socket.SOCK_STREAM)
@@ -75,7 +75,7 @@ class Emulator(ABC):
 
     @abstractmethod
     def open(self) -> str:
-        """Begin to listen; return where, in words.
+        """Begin to listen; return where, in words for a person.
 
         Raises
         ------
@@ -85,26 +85,26 @@ class Emulator(ABC):
 
     @abstractmethod
     def serve(self, now: float, reading: Record, command: Record) -> bool:
-        """Answer what the host has asked, without waiting; tell whether the host drives the device.
+        """Answer the host's requests, without waiting; tell whether the host drives the device.
 
         Parameters
         ----------
         now
             Simulated time [s].
         reading
-            What the twin reads now.
+            The twin's present readings.
         command
-            What the twin obeys; what the host has commanded is written to it.
+            The twin's command, to which the host's commands are written.
         """
 
     def patience(self) -> float:
-        """Return for how long [s] it need not be served if nothing comes."""
+        """Return for how long [s] it need not be served if no request comes."""
         return 1e-3
 
     def handles(self) -> Sequence[int]:
-        """Return the file descriptors on which a host's next request will come."""
+        """Return the file descriptors on which the host's next request will arrive."""
         return ()
 
     @abstractmethod
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection and stop listening."""

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 class Fitted:
     """What a calibration found: parameters by their Python names (``part.name`` inside a child), and how well they fit.
 
-    ``residual`` is the rms of what is left over, in ``unit``.  ``doubts`` are sentences on why the samples may be of
-    something else; they are told, and the result is kept all the same.
+    ``residual`` is the rms residual in ``unit``.  ``doubts`` are sentences on why the samples may be of something else;
+    they are shown, and the result is kept all the same.
     """
 
     values: Mapping[str, float]
@@ -39,12 +39,12 @@ class Fit:
     columns
         What the columns of the samples are, with their units.
     days
-        How long its result holds.
+        How long its result is valid [days].
     solve
-        Takes the device's parameters and the samples, shape (n, columns), and raises ``ValueError`` if they are too few
-        or say nothing.
+        Takes the device's parameters and the samples, shape (n, columns), and returns the result; raises ``ValueError``
+        if the samples are too few or determine nothing.
     lacks
-        Takes the device's parameters, and says what they lack for it; an empty text if nothing.
+        Takes the device's parameters, and returns what they lack for this calibration; an empty string if nothing.
     """
 
     kind: str
@@ -56,9 +56,9 @@ class Fit:
 
 
 def line_through(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float, float]:
-    """Return slope, value at 0 and rms residual of the straight line y(x), both (n,), least squares.
+    """Return slope, value at 0 and rms residual of the least-squares line y(x) through the samples x and y, both (n,).
 
-    The slope is in the unit of y over that of x, the others are in that of y.
+    The slope is in the unit of y over that of x, the other two are in that of y.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Optional groups of a device's declarations: timing, opening, emulation, operator input, mechanics.
 
-Each attribute of a group was an attribute of `Device` once, under the same name; it can still be declared like that,
-and the framework reads it there: a group that a class declares is unfolded into them.
+Each attribute of a group was once an attribute of `Device` with the same name, and can still be declared as one.  The
+framework reads these attributes: a group that a class declares is unfolded into them.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from itouch.plugin.fit import Fit
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """How long an exchange with the device takes, and how long it does without.
+    """How long an exchange with the device takes, and how long it can do without one.
 
     Attributes
     ----------
     blocking
         True if ``read`` and ``write`` wait for the wire and must run in an I/O thread.
     period
-        Seconds between two exchanges; 0 means one every servo tick.
+        Time between two exchanges [s]; 0 means one in every servo tick.
     delay
-        Seconds that one exchange of a blocking device takes; its twin's readings are that old, commands that late.
+        Time that one exchange of a blocking device takes [s]; its twin's readings are that old, its commands that late.
     exchange_time
-        Seconds that one exchange over the wire takes in practice; only for simulating it in step.
+        Time that one exchange over the wire takes in practice [s]; used only for simulating it in step.
     waits
-        Seconds for which a blocking device, after an exchange, waits for a command that differs from the last one
-        before it exchanges without: so a command leaves as soon as it is there.  0: it exchanges again at once.
+        How long [s] a blocking device waits after an exchange for a command that differs from the last one, before it
+        exchanges without one; so a new command leaves at once.  0: it exchanges again immediately.
     watchdog
-        Seconds without a command after which the device makes itself safe; armed by ``open``.  None: it does not.
+        Time without a command [s] after which the device makes itself safe; armed by ``open``.  None: it does not.
     """
 
     blocking: bool = False
@@ -45,12 +45,12 @@ class Timing:
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """What opening the device does, and who may do it; how such devices are found is ``attached``.
+    """What opening the device does, and who may do it; ``discover`` finds such devices.
 
     Attributes
     ----------
     moves_on_open
-        True if ``open`` moves the mechanism, as homing does: a restored session opens it only when it is enabled.
+        True if ``open`` moves the mechanism, as homing does: a restored session then opens it only when it is enabled.
     second_opener
         True if another process may open the device too, and call ``make_safe``, when the servo process has died.
     twin_only
@@ -64,14 +64,14 @@ class Opening:
 
 @dataclass(frozen=True, slots=True)
 class Emulation:
-    """What stands in for the device's wire, and what is calibrated of the device.
+    """The emulator of the device's wire, and the calibrations of the device.
 
     Attributes
     ----------
     Emulator
-        What speaks the device's protocol with the twin behind it; None: the driver has no emulator.
+        The class that speaks the device's protocol with the twin behind it; None: there is no emulator.
     fits
-        Calibrations that it offers besides those of its mount.
+        Calibrations that the device offers besides those of its mount.
     """
 
     Emulator: type[_Emulator] | None = None
@@ -80,20 +80,20 @@ class Emulation:
 
 @dataclass(frozen=True, slots=True)
 class OperatorInput:
-    """Who moves the finger on its twin, if not the scene's operator.
+    """Who moves the finger on the device's twin, if not the scene's operator.
 
     Attributes
     ----------
     input_source
-        A person by "mouse", "keyboard" or "gamepad", who leads the operator's hand; or a "recording", which knows its
-        way; empty: the scene's operator.
+        "mouse", "keyboard" or "gamepad", with which a person leads the operator's hand; or "recording", whose path is
+        given; empty: the scene's operator.
     """
 
     input_source: str = ""
     led_by: InitVar[str] = ""  # its old name, for one version
 
     def __post_init__(self, led_by: str) -> None:
-        """Take the old name of ``input_source``, and warn."""
+        """Accept the old name of ``input_source``, with a warning."""
         if led_by:
             warnings.warn("OperatorInput: 'led_by' is 'input_source' now", DeprecationWarning, stacklevel=3)
             object.__setattr__(self, "input_source", led_by)
@@ -101,7 +101,7 @@ class OperatorInput:
 
 @dataclass(frozen=True, slots=True)
 class Mechanics:
-    """What virtual walls a device bears.
+    """The stiffness and damping of virtual walls that a device bears.
 
     Attributes
     ----------
@@ -115,19 +115,19 @@ class Mechanics:
     damping: float | None = None
 
 
-#: Attribute of `Device` -> the group that it holds.
+#: Attribute of `Device` -> class of its group.
 GROUPS: dict[str, type] = {
     "timing": Timing, "opening": Opening, "emulation": Emulation, "operator_input": OperatorInput,
     "mechanics": Mechanics,
 }  # fmt: skip
 
 
-#: Attributes that have another name now -> that name; the old ones are understood for one version.
+#: Old name of an attribute -> new name; old names are understood for one version.
 OLD_NAMES = {"led_by": "input_source"}
 
 
 class Grouped:
-    """Unfolds the groups that a class declares; what the framework reads are their attributes."""
+    """Unfolds the groups that a class declares into single attributes, which the framework reads."""
 
     timing: ClassVar[Timing] = Timing()
     opening: ClassVar[Opening] = Opening()
@@ -135,7 +135,7 @@ class Grouped:
     operator_input: ClassVar[OperatorInput] = OperatorInput()
     mechanics: ClassVar[Mechanics] = Mechanics()
 
-    #: Those attributes as they were declared before there were groups: for the framework, and for older plugins.
+    #: The attributes of the groups as they were declared before there were groups: for the framework and older plugins.
     blocking: ClassVar[bool] = False
     period: ClassVar[float] = 0.0
     delay: ClassVar[float] = 0.0
@@ -151,7 +151,7 @@ class Grouped:
     max_stiffness: ClassVar[float | None] = None
     damping: ClassVar[float | None] = None
 
-    #: What it declares in an older way, one sentence each.
+    #: What it declares in an outdated way, one sentence each.
     outdated: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, **given: Any) -> None:

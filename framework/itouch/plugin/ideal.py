@@ -1,4 +1,4 @@
-"""The ideal twin: made from a device's channels when the plugin brings no twin of its own."""
+"""The ideal twin: made from a device's channels if the plugin has no twin of its own."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from itouch.plugin.device import Device, Twin, TwinInputs
 from itouch.plugin.quantity import Role
 from itouch.plugin.record import Field, Record
 
-#: Role of a reading -> that of the command that it mirrors without lag.
+#: Role of a reading -> role of the command that it follows without lag.
 MIRRORS = {
     Role.TRACKED_POSE: Role.SURFACE_POSE,
     Role.CONTACT_FORCE: Role.FORCE_ON_OPERATOR,
     Role.SKIN_CONTACT_TEMPERATURE: Role.TEMPERATURE_TARGET,
 }
-#: Roles of readings that mirror whatever command has their unit and size.
+#: Roles of readings that follow whatever command has their name, or their unit, and their size.
 _BY_UNIT = (Role.SIGNAL, Role.DELIVERED_DRIVE)
 _ROOM = 296.15
 
 
 class IdealTwin(Twin):
-    """Readings mirror the commands that belong to them by role or unit; a pose without a target is the finger's."""
+    """Readings follow the commands that match them by role or unit; a pose without a target is that of the finger."""
 
     def __init__(self, params: Any, device: type[Device]) -> None:
         super().__init__(params)
@@ -32,7 +32,7 @@ class IdealTwin(Twin):
         self._pairs = dict(pairs(self.reads, self.commands))
 
     def fields(self) -> tuple[Field, ...]:
-        """Return one field a reading; what is plotted are the readings themselves."""
+        """Return one field per reading; they are not plotted, as the readings are."""
         return tuple(Field.of(channel, show="no") for channel in self.reads)
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:
@@ -41,7 +41,7 @@ class IdealTwin(Twin):
             state[channel.name] = _rest(channel)
 
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
-        """Take over commands without lag, and the finger's pose where the device follows the finger."""
+        """Take over commands without lag, and the finger's pose and twist if the device follows the finger."""
         for channel in self.reads:
             source = self._pairs.get(channel.name)
             if source is not None:
@@ -59,10 +59,10 @@ class IdealTwin(Twin):
 
 
 def pairs(reads: Sequence[Channel], commands: Sequence[Channel]) -> Iterator[tuple[str, str]]:
-    """Yield each reading that mirrors a command, with it.
+    """Yield the names of each reading that follows a command, and of that command.
 
-    First by role; a number without a role of its own mirrors the first command of its unit and size that no other
-    reading mirrors, one of its own name before all.
+    Roles come first; then a reading without a role of its own follows a command with its name, or else the first one
+    with its unit, of its size, that no other reading follows.
     """
     left, named = list(commands), {command.name for command in commands}
     for reading in sorted(reads, key=lambda one: (one.role in _BY_UNIT, one.name not in named)):

@@ -1,7 +1,7 @@
-"""What arms of the impedance kind have in common: they say where their end is, and push with the force they are told.
+"""What impedance arms have in common: they report where their end is, and exert the force that they are commanded.
 
-A plugin brings the driver; where the fingertip is, the switch on the grip, the twin that a finger hangs on, the life
-of the driver and the safe command are the same for all of them.
+A plugin brings the driver; the position of the fingertip, the switch on the grip, the twin that the finger moves, the
+driver's lifecycle and the safe command are the same for all of them.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ _REST = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 class ArmDriver(Protocol):
-    """What speaks to an arm: zero force after ``open`` and before ``close``."""
+    """The driver of an arm: it sends zero force in ``open`` and in ``close``."""
 
     def open(self) -> object:
-        """Find the arm and send zero force; raise what is wrong with it, told after the zero was sent."""
+        """Find the arm and send zero force; raise errors about the arm only after the zero was sent."""
 
     def close(self) -> None:
-        """Send zero force and let the arm go."""
+        """Send zero force and release the arm."""
 
     def write(self, force: Vector) -> None:
         """Set the force [N] that the next exchange sends."""
@@ -41,9 +41,9 @@ D = TypeVar("D", bound=ArmDriver)
 
 
 class FingerTwin(Twin):
-    """The finger hangs on the arm, which gives its position in steps of ``params.resolution`` [m], 0 for none.
+    """The finger holds the arm's end, whose position is read in steps of ``params.resolution`` [m]; 0: no steps.
 
-    The readings are those of `ImpedanceArm`; a twin of other names overrides ``pose`` and ``switch``.
+    The readings are those of `ImpedanceArm`; a twin whose readings have other names overrides ``pose`` and ``switch``.
     """
 
     pose: ClassVar[str] = "pose"
@@ -51,7 +51,7 @@ class FingerTwin(Twin):
 
     @property
     def turns(self) -> bool:
-        """Whether the arm's end can turn and its turning is sensed: by ``params.rotations``, if there is one."""
+        """Whether the arm's end can turn and its orientation is sensed: ``params.rotations``, if there is one."""
         return getattr(self.params, "rotations", "locked") != "locked"
 
     def fields(self) -> tuple[Field, ...]:
@@ -59,17 +59,17 @@ class FingerTwin(Twin):
         return (Field("pose", "f8", 7, unit="m", doc="true pose of the end: position, quaternion w x y z"),)
 
     def reset(self, state: Record, rng: np.random.Generator) -> None:
-        """Begin at the frame's origin until the finger is attached."""
+        """Start at the frame's origin, until the finger is attached."""
         state["pose"] = _REST
 
     def bound_step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> Bound | None:
-        """Return the step on these views as one compiled call."""
+        """Return the step on these views as one compiled call; None if the finger is not attached."""
         from itouch.plugin.kernels import copied  # the compiler is loaded when an arm runs, not when it is listed
 
         return Bound(copied, touch.finger_pose, state["pose"]) if touch.finger_attached else None
 
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
-        """Go with the finger."""
+        """Follow the finger."""
         if touch.finger_attached:
             state["pose"] = touch.finger_pose
 
@@ -81,7 +81,7 @@ class FingerTwin(Twin):
         return Bound(encoded, state["pose"], float(self.params.resolution), self.turns, reading[self.pose], switch)
 
     def read(self, state: Record, reading: Record) -> bool | None:
-        """Give the pose in steps of the encoders; the operator of a twin holds the switch."""
+        """Read the pose in steps of the encoders; the operator of a twin always holds the switch."""
         self.bound_read(state, reading)()
         return True
 
@@ -89,14 +89,14 @@ class FingerTwin(Twin):
 class ImpedanceArm(Device, Generic[D]):
     """An arm with a driver: it tracks the finger and pushes it; its rotations are locked.
 
-    ``Params`` must have ``grip`` [m], from the arm's end to the fingertip's centre, ``resolution`` [m] for the twin,
-    and ``deadman``, the button that must be held to run or ``"none"``.  The plugin says how a driver is made, and
-    reads it.
+    ``Params`` must have ``grip`` [m], the vector from the arm's end to the fingertip's centre, ``resolution`` [m] for
+    the twin, and ``deadman``, the button that must be held to run, or ``"none"``.  The plugin defines ``make``, which
+    makes a driver, and ``read``.
     """
 
     reads = (pose(locked=ROTATIONS),)
     Twin: ClassVar[type[Twin] | None] = FingerTwin
-    #: What ``open`` of the driver raises after it has sent zero force: enough where only that is wanted.
+    #: Errors that the driver's ``open`` raises after it has sent zero force; ``make_safe`` needs no more than that.
     harmless: ClassVar[tuple[type[Exception], ...]] = ()
 
     def __init__(self, params: Any) -> None:
@@ -109,13 +109,13 @@ class ImpedanceArm(Device, Generic[D]):
 
     @classmethod
     def channels(cls, params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
-        """Return the channels; a switch is there if a button is one."""
+        """Return the channels; with the dead-man's switch if ``params.deadman`` names a button."""
         switch = () if params.deadman == "none" else (deadman(),)
         return (*cls.reads, *switch), cls.commands
 
     @abstractmethod
     def make(self, *, safe: bool = False) -> D:
-        """Return a driver that is not open; ``safe``: only to take the force away, so it waits for nobody."""
+        """Return a driver that is not open; ``safe``: it only takes the force away, and so waits for nobody."""
 
     def open(self) -> None:
         """Open the arm.
@@ -130,18 +130,20 @@ class ImpedanceArm(Device, Generic[D]):
         self.driver = driver
 
     def close(self) -> None:
-        """Send zero force and let the arm go."""
+        """Send zero force and release the arm."""
         driver, self.driver = self.driver, None
         if driver is not None:
             driver.close()
 
     def write(self, command: Record) -> None:
-        """Set the force, which the next exchange sends; the rotations are locked.
+        """Set the force that the next exchange sends; the rotations are locked.
 
         Raises
         ------
         ValueError
-            If a torque is asked for.
+            If a torque is commanded.
+        DeviceError
+            If the arm is not open.
         """
         x, y, z, *torque = command[self._force].tolist()
         if any(torque):
@@ -149,7 +151,7 @@ class ImpedanceArm(Device, Generic[D]):
         self.opened().write((x, y, z))
 
     def make_safe(self, safe: Record) -> None:
-        """Take the force away: opening sends zero force, calibrated or not."""
+        """Take the force away: opening sends zero force, whether the arm is calibrated or not."""
         driver = self.make(safe=True)
         try:
             with contextlib.suppress(*self.harmless):
@@ -158,7 +160,7 @@ class ImpedanceArm(Device, Generic[D]):
             driver.close()
 
     def put(self, reading: Record, position: Iterable[float], held: bool) -> None:
-        """Write where the fingertip is, by the position [m] of the arm's end, and whether the switch is held."""
+        """Write the fingertip's pose, from the position [m] of the arm's end, and whether the switch is held."""
         x, y, z = (a + b for a, b in zip(position, self.params.grip, strict=True))
         reading[self._pose] = (x, y, z, 1.0, 0.0, 0.0, 0.0)
         if self._switch:

@@ -1,4 +1,4 @@
-"""Compiled functions of a plugin, kept on disk together with a fingerprint of all that they are made of."""
+"""Compiled functions for plugins, cached on disk by a fingerprint of all that they are made of."""
 
 import math
 from typing import Any
@@ -9,7 +9,7 @@ from itouch.compiling import inlined, kernel, nogil_kernel
 
 __all__ = ["copied", "encoded", "gaussian", "inlined", "kernel", "nogil_kernel"]
 
-#: Adding and subtracting it rounds a number to an integer, and leaves NaN what it is.
+#: Adding and then subtracting it rounds a number to an integer, and leaves NaN unchanged.
 _TO_INTEGER = 1.5 * 2.0**52
 
 
@@ -23,18 +23,18 @@ def copied(source: Any, target: Any) -> int:
 
 @kernel
 def encoded(pose: Any, step: float, turns: bool, shown: Any, switch: Any) -> int:
-    """Show a pose as encoders see it; return 0.
+    """Write a pose as encoders read it; return 0.
 
     Parameters
     ----------
     pose
         Position [m] and quaternion w x y z, shape (7,).
     step
-        Resolution [m], 0: none.
+        Resolution [m]; 0: infinitely fine.
     turns
-        Whether the turning is sensed, too.
+        Whether the orientation is sensed too.
     shown, switch
-        What is read of it, shape (7,), and a switch, which is held, shape (1,) or (0,).
+        Written: the pose that is read, shape (7,), and 1 for a switch that is held, shape (1,), or (0,) without one.
     """
     for i in range(3):
         shown[i] = (pose[i] / step + _TO_INTEGER - _TO_INTEGER) * step if step > 0.0 else pose[i]
@@ -47,7 +47,7 @@ def encoded(pose: Any, step: float, turns: bool, shown: Any, switch: Any) -> int
 
 @kernel
 def _uniform(words: Any) -> float:
-    """Draw a number from 0 to 1, advancing a generator of one word: SplitMix64 (Steele, Lea and Flood 2014)."""
+    """Draw a number from 0 to 1, 1 excluded, advancing a one-word generator: SplitMix64 (Steele, Lea, Flood 2014)."""
     words[0] += np.uint64(0x9E3779B97F4A7C15)
     word = words[0]
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -57,9 +57,9 @@ def _uniform(words: Any) -> float:
 
 @kernel
 def gaussian(words: Any) -> float:
-    """Draw from the standard normal distribution, advancing a generator of one word of State, shape (1,), dtype u8.
+    """Draw from the standard normal distribution, advancing a one-word generator in State, shape (1,), dtype u8.
 
-    The numbers are those of `itouch.plugin.gaussian`.
+    The numbers are the same as those of `itouch.plugin.gaussian`.
     """
     radius = math.sqrt(-2.0 * math.log(_uniform(words) + 2.0**-54))
     return radius * math.cos(2.0 * math.pi * _uniform(words))

@@ -1,4 +1,4 @@
-"""What a modality measures of a contact: the report's key, and how the figure is shown."""
+"""What a modality measures of a contact: its key in the report, and how the figure is shown."""
 
 from __future__ import annotations
 
@@ -17,34 +17,35 @@ class Measured:
     Attributes
     ----------
     key
-        Key of the report's entry; null there where the contact has no such figure.
+        Its key in the report's entry of a contact; null there if the contact has no such figure.
     unit
-        SI unit of the number in the report, in the notation of scenes (``m/s^2``); ``"1"`` is a plain number, a text
+        SI unit of the number in the report, in the notation of scenes (``m/s^2``); ``"1"`` is a plain number, a text,
         or a yes or no.
     doc
         One sentence that says what is measured.
     title
-        What it is called in a table's head; default: the key.
+        Its title in the head of a table; default: the key.
     head
-        Head of its column on a terminal, where room is short; default: title and unit.
+        Head of its column on a terminal, where space is short; default: title and unit.
     digits
-        How many digits after the point are shown.
+        How many digits after the decimal point are shown.
     percent
-        A share of 1, shown in per cent.  On a terminal such columns, which say how good a contact was, stand last.
+        Whether it is a share of 1, shown in per cent.  On a terminal such columns, which say how good a contact was,
+        come last.
     show
         ``""``: on the terminal and on the page; ``"page"``: on the page only; ``"no"``: in the report's data only.
     worst
-        Under what words the summary shows the greatest of all contacts; empty: not there.
+        Label under which the summary shows the greatest value of all contacts; empty: it does not.
     must
-        Of a yes or no: which of the two it must be, so that a touch counts in a study; None: either.
+        Of a yes or no: the value it must have for a touch to count in a study; None: either.
     otherwise
-        What is said of a touch where it is the other.
+        What is said of a touch with the other value.
     role
-        What it is for: ``HEAT_FLUX``, the mean flux of the contact; ``SKIN_TEMPERATURE``, by how much the skin fell.  A
-        study takes these where nothing tells what was truly felt.
+        What it is for: ``HEAT_FLUX``, the mean flux of the contact; ``SKIN_TEMPERATURE``, by how much the skin cooled.
+        A study uses these if nothing tells what was truly felt.
     error
-        Whether it is by how much what was rendered differs from what was wanted, as a share: a touch counts in a study
-        only up to the study's ``flux-error``.
+        Whether it is the relative difference of what was rendered from what was wanted: in a study a touch counts only
+        if it is at most the study's ``flux-error``.
     """
 
     key: str
@@ -73,17 +74,17 @@ class Measured:
             raise ValueError(f"measured '{self.key}': must says what it has to be, otherwise what is said if it is not")
 
     def broken(self, value: object) -> bool:
-        """Tell whether a figure is known, and is not what it must be."""
+        """Tell whether a figure is known and does not have the value that it must have."""
         return self.must is not None and value is not None and bool(value) is not self.must
 
     @property
     def scale(self) -> float:
-        """What the number is multiplied with to be shown."""
+        """The factor on the number when it is shown."""
         return 100.0 if self.percent else 1.0
 
     @property
     def shown_unit(self) -> str:
-        """The unit of what is shown; empty for a plain number."""
+        """The unit in which it is shown; empty for a plain number."""
         return "%" if self.percent else "" if self.unit == "1" else self.unit
 
     @property
@@ -99,7 +100,7 @@ class Measured:
         return self.head or (f"{self.title} {self.shown_unit}".strip() if self.title else self.key)
 
     def told(self, value: object) -> str:
-        """Return a figure as a cell of a terminal's table; what is no number stays as it is, nothing is a dash."""
+        """Return a figure as a cell of a terminal's table; a text stays as it is, a missing figure is a dash."""
         if value is None or isinstance(value, bool):
             return "-" if value is None else "yes" if value else "no"
         if not isinstance(value, int | float):

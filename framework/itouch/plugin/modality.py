@@ -1,4 +1,4 @@
-"""The modality contract: a rendering engine that owns State, hears contact events and may command devices."""
+"""The modality contract: a rendering engine that owns State, receives contact events and may command devices."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ class Contact(enum.IntEnum):
 class ContactEvent(NamedTuple):
     """What happened between a probe and an object in this tick; lengths in m, world frame.
 
-    ``distance`` is that between surface and probe (0 in contact), ``speed`` the approach speed along the normal
-    (> 0: closing), ``tangential_velocity`` that of the finger along the surface, both relative to it;
-    ``force`` is the normal force [N], ``area`` that of contact by Hertz's law [m2]; ``time_to_contact`` is infinite
-    unless approaching.
+    ``distance`` is the distance between surface and probe (0 in contact), ``speed`` the approach speed along the normal
+    [m/s] (> 0: closing), ``tangential_velocity`` the finger's velocity along the surface [m/s], both relative to it;
+    ``force`` is the normal force [N], ``area`` the area of contact by Hertz's law [m2]; ``time_to_contact`` [s] is
+    infinite unless the finger approaches.
     """
 
     kind: Contact
@@ -53,7 +53,7 @@ class ContactEvent(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class WorldObject:
-    """An object as a modality sees it; ``material`` is the plugin's own part of the material, or None."""
+    """An object as a modality sees it; ``material`` is the plugin's own element of the material, or None."""
 
     name: str
     index: int
@@ -66,9 +66,9 @@ class WorldObject:
 class WorldDevice:
     """A device as a modality sees it: its plugin's name, parameters, channels and limits in force (name -> SI).
 
-    ``wire`` tells whether something between it and the loop takes time: then State has its ``out`` and ``left``.
-    ``twin_fields`` are what the State of its twin consists of, whether it runs on that twin or not.  A modality finds
-    what it needs by role and unit, so that a device works with it whatever its author calls things.
+    ``wire`` tells whether exchanges with it take time: then State has its ``out`` and ``left``.  ``twin_fields``
+    returns the State fields of its twin, whether the session runs on the twin or not.  A modality finds what it needs
+    by role and unit, so that a device works with it whatever names its author has chosen.
     """
 
     name: str
@@ -82,20 +82,20 @@ class WorldDevice:
     twin_fields: Callable[[], Sequence[Field]] = tuple
 
     def reading(self, role: Role, unit: str = "") -> Channel | None:
-        """Return the first reading of a role, in a unit if one is given, or None."""
+        """Return the first reading with a role, and with a unit if one is given; or None."""
         return of_role(self.reads, role, unit)
 
     def command(self, role: Role, unit: str = "") -> Channel | None:
-        """Return the first command of a role, in a unit if one is given, or None."""
+        """Return the first command with a role, and with a unit if one is given; or None."""
         return of_role(self.commands, role, unit)
 
     def read_field(self, role: Role, unit: str = "") -> str:
-        """Return the field of State that holds the first reading of a role; empty: it has none."""
+        """Return the field of State that has the first reading with a role; empty if there is none."""
         channel = self.reading(role, unit)
         return f"{self.name}.{channel.name}" if channel is not None else ""
 
     def truth(self, role: Role) -> str:
-        """Return the field, of those of its twin, that holds what is true of a role beside the sensors; or nothing."""
+        """Return the field of its twin's State that has the true value of a role, without sensor error; empty: none."""
         return next((field.name for field in self.twin_fields() if field.role is role), "")
 
 
@@ -103,24 +103,24 @@ class WorldDevice:
 class WorldSurface:
     """The surface that a device brings to a probe's finger, as a modality sees it.
 
-    Where the device's frame is in the world changes with a touch-off and with what carries it: State has it as
-    ``DEVICE.frame``, origin [m] and rotation matrix row by row, shape (12,); that of the arm likewise.
+    The device's frame in the world changes with a touch-off and with the device that carries it: State has it as
+    ``DEVICE.frame``, origin [m] and rotation matrix row by row, shape (12,), and the arm's frame likewise.
 
     Attributes
     ----------
     device, arm
-        What brings the surface, and what else pushes the finger; empty: nothing does.
+        The device that brings the surface, and the arm that also pushes the finger; empty: there is no arm.
     face
-        Where the flat top is that the finger meets, in the frame of what the device's pose is the pose of [m].
+        Position [m] of the flat top that the finger meets, in the frame whose pose the device reads.
     pad_stiffness, pad_damping
-        Of the finger's pad [N/m], [N s/m].
+        Stiffness [N/m] and damping [N s/m] of the finger's pad.
     touch_off
-        Whether a touch-off finds the height at the start; before it is done, ``ready`` in State is 0.
+        Whether a touch-off finds the height at the start; until it is done, ``ready`` in State is 0.
     greatest_force
-        With how much the surface may press [N]: its part, where several surfaces meet one finger.
+        Greatest force with which the surface may press [N]: its share, if several surfaces meet one finger.
     clearance, plate_angle
-        What the probe's attributes say: how far below the finger the surface waits [m], the steepest slope that it
-        renders [rad].  A modality that keeps to one names it in ``Modality.keeps_to``.
+        The probe's attributes: how far below the finger the surface waits [m], and the steepest slope that it renders
+        [rad].  A modality that respects one of them names it in ``Modality.keeps_to``.
     """
 
     device: str
@@ -135,7 +135,7 @@ class WorldSurface:
 
 
 def no_file(file: str, most: int) -> bytes:
-    """Refuse a file: the reader of a world without a scene.
+    """Refuse to read a file: the default of ``World.read``, for a world without a scene.
 
     Raises
     ------
@@ -149,11 +149,11 @@ def no_file(file: str, most: int) -> bytes:
 class World:
     """What a modality may know of the scene when it is compiled.
 
-    ``ambient`` is the room's temperature [K], ``skin_temperature`` [K] the operator twin's, if there is one;
-    ``period`` [s] is that of the modality's own updates, ``servo_period`` [s] that of a tick; ``read``
-    returns the content of a file that the scene names, relative to its folder, of at most so many bytes (or raises a
-    ValueError); the file is kept with sessions.  ``probes`` has the radius [m] of each finger, ``surfaces`` what is
-    brought to those of them that are met by a surface.
+    ``ambient`` is the room's temperature [K], ``skin_temperature`` [K] that of the operator's twin, if there is one;
+    ``period`` [s] is that of the modality's own updates, ``servo_period`` [s] that of a tick.  ``read`` takes the name
+    of a file, relative to the scene's folder, and the greatest size [bytes], and returns its content or raises
+    ValueError; the content is stored with sessions.  ``probes`` has the radius [m] of each finger, ``surfaces`` the
+    surface of each finger that one is brought to.
     """
 
     objects: tuple[WorldObject, ...]
@@ -177,32 +177,34 @@ class ParameterError(ValueError):
 
 
 class Carries(NamedTuple):
-    """That a modality itself brings a device's surface to a probe's finger, and which of its own fields say how.
+    """A modality's declaration that it brings a device's surface to a probe's finger, and which of its fields say how.
 
-    Each names a field that the modality declares (``fields``), of one number, without the modality's own name in front.
+    Each field is one that the modality declares (``fields``), has one number, and is named without the modality's name
+    in front.
 
     Attributes
     ----------
     probe, device
         The probe, and the device that it names in ``surface-to``.
     renders
-        Field: 1 where the contact is the surface's to render, 0 where it is the arm's alone.
+        Field: 1 where the surface renders the contact, 0 where the arm does so alone.
     present
-        Field: 1 while what touches the finger is the surface, so that its temperature is what is felt.
+        Field: 1 while it is the surface that touches the finger, so that its temperature is felt.
     distance
-        Field: how far the finger's pad is from the surface [m]; below 0 where it is pressed in, infinite out of reach.
+        Field: distance of the finger's pad from the surface [m]; below 0 while it is pressed in, infinite out of reach.
     gap
-        Field: by how much the surface is short of the virtual one [m]; below 0 where it stands out, infinite where
-        there is no virtual one.  Over the first millimetre the arm takes over the normal force.
+        Field: how far the surface is below the virtual one [m]; below 0 if it is above, infinite if there is no virtual
+        one.  Over the first millimetre the arm takes over the normal force.
     coming
-        Field: how far the surface still has to come, or where the contact is the arm's to go [m]; 0 where it is where
-        it is wanted, below 0 if that can't be said.  So long the change of force between surface and arm is led over.
+        Field: how far [m] the surface still has to move: to come, where it renders, or to withdraw, where the arm does;
+        0 once it is there, below 0 if that is not known.  Until it is there, the force is handed over gradually between
+        surface and arm.
     missed
         Field: why the surface renders no more: 1, it was not felt where it should be; 2, it was felt below that; 0,
-        nothing is wrong.  The contact then is the arm's, and report and log tell of the first place.
+        nothing is wrong.  The arm then renders the contact, and report and log tell where it happened first.
     yields
-        Field: how far its command gives way already, because the surface presses harder than it may [m].  The framework
-        (K4) then lowers it by what is wanting to its own yielding only, not by all of that once more.
+        Field: how far [m] its command already yields because the surface presses too hard.  The framework (K4) then
+        lowers the surface only by as much as its own yielding exceeds this, not by all of it again.
     """
 
     probe: str
@@ -222,9 +224,9 @@ class Carries(NamedTuple):
 
 
 class Modality(ABC):
-    """A modality plugin.  ``model`` is what ``compile`` returned: read-only; everything that changes is in State.
+    """A modality plugin.  ``model`` is what ``compile`` returned, read-only; everything that changes is in State.
 
-    The fields that it declares appear in State as ``NAME.field``; it may write those, and the command channels that
+    The fields that it declares appear in State as ``NAME.field``; it may write these, and the command channels that
     ``commands`` names, and nothing else.
     """
 
@@ -232,17 +234,17 @@ class Modality(ABC):
     Params: ClassVar[type]
     #: Frozen dataclass of schema fields: its element under ``<material>``, if it has one.
     Material: ClassVar[type | None] = None
-    #: Kinds of event that ``on_contact`` wants; MOVE comes in every tick of a contact.
+    #: Kinds of event for which ``on_contact`` is called; MOVE comes in every tick of a contact.
     hears: ClassVar[frozenset[Contact]] = frozenset(Contact)
-    #: What it measures of a contact, in the order of the columns that terminal, page and summary show of it.
+    #: What it measures of a contact, in the order of the columns on terminal, page and summary.
     measured: ClassVar[tuple[Measured, ...]] = ()
-    #: Those of its fields that are of the person or the devices: they go on when a scene with other objects takes the
-    #: place of this one between two touches.  All others begin as after ``reset``.
+    #: Its fields that concern the person or the devices: they keep their values when a scene with other objects
+    #: replaces this one between two touches.  All other fields begin as after ``reset``.
     goes_on: ClassVar[tuple[str, ...]] = ()
-    #: Fields that earlier versions had and whose content is not needed any more: a session stored with them goes on.
+    #: Fields of earlier versions whose content is no longer needed: a session stored with them can still be restored.
     dropped: ClassVar[frozenset[str]] = frozenset()
-    #: Where it carries a surface: which attributes of the probe it keeps to, of ``clearance`` and ``plate-angle``.  The
-    #: others have no effect then, and whoever writes them is warned.
+    #: If it carries a surface: which of the probe's attributes ``clearance`` and ``plate-angle`` it respects.  A scene
+    #: that sets the other, which then has no effect, gets a warning.
     keeps_to: ClassVar[frozenset[str]] = frozenset()
 
     @abstractmethod
@@ -252,12 +254,12 @@ class Modality(ABC):
         Raises
         ------
         ValueError
-            If the parameters cannot work together; the message becomes a problem at the element's place, that of a
-            `ParameterError` at the attribute's.
+            If the parameters cannot work together; the message becomes a problem at the place of the element, or, for a
+            `ParameterError`, of the attribute.
         """
 
     def notices(self, model: Any) -> tuple[str, ...]:
-        """Return what must be known before a run, one sentence each; shown by check and run, kept in the report."""
+        """Return what must be known before a run, one sentence each; shown by check and run, and put in the report."""
         return ()
 
     def fields(self, model: Any) -> tuple[Field, ...]:
@@ -269,39 +271,39 @@ class Modality(ABC):
         return ()
 
     def carries(self, model: Any) -> Carries | None:
-        """Return what it says of a surface that it brings to a finger in the place of the default; None: none.
+        """Return the declaration of the surface that it brings to a finger in place of the default carrier, or None.
 
         Its ``update`` then runs in each tick after contact and before the force on the finger: it finds the virtual
         surface in ``PROBE.surface_height`` (the highest below the finger), ``PROBE.normal`` and ``PROBE.object`` (-1:
         nothing is touched), and commands the device.  Touch-off, the withdrawal of T4, the speed at which a surface
-        may come near, and every other limit stay with the framework, and have the last word.
+        may approach, and every other limit stay with the framework, and have the last word.
         """
         return None
 
     def reads(self, model: Any) -> tuple[str, ...] | None:
-        """Return the fields of State that it reads besides its own, for whoever looks at the plan; None: not said.
+        """Return the fields of State that it reads besides its own, to be shown in the plan; None: not declared.
 
-        A name that ends in ``*`` stands for all that begin so.
+        A name that ends in ``*`` stands for all fields that begin like this.
         """
         return None
 
     @abstractmethod
     def reset(self, model: Any, state: Record) -> None:
-        """Set its fields to their start."""
+        """Set its fields to their initial values."""
 
     def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:  # noqa: B027
-        """Take note of a contact event; called within the tick, before ``update``."""
+        """Receive a contact event; called within the tick, before ``update``."""
 
     def attends(self, model: Any) -> bool:
-        """Tell whether it wants to be called in the ticks between its updates, too."""
+        """Tell whether ``between`` is to be called in the ticks between its updates."""
         return False
 
     def between(self, model: Any, state: Record) -> None:  # noqa: B027
-        """Take note of what has come in a tick without an ``update``, and write its commands anew if it has cause.
+        """Use what has arrived in a tick without an ``update``, and write its commands anew if there is a reason to.
 
-        ``DEVICE.measured`` in State holds, for each channel that the device reads, the tick at which it was measured;
-        it may be long ago.  A device behind a wire has its newest command that has left in ``DEVICE.out.CHANNEL``, and
-        in ``DEVICE.left`` the tick in which it left.
+        ``DEVICE.measured`` in State has, for each reading of the device, the tick in which it was measured, which may
+        be long ago.  For a device behind a wire, ``DEVICE.out.CHANNEL`` has the newest command that has left, and
+        ``DEVICE.left`` the tick in which it left.
         """
 
     @abstractmethod
@@ -309,56 +311,56 @@ class Modality(ABC):
         """Advance its fields by one period and write its commands."""
 
     def left_out(self, model: Any, state: Record, seconds: float) -> None:  # noqa: B027
-        """Let time go on in its fields: between two ticks, a loop that was late has left out so many seconds [s].
+        """Advance its fields by the ``seconds`` [s] that a late loop has left out between two ticks.
 
-        Called with hardware in the rig only, before the tick that comes next: a real finger has gone on touching, and a
-        real display heating, while nobody looked.  Readings are still those from before.  Simulated devices have stood
-        still; who models what one of these does (``WorldDevice.twin``) has nothing to do.
+        Called only with hardware in the rig, before the next tick: in that time a real finger has gone on touching, and
+        a real display heating, unobserved.  Readings are still those from before.  Simulated devices have stood still:
+        for what models one of these (``WorldDevice.twin``) there is nothing to do.
         """
 
     def witness(self, model: Any, state: Record, twins: Mapping[str, Record]) -> None:  # noqa: B027
-        """Take note of what is true, for its figures: a virtual rig that runs the scene in step shows its twins' State.
+        """Receive the true State of the devices' twins, for its figures; only if a virtual rig runs the scene in step.
 
         Called after each tick with the State of each device's twin as it was when that tick's readings were taken.
         Nothing that is rendered may depend on it.
         """
 
     def bound_update(self, model: Any, state: Record, period: float) -> Bound | tuple[Bound, ...] | None:
-        """Return what ``update`` does with these, which stay the same, as one compiled call; None: it is Python.
+        """Return ``update`` with these arguments, which stay the same, as compiled calls; None: it is Python.
 
-        It then runs joined with the steps beside it.  A call that returns another number than 0 has changed nothing,
-        and leaves this tick to ``update``.  Several calls are run one after the other; the first one decides.
+        They run joined with the steps beside them.  A call that does not return 0 must have changed nothing, and leaves
+        this tick to ``update``.  Several calls run one after the other; only the first one may leave it to ``update``.
         """
         return None
 
     def measures(
         self, model: Any, state: Record, probe: str, object_index: int
     ) -> dict[str, float | str | bool | None]:
-        """Return what the report shall say of the contact that has just ended, or is still open.
+        """Return the report's entries for the contact that has just ended, or is still open.
 
-        What ``measured`` declares has a column of its own wherever contacts are shown, and is null where it is not
-        returned; other keys go to the report's data only.
+        Figures that ``measured`` declares have a column of their own wherever contacts are shown, and are null if they
+        are not returned; other keys go to the report's data only.
         """
         return {}
 
     def ended(self, model: Any, entry: Mapping[str, Any]) -> str:
-        """Return the few words that a terminal shows when a contact has ended; empty: nothing.
+        """Return a few words that a terminal shows when a contact has ended; empty: nothing.
 
         ``entry`` is the report's entry of the contact, with what ``measures`` has returned.
         """
         return ""
 
     def remarks(self, model: Any, entry: Mapping[str, Any]) -> tuple[str, ...]:
-        """Return what a terminal shows of a contact below the table, one sentence each: what was not as it should be.
+        """Return what was wrong in a contact, one sentence each, which a terminal shows below the table.
 
         ``entry`` is the report's entry of the contact.
         """
         return ()
 
     def status(self, model: Any, state: Record) -> str:
-        """Return the few words that the live line shows of it, such as ``plate 60 %``; empty: nothing."""
+        """Return a few words on it for the live line, such as ``plate 60 %``; empty: nothing."""
         return ""
 
     def report(self, model: Any, state: Record) -> dict[str, Any]:
-        """Return what the report shall say of the whole run, as plain data for JSON; empty: nothing."""
+        """Return the report's entries for the whole run, as plain data for JSON; empty: nothing."""
         return {}

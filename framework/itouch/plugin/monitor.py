@@ -1,4 +1,4 @@
-"""The monitor contract: what watches a device, cuts its drive down, and stops it; found by roles of channels."""
+"""The monitor contract: a monitor watches a device, finds its channels by role, reduces its drive, and stops it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from itouch.plugin.record import Field, Record
 
 
 class Rule(NamedTuple):
-    """One rule in the words of ``check``, the safety report and the fault: all three are made from it.
+    """One rule in words: those of ``check``, of the safety report and of the fault are all made from it.
 
-    ``number`` is its number in the reference of the limits (empty: none), ``limit`` where it begins to act, ``trip``
-    where it stops, ``absolute`` what is never passed, ``source`` who has set it.  Empty: there is none.
+    ``number`` is its number in the reference of limits (empty: none), ``limit`` the value at which it begins to act,
+    ``trip`` the value at which it stops the device, ``absolute`` the value that is never passed, ``source`` who has set
+    it.  Empty: there is none.
     """
 
     number: str
@@ -32,8 +33,8 @@ class Rule(NamedTuple):
 class Watched:
     """A device as a monitor sees it when the scene is compiled.
 
-    ``limits`` are the limits in force (name -> SI) and ``sources`` who has set each; ``surface`` tells whether
-    something carries it to a finger or it is such a carrier, so that a finger can be off it.
+    ``limits`` are the limits in force (name -> SI) and ``sources`` who has set each; ``surface`` tells whether it is
+    carried to a finger or is itself such a carrier, so that a finger need not be on it.
     """
 
     name: str
@@ -46,19 +47,19 @@ class Watched:
     twin: bool = True
 
     def readings(self, role: Role) -> tuple[Channel, ...]:
-        """Return the readings of a role."""
+        """Return the readings with a role."""
         return tuple(channel for channel in self.reads if channel.role is role)
 
     def reading(self, role: Role) -> Channel | None:
-        """Return the first reading of a role, or None."""
+        """Return the first reading with a role, or None."""
         return next(iter(self.readings(role)), None)
 
     def obeys(self, *roles: Role) -> tuple[Channel, ...]:
-        """Return the commands of these roles."""
+        """Return the commands with one of these roles."""
         return tuple(channel for channel in self.commands if channel.role in roles)
 
     def command(self, role: Role) -> Channel | None:
-        """Return the first command of a role, or None."""
+        """Return the first command with a role, or None."""
         return next(iter(self.obeys(role)), None)
 
     def source(self, name: str) -> str:
@@ -68,7 +69,7 @@ class Watched:
 
 @dataclass(slots=True)
 class Moment:
-    """When and where a check takes place; the same object is used again for the next one.
+    """The circumstances of a check: times, and what is known of the finger; the object is reused for the next check.
 
     Attributes
     ----------
@@ -77,21 +78,21 @@ class Moment:
     seconds
         Measured time since this monitor's last check [s]; 0 at the first one after a pause.
     age
-        Of the newest reading [s].
+        Age of the newest reading [s].
     fresh
-        Whether a reading has come since the last check.
+        Whether a reading has arrived since the last check.
     touched
-        Whether a finger touches the device, as far as is known; without a rig that knows, a touch is assumed.
+        Whether a finger touches the device, as far as is known; if the rig cannot tell, a touch is assumed.
     force
-        Felt force between finger and device [N]; NaN: not measured.
+        Measured force between finger and device [N]; NaN: not measured.
     gap
         Distance [m] between finger pad and surface as tracked, negative while they press; NaN: not known.
     finger
-        Place of the finger in the device's frame [m]; NaN: not known.
+        Position of the finger in the device's frame [m]; NaN: not known.
     speed
-        Of the finger [m/s]; 0 where it is not known.
+        Speed of the finger [m/s]; 0 if it is not known.
     strayed
-        Distance [m] of a surface from its command; NaN: not known.
+        Distance [m] of a surface from its commanded position; NaN: not known.
     calibrated
         Whether the height of the surface is known by touch-off.
     """
@@ -113,19 +114,19 @@ class Moment:
 class Monitor(ABC):
     """Watches one device.  A monitor can only tighten: the smallest share and the first trip count.
 
-    It keeps nothing that changes in attributes: its memory are its ``fields``, which are part of State as
-    ``DEVICE.NAME.field``.  ``check`` must not write anything else, and is called with every new reading, and at least
-    every 10 ms while the device is open, also without news.  What it raises stops the device.
+    Whatever changes is not in attributes but in its ``fields``, which are part of State as ``DEVICE.NAME.field``.
+    ``check`` must not write anything else; it is called with every new reading, and at least every 10 ms while the
+    device is open, even without a new reading.  An exception from it stops the device.
     """
 
     #: Letters, digits and "_": the prefix of its fields.
     name: str
     #: Code (1, 2, ...) -> name of each trip, such as ``{1: "charge-dose"}``.
     trips: ClassVar[Mapping[int, str]] = {}
-    #: True: checked in each tick, when the finger's place of that tick is known.
+    #: True: checked in each tick, once the finger's position in that tick is known.
     placed: ClassVar[bool] = False
-    #: Its fields that hold moments of session time [s] (of a table: in its first column): in no stored session is one
-    #: of them later than the session is.
+    #: Its fields that hold moments in session time [s] (of a table: in its first column): a stored session with one of
+    #: them later than its own time is refused.
     moments: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, device: Watched) -> None:
@@ -134,7 +135,7 @@ class Monitor(ABC):
     @classmethod
     @abstractmethod
     def of(cls, device: Watched) -> Iterable[Monitor]:
-        """Return the monitors of this kind that a device needs: none if it has nothing of its kind."""
+        """Return the monitors of this kind that a device needs: none if it has nothing for them to watch."""
 
     @property
     def watches(self) -> tuple[str, ...]:
@@ -146,33 +147,33 @@ class Monitor(ABC):
         return ()
 
     def reset(self, state: Record) -> None:
-        """Set its fields, which are zero, to their start; called once a session."""
+        """Set its fields, which are zero, to their initial values; called once per session."""
         self.forget(state)
 
     def forget(self, state: Record) -> None:  # noqa: B027
-        """Drop what was measured, because the device was away; budgets stay."""
+        """Forget past measurements, because the device was away; budgets stay."""
 
     @abstractmethod
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
-        """Look at the newest reading and at the command sent last.
+        """Check the newest reading and the command that was sent last.
 
         Parameters
         ----------
         state
             Its own fields.
         reading, sent
-            Of the device, taken before any other plugin could write them.
+            Reading and command of the device, taken before any other plugin could write to them.
         moment
             Times, and what is known of the finger.
 
         Returns
         -------
         float
-            0 to 1: the part of force, current or speed that is let through; or minus the code of a trip.
+            0 to 1: the share of force, current or speed that is allowed; or minus the code of a trip.
         """
 
     def sentence(self, code: int, state: Record, reading: Record, moment: Moment) -> str:
-        """Say what the device did, as after "device 'x'", when ``check`` has returned minus this code."""
+        """Return what the device did, to follow "device 'x'", after ``check`` has returned minus this code."""
         return f"was stopped by {self.trips.get(code, f'code {code}')}"
 
     def rule(self, code: int, reading: Record) -> str:
@@ -180,9 +181,9 @@ class Monitor(ABC):
         return ""
 
     def spent(self, state: Record) -> str:
-        """Say which budget is used up, as after "device 'x'": it may not be enabled any more.  Empty: none."""
+        """Return which budget is used up, to follow "device 'x'", which then may not be enabled again; empty: none."""
         return ""
 
     def rules(self) -> tuple[Rule, ...]:
-        """Return what it holds the device to."""
+        """Return the rules that it enforces on the device."""
         return ()

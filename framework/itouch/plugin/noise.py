@@ -1,4 +1,4 @@
-"""Random numbers whose generator is one word of State: a restored twin draws the same noise."""
+"""Random numbers from a generator that is one word of State, so that a restored twin draws the same noise."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def random_word(state: Record, name: str) -> int:
 
 
 def uniform(state: Record, name: str) -> float:
-    """Draw a number from 0 to 1, without 1, advancing the word ``state[name]`` (dtype u8)."""
+    """Draw a number from 0 to 1, 1 excluded, advancing the word ``state[name]`` (dtype u8)."""
     return (random_word(state, name) >> 11) * 2.0**-53
 
 

@@ -1,6 +1,7 @@
 """Poses: pure functions on ``(7,)`` arrays, position [m] then unit quaternion w x y z.
 
-``world_from_arm`` takes arm coordinates to world coordinates: ``transform(world_from_arm, p_arm)`` is ``p_world``.
+A name such as ``world_from_arm`` says that the pose takes arm coordinates to world coordinates:
+``transform(world_from_arm, p_arm)`` is ``p_world``.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def multiply(a: Array, b: Array) -> Array:
 
 
 def rotate(quaternion: Array, vector: Array) -> Array:
-    """Rotate a vector, shape (3,), in whatever unit, by a quaternion (4,)."""
+    """Rotate a vector, shape (3,), in any unit, by a quaternion (4,)."""
     w, u = quaternion[0], quaternion[1:]
     t = 2.0 * np.cross(u, vector)
     rotated: Array = vector + w * t + np.cross(u, t)
@@ -84,12 +85,12 @@ def inverse(pose: Array) -> Array:
 
 
 def transform(pose: Array, point: Array) -> Array:
-    """Take a point (3,) [m] through a pose (7,): position [m], quaternion w, x, y, z."""
+    """Transform a point (3,) [m] by a pose (7,): position [m], quaternion w, x, y, z."""
     return pose[:3] + rotate(pose[3:], point)
 
 
 def matrix(quaternion: Sequence[float]) -> Array:
-    """Return the rotation matrix, shape (3, 3)."""
+    """Return the rotation matrix, shape (3, 3), of a unit quaternion w, x, y, z."""
     w, x, y, z = quaternion
     return np.array(
         [

@@ -1,4 +1,4 @@
-"""A serial port that is none: a pseudo-terminal, behind which an emulator answers."""
+"""A virtual serial port: a pseudo-terminal, behind which an emulator answers."""
 
 from __future__ import annotations
 
@@ -12,21 +12,26 @@ from collections import deque
 from itouch.plugin.device import DeviceError
 from itouch.plugin.wire_claims import WireClaims, WireHeldError
 
-#: Bits on a serial line that make a byte: start, eight, stop.
+#: Bits on a serial line per byte: start, eight, stop.
 _BITS = 10
 #: Where the system keeps pseudo-terminals.
 _TERMINALS = "/dev/pts/"
 
 
 class Terminal:
-    """A pseudo-terminal that a program may open as a serial port, under a name of our choice.
+    """A pseudo-terminal that a program can open as a serial port, under a chosen name.
 
     Parameters
     ----------
     name
-        A link to the port; empty: none.
+        Path of a link to make to the port; empty: none.
     baud
-        Bits a second of a line whose bytes take their time; 0: they are there at once.
+        Bits per second of a line whose bytes take time; 0: they arrive at once.
+
+    Raises
+    ------
+    DeviceError
+        If the link cannot be made, or the path is in use.
     """
 
     def __init__(self, name: str = "", *, baud: float = 0.0) -> None:
@@ -52,7 +57,7 @@ class Terminal:
                 raise DeviceError(f"no virtual port can be made at '{name}': {why}") from error
 
     def _take_over(self, name: str) -> None:
-        """Take away the link of a virtual port that has gone; no other link is touched: it may lead to a device.
+        """Remove the link of a virtual port that is gone; any other link is left alone, as it may lead to a device.
 
         Raises
         ------
@@ -70,16 +75,16 @@ class Terminal:
             os.unlink(name)
 
     def fileno(self) -> int:
-        """Return the descriptor on which bytes of the other side come."""
+        """Return the file descriptor on which bytes from the other side arrive."""
         return self._ours
 
     def set_baud(self, baud: float) -> None:
-        """Give the line another speed."""
+        """Change the speed of the line."""
         self._heard.set(baud)
         self._said.set(baud)
 
     def host_baud(self) -> int:
-        """Return the speed that the program at the other end has set; 0 if it is none of the usual ones."""
+        """Return the speed [baud] that the program at the other end has set; 0 if it is not a standard one."""
         import termios
 
         usual = {
@@ -88,24 +93,24 @@ class Terminal:
         return usual.get(termios.tcgetattr(self._theirs)[5], 0)
 
     def receive(self) -> bytes:
-        """Return what has come, without waiting; and say what is due."""
+        """Return the bytes that have arrived, without waiting; also send those that are due."""
         now = time.monotonic()
         try:
             self._heard.put(os.read(self._ours, 1 << 16), now)
         except OSError as error:
-            if error.errno not in (errno.EAGAIN, errno.EIO):  # nothing, or nobody there
+            if error.errno not in (errno.EAGAIN, errno.EIO):  # nothing arrived, or no peer
                 raise
         self._say(now)
         return self._heard.take(now)
 
     def send(self, data: bytes) -> None:
-        """Send; what nobody reads is lost."""
+        """Send bytes; if nobody reads them, they are lost."""
         now = time.monotonic()
         self._said.put(data, now)
         self._say(now)
 
     def due(self) -> float:
-        """Return in how many seconds there is something to receive or to say; infinite if nothing is on its way."""
+        """Return in how many seconds there is something to receive or to send; infinite if nothing is on its way."""
         return max(0.0, min(self._heard.due(), self._said.due()) - time.monotonic())
 
     def _say(self, now: float) -> None:
@@ -115,7 +120,7 @@ class Terminal:
                 os.write(self._ours, data)
 
     def close(self) -> None:
-        """Take the port away."""
+        """Close the port and remove its link."""
         os.close(self._ours)
         os.close(self._theirs)
         if self._name:
@@ -125,7 +130,7 @@ class Terminal:
 
 
 class _Line:
-    """One direction of a serial line: what is put in comes out when its last bit has gone over."""
+    """One direction of a serial line: bytes that are put in come out once the last bit has been transmitted."""
 
     def __init__(self, baud: float) -> None:
         self._per_byte = _BITS / baud if baud > 0.0 else 0.0

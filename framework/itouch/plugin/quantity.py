@@ -9,7 +9,7 @@ from itouch.schema.roles import HURTING, NEVER_HARMLESS, SIZES, Role
 
 __all__ = ["HURTING", "NEVER_HARMLESS", "PLAIN", "SIZES", "Bound", "Quantity", "Role"]
 
-#: Units that are none: a plain number, a number of ticks, numbers of different units.
+#: What stands in place of a unit: for a plain number, a number of ticks, and numbers with different units.
 PLAIN = frozenset({"1", "tick", "mixed"})
 #: One number for all components, or one each.
 Bound = float | tuple[float, ...]
@@ -22,13 +22,13 @@ class Quantity:
     Attributes
     ----------
     name, size
-        ``size`` numbers; for a field of State 0 is a plain scalar, and a tuple a shape.
+        It has ``size`` numbers; for a field of State 0 is a plain scalar, and a tuple a shape.
     unit
         SI unit in the notation of scenes (``N*s/m``); ``"1"`` is a plain number, ``"tick"`` a number of ticks,
-        ``"mixed"`` numbers each in an SI unit of its own; empty means that nobody said.  Of a pose or a wrench it is
-        the unit of the linear part.
+        ``"mixed"`` numbers each in an SI unit of its own; empty: not declared.  For a pose or a wrench it is the unit
+        of the linear part.
     low, high
-        Bounds in that unit; what they do is said by what is derived from this.
+        Bounds in that unit; subclasses define what they do.
     dtype
         NumPy scalar type.
     doc
@@ -36,11 +36,11 @@ class Quantity:
     role
         What it is for; the framework acts on this and on nothing else.
     show
-        Where it is plotted: ``""`` by its unit, if it is a channel, or a single number of a twin or a modality that
-        has a unit; ``"no"`` nowhere; any other words: in the chart of that title, with all others of the same title
-        and unit.  ``"wish: TITLE"`` draws it dashed, as what is wanted and not measured; ``"page: TITLE"`` shows it on
-        the report's page only.  The title may be left out: ``"wish:"``.  ``"TITLE | NAME"`` calls the curve so, where
-        its field's name would not do.
+        Where it is plotted.  ``""``: in the chart of its unit, if it is a channel, or a single number with a unit of a
+        twin or a modality; ``"no"``: nowhere; any other text: in the chart with that title, together with all others of
+        the same title and unit.  ``"wish: TITLE"`` draws it dashed, as a wanted and not a measured quantity;
+        ``"page: TITLE"`` shows it on the report's page only.  The title may be left out: ``"wish:"``.
+        ``"TITLE | NAME"`` names the curve, if the name of its field would not do.
     """
 
     name: str
@@ -55,5 +55,5 @@ class Quantity:
 
     @property
     def shown_unit(self) -> str:
-        """The unit as tables and charts have it: nothing for plain numbers, for ticks, and where nobody said."""
+        """The unit in tables and charts: empty for plain numbers, ticks, mixed units, and if it is not declared."""
         return "" if self.unit in PLAIN else self.unit

@@ -1,4 +1,4 @@
-"""One structured record of numbers and named views into it: the memory that the framework owns."""
+"""One structured record of numbers with named views into it: the memory that the framework owns."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from itouch.plugin.quantity import Bound, Quantity, Role
 class Field(Quantity):
     """A named piece of State: a NumPy scalar type and a size; size 0 is a plain scalar.
 
-    ``dtype`` may be a list of (name, type) pairs for a table of ``size`` rows.  ``low`` and ``high`` say what it may
-    hold where that matters, as of an index or a choice: one number for all components, or one each (infinite: any).
-    A stored session that holds anything else is refused; in a run they are not looked at.  ``unit``, ``doc``,
+    ``dtype`` may be a list of (name, type) pairs for a table of ``size`` rows.  ``low`` and ``high`` bound its values
+    where that matters, as for an index or a choice: one number for all components, or one each (infinite: any value).
+    A stored session with a value out of bounds is refused; during a run they are not checked.  ``unit``, ``doc``,
     ``role`` and ``show`` are those of a `Quantity`.
     """
 
@@ -35,9 +35,10 @@ class Field(Quantity):
 
     @classmethod
     def of(cls, quantity: Quantity, name: str = "", *, doc: str = "", show: str = "") -> Field:
-        """Return a field of numbers that holds a quantity, under another name, sentence or hint if one is given.
+        """Return a field of numbers for a quantity, with another name, ``doc`` or ``show`` if one is given.
 
-        Bounds stay behind: those of a channel are acted upon elsewhere, those of a field say what is a sound State.
+        The bounds are not copied: those of a channel are limits, enforced elsewhere; those of a field say what a valid
+        State is.
         """
         return cls(
             name or quantity.name, "f8", quantity.size, unit=quantity.unit, doc=doc or quantity.doc,
@@ -53,9 +54,9 @@ class Field(Quantity):
 class Record(dict[str, NDArray[Any]]):
     """Named views of one packed record.
 
-    ``record["pose"]`` is an array view (a 0-d one for a scalar), ``record["pose"] = x`` writes into it.  The views
-    stay valid for the life of the record: nothing is ever reallocated.  (It is a dictionary of its views, because a
-    tick looks up some fifty of them.)
+    ``record["pose"]`` is an array view (0-d for a scalar), and ``record["pose"] = x`` writes into it.  The views stay
+    valid for the lifetime of the record: nothing is ever reallocated.  (It is a dictionary of its views, because a tick
+    looks up some fifty of them.)
     """
 
     __slots__ = ("__weakref__", "_buffer", "_bytes", "_numbers")
@@ -67,7 +68,7 @@ class Record(dict[str, NDArray[Any]]):
             raise ValueError(f"a buffer of {buffer.size} bytes cannot hold a record of {dtype.itemsize}")
         whole = buffer.view(dtype) if dtype.itemsize else np.zeros(1, dtype)
         self._buffer: NDArray[Any] = whole.reshape(())
-        self._bytes: NDArray[np.uint8] | None = None  # made when it is asked for
+        self._bytes: NDArray[np.uint8] | None = None  # made at first use
         self._numbers: NDArray[np.float64] | None = None
         super().__init__({name: self._buffer[name] for name in dtype.names or ()})
 
@@ -80,14 +81,14 @@ class Record(dict[str, NDArray[Any]]):
         self[name][...] = value
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        """Return the structured array behind the views, or a copy of it."""
+        """Return the structured array behind the views, or a copy of it if ``copy`` is true."""
         return self._buffer.copy() if copy else self._buffer
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Record) and self.dtype == other.dtype and self.tobytes() == other.tobytes()
 
     def __ne__(self, other: object) -> bool:
-        return not self == other  # a dictionary has its own, which would compare arrays
+        return not self == other  # that of a dictionary would compare arrays
 
     __hash__ = None  # mutable
 
@@ -106,14 +107,14 @@ class Record(dict[str, NDArray[Any]]):
 
     @property
     def raw(self) -> NDArray[np.uint8]:
-        """The memory itself, shape (nbytes,); writing to it changes every view."""
+        """The memory itself, shape (nbytes,); writing to it changes the views."""
         if self._bytes is None:
             self._bytes = self._buffer.reshape(1).view(np.uint8)
         return self._bytes
 
     @property
     def numbers(self) -> NDArray[np.float64]:
-        """The memory of a record that holds nothing but float64, such as readings and commands, as one flat view."""
+        """The memory of a record of float64 only, such as readings or commands, as one flat view."""
         if self._numbers is None:
             self._numbers = self.raw.view(np.float64)
         return self._numbers
@@ -142,14 +143,14 @@ class Record(dict[str, NDArray[Any]]):
         return self.raw[start:end].view(np.float64)
 
     def part(self, prefix: str, names: Iterable[str] | None = None) -> Record:
-        """Return a record of contiguous fields whose names start with ``prefix``, without it.
+        """Return a record of contiguous fields whose names start with ``prefix``, which their new names lack.
 
         Parameters
         ----------
         prefix
-            What all the names begin with.
+            The beginning of all the names.
         names
-            The names without the prefix, in order; default: every field with the prefix.
+            The names without the prefix, in order; default: all fields with the prefix.
 
         Raises
         ------

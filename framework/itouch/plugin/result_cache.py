@@ -1,8 +1,8 @@
-"""What was found while scenes were compiled, kept on disk: by what it was made from, and by the code that made it.
+"""A cache on disk of results found while scenes were compiled, by what determines them and the code that made them.
 
-An entry is a file of its own: a line that names the format, the length and checksum of a JSON header, the header, then
-float64 arrays as they lie in memory.  An entry that is cut, altered, of another code or another machine counts as
-absent.  Nothing in an entry is code, and entries are used only out of a folder into which nobody else can write.
+Each entry is a file: a line that names the format, the length and checksum of a JSON header, the header, then float64
+arrays as they are in memory.  An entry that is truncated, altered, or made by other code or on another machine counts
+as absent.  Nothing in an entry is code, and entries are used only from a folder that nobody else can write to.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from itouch import caches
 
 Arrays = tuple[NDArray[np.float64], ...]
 
-#: Names another folder, or ``off`` for none.
+#: Environment variable that names another folder, or ``off`` for none.
 SWITCH = "ITOUCH_KEPT"
 SUFFIX = ".arrays"
-#: What all entries together, and one of them, may take [bytes].
+#: What all entries together, and a single one, may take [bytes].
 CAPACITY, LARGEST = 256 << 20, 32 << 20
 
 _MAGIC = b"itouch-py arrays 1\n"
@@ -41,12 +41,12 @@ _STARTED = time.time()
 
 
 def folder() -> Path | None:
-    """Return where entries are kept, or None if nothing is kept."""
+    """Return the folder of the cache, or None if it is switched off."""
     return caches.folder("found", SWITCH)
 
 
 def key(content: object, make: Callable[..., object]) -> str | None:
-    """Return the name of what ``make`` makes of a content, or None if the code that makes it can't be read."""
+    """Return the name of the entry that ``make`` makes from a content, or None if its code cannot be read."""
     code = _code(make.__module__.partition(".")[0]), _code("itouch")
     if None in code:
         return None
@@ -56,7 +56,7 @@ def key(content: object, make: Callable[..., object]) -> str | None:
 
 @cache
 def _code(package: str) -> str | None:
-    """Return the digest of all sources of a package; None if it has none, or not those that this process runs."""
+    """Return the digest of all sources of a package; None if it has none, or they changed since this process began."""
     module = sys.modules.get(package)
     place = getattr(module, "__file__", None)
     if place is None:
@@ -81,7 +81,7 @@ def _code(package: str) -> str | None:
 
 @cache
 def _machine() -> tuple[str, ...]:
-    """Return all that may round otherwise elsewhere: versions and the kind of processor."""
+    """Return everything that may make results round differently: versions and the kind of processor."""
     kind = platform.machine()
     with contextlib.suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
@@ -91,7 +91,7 @@ def _machine() -> tuple[str, ...]:
 
 
 def read(name: str) -> Arrays | None:
-    """Return a kept entry, or None if there is no sound one."""
+    """Return the arrays of an entry, or None if there is no valid one."""
     place = folder()
     if place is None or not caches.owned(place):
         return None
@@ -101,14 +101,14 @@ def read(name: str) -> Arrays | None:
             return None
         arrays = _arrays(path.read_bytes(), name)
         with contextlib.suppress(OSError):
-            os.utime(path)  # it was used now
+            os.utime(path)  # mark it as used
         return arrays
     except (OSError, ValueError, KeyError, TypeError, RecursionError, struct.error):
         return None
 
 
 def write(name: str, arrays: Arrays) -> None:
-    """Keep arrays of any shape, in the units of who reads them again; a folder that can't be written is no fault."""
+    """Cache arrays of any shape and unit; if they are too large, or the folder cannot be written, do nothing."""
     place = folder()
     if place is not None:
         blocks = list(_blocks(name, arrays))
@@ -133,7 +133,7 @@ def _arrays(content: bytes, name: str) -> Arrays:
     Raises
     ------
     ValueError, KeyError, TypeError, struct.error
-        If it is not whole, or another's.
+        If it is incomplete or damaged, or belongs to another name.
     """
     at = len(_MAGIC) + _HEAD.size
     if not content.startswith(_MAGIC):

@@ -1,4 +1,4 @@
-"""What a wire between loop and device says beside the numbers: when they were measured, and when a command left."""
+"""Times that go with the numbers on the wire between loop and device: when they were measured, when a command left."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from itouch.plugin.record import Record
 
 
 class Stamps:
-    """The moments of one exchange on the host's monotonic clock [s], for a driver that knows them better.
+    """The times of one exchange on the host's monotonic clock [s], for a driver that knows them exactly.
 
-    Unless a driver says otherwise, a reading was measured in the middle of the ``read`` that brought it, and a command
-    left at the end of ``write``.
+    Unless a driver says otherwise, a reading counts as measured in the middle of the ``read`` that brought it, and a
+    command as having left at the end of ``write``.
     """
 
     def __init__(self, channels: Sequence[str]) -> None:
@@ -26,20 +26,20 @@ class Stamps:
         self._inside = [0.0] * len(self._names)
 
     def begin(self) -> None:
-        """Begin an exchange: nothing is known of it yet."""
+        """Begin an exchange: none of its times is known yet."""
         self._begun, self._left = time.monotonic(), -1.0
         self._measured = [-1.0] * len(self._names)
 
     def measured(self, *channels: str, ago: float = 0.0, inside: float = 0.0) -> None:
-        """Say that these channels were measured just now, or ``ago`` seconds ago; none named: all.
+        """State that these channels (default: all) were measured just now, or ``ago`` [s] before.
 
-        How old the readings were already when the device sent them (a mean is half as old as its time) is
-        ``inside`` [s]; unlike the time on the wire, it is the same where host and device are run in step.
+        ``inside`` [s] is how old the readings already were when the device sent them (a mean is half as old as its
+        averaging time); unlike the time on the wire, it is the same when host and device are run in step.
 
         Raises
         ------
         ValueError
-            If that is no time that has passed: what was measured in the future would never be old.
+            If a time is negative or not finite: a reading measured in the future would never be too old.
         """
         _require_past(ago=ago, inside=inside)
         moment = time.monotonic() - ago - inside
@@ -52,22 +52,22 @@ class Stamps:
         return tuple(self._inside)
 
     def left(self, ago: float = 0.0) -> None:
-        """Say that the device has got the command just now, or ``ago`` seconds ago.
+        """State that the device received the command just now, or ``ago`` [s] before.
 
         Raises
         ------
         ValueError
-            If that is no time that has passed.
+            If the time is negative or not finite.
         """
         _require_past(ago=ago)
         self._left = time.monotonic() - ago
 
     def departure(self, otherwise: float) -> float:
-        """Return when the command left; ``otherwise`` if the driver has not said."""
+        """Return when the command left [s]; ``otherwise`` if the driver has not stated it."""
         return self._left if self._left >= 0.0 else otherwise
 
     def moments(self) -> tuple[float, ...]:
-        """Return when each channel was measured, by now at the latest."""
+        """Return when each channel was measured [s]; if not stated, in the middle of the exchange until now."""
         middle = 0.5 * (self._begun + time.monotonic())
         return tuple(moment if moment >= 0.0 else middle for moment in self._measured)
 
@@ -79,25 +79,25 @@ def _require_past(**times: float) -> None:
 
 
 class Stamped:
-    """A device, or a twin, whose readings and commands take their time.
+    """A device, or a twin, whose readings and commands take time.
 
-    Ticks are the loop's: what is measured in the ``read`` of a tick belongs to that tick, and a command that leaves in
-    a tick acts from it on, as one does that is written in it without a wire.  What is on its way leaves in a tick that
-    is still to come.
+    Times are in ticks of the loop: a reading measured in the ``read`` of a tick belongs to that tick, and a command
+    that leaves in a tick acts from that tick on, like one written in it without a wire.  A command that is still on its
+    way leaves in a later tick.
     """
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
-        """Fill in, channel by channel, the ticks at which the reading was measured that came in this tick.
+        """Fill in for each channel the tick in which the reading that arrived in this tick was measured.
 
-        ``ticks`` (channels,): the number of a tick for each reading, written.
+        ``ticks`` (channels,), written: the number of a tick for each reading.
         """
         ticks[...] = tick
 
     def departed(self, state: Record, tick: int, command: Record) -> int | None:
-        """Fill in a command that has left and was not told yet, and return the tick in which it left; None: none."""
+        """Fill in a command that has left and was not reported yet; return the tick in which it left; None: none."""
         return None
 
 
 def ticks_of(seconds: float, period: float) -> int:
-    """Return so many seconds in whole ticks."""
+    """Return a time in whole ticks, rounded; ``period`` [s] is that of a tick."""
     return math.floor(seconds / period + 0.5)

@@ -1,7 +1,7 @@
-"""What went over a device's wire, as readable text: one line a transfer, so that anybody can send us his.
+"""The transfers on a device's wire, as readable text, one line per transfer, so that anyone can send us a trace.
 
-A line is the time [s] since the trace began, the device's name, ``>`` for what was sent, ``<`` for what came or ``#``
-for a remark, and the bytes: quoted where they are plain text, in hexadecimal pairs otherwise.
+A line has the time [s] since the trace began, the device's name, ``>`` for sent, ``<`` for received or ``#`` for a
+remark, and the bytes: quoted if they are plain text, otherwise as hexadecimal pairs.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _PLAIN = frozenset(range(0x20, 0x7F)) - {ord('"'), ord("\\")}
 _ESCAPES = {0x0A: "\\n", 0x0D: "\\r", ord('"'): '\\"', ord("\\"): "\\\\"}
 
 
-#: Names the file that the devices of a process write their traces to; inherited by the processes that it starts.
+#: Environment variable with the file to which devices write their traces; child processes inherit it.
 VARIABLE = "ITOUCH_TRACE"
 
 
@@ -37,15 +37,15 @@ class Trace:
         self._begin = clock()
 
     def sent(self, data: bytes) -> None:
-        """Note bytes that went to the device."""
+        """Record bytes that were sent to the device."""
         self._line(SENT, shown(data))
 
     def received(self, data: bytes) -> None:
-        """Note bytes that came from the device."""
+        """Record bytes that were received from the device."""
         self._line(RECEIVED, shown(data))
 
     def remark(self, text: str) -> None:
-        """Note what else happened."""
+        """Record a remark on what else happened."""
         self._line(REMARK, " ".join(text.split()))
 
     def _line(self, mark: str, text: str) -> None:
@@ -53,13 +53,13 @@ class Trace:
 
 
 def wanted(device: str) -> Trace | None:
-    """Return the trace that ``--trace FILE`` asks of a device, or None."""
+    """Return the trace to which a device writes if ``--trace FILE`` was given, else None."""
     path = os.environ.get(VARIABLE)
     return Trace(open(path, "a", encoding="utf-8", buffering=1), device) if path else None
 
 
 def begin(path: str) -> None:
-    """Ask the devices of this process, and of those that it starts, to write their traces to a new file."""
+    """Let the devices of this process and its child processes write their traces to a new file."""
     with open(path, "w", encoding="utf-8"):
         os.environ[VARIABLE] = os.path.abspath(path)
 
@@ -77,7 +77,7 @@ def read_trace(lines: Iterable[str]) -> list[Entry]:
     Raises
     ------
     ValueError
-        Naming the line that is none of a trace.
+        Naming the first line that does not belong to a trace.
     """
     entries = []
     for number, line in enumerate(lines, 1):

@@ -1,8 +1,8 @@
-"""Claims of wires: while a session drives a device, no other one of this machine may speak on its wire.
+"""Claims of wires: while a session drives a device, no other session on this machine may use its wire.
 
 A claim is a name in the kernel's list of local sockets.  The kernel gives it to one process at a time, tells which one
-that is, and takes it back when that process ends, however it dies; there is no file that could be left behind, and the
-name does not depend on who asks, in which folder, or by which link to the port.
+that is, and takes it back when that process ends, however it dies.  No file can be left behind, and the name does not
+depend on the user, the folder, or the link to the port by which it is claimed.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ try:
 except ImportError:  # no hardware is driven there
     fcntl = None  # type: ignore[assignment]
 
-#: How many may ask who holds a wire before nobody is told any more; the kernel may allow fewer.
+#: How many times others can ask who holds a wire before no answer is given any more; the kernel may allow fewer.
 _ASKED = 4096
-#: How long [s] a guardian that is still at work is waited for: a session that ended leaves its own for a moment.
+#: How long, and how often [s], to look for a guardian still at work: it outlives the end of its session a little.
 _PATIENCE, _LOOK = 3.0, 0.05
 #: What the kernel tells of a peer: process, user, group.
 _PEER = struct.Struct("3i")
-#: Modules of ours that another process starts for itself: that one is told.
+#: Prefixes of our modules that run as helper processes: messages name the process that started them.
 _OURS = ("itouch.", "itouch_tools.")
-#: Longest command line that is told [characters].
+#: Longest command line in a message [characters].
 _LONGEST = 80
 _ADVICE = "end that first, or each would take the other's answers, and go on driving what the other has stopped"
 
@@ -42,20 +42,21 @@ class WireHeldError(DeviceError):
 
 
 def same(wire: str) -> str:
-    """Return a wire by the name that all names of it have: a link to a port is that port."""
+    """Return the canonical name of a wire: for a link to a port, the port itself."""
     return os.path.realpath(wire) if os.path.isabs(wire) else wire.strip().casefold()
 
 
 def share(handle: int, port: str) -> None:
-    """Hold an open serial port against other programs, until it is closed; a second opener of ours may come beside.
+    """Lock an open serial port against other programs until it is closed; our own second opener may still open it.
 
-    Terminal programs, and whoever opens a port for itself alone, lock it as a file (``flock``): two programs on one
-    line take each other's answers.  A guardian speaks on it all the same: a finger may be on what it makes safe.
+    Terminal programs, and programs that open a port exclusively, lock it as a file (``flock``), because two programs on
+    one line take each other's answers.  A guardian uses a locked port all the same: a finger may be on the device that
+    it makes safe.
 
     Raises
     ------
     WireHeldError
-        If another program has it for itself alone.
+        If another program has locked it exclusively.
     """
     if fcntl is None or same(port) in _GUARDED:
         return
@@ -63,19 +64,19 @@ def share(handle: int, port: str) -> None:
         fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError as error:
         raise WireHeldError(f"'{port}' is in use by another program, which has locked it: end that first") from error
-    except OSError:  # no file that can be locked
+    except OSError:  # not a file that can be locked
         return
 
 
 class WireClaims:
-    """The wires of one device, held until ``release``, until it is forgotten, or until the process ends."""
+    """The wires of one device, held until ``release``, until this object is deleted, or until the process ends."""
 
     def __init__(self) -> None:
         self._sockets: list[socket.socket] = []
         weakref.finalize(self, _close, self._sockets)
 
     def take(self, wires: Iterable[str]) -> None:
-        """Claim wires for a session, all of them or none; what is held here already stays so.
+        """Claim wires for a session, all of them or none; if this object holds wires already, do nothing.
 
         Raises
         ------
@@ -93,7 +94,7 @@ class WireClaims:
             raise
 
     def guard(self, wires: Iterable[str]) -> None:
-        """Claim wires for a guardian, beside the session that it watches over and beyond that one's end.
+        """Claim wires for a guardian, beside the session that it watches over, and beyond the end of that session.
 
         Raises
         ------
@@ -105,18 +106,18 @@ class WireClaims:
             _GUARDED.add(key)
 
     def stand_in(self, place: str) -> None:
-        """Claim the place at which something stands in for a device: two would take each other's place.
+        """Claim the path of a link that stands in for a device's port, since two would replace each other's link.
 
         Raises
         ------
         WireHeldError
-            If something stands in there; the message says in which process.
+            If something stands in there already; the message says in which process.
         """
         folder, base = os.path.split(os.path.abspath(place))
         self._bind(_name(os.path.join(os.path.realpath(folder), base), "stand-in"), place)
 
     def release(self) -> None:
-        """Let go of all of them."""
+        """Release all wires."""
         _close(self._sockets)
 
     def _bind(self, name: str, wire: str) -> None:
@@ -130,14 +131,14 @@ class WireClaims:
             if error.errno != errno.EADDRINUSE:
                 raise
             raise WireHeldError(f"'{wire}' is in use by {_told(_holder(name) or 0)}; {_ADVICE}") from error
-        claimed.listen(_ASKED)  # from here on the kernel tells who it is
+        claimed.listen(_ASKED)  # from here on the kernel tells who holds it
         self._sockets.append(claimed)
         _CLAIMED.add(claimed)
 
 
-#: The wires that this process watches over as a guardian, which is all that it does.
+#: The wires that this process guards, if it is a guardian, which does nothing else.
 _GUARDED: set[str] = set()
-#: Every claim of this process: a copy of it that goes on by itself (fork) has none.
+#: All claims of this process; a forked child closes its copies of them.
 _CLAIMED: weakref.WeakSet[socket.socket] = weakref.WeakSet()
 
 
@@ -161,7 +162,7 @@ def _name(key: str, what: str = "wire") -> str:
 
 
 def _await_guardian(name: str, wire: str) -> None:
-    """Wait for the guardian of a session that has ended: it may still be making safe what is on the wire."""
+    """Wait for the guardian of a session that has ended: it may still be making the device on the wire safe."""
     if not sys.platform.startswith("linux"):
         return
     deadline = time.monotonic() + _PATIENCE
@@ -174,20 +175,20 @@ def _await_guardian(name: str, wire: str) -> None:
 
 
 def _holder(name: str) -> int | None:
-    """Return the process that holds a name; 0: it can't be told; None: nobody does."""
+    """Return the process that holds a name; 0: a process holds it, unknown which; None: nobody does."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
         asking.setblocking(False)
         try:
             asking.connect(name)
-        except ConnectionRefusedError:  # nobody, or it has not said yet who it is
+        except ConnectionRefusedError:  # nobody, or it does not listen yet
             return None
-        except OSError:  # more have asked than the kernel keeps
+        except OSError:  # more have asked than the kernel queues
             return 0
         return int(_PEER.unpack(asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size))[0])
 
 
 def _told(process: int) -> str:
-    """Return a process in words: that which a user knows, if another one of ours was started by it."""
+    """Return a process in words; for one of our helper processes, the process that started it, which a user knows."""
     if process == os.getpid():
         return "another session of this process"
     if process <= 0:

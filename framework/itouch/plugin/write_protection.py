@@ -1,4 +1,4 @@
-"""A record of which only some fields may be written: State as a plugin gets it, whose other fields are not its own."""
+"""A record of which only some fields may be written: State as a plugin gets it, which may write only its own fields."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from itouch.plugin.record import Record
 
 
 class NotYoursError(ValueError):
-    """A field of State was to be written by somebody who has not declared it."""
+    """A plugin has tried to write a field of State that is not its own."""
 
 
 class WriteProtectedRecord(Record):
-    """The same memory as another record, with views that can be written for some of its fields only."""
+    """The memory of another record, of which only some views can be written."""
 
     __slots__ = ("_open", "_whole")
 
@@ -39,7 +39,7 @@ class WriteProtectedRecord(Record):
         return self._whole.copy()
 
     def part(self, prefix: str, names: Iterable[str] | None = None) -> Record:
-        """Return contiguous fields as ``Record.part`` does; they may be written where these may."""
+        """Return contiguous fields as ``Record.part`` does; each may be written if it may be here."""
         listed = None if names is None else tuple(names)
         chosen = [prefix + name for name in listed] if listed is not None else [n for n in self if n.startswith(prefix)]
         found = self._whole.part(prefix, listed)

@@ -1,6 +1,6 @@
 """Recordings: MCAP files of everything that went into a session and came out of it.
 
-``read`` opens one; the writing is done by a process of its own (``itouch.recording.process``).
+``read`` opens one; a separate process does the writing (``itouch.recording.process``).
 """
 
 from itouch.recording.errors import RecordingError

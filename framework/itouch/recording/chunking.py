@@ -1,4 +1,4 @@
-"""Puts the rows and messages of a ring together to a chunk, of at most so many rows; `process` says how often."""
+"""Puts rows and messages of a ring together into a chunk with a bounded number of rows; `process` says how often."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from itouch.recording.spec import Spec
 from itouch.recording.views import Drawing
 from itouch.recording.writer import McapWriter, Output
 
-#: Kinds of letter: the specification, a JSON message of a topic, a whole State.
+#: Kinds of letter (a message in the ring): the specification, a JSON message of a topic, a whole State.
 SPEC, MESSAGE, STATE = 1, 2, 3
-#: Most rows in a chunk.
+#: Greatest number of rows in a chunk.
 MOST_ROWS = 4096
-#: What stands for the status of a device, by its number.
+#: Words for the status of a device, by its number.
 STATUSES = ("closed", "open", "enabled", "fault")
 
 Letter = tuple[str, int, bytes]
 
 
 class ChunkBuilder:
-    """Writes one recording; ``step`` does what is to be done now."""
+    """Writes one recording; each ``step`` writes what is in the ring."""
 
     def __init__(self, ring: Ring, spec: Spec, output: Output, dtype: np.dtype[Any]) -> None:
         self.ring, self.spec, self._dtype = ring, spec, dtype
@@ -40,13 +40,13 @@ class ChunkBuilder:
         self._drawing = Drawing(spec.view, spec.places, period=spec.period, start_ns=spec.start_ns)
 
     def begin(self) -> None:
-        """Write the head of the file, with the first State, which is posted right behind the specification."""
+        """Write the head of the file, with the first State, which is posted right after the specification."""
         self.writer.start(self.spec.attachments)
         self.writer.chunk({}, [("/log/session", 0, self.spec.first_message()), *self._letters()])
         self._tell()
 
     def step(self, *, most: int = MOST_ROWS) -> int:
-        """Write the rows and letters that are there as one chunk; return how many rows that were."""
+        """Write the rows (at most ``most``) and letters in the ring as one chunk; return the number of rows."""
         letters = self._letters()
         ticks, rows = self._rows(most)
         tables = {track.name: self._table(track.name, ticks, rows) for track in self.spec.tracks}
@@ -62,7 +62,7 @@ class ChunkBuilder:
         self.ring.words[ControlWord.BYTES_WRITTEN] = self._output.size
 
     def _rows(self, most: int) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-        """Take rows out of the ring, copied: ticks (n,) and bytes (n, row)."""
+        """Take rows out of the ring as copies: ticks (n,) and bytes (n, row)."""
         ring, shape = self.ring, self.ring.shape
         begin = ring.words[ControlWord.ROWS_OUT]
         count = min(most, ring.words[ControlWord.ROWS_IN] - begin)
@@ -119,7 +119,7 @@ class ChunkBuilder:
         return found
 
     def drain(self, *, more: Callable[[], bool] = lambda: False) -> None:
-        """Write all that is left, and the end of the file."""
+        """Write everything that is left, and the end of the file."""
         while self.step() or more():
             pass
         self.writer.finish()

@@ -1,4 +1,4 @@
-"""Messages of a track to and from arrays, a whole block at a time."""
+"""Converts messages of a track to and from arrays, a whole block at a time."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ class Codec:
         self._fixed = self._constant_bytes()
 
     def _constant_bytes(self) -> NDArray[np.bool_]:
-        """Return which bytes are the same in every message."""
+        """Return a mask of the bytes that are the same in every message."""
         mask = np.ones(self.length, np.bool_)
         for kind, offset in (self._dtype.fields or {}).values():  # type: ignore[misc]
             mask[offset : offset + kind.itemsize] = False
         return mask
 
     def encode(self, rows: NDArray[Any], sequence: int, log: NDArray[np.uint64]) -> bytes:
-        """Return the message records of rows of the track's dtype; ``log`` has their times [ns].
+        """Return the message records of rows with the track's dtype; ``log`` has their times [ns].
 
         ``rows`` and ``log`` (n,); numbers in the units of the track's columns.
         """
@@ -59,7 +59,7 @@ class Codec:
         return out.tobytes()
 
     def count(self, data: memoryview) -> int:
-        """Return how many records of this track stand one after the other at the start of ``data``."""
+        """Return how many consecutive records of this track there are at the start of ``data``."""
         most = len(data) // self.length
         if most == 0:
             return 0
@@ -73,7 +73,7 @@ class Codec:
         Raises
         ------
         ValueError
-            If a record is not laid out as the track says.
+            If a record does not have the layout of the track.
         """
         table = np.frombuffer(data, np.uint8, count * self.length).reshape(count, self.length)
         if not (table[:, self._fixed] == self._template[self._fixed]).all():

@@ -4,4 +4,4 @@ from itouch.schema import ItouchError
 
 
 class RecordingError(ItouchError):
-    """A recording that can't be written or read; the message names file and cause."""
+    """A recording cannot be written or read; the message names file and cause."""

@@ -1,4 +1,4 @@
-"""Histograms of the loop's timing, put together from the notes of every second."""
+"""Histograms of the loop's timing, summed from the notes of every second."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ NAMES = {"lateness": "lateness", "ticks": "tick"}
 def histograms_us(session: Mapping[str, Any], notes: Iterable[Mapping[str, Any]]) -> dict[str, list[list[float]]]:
     """Return the histograms of lateness and duration of ticks: bins of lower edge [us], upper edge [us] and count.
 
-    ``session`` gives the edges, ``notes`` the counts since the note before.  Recordings of earlier versions have none,
-    and what can't be a count of a bin is left out: a file may say anything.
+    ``session`` has the edges, ``notes`` the counts since the previous note.  Recordings of earlier versions have none;
+    entries that cannot be the count of a bin are left out, as a file may contain anything.
     """
     edges = session.get("timing_edges_us")
     if not isinstance(edges, list) or not all(isinstance(e, int | float) and 0 <= e < 1e12 for e in edges):

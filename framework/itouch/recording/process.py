@@ -1,8 +1,8 @@
 """The writing process (`python -m itouch.recording.process`), and how often it closes a chunk.
 
-Its standard input closes when its parent is gone.
-It takes from the ring about ten times a second, ends when told to or when its parent is gone, and survives what
-kills the parent's group.
+Its standard input closes when its parent has ended.
+It takes rows from the ring about ten times a second, ends when it is told to or when its parent has ended, and survives
+signals to its parent's process group.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from itouch.recording.ring import ControlWord, Phase, Ring, Shape
 from itouch.recording.sink import Sink
 from itouch.recording.spec import Spec
 
-#: Seconds between two chunks: with the way to the disk, what a kill may cost.
+#: Time between two chunks [s]: this and the time to the disk is what a kill may cost.
 EVERY = 0.1
 _PATIENCE = 30.0
 
@@ -41,7 +41,7 @@ def main(words: list[str]) -> int:
     except OSError as error:
         ring.say(Phase.FAILED, error.errno or 1, f"cannot write '{words[4]}': {error.strerror or error}")
         return 1
-    except Exception as error:  # the loop must learn of it, whatever it is
+    except Exception as error:  # whatever it is, the loop must learn of it
         ring.say(Phase.FAILED, 1, f"cannot write '{words[4]}': {type(error).__name__}: {error}")
         return 1
     ring.say(Phase.DONE)
@@ -49,7 +49,7 @@ def main(words: list[str]) -> int:
 
 
 def _settle() -> None:
-    """Leave the parent's priority and processors, and what is sent to its terminal."""
+    """Give up the parent's priority and processors, and ignore signals from its terminal."""
     for number in signals("SIGINT", "SIGTERM", "SIGHUP", "SIGTSTP"):
         signal.signal(number, signal.SIG_IGN)
     with contextlib.suppress(OSError, AttributeError):
@@ -90,7 +90,7 @@ def _waiting(ring: Ring) -> int:
 
 
 def _tuples(described: list[list[object]]) -> list[tuple[object, ...]]:
-    """Return a dtype description as NumPy wants it, from JSON."""
+    """Return a dtype description from JSON in the form that NumPy expects."""
     out: list[tuple[object, ...]] = []
     for name, kind, *shape in described:
         inner = _tuples(kind) if isinstance(kind, list) else kind

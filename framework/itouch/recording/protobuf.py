@@ -1,7 +1,7 @@
-"""Rows of a track as Protocol Buffers messages of fixed length: what plotting programs read, encoded by the array.
+"""Rows of a track as Protocol Buffers messages of fixed length, which plotting programs read, encoded array by array.
 
-Every number is written with its tag and eight bytes, so that all messages of a track have the same bytes but for the
-numbers: rows are put into copies of a template.  Source: the encoding and descriptor.proto of Protocol Buffers.
+Every number is written with its tag and eight bytes, so that the messages of a track differ only in the bytes of the
+numbers: rows are written into copies of a template.  Source: the encoding and descriptor.proto of Protocol Buffers.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _PACKAGE = "itouch"
 
 
 def varint(number: int) -> bytes:
-    """Return a number in base 128, lowest first."""
+    """Return a number in base 128, least significant digit first."""
     out = bytearray()
     while number > 0x7F:
         out.append(number & 0x7F | 0x80)
@@ -36,7 +36,7 @@ def tag(field: int, wire: int) -> bytes:
 
 
 def text(field: int, content: str | bytes) -> bytes:
-    """Return a field of bytes, or of a text."""
+    """Return a field of bytes or text."""
     data = content.encode() if isinstance(content, str) else content
     return tag(field, _LENGTH) + varint(len(data)) + data
 
@@ -48,7 +48,7 @@ def number(field: int, value: int) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class FieldLayout:
-    """Where a number, or a run of numbers, stands in a message."""
+    """The place of a number, or of a run of numbers, in a message."""
 
     column: str
     component: int
@@ -58,7 +58,7 @@ class FieldLayout:
 
 
 def template(track: Track) -> tuple[bytes, list[FieldLayout]]:
-    """Return a message of zeros, and where each number stands."""
+    """Return a message of zeros, and the place of each number in it."""
     out, layout = bytearray(), []
 
     def one(number: int, column: str, component: int, kind: str) -> None:
@@ -88,7 +88,7 @@ def schema_name(track: Track) -> str:
 
 
 def descriptor(track: Track) -> bytes:
-    """Return the serialised FileDescriptorSet that says what a track's message holds."""
+    """Return the serialised FileDescriptorSet that describes a track's message."""
     names = identifiers(["tick", "time", *(column.name for column in track.columns)])
     fields = [_field(names[0], 1, _SFIXED, _OPTIONAL), _field(names[1], 2, _DOUBLE, _OPTIONAL)]
     for number, (name, column) in enumerate(zip(names[2:], track.columns, strict=True), start=3):
@@ -118,5 +118,5 @@ def _shared(size: int) -> bytes:
 
 
 def header(channel: int, length: int) -> bytes:
-    """Return the head of an MCAP message record of a payload's length; sequence and times are zero."""
+    """Return the head of an MCAP message record with a payload of ``length`` bytes; sequence and times are zero."""
     return struct.pack("<BQHIQQ", 0x05, 22 + length, channel, 0, 0, 0)

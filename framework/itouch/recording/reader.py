@@ -1,7 +1,7 @@
-"""Reading the longest valid prefix of a recording: only what stands in whole chunks with right checksums is believed.
+"""Reads the longest valid prefix of a recording: only complete chunks with correct checksums are believed.
 
-Nothing is taken from the index at the end, and nothing from a record that no checksum covers; the sequence numbers
-of the messages tell when a chunk between two others has gone.
+Nothing is taken from the index at the end, nor from a record that no checksum covers; the sequence numbers of the
+messages reveal whether a chunk between two others is missing.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from itouch.recording.tracks import Track, load_track
 from itouch.recording.writer import LETTERS, MAGIC
 from itouch.schema.files import open_regular
 
-#: Greatest chunk, unpacked; greatest content of all rows together [bytes].
+#: Largest chunk, unpacked, and largest content of all rows together [bytes].
 MAX_CHUNK, MAX_CONTENT = 64 << 20, 4 << 30
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT, _DATA_END = 1, 2, 3, 4, 5, 6, 9, 15
-#: Records that may stand among the data and hold nothing that is needed: indexes and metadata.
+#: Records in the data section that are skipped: a header, indexes and metadata.
 _PASSED = (_HEADER, 7, 12)
 
 
@@ -36,12 +36,12 @@ Chunk = tuple[dict[str, NDArray[Any]], list[tuple[str, int, bytes]]]
 
 
 class DamageError(ValueError):
-    """From here on the file can't be believed."""
+    """From here on the file cannot be believed."""
 
 
 @dataclass
 class Content:
-    """What was read: ``rows`` by track, ``letters`` by topic (tick and JSON text), and what is missing."""
+    """What was read: ``rows`` by track, ``letters`` by topic (JSON messages with their ticks), and what is missing."""
 
     path: str
     size: int
@@ -57,13 +57,13 @@ class Content:
 
 
 class _RowBuffer:
-    """A table to whose end rows are added; hours of them stand in memory about once, not twice."""
+    """A table that grows at its end; hours of rows take their memory about once, not twice."""
 
     def __init__(self, dtype: np.dtype[Any]) -> None:
         self._rows, self._count = np.empty(1024, dtype), 0
 
     def add(self, table: NDArray[Any]) -> None:
-        """Copy rows (n,) of the buffer's dtype to the end."""
+        """Append copies of rows (n,) with the buffer's dtype."""
         needed = self._count + len(table)
         if needed > len(self._rows):
             grown = np.empty(max(needed, 2 * len(self._rows)), self._rows.dtype)
@@ -74,17 +74,17 @@ class _RowBuffer:
 
     @property
     def rows(self) -> NDArray[Any]:
-        """All rows; what was reserved beyond them was never touched and takes no memory."""
+        """All rows; memory reserved beyond them was never touched and is not in use."""
         return self._rows[: self._count]
 
 
 def read_content(path: str, *, chunks: bool = False) -> Content:
-    """Read a recording as far as it is valid; ``chunks``: keep them, to write them again.
+    """Read a recording as far as it is valid; ``chunks``: also keep the chunks, to write them again.
 
     Raises
     ------
     RecordingError
-        If it can't be opened, or is not a recording of this program.
+        If it cannot be opened, or is not a recording of this program.
     """
     try:
         size = os.path.getsize(path)
@@ -139,7 +139,7 @@ def _records(data: bytes) -> Iterator[tuple[int, memoryview, int]]:
 
 
 def _check_end(data: bytes, body: memoryview, end: int) -> None:
-    """Check that the end of the data is one, and that nothing before it is missing or altered."""
+    """Check that the record of the end of data is valid, and that nothing before it is missing or altered."""
     if len(body) != 4:
         raise DamageError("the end of the data is not one")
     (crc,) = struct.unpack("<I", body)
@@ -162,7 +162,7 @@ class _Parser:
         Raises
         ------
         DamageError
-            If it can't be believed.
+            If it cannot be believed.
         """
         if opcode == _CHUNK:
             self._chunk(body)
@@ -253,7 +253,7 @@ class _Parser:
         return found
 
     def _begin(self, session: dict[str, Any]) -> None:
-        """Learn the tracks from the first message; channels are numbered in their order."""
+        """Read the tracks from the first message; channels are numbered in their order."""
         if str(session["format"]).split(".")[0] != "1":
             raise RecordingError(
                 f"'{self.content.path}' has recording format {str(session['format'])[:20]}; this program reads 1.x"
@@ -276,7 +276,7 @@ class _Parser:
             self._topics[number] = topic
 
     def finish(self) -> None:
-        """Hand the rows over."""
+        """Put the rows into the content."""
         self.content.rows = {name: growing.rows for name, growing in self._growing.items()}
 
 
@@ -287,12 +287,12 @@ def _check_sequence(following: dict[int, int], channel: int, sequence: int, coun
 
 
 def _unpacked(body: memoryview) -> bytes:
-    """Return the content of a chunk whose checksum fits.
+    """Return the content of a chunk, checked by its checksum.
 
     Raises
     ------
     DamageError
-        If it does not, or is too large.
+        If the checksum does not match, or the chunk is too large or cannot be unpacked.
     """
     try:
         _, _, size, crc, length = struct.unpack_from("<QQQII", body, 0)

@@ -1,4 +1,4 @@
-"""A recording that was read: its tracks as structured arrays, its messages, and what is missing."""
+"""A recording as it was read: its tracks as structured arrays, its messages, and what is missing."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 
 class Recording(Shown, Mapping[str, NDArray[Any]]):
-    """What a recording holds; tracks by name, such as ``recording["arm"]["pose"]``, shape (n, 7).
+    """The content of a recording; tracks by name, such as ``recording["arm"]["pose"]``, shape (n, 7).
 
     A track is a structured array with ``tick``, ``time`` [s] and its columns, in SI units.  ``recording["arm.pose"]``
     is one column of it.
     """
 
-    #: Looked up by its name when a notebook asks: the core imports nothing of the tools.
+    #: Imported by name when a notebook asks: the core imports nothing from the tools.
     PAGE = "itouch_tools.report.notebook:recording"
 
     def __init__(self, content: Content) -> None:
@@ -69,12 +69,12 @@ class Recording(Shown, Mapping[str, NDArray[Any]]):
 
     @property
     def meanings(self) -> dict[str, str]:
-        """What every channel is, one sentence by its name in State; a recording of an older version has none."""
+        """What every channel is, in one sentence, by its name in State; empty for a recording of an older version."""
         return {column.field: column.doc for track in self.tracks.values() for column in track.columns if column.doc}
 
     @property
     def session(self) -> Mapping[str, Any]:
-        """What the recording says of the session: manifest, scene, layout, bases."""
+        """The description of the session: manifest, scene, layout, bases."""
         return self._content.session
 
     @property
@@ -102,7 +102,7 @@ class Recording(Shown, Mapping[str, NDArray[Any]]):
 
     @property
     def left_out(self) -> list[dict[str, Any]]:
-        """Time that a late loop has left out: tick before which, time [s], seconds, 1 if a run was under way."""
+        """Time that a late loop has left out: the tick that follows, time [s], seconds, 1 if a run was under way."""
         return self._letters("/log/left_out")
 
     @property
@@ -122,19 +122,19 @@ class Recording(Shown, Mapping[str, NDArray[Any]]):
 
     @property
     def report(self) -> dict[str, Any] | None:
-        """The session's report at the end of the recording; None if it was cut, or is of an earlier version."""
+        """The session's report from the end of the recording; None if that is cut off, or is of an earlier version."""
         found = self._letters("/log/report")
         report = found[-1].get("report") if found else None
         return report if isinstance(report, dict) else None
 
     @property
     def histograms_us(self) -> dict[str, list[list[float]]]:
-        """``lateness`` (in real time) and ``tick``: lower edge [us], upper edge [us], count; empty in old files."""
+        """``lateness`` (in real time) and ``tick``: lower edge [us], upper edge [us], count; empty for old files."""
         return histograms_us(self.session, self.timing)
 
     @property
     def states(self) -> list[dict[str, Any]]:
-        """Whole States: at the start, every 10 s, and where something came from outside the loop."""
+        """Whole States: at the start, every 10 s, and whenever something came from outside the loop."""
         return self._letters("/log/state")
 
     @property
@@ -152,13 +152,13 @@ class Recording(Shown, Mapping[str, NDArray[Any]]):
 
     @property
     def lost(self) -> int:
-        """Samples of the servo loop that the recorder could not take, between the first and the last."""
+        """Number of samples of the servo loop between the first and the last that the recorder could not take."""
         ticks = self.ticks
         return int(ticks[-1] - ticks[0] + 1 - len(ticks)) if len(ticks) else 0
 
     @property
     def whole(self) -> bool:
-        """Whether the recording was ended properly and nothing of it is damaged."""
+        """Whether the recording was ended properly and nothing in it is damaged or missing."""
         return self._content.whole and not self._content.losses and not self.lost
 
     @property
@@ -169,11 +169,11 @@ class Recording(Shown, Mapping[str, NDArray[Any]]):
 
     @property
     def attachments(self) -> Mapping[str, bytes]:
-        """Files inside the recording."""
+        """Content of the files inside the recording, by name."""
         return self._content.attachments
 
     def pandas(self, name: str) -> pandas.DataFrame:
-        """Return a track as a table: one column a number, indexed by time [s].
+        """Return a track as a table with one column per number, indexed by time [s].
 
         Raises
         ------
@@ -191,7 +191,7 @@ class Recording(Shown, Mapping[str, NDArray[Any]]):
 def flat(rows: NDArray[Any], track: Track) -> dict[str, NDArray[Any]]:
     """Return a track's numbers as columns of shape (n,), by label.
 
-    ``rows`` (n,) of the track's dtype; numbers keep the units of its columns.
+    ``rows`` (n,) have the track's dtype; numbers keep the units of its columns.
     """
     table: dict[str, NDArray[Any]] = {"time": rows["time"], "tick": rows["tick"]}
     for column in track.columns:
@@ -210,6 +210,6 @@ def read(path: str | os.PathLike[str]) -> Recording:
     Raises
     ------
     RecordingError
-        If it can't be opened, or is not a recording of this program.
+        If it cannot be opened, or is not a recording of this program.
     """
     return Recording(read_content(os.fspath(path)))

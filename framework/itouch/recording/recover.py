@@ -1,4 +1,4 @@
-"""A damaged recording as a whole one: its longest valid prefix, with an index that every reader finds its way by."""
+"""Makes a complete recording from a damaged one: its longest valid prefix, with the index that readers need."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from itouch.recording.writer import McapWriter
 
 @dataclass(frozen=True, slots=True)
 class Recovered:
-    """What came of it."""
+    """The result: the file written, its chunks, its duration [s], and what is missing."""
 
     path: str
     chunks: int
@@ -29,7 +29,7 @@ def recover(path: str, target: str) -> Recovered:
     Raises
     ------
     RecordingError
-        If nothing of it can be read, or the target can't be written.
+        If nothing of it can be read, or the target cannot be written.
     """
     content = read_content(path, chunks=True)
     tracks: Sequence[Track] = list(content.tracks.values())

@@ -1,6 +1,6 @@
-"""Shared memory between the loop and the process that writes: rows of fixed size, and letters of any size.
+"""Shared memory between the loop and the writing process: a ring of rows of fixed size, and one of letters of any size.
 
-One writes, the other reads; neither waits for the other's lock.  Each side owns its counters, which only grow, and
+The loop writes, the other process reads; there are no locks.  Each side owns its counters, which only increase, and
 writes them after the data (stores keep their order on the processors that we run on).
 """
 
@@ -14,12 +14,12 @@ from itouch.platforms import Memory
 
 _PAGE = 4096
 _ALIGN = 8
-#: A letter that only fills the rest of its ring.
+#: Kind of a letter that only fills the rest of the ring.
 _FILL = 0xFFFFFFFF
 
 
 class ControlWord(enum.IntEnum):
-    """Numbers in the first page."""
+    """Places of the numbers in the first page."""
 
     ROWS_IN = 0
     ROWS_OUT = 1
@@ -35,7 +35,7 @@ class ControlWord(enum.IntEnum):
 
 
 class Phase(enum.IntEnum):
-    """What the writing process does."""
+    """State of the writing process."""
 
     STARTING = 0
     RECORDING = 1
@@ -48,7 +48,7 @@ _TEXT = 1024
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """Sizes: rows, bytes of a row, bytes for letters; all of them powers of two or multiples of eight."""
+    """Sizes: number of rows, bytes of a row, bytes for letters; all are powers of two or multiples of eight."""
 
     rows: int
     row: int
@@ -56,12 +56,12 @@ class Shape:
 
     @property
     def total(self) -> int:
-        """Bytes of the whole."""
+        """Bytes in all."""
         return _PAGE + self.rows * (8 + self.row) + self.letters
 
 
 class Ring:
-    """One piece of anonymous memory that both processes map."""
+    """One block of shared memory that both processes map."""
 
     def __init__(self, shape: Shape, memory: Memory) -> None:
         self.shape, self.shared = shape, memory
@@ -75,24 +75,24 @@ class Ring:
 
     @classmethod
     def create(cls, shape: Shape) -> Ring:
-        """Make the memory; nothing of it is left behind."""
+        """Make the memory; it leaves nothing behind when both processes have ended."""
         ring = cls(shape, Memory.create("itouch-recording", shape.total))
-        ring.view[::_PAGE] = bytes(len(range(0, shape.total, _PAGE)))  # touched now, not in a tick
+        ring.view[::_PAGE] = bytes(len(range(0, shape.total, _PAGE)))  # page faults now, not in a tick
         return ring
 
     def close(self) -> None:
-        """Let go of the memory."""
+        """Release the memory."""
         for view in (self.words, self.ticks, self.rows, self.letters, self.view):
             view.release()
         self._memory.close()
         self.shared.close()
 
     def forget(self) -> None:
-        """Close the descriptor, once the other process has it; the memory stays."""
+        """Close the file descriptor, once the other process has it; the memory stays."""
         self.shared.forget()
 
     def post(self, kind: int, data: bytes) -> bool:
-        """Put a letter in; false if there is no room for it."""
+        """Add a letter; return False if there is no room for it."""
         size = (8 + len(data) + _ALIGN - 1) // _ALIGN * _ALIGN
         begin, room = self.words[ControlWord.LETTERS_IN], self.shape.letters
         free = room - (begin - self.words[ControlWord.LETTERS_OUT])
@@ -123,11 +123,11 @@ class Ring:
 
     @property
     def phase(self) -> Phase:
-        """What the writing process does."""
+        """State of the writing process."""
         return Phase(self.words[ControlWord.STATUS])
 
     def say(self, phase: Phase, errno: int = 0, text: str = "") -> None:
-        """Tell the other side how it stands."""
+        """Report the state of the writing process to the other side, with the cause if it failed."""
         data = text.encode()[: _PAGE - _TEXT - 2]
         self.view[_TEXT : _TEXT + 2 + len(data)] = struct.pack("<H", len(data)) + data
         self.words[ControlWord.ERRNO] = errno
@@ -135,6 +135,6 @@ class Ring:
 
     @property
     def text(self) -> str:
-        """Why the writing failed."""
+        """Why writing failed."""
         (length,) = struct.unpack_from("<H", self.view, _TEXT)
         return bytes(self.view[_TEXT + 2 : _TEXT + 2 + length]).decode(errors="replace")

@@ -1,4 +1,4 @@
-"""The file under a recording: bytes go to the disk at once; a failed write leaves whole chunks behind."""
+"""The file of a recording: bytes are written at once, and a failed write leaves only whole chunks behind."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import time
 
 from itouch.platforms import OPEN_FLAGS, claim
 
-#: Seconds between two syncs to the disk: what a loss of power may cost beyond what a kill costs.
+#: Time between two syncs to the disk [s]: what a power failure may cost beyond what a kill costs.
 SYNC_EVERY = 1.0
 
 
 class Sink:
-    """An append-only file; ``write`` writes all of it, or raises and takes back what it wrote."""
+    """An append-only file; ``write`` writes all of its data, or raises and removes what it has written."""
 
     def __init__(self, path: str) -> None:
         self.path, self.size = path, 0
@@ -27,21 +27,21 @@ class Sink:
         self._synced = time.monotonic()
 
     def _claim(self) -> None:
-        """Empty the file, unless another session is writing it: what it has recorded would be lost."""
+        """Empty the file, unless another session is writing it, whose recording would be lost."""
         try:
             claim(self._handle)
         except BlockingIOError:
             raise OSError(errno.EBUSY, "another session is recording to it") from None
-        with contextlib.suppress(OSError):  # what has no length, such as a device
+        with contextlib.suppress(OSError):  # a file without a length, such as a device
             os.ftruncate(self._handle, 0)
 
     def write(self, data: bytes) -> None:
-        """Append some whole records.
+        """Append whole records.
 
         Raises
         ------
         OSError
-            If not all of it could be written; the file ends where it ended before.
+            If not all of them could be written; the file then ends where it ended before.
         """
         view = memoryview(data)
         try:
@@ -60,11 +60,11 @@ class Sink:
             self.sync()
 
     def put(self, view: memoryview) -> int:
-        """Write what the system takes at once, and return how much that was."""
+        """Write as much as the system takes at once, and return how many bytes that was."""
         return os.write(self._handle, view)
 
     def sync(self) -> None:
-        """Wait until it is on the disk, where the file is one that can be synced."""
+        """Wait until the file is on the disk, if it is one that can be synced."""
         self._synced = time.monotonic()
         try:
             os.fdatasync(self._handle)

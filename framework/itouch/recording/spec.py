@@ -1,4 +1,4 @@
-"""What the writing process is told at the start: tracks, where their columns stand in a row, and the session."""
+"""What the writing process is told at the start: tracks, the places of their columns in a row, and the session."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ FORMAT = "1.0"
 class Spec:
     """A recording before its first row.
 
-    ``places`` says where each field of State begins in a row of the ring; ``session`` is what a replay needs:
-    manifest, layout, scene and bases, as plain data; ``view`` what 3-D viewers draw.
+    ``places`` has the byte at which each field of State begins in a row of the ring; ``session`` has what a replay
+    needs: manifest, layout, scene and bases, as plain data; ``view`` has what 3-D viewers draw.
     """
 
     tracks: tuple[Track, ...]
@@ -65,14 +65,14 @@ class Spec:
         )
 
     def row_dtype(self, track: Track, size: int) -> np.dtype[Any]:
-        """Return the type that picks a track's columns out of rows of ``size`` bytes."""
+        """Return the dtype that picks a track's columns out of rows of ``size`` bytes."""
         names = [column.name for column in track.columns]
         formats = ["<" + c.kind if c.size == 0 else f"({c.size},)<{c.kind}" for c in track.columns]
         offsets = [self.places[column.field] for column in track.columns]
         return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": size})
 
     def first_message(self) -> bytes:
-        """Return the first message of the file, from which it can be read and replayed by itself."""
+        """Return the first message of the file, with which the file alone suffices to be read and replayed."""
         tracks = [track.dump() for track in self.tracks]
         body = {"format": FORMAT, "period": self.period, "start_ns": self.start_ns, "tracks": tracks}
         return json.dumps({**body, **self.session}).encode()

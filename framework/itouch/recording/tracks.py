@@ -11,24 +11,24 @@ import numpy as np
 
 from itouch.schema.roles import Role
 
-#: Kinds of number that a column may hold.
+#: Types of number that a column may have.
 KINDS = ("f8", "i8", "u8")
-#: Components by their count: position and quaternion, force and torque (or velocities), vectors.
+#: Names of components, by their number: vectors; force and torque, or velocities; position and quaternion.
 PARTS = {
     3: ("x", "y", "z"),
     6: ("x", "y", "z", "rx", "ry", "rz"),
     7: ("x", "y", "z", "qw", "qx", "qy", "qz"),
 }
 _MOST_COLUMNS, _MOST_NUMBERS = 4096, 1 << 16
-#: What a pose is called in recordings of versions that did not write roles.
+#: Roles by column name in recordings of versions that did not write roles.
 OLD_ROLES = {"pose": Role.TRACKED_POSE.value}
-#: Most letters of a column's sentence that are kept.
+#: How much of a column's ``doc`` is kept [characters].
 MOST_DOC = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A field of State in a track: ``size`` numbers (0: a scalar), with unit, what they are and what they are for."""
+    """A field of State in a track: ``size`` numbers (0: a scalar), their unit, what they are and what they are for."""
 
     field: str
     name: str
@@ -57,7 +57,7 @@ class Column:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Unit of each of its numbers: turns and torques have another than the three numbers before them."""
+        """Unit of each of its numbers: orientations and torques have another one than the three numbers before them."""
         count = max(1, self.size)
         turned = {(7, "m"): "", (6, "N"): "N*m", (6, "m/s"): "rad/s"}.get((self.size, self.unit), self.unit)
         return (self.unit,) * min(3, count) + (turned,) * (count - 3)
@@ -65,7 +65,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Columns that are recorded together every so many ticks; ``replay``: what a replay is fed and compared with."""
+    """Columns that are recorded together in every ``every``-th tick; ``replay``: a replay needs or compares them."""
 
     name: str
     every: int
@@ -79,7 +79,7 @@ class Track:
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """A row as it is read: tick, time [s], and the columns."""
+        """The dtype of a row as it is read: tick, time [s], and the columns."""
         return np.dtype([("tick", "<i8"), ("time", "<f8"), *(column.dtype for column in self.columns)])
 
     def dump(self) -> dict[str, Any]:
@@ -97,7 +97,7 @@ def load_track(data: Mapping[str, Any]) -> Track:
     Raises
     ------
     ValueError
-        If it can't be one.
+        If it cannot be a track.
     """
     docs, roles = dict(data.get("docs", {})), dict(data.get("roles", OLD_ROLES))
     columns = tuple(
@@ -121,13 +121,13 @@ def _role(word: object) -> Role:
 
 
 def identifier(text: str) -> str:
-    """Return a name that message schemas admit."""
+    """Return a name turned into one that message schemas allow."""
     word = re.sub(r"\W", "_", text, flags=re.ASCII)
     return "_" + word if not word or word[0].isdigit() else word
 
 
 def identifiers(names: Iterable[str]) -> list[str]:
-    """Return such names, all different."""
+    """Return names turned into ones that message schemas allow, all different."""
     found: list[str] = []
     for name in names:
         word = identifier(name)

@@ -1,7 +1,7 @@
-"""What 3-D viewers draw of a recording: solids once, the places of their frames and the forces thirty times a second.
+"""What 3-D viewers draw of a recording: solids once, the poses of their frames and the forces thirty times a second.
 
 Viewers know the two schemas and need no plugin.  Frames are named after objects, probes and devices; solids are fixed
-to frames, so that only the frames move.
+to frames, so that only frames move.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from itouch.recording.wellknown import descriptor, encode
 
-#: Topic -> name of its schema.  Solids have a topic to themselves: a viewer that is set to another time asks for the
-#: newest message of each topic before it, and would have lost them behind the first force.
+#: Topic -> name of its schema.  Solids have a topic of their own: a viewer that jumps to another time asks for the
+#: newest message of each topic before it, which would no longer be the solids once a force was drawn.
 TOPICS: Final[Mapping[str, str]] = {"/view/transforms": "FrameTransforms", "/view/solids": "SceneUpdate",
                                     "/view/scene": "SceneUpdate"}  # fmt: skip
-#: How often a second frames and forces are told.
+#: How often frames and forces are written [Hz].
 RATE: Final = 30.0
 WORLD: Final = "world"
-#: Length [m] of a force arrow a newton, its greatest length, and the least force [N] that is shown.
+#: Length of a force arrow per newton [m/N], its greatest length [m], and the smallest force that is shown [N].
 _PER_NEWTON, _LONGEST, _LEAST = 0.02, 0.08, 0.01
 _FORCE = (0.95, 0.90, 0.35, 1.0)
 _WORDS = (0.95, 0.95, 0.95, 1.0)
@@ -32,14 +32,14 @@ _WORDS = (0.95, 0.95, 0.95, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A frame that moves: where it is in its parent.
+    """A frame that moves, and its pose in its parent.
 
     Attributes
     ----------
     field, first, size
-        The numbers of State that say where: a pose (7) or a point (3), from number ``first`` of the field on.
+        The numbers of State with its pose (7) or position (3), beginning with number ``first`` of the field.
     fixed
-        A pose (7) that comes before: of a mount.
+        A fixed pose (7) between the parent and that pose, such as that of a mount; empty: none.
     """
 
     name: str
@@ -86,12 +86,12 @@ class TemperatureLabel:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """All that is drawn of a session."""
+    """Everything that is drawn of a session."""
 
     frames: tuple[Frame, ...] = ()
     solids: tuple[Solid, ...] = ()
     forces: tuple[Force, ...] = ()
-    #: Called so in recordings.
+    #: The name ``warmths`` is that in recordings.
     warmths: tuple[TemperatureLabel, ...] = ()
 
     @property
@@ -116,7 +116,7 @@ class View:
 
 
 class Drawing:
-    """Makes the messages of one recording, of rows of State; ``step``: of every so manieth tick there is a row."""
+    """Makes the messages of one recording from rows of State; there is a row of every ``step``-th tick."""
 
     def __init__(self, view: View, places: Mapping[str, int], *, period: float, start_ns: int, step: int = 1) -> None:
         self._view, self._places, self._start = view, places, start_ns
@@ -125,7 +125,7 @@ class Drawing:
         self._drawn: set[str] = set()
 
     def messages(self, ticks: NDArray[np.int64], rows: NDArray[np.uint8]) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, tick and bytes for rows (n, bytes) of ticks (n,); those between two frames are passed over."""
+        """Yield topic, tick and bytes for rows (n, bytes) of ticks (n,); rows between two pictures are skipped."""
         if not self._view.frames and not self._view.solids:
             return
         due = ticks % self._every == 0
@@ -153,7 +153,7 @@ class Drawing:
         return found
 
     def transforms(self, row: NDArray[np.uint8], stamp: Mapping[str, int]) -> list[dict[str, Any]]:
-        """Return where the frames are in a row of State (bytes,), as contents of ``foxglove.FrameTransform``."""
+        """Return the poses of the frames in a row of State (bytes,), as contents of ``foxglove.FrameTransform``."""
         found = []
         for frame in self._view.frames:
             place = self._numbers(row, frame.field, frame.first, frame.size)
@@ -181,7 +181,7 @@ class Drawing:
         return found
 
     def _gone(self, now: Sequence[Mapping[str, Any]], stamp: Mapping[str, int]) -> list[dict[str, Any]]:
-        """Return what takes away that was drawn before and is not now."""
+        """Return the deletions of what was drawn before and is not drawn now."""
         names = {str(entity["id"]) for entity in now}
         gone, self._drawn = sorted(self._drawn - names), names
         return [{"timestamp": stamp, "type": 0, "id": name} for name in gone]
@@ -193,7 +193,7 @@ def schema(topic: str) -> tuple[str, bytes]:
 
 
 def packed(points: NDArray[Any], corners: NDArray[Any]) -> dict[str, str]:
-    """Return a mesh for ``Solid``: points (n, 3) [m], corners (m, 3)."""
+    """Return the fields of a mesh for ``Solid``: points (n, 3) [m] and corners (m, 3) as base64."""
     pairs = (("points", points.astype("<f4")), ("corners", corners.astype("<u4")))
     return {name: base64.b64encode(np.ascontiguousarray(array).tobytes()).decode() for name, array in pairs}
 
@@ -258,7 +258,7 @@ def _edges(sizes: Sequence[float]) -> dict[str, float]:
 
 
 def _arrow(vector: Sequence[float]) -> dict[str, Any]:
-    """Return the arrow of a force [N]: the schema's arrows point along x."""
+    """Return the arrow of a force [N]; the schema's arrows point along x, and are turned to the force."""
     size = math.hypot(*vector)
     x, y, z = (part / size for part in vector)
     turn = (1.0 + x, 0.0, -z, y) if x > -1.0 + 1e-9 else (0.0, 0.0, 0.0, 1.0)

@@ -1,7 +1,7 @@
-"""The messages of Foxglove's well-known schemas that hold a 3-D scene: what they are made of, and their bytes.
+"""The messages of Foxglove's well-known schemas that describe a 3-D scene: their fields, and encoding to bytes.
 
-Source of names and numbers: the definitions ``foxglove.SceneUpdate`` and ``foxglove.FrameTransforms`` and what they
-hold, and Protocol Buffers' ``timestamp.proto``, ``duration.proto`` and ``descriptor.proto``.
+Source of names and numbers: the definitions ``foxglove.SceneUpdate`` and ``foxglove.FrameTransforms`` with all that
+they contain, and Protocol Buffers' ``timestamp.proto``, ``duration.proto`` and ``descriptor.proto``.
 """
 
 from __future__ import annotations
@@ -52,20 +52,20 @@ _KINDS = {"double": 1, "int64": 3, "int32": 5, "fixed32": 7, "bool": 8, "string"
 _MESSAGE, _ENUM, _OPTIONAL, _REPEATED = 11, 14, 1, 3
 _PACKAGE = "foxglove"
 _FIXED64, _LENGTH = 1, 2
-#: Bytes of the wire types of fixed width, and kinds that are whole numbers of any length.
+#: Bytes of the wire types with a fixed width, and kinds that are encoded as varints.
 _WIDTHS: Final = {1: 8, 5: 4}
 _WHOLE: Final = frozenset({"bool", "int64", "int32", "Type"})
 
 
 def encode(name: str, value: Mapping[str, Any]) -> bytes:
-    """Return the bytes of a message; fields that are not given stay away.
+    """Return the bytes of a message; fields that are not given are left out.
 
     Parameters
     ----------
     name
-        Of the message, without its package.
+        Name of the message, without its package.
     value
-        Field -> number, text, mapping of a message, or a sequence of these where it is repeated.
+        Field -> number, text, or mapping for a message; for a repeated field, a sequence of these.
     """
     out = bytearray()
     fields = _TIMES[name.rpartition(".")[2]] if name.startswith("google.") else MESSAGES[name]
@@ -95,12 +95,12 @@ def _one(place: int, kind: str, item: Any) -> bytes:
 def decode(name: str, data: bytes) -> dict[str, Any]:
     """Return a message as a mapping; numbers that are absent are 0, texts empty, messages None, repeated fields lists.
 
-    Fields that the message does not have here are passed over.
+    Fields that are not known here are skipped.
 
     Raises
     ------
     ValueError
-        If the bytes are no such message.
+        If the bytes are not such a message.
     """
     fields = _TIMES[name.rpartition(".")[2]] if name.startswith("google.") else MESSAGES[name]
     kinds = {place: (key, kind) for key, place, kind in fields}
@@ -128,7 +128,7 @@ def decode(name: str, data: bytes) -> dict[str, Any]:
 
 
 def _take(found: dict[str, Any], key: str, kind: str, piece: bytes | int) -> None:
-    """Put a field's piece into a message; a number where a message is due, or the reverse, is an error."""
+    """Put the bytes or number of a field into a message; a number in place of a message, or the reverse, is refused."""
     single = kind.removesuffix("[]")
     value: Any = piece
     if (single in _WHOLE) != isinstance(piece, int):
@@ -157,7 +157,7 @@ def _absent(kind: str) -> Any:
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
-    """Return a number in base 128, and where the next byte is."""
+    """Return a number in base 128, and the offset of the byte after it."""
     value = 0
     for shift in range(0, 70, 7):
         if at >= len(data):
@@ -170,7 +170,7 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
 
 
 def descriptor(name: str) -> bytes:
-    """Return the serialised FileDescriptorSet that says what a message holds, with all that it needs."""
+    """Return the serialised FileDescriptorSet that describes a message and all messages that it contains."""
     needed = _needed(name)
     times = [_file(f"google/protobuf/{kind.lower()}.proto", "google.protobuf", {kind: _TIMES[kind]}, ())
              for kind in _TIMES]  # fmt: skip

@@ -1,7 +1,7 @@
-"""MCAP files written chunk by chunk: each chunk stands by itself, so that a file can be cut anywhere.
+"""Writes MCAP files chunk by chunk; each chunk is complete in itself, so that a file may be cut off anywhere.
 
-Source of the format: the MCAP specification; the records are those of the library ``mcap``, but for messages and
-their indexes, which are made by the array.
+Source of the format: the MCAP specification; records are made by the library ``mcap``, except messages and their
+indexes, which are made as whole arrays.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from itouch.recording.views import TOPICS, schema
 
 MAGIC = b"\x89MCAP0\r\n"
 PROFILE, LIBRARY = "itouch", "itouch-py"
-#: How hard recordings are compressed by Zstandard, from 1, the quickest, to 22.
+#: Compression level of Zstandard, from 1, the fastest, to 22.
 LEVEL = 1
-#: Topics of messages that are JSON, with their schemas' properties: see the reference of the format.  A list of numbers
-#: is ``number[]``.  What nests lists (histograms) stays out: Foxglove and Lichtblick would refuse the whole topic.
+#: Topics with JSON messages, and the properties of their schemas: see the reference of the format.  A list of numbers
+#: is ``number[]``.  Nested lists (histograms) are left out: Foxglove and Lichtblick would refuse the whole topic.
 LETTERS: dict[str, dict[str, Any]] = {
     "/log/session": {},
     "/log/state": {"tick": "integer", "time": "number", "reason": "string", "npy": "string"},
@@ -47,7 +47,7 @@ LETTERS: dict[str, dict[str, Any]] = {
 
 
 class Output(Protocol):
-    """Where bytes go."""
+    """The file that is written to."""
 
     size: int
 
@@ -55,7 +55,7 @@ class Output(Protocol):
         """Append whole records, or raise OSError."""
 
     def sync(self) -> None:
-        """Wait until it is on the disk."""
+        """Wait until everything is on the disk."""
 
 
 def json_schema(name: str, properties: Mapping[str, str]) -> bytes:
@@ -68,7 +68,7 @@ def json_schema(name: str, properties: Mapping[str, str]) -> bytes:
 
 
 class McapWriter:
-    """Writes tracks and letters; ``start``, any number of ``chunk``, ``finish``."""
+    """Writes tracks and letters: call ``start``, any number of ``chunk``, and ``finish``."""
 
     def __init__(self, output: Output, tracks: Sequence[Track], *, start_ns: int, period: float) -> None:
         self.output, self.start_ns, self.period = output, start_ns, period
@@ -88,7 +88,7 @@ class McapWriter:
         self._crc = zlib.crc32(data, self._crc)
 
     def start(self, attachments: Mapping[str, tuple[str, bytes]]) -> None:
-        """Write the head of the file, and what is attached: name -> (media type, content)."""
+        """Write the head of the file, and the attachments: name -> (media type, content)."""
         builder = RecordBuilder()
         records.Header(PROFILE, LIBRARY).write(builder)
         self._put(MAGIC + _taken(builder))
@@ -106,16 +106,16 @@ class McapWriter:
             )  # fmt: skip
 
     def time_of(self, tick: int) -> int:
-        """Return the time of a tick [ns since 1970]: the start of the recording, and session time from there."""
+        """Return the time of a tick [ns since 1970]: start of the recording plus session time."""
         return self.start_ns + max(0, round(tick * self.period * 1e9))
 
     def chunk(self, rows: Mapping[str, NDArray[Any]], letters: Sequence[tuple[str, int, bytes]]) -> None:
-        """Write rows (of each track's dtype) and letters (topic, tick, bytes) as one chunk.
+        """Write rows (with each track's dtype) and letters (topic, tick, bytes) as one chunk.
 
         Raises
         ------
         OSError
-            If it could not be written; the file ends before it.
+            If the chunk could not be written; the file then ends before it.
         """
         parts: list[bytes] = [] if self._chunks else [self._head()]
         size, index, span = sum(map(len, parts)), _Index(), _Span()
@@ -170,7 +170,7 @@ class McapWriter:
         self._times = [min(self._times[0], span.first), max(self._times[1], span.last)]
 
     def finish(self) -> None:
-        """Write the end of the data and the summary, so that every reader finds its way quickly."""
+        """Write the end of the data and the summary, by which readers find everything quickly."""
         builder = RecordBuilder()
         records.DataEnd(self._crc).write(builder)
         self.output.write(_taken(builder))
@@ -208,7 +208,7 @@ class McapWriter:
 
 
 def _taken(builder: RecordBuilder) -> bytes:
-    """Return what was built, and begin anew."""
+    """Return the bytes built so far, and empty the builder."""
     return bytes(builder.end())  # type: ignore[no-untyped-call]
 
 
@@ -223,25 +223,25 @@ class _Span:
 
 
 class _Index:
-    """Where the messages of a chunk stand, by channel."""
+    """The places of a chunk's messages, by channel."""
 
     def __init__(self) -> None:
         self.counts = 0
         self._entries: dict[int, list[NDArray[np.uint64]]] = {}
 
     def block(self, channel: int, log: NDArray[np.uint64], begin: int, length: int) -> None:
-        """Note messages of equal length, one after the other."""
+        """Add consecutive messages of equal length."""
         places = np.uint64(begin) + np.arange(len(log), dtype=np.uint64) * np.uint64(length)
         self._entries.setdefault(channel, []).append(np.stack((log, places), axis=1))
         self.counts += len(log)
 
     def one(self, channel: int, log: int, begin: int) -> None:
-        """Note one message."""
+        """Add one message."""
         self._entries.setdefault(channel, []).append(np.array([[log, begin]], np.uint64))
         self.counts += 1
 
     def records(self, at: int) -> tuple[bytes, dict[int, int]]:
-        """Return the index records, which begin at a place in the file, and the place of each."""
+        """Return the index records, which begin at offset ``at`` in the file, and the offset of each."""
         out, offsets = bytearray(), {}
         for channel, tables in self._entries.items():
             data = np.concatenate(tables).tobytes()

@@ -1,4 +1,4 @@
-"""XML and the frozen description of a scene."""
+"""The XML of a scene, and the frozen description that is read from it."""
 
 from itouch.scene.description import Scene
 from itouch.scene.elements import PluginPart

@@ -1,4 +1,4 @@
-"""From nodes to dataclasses: the fields are the grammar, every fault becomes a problem, nothing is guessed."""
+"""From XML nodes to dataclasses: fields are the grammar, every fault becomes a problem, nothing is guessed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from itouch.schema.fields import Spec, constraint, default_of, specs, tag_of, xm
 
 PLUGIN_NAMESPACE = "urn:itouch:plugin:"
 
-#: Given for a field that could not be read; the problem is already told.
+#: Value of a field that could not be read; its problem has been reported already.
 BROKEN: Any = object()
 
 
@@ -27,9 +27,9 @@ BROKEN: Any = object()
 class Binder:
     """Binds the nodes of one document.
 
-    ``defaults`` maps a tag to the attributes that hold where an element says nothing; ``rename`` puts an include's
-    prefix before the names that its document defines; ``folder`` is the document's, relative to the scene's,
-    which is ``root``.
+    ``defaults`` maps a tag to the attributes that hold where an element does not give them; ``rename`` puts an
+    include's prefix before the names that its document defines; ``folder`` is the document's folder, relative to the
+    scene's folder ``root``.
     """
 
     extensions: Extensions
@@ -43,7 +43,7 @@ class Binder:
     root: str = "."
 
     def bind(self, node: Node, cls: type, *, extra: frozenset[str] = frozenset()) -> Any:
-        """Return an instance of ``cls``, or None if a fault prevents it; ``extra`` attributes are the caller's."""
+        """Return an instance of ``cls``, or None if a fault prevents it; the caller reads the ``extra`` attributes."""
         table = specs(cls)
         attributes = self._with_defaults(node, cls)
         values: dict[str, Any] = {}
@@ -120,7 +120,7 @@ class Binder:
         if default is not MISSING:
             return
         values[name] = BROKEN
-        if xml_name(name) in misspelt:  # a misspelt required attribute is one problem, and it has been told
+        if xml_name(name) in misspelt:  # a misspelt required attribute is one problem, reported already
             return
         what = spec.doc or spec.kind
         sentence = f"<{node.written}> needs the attribute '{xml_name(name)}'"
@@ -170,7 +170,7 @@ class Binder:
         cls: type,
         spots: dict[str, Place],
     ) -> tuple[tuple[str, float], ...]:
-        """Bind attributes whose names are those of other elements (a rate for each modality)."""
+        """Bind attributes that are named after other elements (as the rate of each modality is)."""
         pattern: Spec = cls.OPEN_SPEC  # type: ignore[attr-defined]  # stands beside OPEN
         known = {xml_name(name) for name in table}
         entries = []

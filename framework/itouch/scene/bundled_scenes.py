@@ -1,10 +1,10 @@
-"""The scenes that come with the program: an include may name one of their files as ``itouch:rigs/twin.xml``."""
+"""The scenes that come with the program: an include names one of their files as in ``itouch:rigs/twin.xml``."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-#: What an include begins with that names a file of the program.
+#: Prefix of an include that names a file of the program.
 SCHEME = "itouch:"
 
 
@@ -18,6 +18,6 @@ def folder() -> Path | None:
 
 
 def names() -> list[str]:
-    """Return what may follow ``itouch:``, sorted."""
+    """Return the paths that may follow ``itouch:``, sorted."""
     found = folder()
     return sorted(path.relative_to(found).as_posix() for path in found.rglob("*.xml")) if found else []

@@ -1,4 +1,4 @@
-"""Attributes of an element that may not stand together, or must."""
+"""Attributes of an element that exclude one another, or need one another."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from itouch.schema.fields import constraint, xml_name
 
 
 def broken_constraints(node: Node, cls: type, attributes: Mapping[str, Attribute]) -> Iterator[Problem]:
-    """Find which attributes of an element may not, or must, stand together."""
+    """Yield a problem for each rule that the attributes of an element break, of those that relate attributes."""
 
     def given(group: Sequence[str]) -> list[str]:
         return [xml_name(name) for name in group if xml_name(name) in attributes]
@@ -33,7 +33,7 @@ def broken_constraints(node: Node, cls: type, attributes: Mapping[str, Attribute
             sentence = f"<{node.written}> needs one of {_listed(names)}"
             yield Problem("one-of", sentence, node.place)
     for name, other in constraint(cls, "REQUIRES"):
-        if xml_name(name) in node.attributes and not given([other]):  # a default is for those that can have it
+        if xml_name(name) in node.attributes and not given([other]):  # defaults reach elements without the other
             sentence = f"<{node.written}> with '{xml_name(name)}' also needs '{xml_name(other)}'"
             yield Problem("requires", sentence, attributes[xml_name(name)].place)
 

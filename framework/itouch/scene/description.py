@@ -25,7 +25,7 @@ from itouch.schema.notebook import Shown
 
 @dataclass(frozen=True, slots=True)
 class Swapped:
-    """The scene's own devices and ``<safety>``, where another rig was put under it."""
+    """The scene's own devices and ``<safety>``, if another rig was put under the scene."""
 
     devices: tuple[DeviceElement, ...]
     safety: Safety
@@ -35,12 +35,12 @@ class Swapped:
 class Scene(Shown):
     """A scene in SI, with includes, defaults and bases resolved.
 
-    Two scenes are equal if they say the same; where they were written does not count. Files that it names (meshes) lie
-    in ``folder`` and below, or their content is in ``files`` by name, as for a scene out of a session.  ``swapped``
-    is what it said of its own rig if another was put under it: that is asked of the other, too.
+    Two scenes are equal if they describe the same; the places where it was written do not count. Files that it names
+    (meshes) are in ``folder`` and below, or their content is in ``files`` by name, as in a scene taken from a session.
+    ``swapped`` is what the scene says of its own rig, if another was put under it: its demands hold for that one too.
     """
 
-    #: Looked up by its name when a notebook asks: the core imports nothing of the tools.
+    #: Imported by name when a notebook asks: the core imports nothing from the tools.
     PAGE: ClassVar[str] = "itouch_tools.report.notebook:scene"
 
     world: WorldElement = WorldElement()

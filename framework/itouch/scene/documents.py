@@ -1,4 +1,4 @@
-"""Reading a scene file and everything that it includes, each as a document of its own."""
+"""Reads a scene file and everything that it includes, each as a document of its own."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from itouch.scene.names import defined_names
 from itouch.scene.source import Attribute, Node, SourceError, parse, read_bytes
 from itouch.schema.diagnostics import Place, Problem, did_you_mean, meant
 
-#: How deep includes may stand in one another, and how many files a scene may have.
+#: How deeply includes may be nested, and how many files a scene may have.
 MAX_INCLUDE_DEPTH = 16
 MAX_DOCUMENTS = 256
 SECTIONS = ("include", "defaults", "materials", "world", "devices", "interaction", "rates", "safety", "fault", "record")
@@ -20,10 +20,10 @@ SECTIONS = ("include", "defaults", "materials", "world", "devices", "interaction
 
 @dataclass(slots=True)
 class Document:
-    """One file: its root, its sections by tag, the prefix that its includer gave, and the defaults that hold in it.
+    """One file: its root, its sections by tag, the prefix that its include gave it, and the defaults that hold in it.
 
-    ``folder`` is where it lies, relative to the scene's folder, and ``included`` are the documents that it includes
-    itself, each with the prefix that it gives.
+    ``folder`` is its folder, relative to the scene's, and ``included`` are the documents that it includes itself, each
+    with the prefix that it gives them.
     """
 
     shown: str
@@ -35,7 +35,7 @@ class Document:
     included: list[tuple[str, Document]] = field(default_factory=list)
 
     def names(self) -> set[str]:
-        """Return the names that it may refer to without its includer: its own, and those of what it includes."""
+        """Return the names that are known in it by itself: those that it defines, and those of what it includes."""
         found = defined_names(self.root)
         for prefix, document in self.included:
             found.update(prefix + name for name in document.names())
@@ -44,12 +44,12 @@ class Document:
 
 @dataclass
 class DocumentReader:
-    """Reads documents depth first: what is included comes before what includes it."""
+    """Reads documents depth first: an included document comes before the one that includes it."""
 
     problems: list[Problem]
     root_folder: Path = field(default_factory=Path)
     documents: list[Document] = field(default_factory=list)
-    #: Whether a file could not be read: what it would have defined is unknown, and not missing.
+    #: Whether a file could not be read: names that it may define are then not reported as missing.
     incomplete: bool = False
     _top: str = ""
     _open: list[tuple[Path, Place | None]] = field(default_factory=list)
@@ -169,7 +169,7 @@ class DocumentReader:
             self.problems.append(Problem("unknown-element", sentence, node.place, advice, mend=mend))
         elif node.tag == "include":
             self._include(document, node)
-        elif node.tag == "fault":  # any number of them; kept as if they stood in an element of their own
+        elif node.tag == "fault":  # any number of them; collected as if in an element of their own
             faults = document.sections.setdefault("faults", replace(node, tag="faults", attributes={}, children=[]))
             faults.children.append(node)
         elif node.tag in document.sections:
@@ -209,7 +209,7 @@ class DocumentReader:
         self._take_in(document, target, shown, prefix, file.place)
 
     def _include_shipped(self, document: Document, file: Attribute, prefix: str) -> None:
-        """Include a file that comes with the program: ``itouch:rigs/twin.xml``, or one beside such a file."""
+        """Include a file that comes with the program: ``itouch:rigs/twin.xml``, or a path relative to such a file."""
         named = file.value
         if not named.startswith(bundled_scenes.SCHEME):
             beside = os.path.dirname(document.shown.removeprefix(bundled_scenes.SCHEME))
@@ -255,7 +255,7 @@ def _version_problem(version: Attribute) -> Problem | None:
 
 
 def _collect_defaults(document: Document) -> None:
-    """Add what the document's own ``<defaults>`` say to what its includes brought."""
+    """Add the document's own ``<defaults>`` to those of its includes."""
     section = document.sections.get("defaults")
     for node in section.children if section else ():
         document.defaults.setdefault(node.written, {}).update(node.attributes)

@@ -1,4 +1,4 @@
-"""Attributes of a scene that somebody else sets, as a study does: by path, before anything of the scene is checked."""
+"""Attributes of a scene that are set from outside, as a study does: by path, before the scene is checked."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from itouch.schema.diagnostics import Place, Problem, did_you_mean
 class Edit:
     """One attribute and its new value.
 
-    ``path`` is ``NAME.attribute`` or ``NAME/child.attribute``, also deeper: ``NAME/child/child.attribute``; of several
-    children of one kind ``child[1]`` is the second.  NAME is that of an object, device, probe, material or
-    modality (a modality without a name has that of its element), a section of the scene
-    such as ``world``, or an element of the interaction without a name such as ``operator``.
+    ``path`` is ``NAME.attribute`` or ``NAME/child.attribute``, or deeper: ``NAME/child/child.attribute``; of several
+    children with one tag, ``child[1]`` is the second.  NAME is the name of an object, device, probe, material or
+    modality (a modality without a name has that of its element), a section of the scene such as ``world``, or an
+    element of the interaction that has no name, such as ``operator``.
     """
 
     path: str
@@ -25,7 +25,7 @@ class Edit:
 
 
 def apply_edits(documents: Sequence[Document], edits: Iterable[Edit]) -> Iterator[Problem]:
-    """Put the new values into the documents' nodes; yield a problem for each that has no place."""
+    """Write the new values into the documents' nodes; yield a problem for each whose path leads nowhere."""
     for edit in edits:
         owner, dot, attribute = edit.path.rpartition(".")
         name, _, child = owner.partition("/")
@@ -47,7 +47,7 @@ def apply_edits(documents: Sequence[Document], edits: Iterable[Edit]) -> Iterato
 
 
 def _inner(name: str, node: Node, steps: list[str], place: Place) -> tuple[Node, Problem | None]:
-    """Return the element that lies so far inside, or what is wrong with the way to it."""
+    """Follow the steps of a path inwards from an element; return where they lead, and the problem if one is wrong."""
     for step in steps:
         tag, _, number = step.removesuffix("]").partition("[")
         inner = [one for one in node.children if tag in (one.tag, one.written)]

@@ -1,4 +1,4 @@
-"""Where the scene language can be extended, and what to say when an extension is missing."""
+"""Where plugins extend the scene language, and what to say when an extension is missing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from itouch.schema.diagnostics import Problem, did_you_mean
 
 
 class Extensions(Protocol):
-    """Where the scene language can be extended: the plugins, as the binder sees them."""
+    """The plugins that extend the scene language, as the binder sees them."""
 
     @property
     def plugin_names(self) -> Sequence[str]:
@@ -23,11 +23,11 @@ class Extensions(Protocol):
         """Return the local names that a plugin offers inside ``host``."""
 
     def failure(self, plugin: str) -> str:
-        """Return why an installed plugin can't be loaded, or an empty string."""
+        """Return why an installed plugin cannot be loaded, or an empty string."""
 
 
 def missing_part(extensions: Extensions, host: Node, node: Node, plugin: str) -> Problem:
-    """Say why an element of a plugin's namespace has no class."""
+    """Return the problem that says why an element of a plugin's namespace has no class."""
     if failure := extensions.failure(plugin):
         return Problem("plugin-failed", failure, node.place, "`itouch-py devices` shows the whole reason")
     if plugin not in extensions.plugin_names:

@@ -1,4 +1,4 @@
-"""From files to a Scene: includes, defaults and bases resolved, references checked, all problems at once."""
+"""From files to a Scene: includes, defaults and bases resolved, references checked, all problems reported at once."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _SECTION_CLASSES: dict[str, type] = {
     "faults": elements.Faults,
     "record": elements.RecordElement,
 }
-#: What an element lacks as a whole, which says nothing of a part of its attributes.
+#: Problems of an element as a whole: <defaults> give only some attributes, so that these do not apply there.
 _OF_WHOLE_ELEMENTS = ("missing-attribute", "together", "one-of", "requires")
 #: Elements that <defaults> may name.
 DEFAULTABLE: dict[str, type] = {
@@ -42,7 +42,7 @@ DEFAULTABLE: dict[str, type] = {
 
 
 def load(path: str | os.PathLike[str], extensions: Extensions, *, rig: str | os.PathLike[str] | None = None) -> Scene:
-    """Load a scene, or raise with everything that is wrong with it.
+    """Load a scene, or raise an error with everything that is wrong with it.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def load(path: str | os.PathLike[str], extensions: Extensions, *, rig: str | os.
     Raises
     ------
     SceneError
-        With all problems in file order.
+        If there is any error, with all problems in file order.
     """
     scene, problems = read_scene(path, extensions, rig=rig)
     if any(problem.severity == "error" for problem in problems):
@@ -71,7 +71,7 @@ def read_scene(
     rig: str | os.PathLike[str] | None = None,
     edits: Iterable[Edit] = (),
 ) -> tuple[Scene, list[Problem]]:
-    """Load as much of a scene as can be, with the problems found; ``edits`` are made before it is checked."""
+    """Load as much of a scene as possible, with all problems found; ``edits`` are made before it is checked."""
     problems: list[Problem] = []
     reader = DocumentReader(problems)
     documents = reader.read(path)
@@ -87,7 +87,7 @@ def read_scene(
 def loads(
     data: bytes, extensions: Extensions, *, shown: str = "scene.xml", files: Mapping[str, bytes] | None = None
 ) -> Scene:
-    """Load a scene from memory; the same checks hold.
+    """Load a scene from memory, with the same checks.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def loads(
     Raises
     ------
     SceneError
-        With all problems in file order.
+        If there is any error, with all problems in file order.
     """
     problems: list[Problem] = []
     reader = DocumentReader(problems)
@@ -117,7 +117,7 @@ def loads(
 
 
 def in_file_order(problems: Iterable[Problem]) -> list[Problem]:
-    """Sort problems by file (in the order met), line and column, and drop repetitions."""
+    """Sort problems by file (in the order of first mention), line and column, and drop duplicates."""
     unique = list(dict.fromkeys(problems))
     files = list(dict.fromkeys(problem.place.file for problem in unique if problem.place))
     rank = {file: index for index, file in enumerate(files)}
@@ -172,7 +172,7 @@ class _Assembly:
                       folder=document.folder, root=self.root)  # fmt: skip
 
     def _check_defaults(self, document: Document) -> None:
-        """Bind what <defaults> says on its own, so that a fault is told once and at its place."""
+        """Bind the elements of <defaults> by themselves, so that a fault is reported once, where it was written."""
         section = document.sections.get("defaults")
         for node in section.children if section else ():
             cls = DEFAULTABLE.get(node.tag) if not node.namespace else None
@@ -211,7 +211,7 @@ class _Assembly:
             self.single[tag] = bound
 
     def replace_devices(self, rig: str | os.PathLike[str]) -> None:
-        """Put the devices of another rig under the scene; what the scene asks of its own devices holds for them."""
+        """Put the devices of another rig under the scene; limits that the scene sets its own devices hold for them."""
         documents = DocumentReader(self.problems).read(rig)
         other = _Assembly(self.extensions, self.problems, self.places).add(documents)
         self.problems += rigs.without_effect(os.fspath(rig), documents)
@@ -253,12 +253,12 @@ class _Assembly:
 
 @dataclass
 class _Bases:
-    """Resolves ``base=`` of materials on the nodes: what the derived one does not say, its base does."""
+    """Resolves ``base=`` of materials, on the nodes: what a material does not give comes from its base."""
 
     documents: list[Document]
     problems: list[Problem]
     _nodes: dict[str, tuple[Node, Document]] = field(default_factory=dict)
-    #: Materials with all that their bases say, by the identity of their nodes.
+    #: Materials completed from their bases, by the identity of their nodes.
     _done: dict[int, Node] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -275,12 +275,12 @@ class _Bases:
         return replace(section, children=children)
 
     def _material(self, document: Document, node: Node) -> Node:
-        """Follow the bases of a material to the last one, and come back with what each adds."""
+        """Follow the bases of a material to the last one, then go back and merge what each material adds."""
         derived: list[Node] = []
         while (base := node.attributes.get("base")) is not None and node.tag == "material":
             if id(node) in self._done:
                 break
-            self._done[id(node)] = _without_base(node)  # what counts if its bases lead back to it
+            self._done[id(node)] = _without_base(node)  # used if its bases lead back to it
             found = self._nodes.get(document.prefix + base.value) or self._nodes.get(base.value)
             if found is None:
                 advice = self._adviser.advise(base.value)
@@ -327,7 +327,7 @@ def _mount_cycles(scene: Scene) -> list[Problem]:
 
 
 def _merged(inherited: list[Node], own: list[Node]) -> list[Node]:
-    """Put the attributes that ``own`` elements do not give from the ``inherited`` elements of the same tag."""
+    """Return ``inherited`` and ``own`` elements as one list; those of one tag are merged, and own attributes win."""
     mine = {(node.namespace, node.tag): node for node in own}
     merged = []
     for node in inherited:

@@ -1,6 +1,6 @@
-"""Names and references: unique where they own State, and every reference has something to refer to.
+"""Names and references: names that own State are unique, and every reference must refer to something.
 
-Both are noted while elements are bound, so that an element with a fault of its own still counts as defined.
+Both are collected while elements are bound, so that an element with a fault of its own still counts as defined.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from itouch.scene.source import Node
 from itouch.schema.diagnostics import Adviser, Place, Problem
 
 _KINDS = {"material": "material", "device": "device", "probe": "probe"}
-#: Names before the dot under which State and recordings hold what belongs to no single element.
+#: Names (before the dot) under which State and recordings have what belongs to no single element.
 KEPT = frozenset({"objects", "events", "marks", "session"})
 _HINT = "names are unique over objects, devices, probes and modalities"
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A name with what it names, or a reference with what it wants, and where it stands."""
+    """A name or a reference: the kind of element that it is for, its place, and the section of the scene it is in."""
 
     kind: str
     name: str
@@ -35,28 +35,28 @@ class Names:
     wanted: list[Entry] = field(default_factory=list)
 
     def define(self, tag: str, name: str, place: Place, section: str) -> None:
-        """Note that an element with this tag has a name."""
+        """Record the name of an element with this tag."""
         self.defined.append(
             Entry(_KINDS.get(tag, "object") if section != "modality" else section, name, place, section)
         )
 
     def refer(self, kind: str, name: str, place: Place, section: str) -> None:
-        """Note a reference."""
+        """Record a reference."""
         self.wanted.append(Entry(kind, name, place, section))
 
     def without(self, section: str) -> Names:
-        """Return the names without what a section said."""
+        """Return the names and references without those of a section."""
         return Names(
             [entry for entry in self.defined if entry.section != section],
             [entry for entry in self.wanted if entry.section != section],
         )
 
     def joined(self, other: Names) -> Names:
-        """Return the names of both."""
+        """Return the names and references of both."""
         return Names(self.defined + other.defined, self.wanted + other.wanted)
 
     def problems(self, *, whole: bool = True) -> Iterator[Problem]:
-        """Find names given twice and, if all files could be read (``whole``), references to nothing."""
+        """Find names given twice and, if all files could be read (``whole``), references to names that do not exist."""
         materials = [entry for entry in self.defined if entry.kind == "material"]
         yield from _duplicates(materials)
         owners = [entry for entry in self.defined if entry.kind != "material"]
@@ -78,7 +78,7 @@ class Names:
                     advisers[kind] = Adviser(list(known.get(kind, {})), f"each {kind} that there is")
                 advice = advisers[kind].advise(entry.name) or f"define a {kind}"
                 sentence = f"there is no {kind} named '{entry.name}'"
-                # which device acts on whom, and which finger is meant, a person must say
+                # never mended by guessing: a person must say which device acts on whom, and which finger is meant
                 mend = advisers[kind].mend(entry.name) if kind not in ("device", "probe") else None
                 yield Problem("unknown-name", sentence, entry.place, advice, mend=mend)
 

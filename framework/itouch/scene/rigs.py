@@ -1,6 +1,6 @@
-"""Another rig under a scene: its devices take the place of the scene's, and what the scene asks goes on to hold.
+"""Another rig under a scene: its devices replace the scene's, and the limits of the scene still hold.
 
-The tighter of both counts.  What stands in a rig file and would have no effect is an error.
+The tighter of both limits counts.  A section of a rig file that would have no effect is an error.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from itouch.schema.diagnostics import Problem, did_you_mean
 from itouch.schema.fields import specs
 
 Element = TypeVar("Element", Limits, Safety)
-#: Sections of a rig file that have an effect: what is included is looked at by itself.
+#: Sections of a rig file that have an effect; files that it includes are checked by themselves.
 _EFFECTIVE = frozenset({"include", "defaults", "devices", "safety"})
-#: Time [s] of one contact without anything in a scene: a rig may not ask for more than the scene.
+#: Greatest time [s] of one contact if a scene does not give it: a rig may not ask for more than the scene.
 _CONTACT_TIME = 10.0
 
 
 def without_effect(rig: str, documents: Iterable[Document]) -> Iterator[Problem]:
-    """Find the sections of a rig's files that a rig can't bring."""
+    """Find the sections of a rig's files that have no effect in a rig."""
     for document in documents:
         for tag, node in document.sections.items():
             if tag not in _EFFECTIVE:
@@ -52,7 +52,7 @@ def unmatched(
 
 
 def limited(device: DeviceElement, own: DeviceElement | None, places: Places) -> DeviceElement:
-    """Return a rig's device with the limits that scene and rig ask of it together."""
+    """Return a rig's device with the limits of scene and rig together."""
     if own is None or own.limits == Limits():
         return device
     found = replace(device, limits=_merged(own.limits, device.limits, places))
@@ -61,7 +61,7 @@ def limited(device: DeviceElement, own: DeviceElement | None, places: Places) ->
 
 
 def tightened(own: Safety, other: Safety, places: Places) -> Safety:
-    """Return what the ``<safety>`` of scene and rig ask together."""
+    """Return the ``<safety>`` of scene and rig together."""
     found = _merged(own, other, places)
     ramps = [ramp for ramp in (own.ramp, other.ramp) if ramp is not None]
     stops = "stop" if "stop" in (own.servo_overrun, other.servo_overrun) else own.servo_overrun
@@ -72,9 +72,9 @@ def tightened(own: Safety, other: Safety, places: Places) -> Safety:
 
 
 def looser(own: Safety, other: Safety, places: Places) -> Iterator[Problem]:
-    """Find what a rig's ``<safety>`` asks for that is looser than what the scene has: a contact may last 10 s.
+    """Find what is looser in a rig's ``<safety>`` than in the scene's: the contact time, of which 10 s is the default.
 
-    Nor does it name another participant: of one of the two nothing would be noted.
+    A rig may not name another participant either: nothing would be recorded for one of the two.
     """
     most = _CONTACT_TIME if own.contact_time is None else own.contact_time
     if other.contact_time is not None and other.contact_time > most:
@@ -88,7 +88,7 @@ def looser(own: Safety, other: Safety, places: Places) -> Iterator[Problem]:
 
 
 def _merged(own: Element, other: Element, places: Places) -> Element:
-    """Return the tighter of two elements, limit by limit; each limit stands where it was said."""
+    """Return the tighter of two elements, limit by limit; each limit keeps the place where it was written."""
     values: dict[str, Any] = {}
     spots = {}
     for name, spec in specs(type(own)).items():

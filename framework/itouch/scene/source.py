@@ -1,7 +1,7 @@
-"""Hardened reading of an XML file into nodes that know where every element and attribute stands.
+"""Hardened reading of an XML file into nodes that know where every element and attribute was written.
 
-libxml2 knows the line where a start tag *ends* and nothing of attributes; expat knows the byte where it starts.
-Both read the file: expat first, which also refuses what a scene may not hold, then lxml for the tree.
+libxml2 knows the line where a start tag *ends*, and no places of attributes; expat knows the byte where a tag starts.
+So both read the file: first expat, which also refuses what a scene may not contain, then lxml, which builds the tree.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from lxml import etree
 from itouch.schema.diagnostics import Place, Problem
 from itouch.schema.files import open_regular
 
-#: How large a scene file may be [bytes], how deep its elements stand in one another, how many attributes an element
-#: has, and how many elements the file.
+#: Caps on a scene file: its size [bytes], the nesting of its elements, the attributes of one element, all elements.
 MAX_BYTES = 8 << 20
 MAX_DEPTH = 64
 MAX_ATTRIBUTES = 128
@@ -31,7 +30,7 @@ _TAG = re.compile(rb"<[^\s/>]+")
 
 @dataclass(frozen=True, slots=True)
 class Attribute:
-    """An attribute as written: its value and where it stands."""
+    """An attribute as written: its value and its place."""
 
     value: str
     place: Place
@@ -39,7 +38,7 @@ class Attribute:
 
 @dataclass(slots=True)
 class Node:
-    """An element: namespace and local name, attributes by name, children, stray text, and its place."""
+    """An element: namespace, local name, name as written, place, attributes by name, children, and stray text."""
 
     namespace: str
     tag: str
@@ -51,7 +50,7 @@ class Node:
 
 
 class SourceError(Exception):
-    """The file can't be read as XML at all; ``problem`` says why."""
+    """A file cannot be read as XML at all; ``problem`` says why."""
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem.sentence)
@@ -59,20 +58,20 @@ class SourceError(Exception):
 
 
 class _Text:
-    """The bytes of a file, and the places in it."""
+    """The bytes of a file, with the places of byte offsets in it."""
 
     def __init__(self, file: str, data: bytes) -> None:
         self.file, self.data = file, data
         self._starts = [0] + [match.end() for match in re.finditer(rb"\n", data)]
         self._line, self._text = -1, ""
-        #: Where in that line a place was asked for last: byte in the file, letters before it in the line.
+        #: The last place asked for in that line: its byte offset in the file, and the characters before it in the line.
         self._before = 0, 0
 
     def place(self, offset: int, length: int = 1) -> Place:
         line = bisect.bisect_right(self._starts, offset)
         start = self._starts[line - 1]
         end = self._starts[line] - 1 if line < len(self._starts) else len(self.data)
-        if line != self._line:  # a file of one line is asked for it again and again
+        if line != self._line:  # else: a file may be a single line, asked for again and again
             self._line, self._text = line, self.data[start:end].decode("utf-8", "replace").rstrip("\r")
             self._before = start, 0
         last, letters = self._before if self._before[0] <= offset else (start, 0)
@@ -127,7 +126,7 @@ def parse(data: bytes, shown: str) -> Node:
     Raises
     ------
     SourceError
-        If it is not UTF-8, not well-formed, has a DOCTYPE, or passes a cap on depth, attributes or elements.
+        If it is not UTF-8, not well-formed, has a DOCTYPE, or exceeds a cap on depth, attributes or elements.
     """
     text = _Text(shown, data)
     _check_encoding(text)
@@ -157,7 +156,7 @@ def _check_encoding(text: _Text) -> None:
 
 
 class _Positions:
-    """Expat pass: the byte offset of every start tag, in document order, and the refusals."""
+    """The pass by expat: finds the byte offset of every start tag, in document order; refuses what is not allowed."""
 
     def __init__(self, text: _Text) -> None:
         self._text = text
@@ -201,7 +200,7 @@ class _Positions:
         self._declare(name, attributes)
 
     def _declare(self, name: str, attributes: list[str]) -> None:
-        """Follow which namespace prefixes are declared, and refuse one that is not."""
+        """Keep track of the declared namespace prefixes, and refuse one that is not declared."""
         new = {key.removeprefix("xmlns:") for key in attributes[::2] if key.startswith("xmlns:")}
         known = self._prefixes[-1] | new if new else self._prefixes[-1]
         self._prefixes.append(known)
@@ -257,7 +256,7 @@ def _written(key: str, element: etree._Element) -> str:
 
 
 def read_root(shown: str, tag: str, begins: str) -> Node:
-    """Read a file whose outermost element is not a scene's; ``begins`` is how such a file begins.
+    """Read a file whose outermost element is ``tag``, not a scene's; ``begins`` shows how such a file begins.
 
     Raises
     ------

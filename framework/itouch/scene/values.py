@@ -1,4 +1,4 @@
-"""One attribute's text to its value, by the field's spec."""
+"""From the text of an attribute to its value, by the spec of its field."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FLAGS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0"
 
 
 class ValueProblemError(ValueError):
-    """A value that can't be taken: a problem's code, the advice, and what alone can have been meant."""
+    """A value that is not accepted: the problem's code, the advice, and the correction if only one can be meant."""
 
     def __init__(self, code: str, sentence: str, advice: str = "", mend: tuple[str, str] | None = None) -> None:
         super().__init__(sentence)
@@ -70,7 +70,7 @@ def _hold(spec: Spec, text: str) -> float | Until:
 
 
 def _lasting(spec: Spec, text: str) -> float:
-    """Read a duration; where it is none, say that it may be a wait, too."""
+    """Read a duration; if it is none, add to the advice that a wait is allowed too."""
     try:
         value = _quantity(spec, text)
     except ValueProblemError as fault:

@@ -1,4 +1,4 @@
-"""The canonical XML of a Scene: fixed order, SI units written, defaults dropped; reading it gives an equal scene."""
+"""The canonical XML of a Scene: fixed order, SI units, defaults left out; reading it gives an equal scene."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _part(part: PluginPart) -> list[str]:
 
 
 def _element(element: Any, tag: str, extra: Iterable[tuple[str, str]] = (), *, prefix: str = "") -> list[str]:
-    """Write one element; ``prefix`` is the namespace prefix of a plugin's element, which its children share."""
+    """Return the lines of one element; ``prefix`` is a plugin's namespace prefix, which its children share."""
     attributes, inner = list(extra), []
     for name, spec in specs(type(element)).items():
         value = getattr(element, name)

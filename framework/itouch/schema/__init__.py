@@ -1,4 +1,4 @@
-"""What a number, a field and a problem are; the lowest layer."""
+"""What numbers with units, fields of elements and problems are; the lowest layer."""
 
 from itouch.schema.diagnostics import ItouchError, Place, Problem, SceneError
 from itouch.schema.fields import (

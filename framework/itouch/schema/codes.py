@@ -14,7 +14,7 @@ class Code:
     remedy: str
 
 
-#: Heading -> the codes under it, in the order of the reference.
+#: Codes by heading, in the order of the reference.
 FILES = (
     Code("no-such-file", "a file is missing, cannot be read, or is a folder",
          "paths are relative to the file that names them"),
@@ -158,7 +158,7 @@ RUNNING = (
     Code("injected", "not a trip: a `<fault>` of the scene took effect", "remove it when you have seen enough"),
 )  # fmt: skip
 
-#: What `check` says of a scene that is legal; with ``--strict`` it counts as wrong.
+#: What `check` remarks on a scene that is legal; with ``--strict`` these count as errors.
 ODD = (
     Code("metres", "an object has a large length without a unit, which is metres", "write the unit"),
     Code("overlap", "solids of different materials overlap", "move one of them, or make it smaller"),
@@ -170,7 +170,7 @@ ODD = (
     Code("two-heights", "the finger rests over two tops, and the plate has one height", "move it over one of them"),
 )  # fmt: skip
 
-#: All of them by heading.
+#: All codes by heading.
 HEADINGS: dict[str, tuple[Code, ...]] = {
     "Files and XML": FILES,
     "Names and places": NAMES,
@@ -181,5 +181,5 @@ HEADINGS: dict[str, tuple[Code, ...]] = {
     "Legal, but odd": ODD,
     "While running": RUNNING,
 }
-#: All of them by name.
+#: All codes by name.
 CODES: dict[str, Code] = {code.name: code for codes in HEADINGS.values() for code in codes}

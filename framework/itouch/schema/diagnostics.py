@@ -1,4 +1,4 @@
-"""Problems of a file: what is wrong, where, and what to do; all of them are collected before anything is said."""
+"""Problems of a file: what is wrong, where, and what to do; all of them are collected before any is reported."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from types import TracebackType
 
 #: How alike a misspelt word and a known one must be for the known one to be proposed, 0 to 1.
 ALIKE = 0.6
-#: How much is told of what an error of a plugin says [characters].
+#: How much of the message of a plugin's error is shown [characters].
 LONGEST = 1000
 
 
@@ -17,33 +17,33 @@ class ItouchError(Exception):
     """Any fault that a user or a device can cause."""
 
 
-#: What every class and every error has, also one whose author has put something else in its place.
+#: Attributes that every class and every error has, read so that a plugin's author cannot have overridden them.
 _NAME, _TRACEBACK = type.__dict__["__name__"], BaseException.__dict__["__traceback__"]
 
 
 def spoken(error: BaseException) -> str:
-    """Return what an error says, at most ``LONGEST`` characters of it, whatever it does when it is asked."""
+    """Return the message of an error, at most ``LONGEST`` characters, even if the error fails when it is asked."""
     try:
         text = str(error)
-    except BaseException:  # of a plugin: it must not keep anybody from being told, nor a device from being made safe
+    except BaseException:  # a plugin's error must neither hide a message nor keep a device from being made safe
         return "it fails to say why"
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
 def class_of(error: BaseException) -> str:
-    """Return the name of an error's class, whatever that does when it is asked."""
+    """Return the name of an error's class, even if the class hides it."""
     name: str = _NAME.__get__(type(error))
     return name
 
 
 def raised_at(error: BaseException) -> TracebackType | None:
-    """Return where an error was raised, whatever it does when it is asked."""
+    """Return the traceback of an error, even if the error hides it."""
     found: TracebackType | None = _TRACEBACK.__get__(error)
     return found
 
 
 def named(error: BaseException) -> str:
-    """Return the name of an error, and what it says if it says anything."""
+    """Return the name of an error's class, and its message if it has one."""
     text = spoken(error)
     return f"{class_of(error)}: {text}" if text else class_of(error)
 
@@ -66,8 +66,8 @@ class Place:
 class Problem:
     """One fault of a file.
 
-    ``code`` is stable and documented, ``sentence`` stands alone, ``related`` holds other places with a label each.
-    ``mend`` is the word that stands there and the only one that can have been meant, where there is one.
+    ``code`` is stable and documented, ``sentence`` is understood by itself, ``related`` has other places, each with a
+    label.  ``mend`` is the word as written and the only one that can have been meant, if there is one.
     """
 
     code: str
@@ -79,7 +79,7 @@ class Problem:
     mend: tuple[str, str] | None = None
 
     def render(self) -> str:
-        """Lay the problem out with its source line, a caret and the advice."""
+        """Return the problem as text, with its source line, a caret and the advice."""
         lines = [f"{self.severity}[{self.code}]: {self.sentence}"]
         if self.place is not None:
             lines += _span(self.place, "")
@@ -103,7 +103,7 @@ def _span(place: Place, label: str) -> list[str]:
 
 
 def _window(place: Place, width: int = 160) -> tuple[str, int, int]:
-    """Cut a long line to what surrounds the span; tabs become spaces so that the caret stays under it."""
+    """Cut a long line to the surroundings of the span; tabs become spaces so that the caret stays below it."""
     start = 0
     if len(place.text) > width:
         start = max(0, min(place.column - 1 - width // 3, len(place.text) - width))
@@ -112,7 +112,7 @@ def _window(place: Place, width: int = 160) -> tuple[str, int, int]:
 
 
 class SceneError(ItouchError):
-    """A scene, rig or session file is wrong; ``problems`` has all that was found."""
+    """A scene, rig or session file is wrong; ``problems`` has everything that was found."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = tuple(problems)
@@ -120,7 +120,7 @@ class SceneError(ItouchError):
 
 
 def render(problems: Iterable[Problem]) -> str:
-    """Lay out problems in file order, with the count and what happened at the end."""
+    """Return problems as text, in the order given; if there are errors, their number follows at the end."""
     listed = list(problems)
     blocks = [problem.render() for problem in listed]
     errors = sum(problem.severity == "error" for problem in listed)
@@ -140,9 +140,9 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 
 def meant(word: str, known: Iterable[str]) -> tuple[str, str] | None:
-    """Return the word and the one that alone can have been meant: much like it, and no other nearly as much.
+    """Return the word and the only one that can have been meant: one much like it, when no other is nearly as alike.
 
-    What differs in digits alone is another thing of its kind, such as the second of two fingers.
+    A name that differs only in digits is not taken for it: it means another of its kind, as the second of two fingers.
     """
     names = sorted(name for name in set(known) if _letters(name) != _letters(word) or name.lower() == word.lower())
     same = [name for name in names if name.lower() == word.lower()]
@@ -160,7 +160,7 @@ def _letters(word: str) -> str:
 
 
 def did_you_mean(word: str, known: Iterable[str], what: str = "known") -> str:
-    """Advise the nearest known word, or list the few that there are."""
+    """Advise the nearest known word, or list the known ones."""
     names = sorted(set(known))
     close = nearest(word, names)
     if close:
@@ -172,9 +172,9 @@ def did_you_mean(word: str, known: Iterable[str], what: str = "known") -> str:
 
 
 class Adviser:
-    """Advises as ``did_you_mean`` does, for many words with the same known ones, until enough was compared."""
+    """Advises as ``did_you_mean`` does, for many words and the same known ones, up to a number of comparisons."""
 
-    #: How many words may be compared with others: a second's work.
+    #: Greatest number of comparisons: about a second's work.
     ENOUGH = 100_000
 
     def __init__(self, known: Collection[str], what: str) -> None:
@@ -182,10 +182,10 @@ class Adviser:
         self._left = max(3, self.ENOUGH // (1 + len(known)))
 
     def advise(self, word: str) -> str:
-        """Advise the nearest known word, or list the few that there are; nothing once enough was compared."""
+        """Advise the nearest known word, or list the known ones; an empty string once the comparisons are used up."""
         self._left -= 1
         return did_you_mean(word, self._known, self._what) if self._left >= 0 else ""
 
     def mend(self, word: str) -> tuple[str, str] | None:
-        """Return what alone can have been meant, as ``meant`` does; None once enough was compared."""
+        """Return the only word that can have been meant, as ``meant`` does; None once the comparisons are used up."""
         return meant(word, self._known) if self._left >= 0 else None

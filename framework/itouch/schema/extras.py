@@ -1,4 +1,4 @@
-"""Packages that only some commands need: looked for before the work begins, with the line that installs them."""
+"""Packages that only some commands need: checked before work begins; the error gives the line that installs them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from importlib.util import find_spec
 
 from itouch.schema.diagnostics import ItouchError
 
-#: Name of an extra -> what it is for, and the modules that it brings.
+#: Name of an extra -> what it is for, and the modules that it installs.
 EXTRAS: dict[str, tuple[str, tuple[str, ...]]] = {
     "report": ("pages", ("jinja2",)),
     "film": ("films", ("av", "PIL")),
@@ -24,19 +24,19 @@ EXTRAS: dict[str, tuple[str, tuple[str, ...]]] = {
 
 
 def need(extra: str, what: str = "") -> None:
-    """Make sure that what an extra brings is installed; nothing is imported.
+    """Make sure that the packages of an extra are installed; nothing is imported.
 
     Parameters
     ----------
     extra
         Its name in ``pip install 'itouch-py[NAME]'``.
     what
-        What needs it, in the message.
+        What needs it, for the message; default: what the extra is for.
 
     Raises
     ------
     ItouchError
-        With the packages that are missing, and the line that installs them.
+        If packages are missing; names them, and the line that installs them.
     """
     usual, modules = EXTRAS[extra]
     missing = [name for name in modules if not _there(name)]

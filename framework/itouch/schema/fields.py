@@ -1,7 +1,8 @@
-"""Dataclass fields that are grammar: one declaration gives parsing, checks, messages, editor schema and reference.
+"""Dataclass fields as grammar: one declaration gives parsing, checks, messages, editor schema and reference.
 
-A scene element is a frozen dataclass whose fields are made here.  The attribute ``static-friction`` is the field
-``static_friction``; a field whose name is a Python keyword carries a trailing underscore (``in_``).
+A scene element is a frozen dataclass whose fields are declared by the functions here.  The attribute
+``static-friction`` is the field ``static_friction``; a field named like a Python keyword has a trailing underscore
+(``in_``).
 
 >>> from dataclasses import dataclass
 >>> @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class Spec:
         return self.size == 1
 
     def range_text(self) -> str:
-        """Say the allowed range, or nothing if there is none."""
+        """Return the allowed range in words, or an empty string if there is none."""
         unit = f" {self.unit}" if self.unit else ""
         if math.isfinite(self.low) and math.isfinite(self.high):
             return f"{'above ' if self.open_low else ''}{self.low:g} to {self.high:g}{unit}"
@@ -67,7 +68,7 @@ class Spec:
         return ""
 
     def admits(self, value: float) -> bool:
-        """Tell whether one number lies in the range."""
+        """Tell whether a number is in the range."""
         return (value > self.low if self.open_low else value >= self.low) and value <= self.high
 
 
@@ -100,7 +101,7 @@ def temperature(
 
 
 def hold(*, high: float, default: Any = REQUIRED, doc: str = "") -> Any:
-    """Declare a duration [s] of at most ``high``, or a wait that ends when something is so: a float, or an `Until`."""
+    """Declare a duration [s] of at most ``high``, or a wait for a condition: a float, or an `Until`."""
     return _make(Spec("hold", doc, "s", low=0.0, high=high), default)
 
 
@@ -115,9 +116,9 @@ def text(*, default: Any = REQUIRED, doc: str = "") -> Any:
 
 
 def file(*, default: Any = REQUIRED, doc: str = "") -> Any:
-    """Declare the path of a file in the scene's folder; written relative to the file that names it.
+    """Declare the path of a file in the scene's folder; it is written relative to the file that names it.
 
-    What is bound is relative to the scene's folder.
+    The value of the field is relative to the scene's folder.
     """
     return _make(Spec("file", doc), default)
 
@@ -143,17 +144,17 @@ def ref(
 
 
 def choice(*values: str, default: Any = REQUIRED, doc: str = "") -> Any:
-    """Declare one word out of a closed set."""
+    """Declare one word of a closed set."""
     return _make(Spec("choice", doc, values=values), default)
 
 
 def flag(*, also: tuple[str, ...] = (), default: Any = REQUIRED, doc: str = "") -> Any:
-    """Declare a yes or no; ``also`` are further words that are allowed, bound as they are."""
+    """Declare a yes or no; ``also`` are further words that are allowed, which become the value as they are."""
     return _make(Spec("flag", doc, values=also), default)
 
 
 def child(element: type, *, tag: str = "", default: Any = None, doc: str = "") -> Any:
-    """Declare a child element that stands at most once."""
+    """Declare a child element that occurs at most once."""
     return _make(Spec("child", doc, elements=(element,), tag=tag), default)
 
 
@@ -164,13 +165,13 @@ def children(element: type | tuple[type, ...], *, tag: str = "", doc: str = "") 
 
 
 def tag_of(element: type, spec: Spec | None = None) -> str:
-    """Return the tag of an element class: what the field says, or its TAG."""
+    """Return the tag of an element class: that of the field, else the class's TAG, else its name."""
     own: str = spec.tag if spec is not None and spec.tag else getattr(element, "TAG", "")
     return own or xml_name(element.__name__.lower())
 
 
 def plugin_parts(*, doc: str = "") -> Any:
-    """Declare that elements of plugin namespaces may stand here; kept as a tuple of plugin parts."""
+    """Declare that elements of plugin namespaces are allowed here; they become a tuple of plugin parts."""
     return _make(Spec("plugin", doc), ())
 
 
@@ -182,8 +183,8 @@ def xml_name(field_name: str) -> str:
 def specs(cls: type) -> dict[str, Spec]:
     """Return the grammar of a dataclass: field name -> spec, in declared order.
 
-    A class from elsewhere is grammar, too, if the metadata of its fields are the arguments of a ``Spec``: a library
-    need not know this program to declare what its fields hold.  Metadata of another meaning is left alone.
+    A class from elsewhere is grammar too if the metadata of its fields are the arguments of a ``Spec``: a library need
+    not know this program to declare what its fields may hold.  Metadata with another meaning are ignored.
     """
     found = {}
     for field in dataclasses.fields(cls):
@@ -209,7 +210,7 @@ def spec_of(cls: type, field_name: str) -> Spec:
 
 
 def default_of(cls: type, field_name: str) -> Any:
-    """Return the default of a field, or REQUIRED."""
+    """Return the default of a field, or REQUIRED; raise ValueError if the class has no such field."""
     for field in dataclasses.fields(cls):
         if field.name == field_name:
             return field.default
@@ -217,7 +218,7 @@ def default_of(cls: type, field_name: str) -> Any:
 
 
 def constraint(cls: type, kind: str) -> tuple[tuple[str, ...], ...]:
-    """Return a constraint that a class states, empty if it has none: EXCLUSIVE, TOGETHER, ONE_OF or REQUIRES."""
+    """Return the EXCLUSIVE, TOGETHER, ONE_OF or REQUIRES constraint that a class declares; empty if it has none."""
     found: tuple[tuple[str, ...], ...] = getattr(cls, kind, ())
     return found
 

@@ -1,4 +1,4 @@
-"""Opening what a user names: regular files only, so that no pipe or device can hold the program up."""
+"""Opens files that a user names: regular files only, so that no pipe or device can block the program."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def open_regular(path: str | os.PathLike[str]) -> BinaryIO:
     Raises
     ------
     OSError
-        If it can't be opened, or is a pipe, a device, a socket or a folder.
+        If it cannot be opened, or is a pipe, a device, a socket or a folder.
     """
     handle = os.open(path, os.O_RDONLY | NO_WAIT | OPEN_FLAGS)  # a pipe without a writer is not waited for
     try:

@@ -1,4 +1,4 @@
-"""A hold that lasts until something is so, such as ``until skin 0.5 K``: until the skin is back where it was."""
+"""A hold that lasts until a condition is met: ``until skin 0.5 K``, until the skin is back at its temperature."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 from itouch.schema.quantities import format_quantity
 
-#: The word before what is waited for, and what can be.
+#: The word before what is waited for, and what can be waited for.
 WORD, SKIN = "until", "skin"
-#: How near the skin may have to be [K].
+#: Smallest and greatest difference that can be asked for [K].
 LEAST, MOST = 0.05, 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class Until:
-    """A wait until the skin is within so many kelvin of its temperature at the session's start."""
+    """A wait until the skin is within ``within`` [K] of its temperature at the session's start."""
 
     within: float
 

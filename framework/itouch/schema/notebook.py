@@ -1,4 +1,4 @@
-"""Things that show themselves in a notebook: they name what draws them, which is loaded when a notebook asks."""
+"""Objects that show themselves in a notebook: they name the function that draws them, imported when a notebook asks."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import ClassVar
 
 
 class Shown:
-    """A base whose heirs have a picture, tables and curves in a notebook, and stay what they are elsewhere."""
+    """A base class whose subclasses have a picture, tables and curves in a notebook; elsewhere it changes nothing."""
 
     __slots__ = ()
 
-    #: ``module:function`` that takes the thing and returns HTML.
+    #: ``module:function`` that takes the object and returns HTML.
     PAGE: ClassVar[str]
 
     def _repr_html_(self) -> str:

@@ -1,6 +1,6 @@
 """Numbers with a unit: ``"60 60 20 mm"`` becomes a tuple in SI.
 
-One unit may stand at the end of the numbers; without one they are in SI.  The grammar of a number is strict:
+One unit may follow the numbers; without one they are in SI.  The grammar of a number is strict:
 what Python's ``float`` accepts beyond it (``nan``, ``inf``, ``1_0``) is refused.
 """
 
@@ -18,7 +18,7 @@ _MIXED = re.compile(r"\d,\d\S*\s+(?!1/)[-+.\d]|\d\s+[-+.]*\d\S*,\d")  # 1/s is a
 
 
 class QuantityError(ValueError):
-    """A number or unit that can't be read; ``advice`` says what to write instead."""
+    """A number or unit that cannot be read; ``advice`` says what to write instead."""
 
     def __init__(self, sentence: str, advice: str = "") -> None:
         super().__init__(sentence)
@@ -42,7 +42,7 @@ def parse_number(text: str) -> float:
 
 
 def split_unit(text: str) -> tuple[list[str], str]:
-    """Split the words of a quantity from the unit at its end: ``"1 2 mm"`` -> ``(["1", "2"], "mm")``."""
+    """Split the numbers of a quantity from the unit at its end: ``"1 2 mm"`` -> ``(["1", "2"], "mm")``."""
     words = [word for word in _SEPARATOR.split(text.strip()) if word]
     numbers: list[str] = []
     while words and not _starts_unit(words[0]):
@@ -80,11 +80,11 @@ def parse_quantity(
     text
         As written in the file.
     unit
-        The SI unit of the result; its dimension is what the text must have.
+        The SI unit of the result; the unit in the text must have its dimension.
     size
         How many numbers there must be, or the allowed counts.
     absolute
-        An absolute temperature, for which ``degC`` is allowed.
+        Whether it is an absolute temperature, for which ``degC`` is allowed.
 
     Returns
     -------
@@ -101,7 +101,7 @@ def parse_quantity(
     if not words and written and not _is_unit(written):
         raise QuantityError(f"'{written}' is not a number", describe(unit, size, absolute))
     numbers = [parse_number(word) for word in words]
-    if _MIXED.search(text):  # "1,5 2 mm": the three numbers that it could be are not what was meant
+    if _MIXED.search(text):  # "1,5 2 mm" could be three numbers, but that is hardly meant
         raise QuantityError(
             f"'{text.strip()}' has a comma and blanks between its numbers",
             "a decimal point in a number, and the same between all numbers",
@@ -117,7 +117,7 @@ def parse_quantity(
 
 
 def _with_points(text: str, counts: tuple[int, ...]) -> str:
-    """Return advice for who wrote decimal commas; nothing if points in their place would not do either."""
+    """Return advice for a text with decimal commas; empty if the text would be wrong with points too."""
     pointed = _DECIMAL_COMMA.sub(".", text.strip())
     words, _ = split_unit(pointed)
     right = pointed != text.strip() and len(words) in counts and all(map(_NUMBER.fullmatch, words))
@@ -141,7 +141,7 @@ def _conversion(written: str, unit: str, absolute: bool, size: int | tuple[int, 
 
 
 def describe(unit: str, size: int | tuple[int, ...] = 1, absolute: bool = False) -> str:
-    """Say what is expected: ``"3 numbers in m"``."""
+    """Return in words what is expected: ``"3 numbers in m"``."""
     what = "in K or degC" if absolute else f"in {unit}" if unit else "without a unit"
     if size == 1:
         return f"a quantity {what}" if unit else "a number without a unit"

@@ -1,4 +1,4 @@
-"""Roles: what a quantity is for, which is all that the framework acts on."""
+"""Roles: what a quantity is for, and the only thing that the framework acts on."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import enum
 class Role(enum.Enum):
     """What a quantity is for.  The framework acts on the role, never on the name.
 
-    The set is closed: what supervises, draws or couples a device finds its channels by these words.
+    The set is closed: everything that supervises, draws or couples a device finds its channels by these roles.
     """
 
-    #: Nothing that the framework acts on: a number that is recorded, plotted and handed on.
+    #: A number that the framework does not act on: it is recorded, plotted and passed on.
     SIGNAL = "signal"
 
     # --- readings -----------------------------------------------------------------------------------------------
@@ -19,9 +19,9 @@ class Role(enum.Enum):
     TRACKED_POSE = "tracked pose"
     #: Velocity of the device's end.
     TRACKED_TWIST = "tracked twist"
-    #: Wrench or force between the device and the finger, as the device feels it.
+    #: Wrench or force between the device and the finger, as the device measures it.
     CONTACT_FORCE = "contact force"
-    #: Temperature of the body of what the skin touches.
+    #: Temperature of the body that the skin touches.
     SKIN_CONTACT_TEMPERATURE = "skin-contact temperature"
     #: Temperature of the skin itself, measured without touching it.
     SKIN_TEMPERATURE = "skin temperature"
@@ -29,11 +29,11 @@ class Role(enum.Enum):
     SKIN_VALID = "skin reading valid"
     #: Temperature of the heat sink behind a thermal drive.
     HEAT_SINK_TEMPERATURE = "heat-sink temperature"
-    #: Temperature that touches nobody: of a room, a motor, an amplifier.
+    #: Temperature of something that nobody touches: a room, a motor, an amplifier.
     OTHER_TEMPERATURE = "other temperature"
     #: Heat flux out of the finger through the surface that it touches.
     HEAT_FLUX = "heat flux"
-    #: What a drive really delivers, in the unit of its command.
+    #: What a drive actually delivers, in the unit of its command.
     DELIVERED_DRIVE = "delivered drive"
     #: Dead-man's switch: not 0 while a person holds it.
     DEADMAN = "dead-man's switch"
@@ -45,7 +45,7 @@ class Role(enum.Enum):
     SURFACE_POSE = "surface pose"
     #: Current, voltage or power that heats or cools, moves or shakes: its effect must be watched.
     DRIVE = "drive"
-    #: Temperature that the device shall bring a surface to by its own control.
+    #: Temperature to which the device brings a surface by its own control loop.
     TEMPERATURE_TARGET = "temperature target"
     #: Pressure of a fluid that pushes or squeezes.
     PRESSURE = "pressure"
@@ -53,15 +53,15 @@ class Role(enum.Enum):
     ELECTRODE = "electrode drive"
     #: Sound pressure or drive of focused ultrasound.
     ULTRASOUND = "ultrasound drive"
-    #: Switches the output of a device on or off; what it delivers is another command's.
+    #: Switches the output of a device on or off; another command says what it delivers.
     OUTPUT_SWITCH = "output switch"
 
     # --- State of modalities ------------------------------------------------------------------------------------
-    #: 1 while a display is ready for the touch that comes next; a study waits for it.
+    #: 1 while a display is ready for the next touch; a study waits for it.
     READY = "ready for a touch"
 
 
-#: Commands that can hurt by themselves, and may not be called harmless by anybody.
+#: Commands that can hurt by themselves, and may never be declared harmless.
 NEVER_HARMLESS = frozenset({Role.TEMPERATURE_TARGET, Role.ELECTRODE, Role.ULTRASOUND})
 #: Commands that can hurt.
 HURTING = NEVER_HARMLESS | {Role.DRIVE, Role.PRESSURE, Role.FORCE_ON_OPERATOR, Role.SURFACE_POSE}

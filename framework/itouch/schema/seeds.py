@@ -1,4 +1,4 @@
-"""Which numbers are seeds."""
+"""Which numbers are valid seeds."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import SupportsIndex
 
 
 def checked_seed(seed: SupportsIndex) -> int:
-    """Return a seed as a number: whole, from 0 to 2^63 - 1.
+    """Return a seed as a whole number from 0 to 2^63 - 1.
 
     Raises
     ------
     ValueError
-        If it is anything else; a fraction that was cut off would be another run than the one asked for.
+        If it is anything else: truncating a fraction would give another run than the one asked for.
     """
     try:
         number = operator.index(seed)

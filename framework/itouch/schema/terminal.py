@@ -1,7 +1,7 @@
-r"""What is printed on a terminal: escape of foreign text, quiet or verbose, colours.
+r"""What is printed on a terminal: escaping of foreign text, quiet or verbose, colours.
 
-What would move the cursor, change colours or a title, ring, hide text or turn its direction round is written as its
-code, such as ``\x1b``.
+Characters that would move the cursor, change colours or the title, ring the bell, hide text or reverse its direction
+are written as their codes, such as ``\x1b``.
 
 >>> plain("a\x1b[31mred\u202e")
 'a\\x1b[31mred\\u202e'
@@ -18,14 +18,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TextIO
 
-#: Control characters but for the ends of lines and tabs, marks that turn the direction of writing, what can't be seen,
-#: and halves of characters.
+#: Control characters except line ends and tabs, marks that change the writing direction, invisible characters, and lone
+#: surrogates.
 _UNSAFE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\ud800-\udfff"
     "\U000e0000-\U000e007f]"
 )
 _RED, _GREEN, _YELLOW, _BLUE, _CYAN = "1;31", "32", "1;33", "34", "1;36"
-#: How lines look -> the group that is coloured, and how.
+#: Pattern of a line, whose group is coloured, and its colour.
 _RULES: tuple[tuple[re.Pattern[str], str], ...] = (
     (re.compile(r"^((?:error|fault)(?:\[[^\]\n]*\])?:|.*: error:)", re.MULTILINE), _RED),
     (re.compile(r"^(warning(?:\[[^\]\n]*\])?:)", re.MULTILINE), _YELLOW),
@@ -39,7 +39,7 @@ _RULES: tuple[tuple[re.Pattern[str], str], ...] = (
 
 @dataclass(slots=True)
 class Manner:
-    """How the program speaks: ``quiet`` says results and errors only, ``verbose`` also what took how long.
+    """How much the program prints: ``quiet`` only results and errors, ``verbose`` also how long things took.
 
     ``color`` is "auto" (on a terminal, unless ``NO_COLOR`` is set), "always" or "never".
     """
@@ -49,24 +49,24 @@ class Manner:
     color: str = "auto"
 
 
-#: The manner of this process; the command line sets it.
+#: How this process prints; the command line sets it.
 MANNER = Manner()
 
 
 def note(words: str) -> None:
-    """Say what the person should know, and can do without, on the stream of errors."""
+    """Print a note on standard error: worth knowing, but not essential."""
     if not MANNER.quiet:
         print(f"note: {words}", file=sys.stderr, flush=True)
 
 
 def did(words: str) -> None:
-    """Say what was done, such as which file was written."""
+    """Print what was done, such as which file was written."""
     if not MANNER.quiet:
         print(words)
 
 
 def detail(words: str) -> None:
-    """Say what only ``--verbose`` asks for, on the stream of errors."""
+    """Print a detail on standard error, with ``--verbose`` only."""
     if MANNER.verbose and not MANNER.quiet:
         print(words, file=sys.stderr, flush=True)
 
@@ -80,7 +80,7 @@ def colours(stream: TextIO) -> bool:
 
 
 def is_terminal(stream: TextIO) -> bool:
-    """Tell whether a stream is a terminal; a closed one is none."""
+    """Tell whether a stream is a terminal; a closed stream is not."""
     try:
         return stream.isatty()
     except (ValueError, OSError):
@@ -88,7 +88,7 @@ def is_terminal(stream: TextIO) -> bool:
 
 
 def plain(text: str) -> str:
-    """Return a text in which nothing can act on a terminal; ends of lines and tabs stay."""
+    """Return a text in which nothing can act on a terminal; line ends and tabs stay."""
     return _UNSAFE.sub(_code, text)
 
 
@@ -98,12 +98,12 @@ def _code(match: re.Match[str]) -> str:
 
 
 class PlainStream:
-    """A stream that escapes all that is written to it; ``inner`` is the terminal itself, for what is our own.
+    """A stream that escapes all that is written to it; ``inner`` is the terminal itself, for the program's own output.
 
-    A terminal that was closed is told as a reader that has gone: ``BrokenPipeError``.
+    A terminal that was closed is reported like a reader that has gone: ``BrokenPipeError``.
     """
 
-    #: Called before anything is written: what moves on the terminal makes room.
+    #: Called before anything is written, so that a moving line on the terminal makes room.
     before: Callable[[], None] | None = None
 
     def __init__(self, inner: TextIO) -> None:
@@ -111,7 +111,7 @@ class PlainStream:
         self._terminal, self._colours = is_terminal(inner), colours(inner)
 
     def write(self, text: str) -> int:
-        """Write a text, escaped."""
+        """Escape a text and write it."""
         if PlainStream.before is not None:
             PlainStream.before()
         safe = plain(text)
@@ -120,18 +120,18 @@ class PlainStream:
         return len(text)
 
     def flush(self) -> None:
-        """Let what was written appear."""
+        """Flush the terminal."""
         with self.reached():
             self.inner.flush()
 
     @property
     def closed_terminal(self) -> bool:
-        """Whether it was a terminal, and that is gone."""
+        """Whether it was a terminal that has been closed since."""
         return self._terminal and not is_terminal(self.inner)
 
     @contextmanager
     def reached(self) -> Iterator[None]:
-        """Write to the terminal itself; that it was closed is told as a reader that has gone."""
+        """Raise ``BrokenPipeError`` if a write inside the context finds the terminal closed."""
         try:
             yield
         except OSError as error:
@@ -144,7 +144,7 @@ class PlainStream:
 
 
 def control(stream: TextIO, sequence: str) -> None:
-    """Write a sequence of the program's own that is to act on the terminal."""
+    """Write one of the program's own control sequences, which is to act on the terminal."""
     if isinstance(stream, PlainStream):
         with stream.reached():
             stream.inner.write(sequence)
@@ -154,7 +154,7 @@ def control(stream: TextIO, sequence: str) -> None:
 
 @contextmanager
 def escaped() -> Iterator[None]:
-    """Let all that is printed be escaped while the context lasts."""
+    """Escape all that is printed inside the context."""
     before = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = (PlainStream(one) if not isinstance(one, PlainStream) else one for one in before)
     try:
@@ -164,7 +164,7 @@ def escaped() -> Iterator[None]:
 
 
 def coloured(text: str) -> str:
-    """Return a text, in which nothing acts on a terminal, with the colours of its kinds of lines."""
+    """Return a plain text with each kind of line coloured."""
     for pattern, code in _RULES:
         text = pattern.sub(lambda found, code=code: _painted(found, code), text)  # type: ignore[misc]
     return text

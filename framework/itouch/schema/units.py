@@ -1,8 +1,8 @@
-"""The closed table of units: what a number in a file may carry, and what it is in SI.
+"""The closed table of units that a number in a file may have, and what they are in SI.
 
-A unit expression is a product of symbols with integer powers, such as ``N*s/m``, ``W/(m*K)`` or ``kg/m^3``.
-Everything after the first ``/`` up to the next operator divides, parentheses group.  ``degC`` stands alone:
-it is a scale with an offset and names absolute temperatures only.
+A unit expression is a product of symbols with integer powers, such as ``N*s/m``, ``W/(m*K)`` or ``kg/m^3``.  A ``/``
+divides by the symbol or group that follows it; parentheses group.  ``degC`` cannot be combined with others: it is a
+scale with an offset, for absolute temperatures only.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _TOKEN = re.compile(r"\s*(?:(?P<symbol>[A-Za-zµ%]+)|(?P<operator>[*/()])|\^(?P<
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A parsed unit expression: multiply by ``factor`` and add ``offset`` to be in SI."""
+    """A parsed unit expression: a number times ``factor`` plus ``offset`` is in SI."""
 
     text: str
     factor: float
@@ -87,7 +87,7 @@ def parse_unit(text: str) -> Unit:
 
 
 class _Expression:
-    """A recursive-descent reader of products, quotients and powers."""
+    """A recursive-descent parser of products, quotients and powers."""
 
     def __init__(self, text: str) -> None:
         self._text = text

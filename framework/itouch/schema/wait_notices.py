@@ -1,6 +1,6 @@
-"""Waits that are told: what takes long says what it does and how far it is; who shows it is another matter.
+"""Notices of waits: code that takes long reports what it does and how far it is, without knowing who shows it.
 
-The command line shows it on a terminal; elsewhere nothing is shown, and it costs nothing.
+The command line shows it on a terminal; elsewhere nothing is shown, at no cost.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ class Wait(Protocol):
     """A wait that is shown."""
 
     def part(self, done: float | None, words: str = "") -> None:
-        """Say how far it is (0 to 1; None: nobody knows), and what is being done."""
+        """Report the progress (0 to 1; None: unknown), and what is being done."""
 
 
 class _Unseen:
@@ -22,18 +22,18 @@ class _Unseen:
         """Show nothing."""
 
 
-#: Shows a wait; set by the command line.
+#: The functions that show waits, of which the last is used; set by the command line.
 _shower: list[Callable[[str], AbstractContextManager[Wait]]] = []
 
 
 @contextmanager
 def waiting(what: str) -> Iterator[Wait]:
-    """Tell, while the context lasts, that something takes its time.
+    """Show, inside the context, that something takes time.
 
     Parameters
     ----------
     what
-        In the form "replaying touch.mcap".
+        What is being done, in the form "replaying touch.mcap".
     """
     if not _shower:
         yield _Unseen()
@@ -44,7 +44,7 @@ def waiting(what: str) -> Iterator[Wait]:
 
 @contextmanager
 def shown_by(shower: Callable[[str], AbstractContextManager[Wait]]) -> Iterator[None]:
-    """Let waits be shown by something while the context lasts."""
+    """Let ``shower`` show waits inside the context."""
     _shower.append(shower)
     try:
         yield

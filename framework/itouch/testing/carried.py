@@ -1,4 +1,4 @@
-"""What a modality says of a surface that it carries must be what the contract has words for, in every tick."""
+"""What a modality says in its fields of a surface that it carries must agree with the contract, in every tick."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from itouch.testing.scenario import ModalitySubject
 
 @check("carries", "what it says of its surface can be so")
 def carries(subject: ModalitySubject) -> str:
-    """Run the scene; look in every tick at the fields in which it tells how its surface stands."""
+    """Run the scene, and check in every tick the fields that describe its surface."""
     engine = subject.engine()
     owned = [(one.name, one.carries) for one in subject.own(engine) if one.carries is not None]
     if not owned:
@@ -29,7 +29,7 @@ def carries(subject: ModalitySubject) -> str:
 
 
 def _wrong(name: str, said: Carries, state: Record) -> tuple[str, float, str] | None:
-    """Return a field that says what can't be, with its value and what would be right, or None."""
+    """Return a field with an impossible value, that value and what would be right, or None."""
     value = {field: state[f"{name}.{field}"].item() for field in said.said}
     for field in (said.renders, said.present):
         if value[field] not in (0.0, 1.0):

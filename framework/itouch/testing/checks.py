@@ -14,19 +14,19 @@ from typing import Any, Literal
 from itouch.testing.child_process import described
 from itouch.testing.process_state import Surroundings
 
-#: How long a check may take [s]; what takes longer hangs.
+#: How long a check may take [s]; one that takes longer counts as hanging.
 LIMIT = 45.0
-#: The checks after which nothing else is examined: a plugin that lacks one is none, or would end or block the process.
+#: Checks that end the examination if they fail: the class is then no plugin, or would end or block the process.
 VITAL = ("contract", "survives")
 
 
 class CheckError(AssertionError):
-    """A property that a plugin lacks.
+    """A plugin lacks a property.
 
     Parameters
     ----------
     seen
-        What was seen.
+        What was observed.
     cause
         The likely cause.
     advice
@@ -39,11 +39,11 @@ class CheckError(AssertionError):
 
 
 class NotApplicableError(Exception):
-    """The property has no meaning for this plugin, or can't be seen here; the text says why."""
+    """The property has no meaning for this plugin, or cannot be examined here; the text says why."""
 
 
 class _Hang(BaseException):
-    """A check that takes too long; no handler of a plugin's for ordinary errors catches it."""
+    """A check takes too long; a plugin's handlers for ordinary exceptions do not catch it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class Check:
     run: Callable[[Any], str | None]
 
     def examine(self, subject: Any) -> Finding:
-        """Run the check; an error of the plugin's own is a failure, with the place where it was raised."""
+        """Run the check; an exception from the plugin is a failure, with the place where it was raised."""
         begin = time.perf_counter()
         outcome: Literal["passed", "failed", "left out"]
         with _limited() as interrupted:
@@ -66,7 +66,7 @@ class Check:
                 note, outcome = str(reason), "left out"
             except CheckError as error:
                 note, outcome = str(error), "failed"
-            except BaseException as error:  # whatever a stranger's code raises
+            except BaseException as error:  # whatever the plugin's code raises
                 if interrupted:
                     raise
                 note, outcome = self._told(subject, error)
@@ -75,7 +75,7 @@ class Check:
         return Finding(self, outcome, note, time.perf_counter() - begin)
 
     def _told(self, subject: Any, error: BaseException) -> tuple[str, Literal["passed", "failed", "left out"]]:
-        """Return how an error is told; where the subject thinks that it was bad luck, the check is run again."""
+        """Return note and outcome for an error; if the subject takes it for bad luck, run the check again."""
         for _ in range(2):
             if not getattr(subject, "unlucky", lambda error: False)(error):
                 break
@@ -88,7 +88,7 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """How a check went; ``note`` is the message of a failure, or a figure that was measured."""
+    """The result of a check; ``note`` is the message of a failure, or a figure that was measured; ``seconds`` [s]."""
 
     check: Check
     outcome: Literal["passed", "failed", "left out"]
@@ -97,12 +97,12 @@ class Finding:
 
 
 def check(name: str, title: str) -> Callable[[Callable[[Any], str | None]], Check]:
-    """Make a check of a function; its name is what a failure is called by."""
+    """Make a check from a function; failures are reported under ``name``."""
     return lambda function: Check(name, title, function)
 
 
 def examine(checks: Iterable[Check], subject: Any) -> Iterator[Finding]:
-    """Run checks one after the other; none after one that shows that the plugin ends or blocks its process."""
+    """Run checks one after the other; leave out all others once one of the `VITAL` checks has failed."""
     lacking = ""
     for one in checks:
         finding = unexamined(one, lacking) if lacking else one.examine(subject)
@@ -111,12 +111,12 @@ def examine(checks: Iterable[Check], subject: Any) -> Iterator[Finding]:
 
 
 def unexamined(one: Check, lacking: str) -> Finding:
-    """Return the finding of a check that is left out because of an earlier one."""
+    """Return the finding of a check that is left out because an earlier one has failed."""
     return Finding(one, "left out", f"not examined: first '{lacking}' must pass", 0.0)
 
 
 def escaped(error: BaseException) -> CheckError:
-    """Turn an error that came out of the plugin into a failure that says where it was raised."""
+    """Turn an exception from the plugin into a failure that says where it was raised."""
     if isinstance(error, _Hang):
         return CheckError(
             f"it does not end within {LIMIT:g} s; it is in {described(error).rpartition(' at ')[2]}",
@@ -132,7 +132,7 @@ def escaped(error: BaseException) -> CheckError:
 
 @contextlib.contextmanager
 def _limited() -> Iterator[list[bool]]:
-    """Limit the time of what is done within; the list is not empty once a person has interrupted it."""
+    """Limit the time spent inside the context to `LIMIT`; the list is not empty once a person has pressed Ctrl-C."""
     interrupted: list[bool] = []
     if threading.current_thread() is not threading.main_thread():
         yield interrupted
@@ -156,5 +156,5 @@ def _limited() -> Iterator[list[bool]]:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in before.items():
             signal.signal(number, handler)
-        if left:  # somebody else's alarm, such as that of a test's time limit
+        if left:  # another alarm was set, such as that of a test's time limit
             signal.setitimer(signal.ITIMER_REAL, max(0.01, left - (time.perf_counter() - begin)))

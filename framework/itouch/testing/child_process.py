@@ -1,4 +1,4 @@
-"""Work in a child process: what ends or blocks a process ends or blocks that one."""
+"""Work in a child process: whatever ends or blocks its process ends or blocks only the child."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ class Ending:
 
 
 def apart(work: Callable[[], bytes], seconds: float) -> Ending:
-    """Do work in a child that has a copy of all there is here, and wait for it at most so many seconds.
+    """Do work in a child process forked from this one, and wait for it for at most ``seconds`` [s].
 
-    Where a process cannot go on as two it is done in a thread here: what it ends or changes ends or changes this one.
+    Where a process cannot fork, the work is done in a thread here: what it ends or changes is then this process.
     """
     if not FORKS:
         return _beside(work, seconds)
     ours, theirs = os.pipe()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # other threads of ours do not go on in the child, and need not
+        warnings.simplefilter("ignore")  # our other threads do not run in the child, and need not
         child = os.fork()
     if child == 0:
         os.close(ours)
@@ -50,7 +50,7 @@ def apart(work: Callable[[], bytes], seconds: float) -> Ending:
 
 
 def _beside(work: Callable[[], bytes], seconds: float) -> Ending:
-    """Do work in a thread of this process."""
+    """Do work in a thread of this process, and wait for it for at most ``seconds`` [s]."""
     endings: list[Ending] = []
 
     def run() -> None:
@@ -68,8 +68,8 @@ def _beside(work: Callable[[], bytes], seconds: float) -> Ending:
 
 
 def _work(work: Callable[[], bytes], pipe: int) -> None:
-    """Do the work and tell how it went; never return."""
-    faulthandler.disable()  # how it dies is told in a sentence
+    """Do the work and write its result to the pipe; never return."""
+    faulthandler.disable()  # a sentence tells how it dies
     leave_no_core()
     try:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
@@ -85,7 +85,7 @@ def _work(work: Callable[[], bytes], pipe: int) -> None:
 
 
 def described(error: BaseException) -> str:
-    """Return the kind of an error, its text, and the place where it was raised."""
+    """Return the class of an error, its message, and the place where it was raised."""
     frames = traceback.extract_tb(error.__traceback__)
     where = f" at {frames[-1].filename}:{frames[-1].lineno}" if frames else ""
     text = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
@@ -93,7 +93,7 @@ def described(error: BaseException) -> str:
 
 
 def _listen(pipe: int, deadline: float) -> bytes | None:
-    """Return all that is told; None if it does not come in time."""
+    """Return everything that is written to the pipe; None if it is not closed in time."""
     told = b""
     while True:
         ready, _, _ = select.select([pipe], [], [], max(0.0, deadline - time.perf_counter()))

@@ -1,4 +1,4 @@
-"""What lets a session stop and go on to the same bytes: State is all there is, and equal seeds give equal bytes."""
+"""What lets a session be restored and continue bit for bit: State is complete, and equal seeds give equal bytes."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 @check("state-declared", "everything that changes is in State")
 def state_declared(subject: DeviceSubject) -> None:
-    """Go on from copied State: beside the first, in a process that knows nothing of it, and with new objects."""
+    """Continue from a copy of State: beside the first twin, in a process that knows nothing of it, with new objects."""
     _beside(subject)
     _in_another_process(subject)
     _with_new_objects(subject)
 
 
 def _beside(subject: DeviceSubject) -> None:
-    """Go on with another twin beside the first, in step."""
+    """Continue with another twin beside the first one, in step."""
     bench, other = subject.bench(seed=3), subject.bench(seed=99)
     bench.step(_BEFORE)
     other.state.raw[:], other.reading.raw[:] = bench.state.raw, bench.reading.raw
@@ -65,7 +65,7 @@ def _compare(bench: TwinBench, other: TwinBench, what: str) -> None:
 
 
 def _in_another_process(subject: DeviceSubject) -> None:
-    """Run on in one child process, and go on from its State in another that has seen nothing of it."""
+    """Continue in one child process, and from its State in another one that knows nothing of the first."""
     straight = _child(lambda: _straight(subject))
     told = json.loads(straight.value)
     held = [bytes.fromhex(told[name]) for name in ("state", "reading")]
@@ -112,7 +112,7 @@ def _prints(bench: TwinBench) -> list[str]:
 
 
 def scatter(number: int) -> None:
-    """Let what does not come from the seed differ: the generators of the process, and its clocks."""
+    """Change what does not come from the seed: the random generators of the process, and its clocks."""
     random.seed(number)
     np.random.seed(number)
     for name in ("time", "monotonic", "perf_counter"):
@@ -127,7 +127,7 @@ def fingerprint(bench: TwinBench) -> str:
 
 
 def _with_new_objects(subject: DeviceSubject) -> None:
-    """Go on with a new twin in every tick, as long as making one is quick."""
+    """Continue with a new twin object in every tick, for as many ticks as fit into two seconds."""
     bench, lone = subject.bench(seed=3), subject.bench(seed=3)
     begin = time.perf_counter()
     for tick in range(200):
@@ -145,7 +145,7 @@ def _with_new_objects(subject: DeviceSubject) -> None:
 
 
 def attributes(thing: Any) -> dict[str, str]:
-    """Return the attributes that hold plain values; lists and arrays may be room to work in: what they do is seen."""
+    """Return the attributes with plain values; lists and arrays may be scratch, and their effects show elsewhere."""
     found = {}
     names = [*getattr(thing, "__dict__", {}), *(slot for cls in type(thing).__mro__ for slot in _slots(cls))]
     for name in names:
@@ -162,7 +162,7 @@ def _slots(cls: type) -> tuple[str, ...]:
 
 @check("determinism", "equal seeds give equal bytes")
 def determinism(subject: DeviceSubject) -> str:
-    """Run one alone, then two side by side, then one in another interpreter."""
+    """Run one twin alone, then two side by side, then one in another interpreter."""
     alone = subject.bench(seed=5)
     alone.step(400)
     one, two = subject.bench(seed=5), subject.bench(seed=6)
@@ -189,7 +189,7 @@ def determinism(subject: DeviceSubject) -> str:
 
 
 def run_alone(subject: DeviceSubject) -> str:
-    """Return the fingerprint of the run that `determinism` compares with."""
+    """Return the fingerprint of the run with which `determinism` compares."""
     bench = subject.bench(seed=5)
     bench.step(400)
     return fingerprint(bench)

@@ -1,4 +1,4 @@
-"""Whether a class is a plugin at all: what every other check takes for granted."""
+"""Whether a class is a plugin at all, which every other check takes for granted."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 @check("contract", "it has all that a plugin needs")
 def contract(subject: DeviceSubject | ModalitySubject) -> None:
-    """Look for parameters, methods, channels and the State fields of the twin."""
+    """Check parameters, methods, channels and the State fields of the twin."""
     cls: Any = subject.cls
     missing = sorted(getattr(cls, "__abstractmethods__", ()))
     if missing:
@@ -48,7 +48,7 @@ def _channels(subject: DeviceSubject) -> None:
     params = subject.require_params()
     try:
         reads, commands = cls.channels(params)
-    except Exception as error:  # whatever a stranger's code raises
+    except Exception as error:  # whatever the plugin's code raises
         raise _fail(
             f"channels(params) raised {described(error)}", "a mistake in channels()", "return (reads, commands)"
         ) from error
@@ -76,7 +76,7 @@ def _twin(subject: DeviceSubject) -> None:
         return
     try:
         dtype = dtype_of(subject.cls.Twin(subject.require_params()).fields())
-    except Exception as error:  # whatever a stranger's code raises
+    except Exception as error:  # whatever the plugin's code raises
         raise _fail(
             f"the twin's fields() raised {described(error)}", "a mistake in fields()", "return a tuple of Field"
         ) from error

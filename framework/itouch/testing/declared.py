@@ -1,4 +1,4 @@
-"""What a device plugin declares: channels, parameters, documentation, and that importing it touches nothing."""
+"""Checks of what a device plugin declares: channels, parameters, units, limits, locked axes and documentation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 @check("declarations", "declared as the contract says")
 def declarations(subject: DeviceSubject) -> None:
-    """Look at ``Params``, ``reads`` and ``commands``."""
+    """Check ``Params``, ``reads`` and ``commands``."""
     cls = subject.cls
     if not (dataclasses.is_dataclass(getattr(cls, "Params", None)) and cls.Params.__dataclass_params__.frozen):  # type: ignore[attr-defined]
         raise _fail(
@@ -106,12 +106,12 @@ def _command(channel: Channel) -> None:
 
 @check("documentation", "class, parameters, module say what they are")
 def documentation(subject: DeviceSubject) -> None:
-    """Look for docstrings and the ``doc=`` of every parameter."""
+    """Check that there are docstrings, and a ``doc=`` for every parameter."""
     cls = subject.cls
     own = cls.__dict__.get("__doc__")
     if not own or own == Device.__doc__:
         raise _fail("the device class has no docstring", "not written yet", "say in a line what the device is")
-    inner = ("child", "children", "plugin")  # these have classes of their own
+    inner = ("child", "children", "plugin")  # these have documented classes of their own
     silent = [xml_name(name) for name, spec in specs(cls.Params).items() if not spec.doc and spec.kind not in inner]
     if silent:
         raise _fail(
@@ -126,7 +126,7 @@ def documentation(subject: DeviceSubject) -> None:
 
 @check("parameters", "units, ranges and misspellings are checked")
 def parameters(subject: DeviceSubject) -> str | None:
-    """Write a scene with each parameter right and wrong, and load it."""
+    """Load scenes in which each parameter is right, misspelt, out of range, or has a wrong unit."""
     params = subject.require_params()
     catalog, scene = subject.catalog, subject.scene()
     try:
@@ -219,7 +219,7 @@ def _ranged(subject: DeviceSubject, name: str, spec: Spec) -> None:
 
 @check("units", "channels are in SI units, times in seconds")
 def units(subject: DeviceSubject) -> None:
-    """Look at the unit of every channel, and at what the class says of its timing."""
+    """Check the unit of every channel, and the times that the class declares."""
     cls = subject.cls
     reads, commands = cls.channels(subject.require_params())
     for channel in (*reads, *commands):
@@ -252,7 +252,7 @@ def units(subject: DeviceSubject) -> None:
 
 @check("limits-of-params", "a limit among the parameters is kept")
 def limits_of_params(subject: DeviceSubject) -> str:
-    """Lower each parameter that is called a limit, and see whether the channels of its unit follow."""
+    """Lower each parameter that is named like a limit, and check that the channels with its unit follow."""
     params, seen = subject.require_params(), []
     for name, spec in specs(subject.cls.Params).items():
         called = name.split("_")

@@ -1,4 +1,4 @@
-"""What a device's driver must hold to, where it can be opened: a loop-back, or an emulator behind a port."""
+"""Checks of a device's driver, where it can be opened: on the device, a loop-back, or an emulator behind a port."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from itouch.testing.wire import Opened, elsewhere
 from itouch.testing.workload import opened
 from itouch.world import Model
 
-#: How long [s] a thread that close has ended may take to be gone.
+#: How long [s] a thread may take to end after close.
 _ENDING = 1.0
 
 
@@ -31,7 +31,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 @check("driver-fills", "the driver fills its whole reading, always")
 def fills(subject: DeviceSubject) -> None:
-    """Read into a record full of NaN, again and again."""
+    """Read into a record full of NaN, several times."""
     with opened(subject) as device:
         device.fresh()
         pose = next((c.name for c in device.reads if c.role is Role.TRACKED_POSE), "")
@@ -60,7 +60,7 @@ def _filled(reading: Record, pose: str) -> None:
 
 @check("writes-in-read", "reading sends no command of its own")
 def writes_in_read(subject: DeviceSubject) -> None:
-    """Count calls of ``write`` that the device makes by itself."""
+    """Count the calls of ``write`` that the device makes by itself while it is read."""
     calls: list[str] = []
 
     def write(command: Record) -> None:
@@ -107,10 +107,10 @@ def reopens(subject: DeviceSubject) -> None:
 
 
 def _cycle(subject: DeviceSubject) -> set[int]:
-    """Open and close once; return the threads unknown to Python that this has left.
+    """Open and close once; return the threads unknown to Python that are left.
 
-    They are looked for after each closing, by number: a count over several cycles is wrong as soon as a thread of an
-    earlier one ends in between, which depends on how busy the machine is.
+    They are identified by number after each close: a count over several cycles would be wrong as soon as a thread of an
+    earlier cycle ends in between, which depends on how busy the machine is.
     """
     before, native = threading.enumerate(), native_threads()
     device = Opened(subject)
@@ -133,7 +133,7 @@ def _cycle(subject: DeviceSubject) -> set[int]:
 
 
 def _settled(before: set[int]) -> set[int]:
-    """Return the threads that are new, after those that are just ending have had the time to."""
+    """Return the threads that are new, after waiting for those that are just ending."""
     deadline = time.perf_counter() + _ENDING
     new = native_threads() - before
     while new and time.perf_counter() < deadline:
@@ -145,7 +145,7 @@ def _settled(before: set[int]) -> set[int]:
 def _close(device: Opened) -> None:
     try:
         device.__exit__()
-    except Exception as error:  # whatever a stranger's code raises
+    except Exception as error:  # whatever the plugin's code raises
         raise _fail(
             f"close raised {described(error)}",
             "something was closed twice, or is gone already",
@@ -189,7 +189,7 @@ def _same_again(subject: DeviceSubject) -> None:
 
 
 def _counting(subject: DeviceSubject, fail_at: int = 0) -> tuple[DeviceSubject, list[str]]:
-    """Return the subject with a class that counts its calls, and fails in a write if told."""
+    """Return the subject with a class that lists its calls; from read number ``fail_at`` on, if given, reads fail."""
     calls: list[str] = []
 
     class Counting(subject.cls):  # type: ignore[name-defined]
@@ -215,7 +215,7 @@ def _counting(subject: DeviceSubject, fail_at: int = 0) -> tuple[DeviceSubject, 
 
 
 def _require_in_step(subject: DeviceSubject) -> None:
-    """Leave the check out on an emulator: the engine's time is simulated here, and the emulator's is not."""
+    """Leave the check out on an emulator, as the engine's time is simulated here and the emulator's is not."""
     if not subject.hardware:
         raise NotApplicableError("needs the device or a loop-back: `hardware = True`, or --hardware")
 
@@ -226,7 +226,7 @@ def _engine(subject: DeviceSubject) -> Engine:
 
 
 def _held_run(engine: Engine, seconds: float) -> None:
-    """Enable and run with the dead-man's switch held."""
+    """Enable, and run for ``seconds`` [s] with the dead-man's switch held."""
     engine.hold(True)
     engine.enable()
     engine.run(seconds, each=lambda: engine.hold(True), every=10)
@@ -280,7 +280,7 @@ def safe_on_exception(subject: DeviceSubject) -> None:
 
 
 def _fault(subject: DeviceSubject) -> str:
-    """Run until a device fails; return what is told."""
+    """Run until a device fails; return the message."""
     engine = _engine(subject)
     try:
         _held_run(engine, max(0.5, 12.0 * subject.cls.period))
@@ -293,7 +293,7 @@ def _fault(subject: DeviceSubject) -> str:
 
 @check("errors-are-named", "a missing device is a DeviceError")
 def errors_are_named(subject: DeviceSubject) -> None:
-    """Open where there is nothing, if the parameters can say so."""
+    """Open the driver where there is no device, if a parameter can say so."""
     params = elsewhere(subject.require_params())
     if params is None:
         raise NotApplicableError("no parameter names a port, a path or a host")

@@ -1,4 +1,4 @@
-"""What an emulator must hold to: the driver, unmodified, sees through it what the twin does."""
+"""Checks of an emulator: through it, the unmodified driver must read what the twin does."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.harness import DeviceSubject, limits
 from itouch.testing.wire import Opened, Served, emulated
 
-#: Where the finger leads a device that tracks it, about a place that it can take [m], and time to go there [s].
+#: Offsets [m] from a reachable position to which the finger leads a device that tracks it, and time for that [s].
 _ABOUT = tuple(np.array(away) for away in ((0.0, 0.0, 0.0), (0.008, -0.005, 0.004), (-0.006, 0.007, -0.009)))
 _SETTLE = 0.1
 
@@ -24,7 +24,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 @check("twin-and-driver-agree", "the driver reads what the twin is")
 def agree(subject: DeviceSubject) -> str:
-    """Compare readings of the driver with those of the twin behind the wire; a finger leads what tracks it about."""
+    """Compare the driver's readings with those of the twin behind the wire, for a tracking device at some positions."""
     with emulated(subject) as (emulator, opened):
         opened.fresh(5.0)
         if not emulator.tracks:
@@ -38,7 +38,7 @@ def agree(subject: DeviceSubject) -> str:
 
 
 def _agreed(emulator: Served, opened: Opened) -> float:
-    """Wait until driver and twin agree; return how much of the tolerance is left between them."""
+    """Wait until driver and twin agree; return the difference between them as a share of the tolerance."""
     deadline = time.perf_counter() + 5.0
     worst, where = 0.0, ""
     while time.perf_counter() < deadline:
@@ -62,7 +62,7 @@ def _agreed(emulator: Served, opened: Opened) -> float:
 
 @check("disabled-is-still", "nothing is driven before the first command")
 def still(subject: DeviceSubject) -> None:
-    """Open and read; the emulator must not be driven to anything but its safe command."""
+    """Open and read; the driver must send no command but the safe one."""
     with emulated(subject) as (emulator, opened):
         for _ in range(20):
             with contextlib.suppress(CheckError):
@@ -81,7 +81,7 @@ def still(subject: DeviceSubject) -> None:
 
 @check("commands-arrive", "what is commanded arrives")
 def arrive(subject: DeviceSubject) -> str:
-    """Command half of what is allowed, and compare with what the emulator makes of it."""
+    """Send commands within what is allowed, and compare with what arrives at the emulator."""
     with emulated(subject) as (emulator, opened):
         opened.fresh(5.0)
         wanted = {c.name: _half(c) for c in opened.commands if c.role is not Role.SURFACE_POSE and c.low}
@@ -96,7 +96,7 @@ def arrive(subject: DeviceSubject) -> str:
 
 
 def _half(channel: Channel) -> NDArray[np.float64]:
-    """Return a command in the midst of what is allowed, another in each component; nothing on locked axes."""
+    """Return a command well within what is allowed, different in each component; zero on locked axes."""
     low, high = limits(channel.low, channel.size), limits(channel.high, channel.size)
     shares = np.resize([0.75, 0.3, 0.6], channel.size)
     value = low + shares * (high - low)
@@ -107,7 +107,7 @@ def _half(channel: Channel) -> NDArray[np.float64]:
 
 
 def _arrived(emulator: Served, opened: Opened, name: str) -> float:
-    """Send the command until it has arrived; return how much of the tolerance is left."""
+    """Send the command until it has arrived; return the difference as a share of the tolerance."""
     wanted, told = opened.command[name].copy(), emulator.asked[name]
     scale = 0.03 * float(np.abs(wanted).max())
     deadline, error = time.perf_counter() + 3.0, np.inf
@@ -135,18 +135,18 @@ def _arrived(emulator: Served, opened: Opened, name: str) -> float:
 
 @check("unplug", "an unplugged device is reported; close works")
 def unplug(subject: DeviceSubject) -> str:
-    """Hang up while the driver reads."""
+    """Disconnect the emulator while the driver reads."""
     with emulated(subject) as (emulator, opened):
         opened.fresh(5.0)
         emulator.hang_up()
         told = _unplugged(opened)
     if subject.shared is not None:
-        subject.shared.end()  # close must work now, too
+        subject.shared.end()  # close must still work
     return told
 
 
 def _unplugged(opened: Opened) -> str:
-    """Read from a device that is gone; return how that was told."""
+    """Read from a device that is gone; return how the driver reports that."""
     begin = time.perf_counter()
     while time.perf_counter() - begin < 3.0:
         try:

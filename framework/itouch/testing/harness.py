@@ -18,7 +18,7 @@ from itouch.scene.elements import DeviceElement, PluginPart, Probe
 from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
 from itouch.testing.checks import CheckError, NotApplicableError
 
-#: Room and skin in every check [K].
+#: Temperatures of room and skin in every check [K].
 ROOM, SKIN = 296.15, 306.15
 #: Period of the servo loop in every check [s].
 PERIOD = 1e-3
@@ -56,7 +56,7 @@ class KnownCatalog(Catalog):
         return ["hardware"] if plugin in self._known and host == "device" else list(super().locals(plugin, host))
 
     def version(self, plugin: str) -> str:
-        """Return the version of the plugin's distribution; one that is not installed has none."""
+        """Return the version of the plugin's distribution; "0" for the examined one if it is not installed."""
         return super().version(plugin) or ("0" if plugin in self._known else "")
 
 
@@ -71,9 +71,9 @@ class DeviceSubject:
     params
         An instance of ``cls.Params``; None: the defaults.
     hardware
-        Whether ``open`` works here: a loop-back, or a port with an emulator behind it.
+        Whether ``open`` works here: on the device, a loop-back, or a port with an emulator behind it.
     transcript
-        A golden trace of the wire to compare with, if there is one.
+        A golden trace of the wire to compare with, or None.
     emulated
         Whether the driver is examined on the device's emulator.
     shared
@@ -124,14 +124,14 @@ class DeviceSubject:
         return TwinBench(self, seed)
 
     def require_hardware(self) -> None:
-        """Leave the check out where the hardware can't be opened."""
+        """Leave the check out if the hardware cannot be opened here."""
         if self.emulated and self.cls.Emulator is None:
             raise NotApplicableError("the device class names no Emulator")
         if not self.hardware and not self.emulated:
             raise NotApplicableError("needs the device, a loop-back or an emulator")
 
     def unlucky(self, error: BaseException) -> bool:
-        """Tell whether an error may be due to a busy machine, on which an emulated device was left alone too long."""
+        """Tell whether an error may be due to a busy machine, on which an emulated device was not served in time."""
         if not self.emulated or not isinstance(error, DeviceError):
             return False
         if self.shared is not None:
@@ -139,7 +139,7 @@ class DeviceSubject:
         return True
 
     def scene(self, *, twin: bool = True, params: Any = None) -> Scene:
-        """Return a scene with nothing but the device, and a probe if it tracks a finger."""
+        """Return a scene with the device alone, and a probe if the device tracks a finger."""
         chosen = self.require_params() if params is None else params
         part = PluginPart(self.name, "hardware", chosen)
         device = DeviceElement(name="unit", plugin=self.name, twin=twin, parts=(part,))
@@ -151,12 +151,12 @@ class DeviceSubject:
 
 
 def follows(reads: Iterable[Channel], commands: Iterable[Channel]) -> bool:
-    """Tell whether a device with these channels follows the finger, and is not one that goes to it."""
+    """Tell whether a device with these channels follows the finger rather than bringing a surface to it."""
     return any(c.role is Role.TRACKED_POSE for c in reads) and not any(c.role is Role.SURFACE_POSE for c in commands)
 
 
 class TwinBench:
-    """A twin with its State, moved by a touch and a command that depend on nothing but the tick."""
+    """A twin with its State, driven by inputs and commands that depend only on the tick."""
 
     def __init__(self, subject: DeviceSubject, seed: int) -> None:
         params = subject.require_params()
@@ -176,7 +176,7 @@ class TwinBench:
         self.be_safe()
 
     def be_safe(self) -> None:
-        """Give the safe command of every channel; HOLD and RETRACT stay where the device is."""
+        """Set every command to its safe value; a surface with HOLD or RETRACT stays where the device started."""
         for channel in self.commands:
             if isinstance(channel.safe, tuple):
                 self.command[channel.name] = channel.safe
@@ -186,7 +186,7 @@ class TwinBench:
                 self.command[channel.name] = np.zeros(channel.size)
 
     def drive(self) -> None:
-        """Command and touch of this tick: slow swings within half of the limits, a finger that comes and goes."""
+        """Set command and inputs of this tick: slow swings within half of the limits, a finger that comes and goes."""
         phase = 2 * math.pi * self.tick * PERIOD
         for channel in self.commands:
             low, high = limits(channel.low, channel.size), limits(channel.high, channel.size)
@@ -211,7 +211,7 @@ class TwinBench:
         self.touch.wrench[:3] = (0.0, 0.0, -press)
 
     def step(self, count: int = 1, *, driven: bool = True) -> None:
-        """Step and read so many ticks."""
+        """Step and read ``count`` times; ``driven``: with the command and inputs of each tick."""
         for _ in range(count):
             if driven:
                 self.drive()
@@ -221,7 +221,7 @@ class TwinBench:
 
 
 def limits(values: tuple[float, ...], size: int) -> NDArray[np.float64]:
-    """Return limits with those that are missing or endless replaced by +-1."""
+    """Return limits, shape (size,): zeros if there are none, and +-1 in place of infinite ones."""
     if not values:
         return np.zeros(size)
     return np.array([value if math.isfinite(value) else math.copysign(1.0, value) for value in values])

@@ -1,4 +1,4 @@
-"""How a plugin behaves towards the process that it is a guest in: device and modality alike."""
+"""Checks of how a plugin treats the process in which it is a guest, for devices and modalities alike."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from itouch.testing.scenario import ModalitySubject
 from itouch.testing.workload import Bout, Call, bouts
 
 Subject = DeviceSubject | ModalitySubject
-#: How long a plugin may take for a short bout in a process of its own [s].
+#: How long a plugin may take for a short run in a process of its own [s].
 _SHORT = 15.0
 
 
@@ -34,7 +34,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 @check("survives", "every call comes back")
 def survives(subject: Subject) -> None:
-    """Let it work in a child process, and see how that ends."""
+    """Let the plugin work in a child process, and see how that ends."""
     shared = isinstance(subject, DeviceSubject) and subject.shared is not None
     for make in bouts(subject)[: 1 if shared else None]:
         limit = _SHORT if isinstance(subject, DeviceSubject) else 2 * _SHORT
@@ -80,7 +80,7 @@ def _short(make: Callable[[], Bout]) -> bytes:
                 raise
             except Exception as error:
                 told = f"{bout.what} raised {described(error)}".encode()
-    except Exception:  # what open and close raise is the business of other checks
+    except Exception:  # other checks examine what open and close raise
         return told
     except BaseException as error:
         if type(error).__name__ not in _ENDS:  # a kind of its own
@@ -91,7 +91,7 @@ def _short(make: Callable[[], Bout]) -> bytes:
 
 @check("quiet", "it writes nothing to the terminal")
 def quiet(subject: Subject) -> None:
-    """Catch what is written to standard output and standard error."""
+    """Capture what is written to standard output and standard error."""
     for make in bouts(subject):
         logged = _Logged()
         with _caught() as said, logged, make() as bout:
@@ -120,7 +120,7 @@ class _Logged(logging.Handler):
         self.count, self.last = 0, ""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Count one."""
+        """Count a warning."""
         self.count, self.last = self.count + 1, record.getMessage()
 
     def __enter__(self) -> None:
@@ -132,7 +132,7 @@ class _Logged(logging.Handler):
 
 @contextmanager
 def _caught() -> Iterator[Callable[[], str]]:
-    """Catch both streams, of Python and of the process."""
+    """Capture standard output and standard error, both Python's streams and the process's file descriptors."""
     sys.stdout.flush()
     sys.stderr.flush()
     kept = [os.dup(number) for number in (1, 2)]
@@ -157,10 +157,10 @@ def _caught() -> Iterator[Callable[[], str]]:
 
 @check("surroundings", "it leaves the process as it was")
 def surroundings(subject: Subject) -> None:
-    """Compare the process before, while and after it works."""
+    """Compare the process before, while and after the plugin works."""
     for make in bouts(subject):
         before = Surroundings()
-        with make() as warm:  # what a library opens once, for good, is opened now
+        with make() as warm:  # what a library opens once and for all is opened now
             warm.tick()
         files, threads, born = open_files(), set(threading.enumerate()), children()
         with make() as bout:
@@ -189,7 +189,7 @@ class _MishapError(Exception):
 
 
 class _Trap(Record):
-    """A record that fails at a look-up."""
+    """A record that raises an error at its ``at``-th look-up, if one is given, and counts look-ups."""
 
     def __init__(self, record: Record, error: BaseException | None, at: int) -> None:
         super().__init__(record.dtype, record.raw)
@@ -204,7 +204,7 @@ class _Trap(Record):
 
 @check("errors-come-through", "errors and Ctrl-C come out of its calls")
 def errors_come_through(subject: Subject) -> str:
-    """Let the records fail, look-up after look-up."""
+    """Let records raise an error or KeyboardInterrupt at each look-up in turn."""
     tried = 0
     for make in bouts(subject):
         with make() as bout:
@@ -221,7 +221,7 @@ def _come_through(bout: Bout, call: Call) -> int:
     name, record, function = call
     clean = _Trap(record, None, 0)
     deadline = time.perf_counter() + 0.5
-    while not clean.looks and time.perf_counter() < deadline:  # a driver has something new only now and then
+    while not clean.looks and time.perf_counter() < deadline:  # a driver has a new reading only now and then
         function(clean)
     for at in range(1, min(clean.looks, 8) + 1):
         for error in (_MishapError("an error that the suite made"), KeyboardInterrupt()):
@@ -240,7 +240,7 @@ def _provoke(what: str, name: str, record: Record, function: Callable[[Record], 
             if plain or not isinstance(seen, Exception):
                 return
         else:
-            if trap.looks < at:  # this time it did not come so far
+            if trap.looks < at:  # this time it made fewer look-ups
                 continue
         raise _fail(
             f"{what}'s {name} swallows {'an error' if plain else 'KeyboardInterrupt (Ctrl-C)'} from within it",
@@ -251,7 +251,7 @@ def _provoke(what: str, name: str, record: Record, function: Callable[[Record], 
 
 @check("opens-nothing", "no file, port, process or sleep in a tick")
 def opens_nothing(subject: Subject) -> None:
-    """Watch what a twin or a modality asks of the system, in a child process."""
+    """Watch the system calls of a twin or a modality, in a child process."""
     make = bouts(subject)[0]
     ending = apart(lambda: _watched(make), 2 * _SHORT)
     if ending.kind != "returned":
@@ -283,7 +283,7 @@ _CACHES = (".py", ".pyc", ".nbi", ".nbc")
 def _watched(make: Callable[[], Bout]) -> bytes:
     told: dict[str, str] = {}
     with make() as bout:
-        for _ in range(300):  # what is read or compiled once is no matter
+        for _ in range(300):  # what is read or compiled once does not count
             bout.tick()
         watching = True
 
@@ -305,7 +305,7 @@ def _watched(make: Callable[[], Bout]) -> bytes:
 
 
 def _watched_sleep(watch: Callable[[str, tuple[Any, ...]], None]) -> Callable[[float], None]:
-    """Return a sleep that tells of itself, which not every version of Python does."""
+    """Return a ``time.sleep`` that reports itself, as not every version of Python audits it."""
 
     def sleep(seconds: float, real: Callable[[float], None] = time.sleep) -> None:
         watch("time.sleep", (seconds,))
@@ -316,7 +316,7 @@ def _watched_sleep(watch: Callable[[str, tuple[Any, ...]], None]) -> Callable[[f
 
 @check("params-untouched", "parameters stay as they were given")
 def params_untouched(subject: Subject) -> None:
-    """Compare them before and after it works."""
+    """Compare the parameters before and after the plugin works."""
     for make in bouts(subject):
         with make() as bout:
             before = copy.deepcopy(bout.params)
@@ -332,7 +332,7 @@ def params_untouched(subject: Subject) -> None:
 
 @check("steady", "a tick takes no longer after a while")
 def steady(subject: Subject) -> str:
-    """Compare the processor's time of early and late calls; collect what only the collector finds."""
+    """Compare the processor time of early and late calls, and count the objects that only the collector can free."""
     make = bouts(subject)[0]
     with make() as bout:
         for _ in range(300):
@@ -360,7 +360,7 @@ def steady(subject: Subject) -> str:
 
 
 def _cost(bout: Bout) -> float:
-    """Return the processor's time of the calls of a tick [s]: the least of several means, since others compute too."""
+    """Return the processor time of a tick's calls [s]: the least of several means, as other programs run too."""
     means = []
     calls = bout.calls()
     for _ in range(10):

@@ -1,4 +1,4 @@
-"""What happens when a plugin is imported: nothing but definitions."""
+"""A check that importing a plugin does nothing but define things."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ print("SEEN", seen[0] if seen else "")
 
 @check("import", "importing it does nothing")
 def imported(subject: Any) -> None:
-    """Import the plugin's module in a new process that watches."""
+    """Import the plugin's module in a new process that watches what it does."""
     name = subject.cls.__module__
     module = sys.modules.get(name)
     if module is None or name == "__main__" or not getattr(module, "__file__", None):

@@ -1,4 +1,4 @@
-"""A step that joins the tick does what it does alone: the same bytes, whatever State it begins from."""
+"""Checks that a step joined into the tick gives the same bytes as it does alone, whatever State it begins with."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ADVICE = "let the Python method be a call of what is bound, or compute both in 
 
 
 def _runner(bounds: Sequence[Bound], alone: Callable[[], None]) -> Callable[[], None]:
-    """Return how a bound call is run in a chain; what it leaves to Python is done alone."""
+    """Return a function that runs bound calls in a chain, and ``alone`` if they hand over to Python."""
     if not bounds:
         raise NotApplicableError("it is plain Python: it does not join")
     if not can_join():
@@ -34,7 +34,7 @@ def _runner(bounds: Sequence[Bound], alone: Callable[[], None]) -> Callable[[], 
 
 @check("joined", "a compiled step does what step does")
 def twin(subject: DeviceSubject) -> str:
-    """Drive two twins alike, one by its step, one by what joins; also from States in which all was shaken."""
+    """Drive two twins alike, one by its step, one by the joined call; also from States that were perturbed."""
     one, other = subject.bench(), subject.bench()
     if not is_newest(type(other.twin), "bound_step", "step"):
         raise NotApplicableError("it is plain Python, or its step is newer than what would join")
@@ -86,7 +86,7 @@ def _both(engine: Engine, alone: Callable[[], None], joined: Callable[[], None])
 
 
 def _shake(state: Record, rng: np.random.Generator) -> None:
-    """Scatter all numbers of a State by a few per cent."""
+    """Change all numbers of a State at random by a few per cent."""
     for view in state.values():
         if view.dtype == np.float64:
             view *= rng.uniform(0.97, 1.03, view.shape)

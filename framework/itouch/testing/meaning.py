@@ -1,4 +1,4 @@
-"""What a plugin says of its numbers: units and sentences on all of them, and roles that its behaviour bears out."""
+"""Checks of what a plugin says of its numbers: units and sentences for all, and roles that match its behaviour."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench
 from itouch.testing.scenario import ModalitySubject
 
-#: Unit that a quantity of a role has.
+#: Unit of a quantity with a role.
 UNITS = {
     Role.TRACKED_POSE: "m", Role.TRACKED_TWIST: "m/s", Role.CONTACT_FORCE: "N", Role.FORCE_ON_OPERATOR: "N",
     Role.SURFACE_POSE: "m", Role.SKIN_CONTACT_TEMPERATURE: "K", Role.SKIN_TEMPERATURE: "K", Role.OTHER_TEMPERATURE: "K",
@@ -26,9 +26,9 @@ COMMANDS = frozenset({
     Role.FORCE_ON_OPERATOR, Role.SURFACE_POSE, Role.DRIVE, Role.TEMPERATURE_TARGET, Role.PRESSURE, Role.ELECTRODE,
     Role.ULTRASOUND, Role.OUTPUT_SWITCH,
 })  # fmt: skip
-#: Roles that a reading may have too: what is driven can also be measured.
+#: Roles that both readings and commands may have: what is driven can also be measured.
 BOTH = frozenset({Role.SIGNAL, Role.PRESSURE})
-#: How long a drive acts [s], and by how much a temperature that it drives must then have changed [K].
+#: How long a drive acts [s], and by how much the temperature that it drives must have changed then [K].
 DRIVEN, FOLLOWS = 5.0, 0.2
 
 
@@ -38,7 +38,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 @check("meaning", "every number says its unit and what it is")
 def meaning(subject: DeviceSubject) -> str:
-    """Look at the channels, and at the fields of the twin."""
+    """Check the channels, and the State fields of the twin."""
     bench = subject.bench()
     fields = bench.twin.fields()
     _said([*faults_of(bench.reads, "reading"), *faults_of(bench.commands, "command"), *faults_of(fields, "field")])
@@ -47,7 +47,7 @@ def meaning(subject: DeviceSubject) -> str:
 
 @check("meaning", "every number says its unit and what it is")
 def fields_meaning(subject: ModalitySubject) -> str:
-    """Look at the fields of the modality."""
+    """Check the State fields of the modality."""
     engine = subject.engine()
     fields = [field for m in subject.own(engine) for field in m.instance.fields(m.model)]
     _said(list(faults_of(fields, "field")))
@@ -65,7 +65,7 @@ def _said(faults: list[str]) -> None:
 
 @check("roles", "what it calls its channels is what they do")
 def roles(subject: DeviceSubject) -> None:
-    """Compare the roles with units, sizes and sides, and a skin-contact temperature with what the drive does."""
+    """Compare roles with units, sizes and direction, and a skin-contact temperature with the effect of the drive."""
     bench = subject.bench()
     named = [channel for channel in (*bench.reads, *bench.commands) if channel.role is not Role.SIGNAL]
     if not named:
@@ -94,7 +94,7 @@ def _sides(reads: Iterable[Channel], commands: Iterable[Channel]) -> None:
 
 
 def _contact_temperature(bench: TwinBench) -> None:
-    """Drive what heats, and see whether what is called the skin-contact temperature follows."""
+    """Drive what heats, and check that the reading with the role of skin-contact temperature follows."""
     told = [c.name for c in bench.reads if c.role is Role.SKIN_CONTACT_TEMPERATURE]
     drives = [c for c in bench.commands if c.role in (Role.DRIVE, Role.TEMPERATURE_TARGET) and c.low and c.high]
     if not told or not drives:
@@ -135,7 +135,7 @@ def _contact_temperature(bench: TwinBench) -> None:
 
 
 def _heating(drive: Channel) -> NDArray[np.float64]:
-    """Return a command that heats: a target at its top, half of a current that goes both ways, or of a heater's."""
+    """Return a command that heats: the highest target, half of a heater's range, half of the lowest current."""
     high = np.array(drive.high, np.float64)
     if drive.role is Role.TEMPERATURE_TARGET:
         return high

@@ -1,4 +1,4 @@
-"""What a plugin may keep of what it is given, and how much memory it may take: nothing, and none that grows."""
+"""Checks that a plugin keeps nothing of what it is given, and that its memory does not grow."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from itouch.testing.harness import PERIOD, DeviceSubject
 from itouch.testing.hygiene import Subject
 from itouch.testing.workload import bouts, opened
 
-#: Bytes that may be left from tick to tick, and that may be taken and given back within one.
+#: Bytes by which memory may grow per tick, and that may be allocated and freed within one.
 _GROWTH, _WITHIN = 12.0, 16_000
 
 
 def _kept(watched: weakref.ref[Any], what: str) -> CheckError | None:
-    """Return the failure that somebody still holds the memory of a record."""
+    """Return a failure if the memory of a record is still referenced, else None."""
     gc.collect()
     memory = watched()
     if memory is None:
@@ -36,7 +36,7 @@ def _kept(watched: weakref.ref[Any], what: str) -> CheckError | None:
 
 
 def _by(memory: Any) -> str:
-    """Return who holds the memory, if that can be told: views first lead to their dictionaries, those to objects."""
+    """Return what references the memory, if it can be found: from views through dictionaries to objects."""
     things, seen = [memory], {id(memory)}
     for _ in range(5):
         further = []
@@ -69,7 +69,7 @@ def _named(holder: Any, thing: Any) -> str:
 
 
 def _let_go(call: Callable[[Any], Any], record: Record, what: str) -> None:
-    """Give a record of which nobody else knows, forget it, and see whether it is gone."""
+    """Make a call with a fresh copy of a record, drop the copy, and check that its memory is freed."""
     copied = record.copy()
     watched = weakref.ref(_memory(copied))
     call(copied)
@@ -89,7 +89,7 @@ def _memory(record: Record) -> Any:
 
 @check("keeps-nothing", "records and touch are not kept")
 def keeps_nothing(subject: DeviceSubject) -> None:
-    """Give new records, and look whether anybody still holds them."""
+    """Pass new records, and check that nothing still references them."""
     bench = subject.bench()
     bench.step(3)
     twin = bench.twin
@@ -108,7 +108,7 @@ def keeps_nothing(subject: DeviceSubject) -> None:
 
 @check("driver-keeps-nothing", "the driver keeps no record")
 def driver_keeps_nothing(subject: DeviceSubject) -> None:
-    """Look whether the driver still holds what it was given."""
+    """Pass new records, and check that the driver does not still reference them."""
     with opened(subject) as device:
         device.fresh()
         for _ in range(3):
@@ -120,7 +120,7 @@ def driver_keeps_nothing(subject: DeviceSubject) -> None:
 
 @check("allocates-nothing", "no memory is gathered, and little taken")
 def allocates_nothing(subject: Subject) -> str:
-    """Compare what is allocated before and after many calls, and what is taken meanwhile."""
+    """Compare allocated memory before and after many calls, and measure what single calls allocate."""
     notes = []
     for make in bouts(subject):
         with make() as bout:
@@ -145,12 +145,12 @@ def allocates_nothing(subject: Subject) -> str:
     return ", ".join(notes)
 
 
-#: So often what is left may turn out to have been taken once, by a buffer or another thread: a log grows each time.
+#: Rounds in which growth may turn out to be a single allocation, of a buffer or another thread: a log grows each time.
 _ROUNDS = 4
 
 
 def _allocated(calls: Any, count: int, most: float) -> tuple[float, float]:
-    """Return the bytes that are left after a call, the least of some rounds, and that are taken within one."""
+    """Return by how many bytes memory grows per call, the least of some rounds, and how many are taken within one."""
     gc.collect()
     tracemalloc.start()
     try:
@@ -175,7 +175,7 @@ def _allocated(calls: Any, count: int, most: float) -> tuple[float, float]:
 
 
 def _taken(record: Record, call: Callable[[Record], Any]) -> float:
-    """Return how much more memory is in use at the height of a call than before it; the median of fifty calls."""
+    """Return the peak memory of a call above that before it [bytes]; the median of fifty calls."""
     taken = []
     for _ in range(50):
         start, _ = tracemalloc.get_traced_memory()

@@ -1,4 +1,4 @@
-"""What a modality plugin must hold to, in a scene that uses it."""
+"""Checks of a modality plugin, in a scene that uses it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 @check("declarations", "declared as the contract says")
 def declarations(subject: ModalitySubject) -> None:
-    """Look at ``Params``, ``Material`` and ``hears``."""
+    """Check ``Params``, ``Material``, ``hears`` and ``keeps_to``."""
     cls = subject.cls
     for name, kind in (("Params", getattr(cls, "Params", None)), ("Material", cls.Material)):
         if kind is None and name == "Material":
@@ -57,7 +57,7 @@ def declarations(subject: ModalitySubject) -> None:
 
 @check("documentation", "class, parameters, module say what they are")
 def documentation(subject: ModalitySubject) -> None:
-    """Look for docstrings."""
+    """Check that there are docstrings, and a ``doc=`` for every parameter."""
     own = subject.cls.__dict__.get("__doc__")
     if not own or own == Modality.__doc__:
         raise _fail("the modality class has no docstring", "not written yet", "say in a line what it renders")
@@ -71,7 +71,7 @@ def documentation(subject: ModalitySubject) -> None:
 
 @check("parameters", "every parameter keeps its range")
 def parameters(subject: ModalitySubject) -> str:
-    """Put every number below and above its range, and validate."""
+    """Set every number below and above its range, and validate."""
     engine = subject.engine()
     own = subject.own(engine)[0]
     params = next(part.params for part in engine.scene.modalities if part.name == own.name)
@@ -101,7 +101,7 @@ def _ranged(params: Any, name: str, spec: Spec) -> None:
 
 @check("runs", "it runs through a touch; fields stay finite")
 def runs(subject: ModalitySubject) -> str:
-    """Run the scene; look in every tick."""
+    """Run the scene, and check fields and commands in every tick."""
     engine = subject.engine()
     owned = subject.own(engine)
     views = [
@@ -131,7 +131,7 @@ def runs(subject: ModalitySubject) -> str:
 
 @check("state-declared", "everything that changes is in its fields")
 def state_declared(subject: ModalitySubject) -> None:
-    """Go on in a second engine from copied State, here and in a process that knows nothing of the first."""
+    """Continue in a second engine from a copy of State, here and in a process that knows nothing of the first."""
     straight, again = subject.engine(), subject.engine(seed=8)
     straight.run(0.4 * subject.seconds)
     again.adopt(straight.state.tobytes())
@@ -157,7 +157,7 @@ def state_declared(subject: ModalitySubject) -> None:
 
 
 def _in_another_process(subject: ModalitySubject) -> None:
-    subject.seconds  # noqa: B018  (found once, for both)
+    subject.seconds  # noqa: B018  (computed once, for both processes)
     straight = apart(lambda: _straight(subject), 60.0)
     if straight.kind != "returned":
         raise _fail(straight.text, "it does not work in a child process", "see what it needs of the process")
@@ -201,7 +201,7 @@ def _attributes(modality: ModalityModel) -> dict[str, str]:
 
 @check("determinism", "equal seeds give equal bytes")
 def determinism(subject: ModalitySubject) -> None:
-    """Run one alone, then two side by side."""
+    """Run one engine alone, then two side by side."""
     alone = subject.engine()
     alone.run(subject.seconds)
     one, two = subject.engine(), subject.engine()
@@ -218,7 +218,7 @@ def determinism(subject: ModalitySubject) -> None:
 
 @check("own-fields", "it writes its own fields and commands only")
 def own_fields(subject: ModalitySubject) -> None:
-    """Compare State before and after its calls."""
+    """Compare State before and after its calls, in copies."""
     engine = subject.engine()
     for modality in subject.own(engine):
         commands = {f"{c.partition('.')[0]}.command.{c.partition('.')[2]}" for c in modality.commands}
@@ -231,17 +231,17 @@ def own_fields(subject: ModalitySubject) -> None:
                 _writes(engine, modality, silent, ())
 
 
-#: For how long [s] a loop is said to have been late.
+#: Time [s] that `left_out` is told a late loop has left out.
 _LEFT_OUT = 0.05
-#: What no one commands.
+#: A value that nothing commands by chance.
 _UNLIKELY = 1.2345e-6
 
 
 def _writes(engine: Engine, modality: ModalityModel, name: str, allowed: tuple[str, ...]) -> None:
-    """Make a call on a copy of State, and see what it writes."""
+    """Make a call on a copy of State, and check what it writes."""
     instance, model, scratch = modality.instance, modality.model, engine.state.copy()
     foreign = [n for n in scratch if ".command." in n and n not in allowed]
-    for field in foreign:  # what is written in every tick anyway would not show
+    for field in foreign:  # else rewriting the same value would not show
         scratch[field] = _UNLIKELY
     event = touch(engine)
     if name == "update":
@@ -274,7 +274,7 @@ def _writes(engine: Engine, modality: ModalityModel, name: str, allowed: tuple[s
 
 @check("uses-given-state", "it works on the State that it is given")
 def uses_given_state(subject: ModalitySubject) -> None:
-    """Update a copy of State: the original must stay."""
+    """Update a copy of State: the original must not change."""
     engine = subject.engine()
     engine.run(0.5 * subject.seconds)
     for modality in subject.own(engine):
@@ -290,7 +290,7 @@ def uses_given_state(subject: ModalitySubject) -> None:
 
 @check("measures", "what it reports is plain and finite")
 def measures(subject: ModalitySubject) -> None:
-    """Ask for the measures of a contact, for the live line and for the report."""
+    """Ask for the figures of a contact, for the words of the live line, and for the report."""
     engine = subject.engine()
     for _ in range(20):
         engine.run(subject.seconds / 20)
@@ -318,7 +318,7 @@ def _plain(what: str, told: Any) -> None:
 
 @check("order", "END comes after BEGIN, before the update")
 def order(subject: ModalitySubject) -> None:
-    """Watch the calls of the instance."""
+    """Watch the calls of ``on_contact``."""
     engine = subject.engine()
     modality = subject.own(engine)[0]
     if not modality.instance.hears:
@@ -337,7 +337,7 @@ def order(subject: ModalitySubject) -> None:
         raise NotApplicableError("its class has slots") from error
     engine.run(subject.seconds)
     touches = [kind for kind in heard if kind in (Contact.BEGIN, Contact.END)]
-    both = {Contact.BEGIN, Contact.END} <= modality.instance.hears  # who hears one of them alone hears it again
+    both = {Contact.BEGIN, Contact.END} <= modality.instance.hears  # with only one of them, it repeats
     if both and any(a == b for a, b in zip(touches, touches[1:], strict=False)) and len(engine.model.probes) == 1:
         raise _fail("BEGIN and END do not alternate", "framework", "report it")
     if not heard:

@@ -1,4 +1,4 @@
-"""Whether anything watches what a device can do to a person, and whether its monitors keep to their contract."""
+"""Checks that a monitor watches what a device can do to a person, and that monitors respect their contract."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from itouch.testing.harness import DeviceSubject
 from itouch.world.limits import DeviceLimits, ceilings
 from itouch.world.supervision import monitors_of, supervision_problems, watched
 
-#: How many readings a monitor is shown.
+#: Number of readings that a monitor is given.
 SHOWN = 400
 
 
@@ -28,7 +28,7 @@ def _seen(subject: DeviceSubject) -> Watched:
 
 @check("watched", "what can hurt is watched by a monitor")
 def drives(subject: DeviceSubject) -> str:
-    """Look for a monitor of each command that can hurt."""
+    """Check that there is a monitor for each command that can hurt."""
     seen = _seen(subject)
     monitors = monitors_of(seen, subject.catalog.monitors())
     for problem in supervision_problems(seen, monitors, None):
@@ -40,7 +40,7 @@ def drives(subject: DeviceSubject) -> str:
 
 @check("monitors", "the plugin's monitors keep to their contract")
 def contract(subject: DeviceSubject) -> str:
-    """Show the offered monitors of this device readings of all kinds, at odd times."""
+    """Give the monitors that plugins offer for this device all kinds of readings, at irregular times."""
     seen = _seen(subject)
     offered = [one for kind in subject.catalog.monitors() for one in kind.of(seen)]
     if not offered:
@@ -56,12 +56,12 @@ def contract(subject: DeviceSubject) -> str:
 
 
 def examine(monitor: Monitor) -> None:
-    """Check a monitor: a share or a trip, memory in State only, words for each trip.
+    """Check that a monitor returns a share or a trip, keeps its memory in State only, and has words for each trip.
 
     Raises
     ------
     CheckError
-        Naming what it does.
+        If it does not; says what it does.
     """
     device, generator = monitor.device, np.random.default_rng(7)
     state = Record.of(monitor.fields()) if monitor.fields() else Record(np.dtype([]))

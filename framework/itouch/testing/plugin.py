@@ -1,6 +1,6 @@
-"""The pytest plugin: at the end of a run the score card of every suite, and which step of a new plugin is next.
+"""The pytest plugin: it prints each suite's score card at the end of a run, and the next step of a new plugin.
 
-It is switched on by ``pytest -p itouch.testing.plugin``, or by ``addopts`` in ``pyproject.toml`` as a scaffold does.
+It is switched on by ``pytest -p itouch.testing.plugin``, or by ``addopts`` in ``pyproject.toml``, as a scaffold does.
 """
 
 from __future__ import annotations
@@ -16,31 +16,31 @@ from itouch.testing.score_card import Card
 _STEP = re.compile(r"next is (step \d+: .*)")
 
 
-#: The test of a scaffold that fails as long as a step is to be done.
+#: The test of a scaffold that fails as long as a step remains to be done.
 _STEPS = "test_all_steps_are_done"
 
 
 def pytest_collection_modifyitems(items: list[Any]) -> None:
-    """Begin with the steps of a new plugin."""
+    """Run the test of a new plugin's steps first."""
     items.sort(key=lambda item: item.name != _STEPS)
 
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: Any) -> Any:
-    """Remember that a step is still to be done."""
+    """Remember it if a step remains to be done."""
     report = (yield).get_result()
     if item.name == _STEPS and report.failed:
         item.session.itouch_steps = True
 
 
 def pytest_runtest_setup(item: Any) -> None:
-    """Leave everything else out until all steps are done."""
+    """Skip all other tests until all steps are done."""
     if getattr(item.session, "itouch_steps", False):
         pytest.skip("first the steps are to be done")
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """Write the cards, and last of all the next step."""
+    """Write the score cards, and finally the next step."""
     cards: dict[str, list[Finding]] = {}
     step = ""
     for reports in terminalreporter.stats.values():
@@ -61,4 +61,4 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
 
 
 def _nothing(subject: Any) -> None:
-    """Stand for a check that was run already."""
+    """Stand in for the function of a check that was run already."""

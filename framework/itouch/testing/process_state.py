@@ -1,4 +1,4 @@
-"""What belongs to the whole process and not to a plugin: looked at before and after, and put back."""
+"""State of the whole process that a plugin must not change: compared before and after, and restored."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _umask() -> int:
 
 
 def _broad_filters() -> list[Any]:
-    """Return the filters of warnings that hold for everything; narrow ones are a library's own business."""
+    """Return the warning filters that apply to everything; libraries may set narrower ones."""
     return [one[0] for one in warnings.filters if one[1] is None and one[2] is Warning and one[3] is None]
 
 
@@ -41,7 +41,7 @@ def _clock() -> dict[str, Any]:
     return {name: value for name, value in vars(time).items() if callable(value)}
 
 
-#: What is looked at, in words.
+#: What is compared, in words -> a function that reads it.
 LOOKS: Mapping[str, Callable[[], Any]] = {
     "the working folder": os.getcwd,
     "the environment's variables": lambda: dict(os.environ),
@@ -68,13 +68,13 @@ LOOKS: Mapping[str, Callable[[], Any]] = {
 
 
 class Surroundings:
-    """The process as it was at a moment."""
+    """The state of the process at the time when this object was made."""
 
     def __init__(self) -> None:
         self._seen = {name: look() for name, look in LOOKS.items()}
 
     def changes(self) -> list[str]:
-        """Return what has changed since, in words."""
+        """Return what has changed since then, in words."""
         found = []
         for name, look in LOOKS.items():
             now, before = look(), self._seen[name]
@@ -83,7 +83,7 @@ class Surroundings:
         return found
 
     def put_back(self) -> None:
-        """Undo what can be undone, so that what comes next is not examined in a spoilt process."""
+        """Undo the changes that can be undone, so that the next check does not run in a changed process."""
         seen = self._seen
         with contextlib.suppress(OSError):
             os.chdir(seen["the working folder"])
@@ -111,7 +111,7 @@ class Surroundings:
 
 
 def _which(before: Any, now: Any) -> str:
-    """Return which entry has changed, where there are many."""
+    """Return which entries have changed, if there are several; or the old and the new value."""
     if isinstance(before, dict) and isinstance(now, dict):
         keys = [key for key in {**before, **now} if before.get(key) != now.get(key)]
         named = [signal.Signals(key).name if isinstance(key, int) else str(key) for key in keys]
@@ -122,9 +122,9 @@ def _which(before: Any, now: Any) -> str:
 
 
 def open_files() -> dict[str, str]:
-    """Return the numbers of the open file descriptors with what they are."""
+    """Return the numbers of the open file descriptors, and what they refer to."""
     found = {}
-    with contextlib.suppress(FileNotFoundError):  # a system that does not tell
+    with contextlib.suppress(FileNotFoundError):  # a system without /proc
         for number in os.listdir("/proc/self/fd"):
             with contextlib.suppress(OSError):
                 found[number] = os.readlink(f"/proc/self/fd/{number}")
@@ -132,12 +132,12 @@ def open_files() -> dict[str, str]:
 
 
 def native_threads() -> set[int]:
-    """Return the threads of the process by the kernel's numbers, those that Python does not know included."""
+    """Return the kernel's numbers of the process's threads, including those that Python does not know."""
     return {int(number) for number in os.listdir("/proc/self/task")}
 
 
 def children() -> set[int]:
-    """Return the child processes."""
+    """Return the numbers of the child processes."""
     found, own = set(), str(os.getpid())
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():

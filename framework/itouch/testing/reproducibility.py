@@ -1,4 +1,4 @@
-"""The same plugin in another interpreter: with another seed of hashes, and nothing that was left in this one."""
+"""Runs the same plugin in another interpreter: with another hash seed, and without anything left over in this one."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def script(subject: DeviceSubject, work: str, *words: str) -> list[str]:
     Raises
     ------
     NotApplicableError
-        If the class can't be imported there.
+        If the class cannot be imported there.
     """
     cls = subject.cls
     module = sys.modules.get(cls.__module__)
@@ -47,19 +47,19 @@ def script(subject: DeviceSubject, work: str, *words: str) -> list[str]:
 
 
 def rebuilt(cls: type, name: str, scene: str) -> DeviceSubject:
-    """Return the subject that a scene describes."""
+    """Return the subject with the parameters in a scene."""
     catalog = DeviceSubject(cls, name, object()).catalog
     device = loads(scene.encode(), catalog).devices[0]
     return DeviceSubject(cls, name, device.parts[0].params if device.parts else None)
 
 
 def said(command: list[str], *, seed: str | None = None, seconds: float = 60.0) -> str:
-    """Run a command and return the last line that it writes.
+    """Run a command for at most ``seconds`` [s], with a hash seed if given; return the last line that it writes.
 
     Raises
     ------
     NotApplicableError
-        If it can't be run.
+        If it fails.
     """
     environment = os.environ | ({"PYTHONHASHSEED": seed} if seed else {})
     done = subprocess.run(command, capture_output=True, text=True, timeout=seconds, env=environment)
@@ -70,5 +70,5 @@ def said(command: list[str], *, seed: str | None = None, seconds: float = 60.0) 
 
 
 def other_seed() -> str:
-    """Return a seed of hashes that is not the one in force here."""
+    """Return a hash seed that differs from the one in force here."""
     return "54321" if os.environ.get("PYTHONHASHSEED") == "12345" else "12345"

@@ -1,4 +1,4 @@
-"""What a device must do inside an engine: restore, run, stop when it is stale, end by SIGTERM."""
+"""Checks of a device inside an engine: it can be restored, runs, is stopped when it falls silent, ends on SIGTERM."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def restores(subject: DeviceSubject) -> None:
 
 @check("runs", "it runs without a fault, and ends safely")
 def runs(subject: DeviceSubject) -> str:
-    """Run half a second with nothing else in the scene."""
+    """Run for half a second with nothing else in the scene."""
     engine = _engine(subject)
     engine.run(0.5)
     if engine.status("unit") is not Status.ENABLED:
@@ -64,7 +64,7 @@ def runs(subject: DeviceSubject) -> str:
 
 @check("stale-is-seen", "a device that falls silent is stopped")
 def stale(subject: DeviceSubject) -> None:
-    """Let the twin say that nothing is new, for good."""
+    """Let the twin say for ever that there is no new reading."""
     engine = _engine(subject)
     engine.run(0.05)
     runner = next(r for r in engine.runners if r.model.name == "unit")
@@ -102,7 +102,7 @@ def stale(subject: DeviceSubject) -> None:
 
 
 def serve(subject: DeviceSubject, out: str) -> None:
-    """Run until a signal comes; write how it ended."""
+    """Run until SIGTERM comes; write to the file ``out`` once the engine is closed."""
     engine = _engine(subject)
     signal.signal(signal.SIGTERM, lambda *_: engine.stop())
     with engine:
@@ -114,7 +114,7 @@ def serve(subject: DeviceSubject, out: str) -> None:
 
 @check("sigterm", "SIGTERM ends a session safely")
 def sigterm(subject: DeviceSubject) -> None:
-    """Run it in a process of its own, and end that."""
+    """Run it in a process of its own, and end that by SIGTERM."""
     with tempfile.TemporaryDirectory() as folder:
         out = os.path.join(folder, "end")
         command = script(subject, f"{__name__}:serve", out)

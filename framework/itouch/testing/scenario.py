@@ -1,4 +1,4 @@
-"""A scene to examine a modality in: a touch that begins, slides and ends; made where none is given."""
+"""The scene in which a modality is examined: a touch begins, slides and ends; one is made if none is given."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from itouch.testing.harness import KnownCatalog
 from itouch.world import Model
 from itouch.world.modalities import ModalityModel
 
-#: The device that carries the finger in a made scene, and a slide's least length [m].
+#: Plugin name of the device that tracks the finger in a generated scene, and least length of a slide [m].
 FINGER, _SLIDE = "suite-finger", 0.005
-#: Longest part of a scene that is looked through for a touch [s].
+#: Simulated time in which a touch is looked for in a scene, at most [s].
 _LONGEST = 40.0
 
 
 @dataclass(frozen=True)
 class FingerParams:
-    """Nothing to say."""
+    """Parameters of the suite's finger, which has none that matter."""
 
     note: str = schema.text(default="", doc="anything")
 
 
 class Finger(Device):
-    """What tracks and pushes a finger in the suite's own scenes."""
+    """The device that tracks and pushes the finger in the suite's own scenes."""
 
     Params = FingerParams
     reads = (pose(),)
@@ -49,10 +49,10 @@ class Finger(Device):
         raise DeviceError("the suite's finger is simulated")
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Do nothing: there is nothing to release."""
 
     def read(self, reading: Record) -> bool:
-        """Say that there is nothing."""
+        """Return that there is no reading."""
         return False
 
 
@@ -65,11 +65,11 @@ class ModalitySubject:
     cls
         The class.
     scene
-        A file, or the text of a scene; None: one is made from the class's parameters.
+        A file, or the text of a scene; None: one is generated from the class's parameters.
     least
-        Simulated seconds that a check runs at least; as long as it takes to see a touch begin, slide and end.
+        Least simulated time of a check [s]; it lasts at least until a touch has begun, slid and ended.
     name
-        ``plugin.local``, under which an installed one is found; needed where there is no scene.
+        ``plugin.local``, under which an installed modality is found; needed if there is no scene.
     """
 
     cls: type[Modality]
@@ -84,7 +84,7 @@ class ModalitySubject:
 
     @cached_property
     def loaded(self) -> tuple[Scene, float]:
-        """The scene without a recording, and how long its touch takes [s]; its motion is replaced if none touches."""
+        """The scene without a recording, and a check's duration in it [s]; without a touch, its motion is replaced."""
         scene = replace(self._read(), record=None)
         seconds, touched = self._seen(scene)
         if seconds is None:
@@ -100,7 +100,7 @@ class ModalitySubject:
 
     @property
     def seconds(self) -> float:
-        """How long a check runs [s]."""
+        """Duration of a check in simulated time [s]."""
         return self.loaded[1]
 
     def engine(self, seed: int = 4) -> Engine:
@@ -132,9 +132,9 @@ class ModalitySubject:
         return loads(self.scene.encode(), self.catalog)
 
     def _seen(self, scene: Scene) -> tuple[float | None, bool]:
-        """Return how long it takes until a touch has begun, slid and ended [s], and whether there was any touch.
+        """Return the time until a touch has begun, slid and ended [s], and whether there was any touch.
 
-        The time is None if that does not come.
+        The time is None if there is no such touch.
         """
         engine = Engine(Model.of(scene, self.catalog), seed=4)
         self.own(engine)
@@ -150,7 +150,7 @@ class ModalitySubject:
 
 
 class _Touch:
-    """What has been seen of a probe's touch."""
+    """What has been observed of a probe's touch."""
 
     def __init__(self, engine: Engine, probe: str) -> None:
         self._object, self._proxy = engine.state[f"{probe}.contact.object"], engine.state[f"{probe}.proxy"]
@@ -158,7 +158,7 @@ class _Touch:
         self.touched = self.slid = self.done = False
 
     def whole(self) -> bool:
-        """Look at this tick; tell whether a touch has begun, slid and ended."""
+        """Observe this tick; tell whether a touch has begun, slid and ended."""
         if int(self._object) >= 0:
             self.touched = True
             if self._start is None:
@@ -221,12 +221,12 @@ _SCENE = """<itouch version="1.0" {namespaces}>
 
 
 def made(name: str, catalog: Catalog) -> str:
-    """Return the text of a scene that uses an installed modality, ``plugin.local``, with as little as it needs.
+    """Return the text of a scene that uses an installed modality, ``plugin.local``, and contains only what it needs.
 
     Raises
     ------
     NotApplicableError
-        If a parameter of it can only be known by its author.
+        If only its author can know the value of a parameter.
     """
     plugin, _, local = name.partition(".")
     maker = _Maker(catalog)
@@ -239,7 +239,7 @@ def made(name: str, catalog: Catalog) -> str:
 
 
 class _Maker:
-    """Elements of a made scene, each with what it refers to."""
+    """Makes the elements of a generated scene, each with those that it refers to."""
 
     def __init__(self, catalog: Catalog) -> None:
         self._catalog = catalog
@@ -259,13 +259,13 @@ class _Maker:
         return local
 
     def attributes(self, kind: type, plugin: str, local: str) -> str:
-        """Return the attributes that must be given."""
+        """Return the attributes that must be given, and references of use."""
         required = {n for n in specs(kind) if default_of(kind, n) is REQUIRED}
         needed = {n: s for n, s in specs(kind).items() if n in required or self._of_use(s, plugin)}
         return " ".join(f'{xml_name(n)}="{self._value(n, s, plugin, local)}"' for n, s in needed.items())
 
     def _of_use(self, spec: Spec, plugin: str) -> bool:
-        """Tell whether another modality of the plugin can be named, though none need be."""
+        """Tell whether an optional reference can name another modality of the plugin."""
         return spec.kind == "ref" and spec.target == "modality" and len(self._catalog.modality_names(plugin)) > 1
 
     def _value(self, name: str, spec: Spec, plugin: str, local: str) -> str:
@@ -293,7 +293,7 @@ class _Maker:
         )
 
     def _device(self, spec: Spec, plugin: str) -> str:
-        """Add a device with these channels, the plugin's own if it has one."""
+        """Add a device with these channels, the plugin's own if it has one; return its name."""
         if set(spec.reads) <= {Role.TRACKED_POSE} and set(spec.commands) <= {Role.FORCE_ON_OPERATOR}:
             return "suite"
         names: Sequence[str] = sorted(self._catalog.device_names, key=lambda name: name != plugin)
@@ -309,7 +309,7 @@ class _Maker:
 
 
 def _offered(channels: Sequence[Channel]) -> set[str | Role]:
-    """Return by what a reference can ask for channels."""
+    """Return the names and roles by which a reference can ask for channels."""
     return {channel.name for channel in channels} | {channel.role for channel in channels}
 
 

@@ -1,4 +1,4 @@
-"""The score card: how a plugin did, for people; it fits a terminal of eighty columns."""
+"""The score card: a plugin's results for people, which fit a terminal of eighty columns."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from itouch.testing.checks import Finding
 
 _MARKS = {"passed": "ok  ", "failed": "FAIL", "left out": "-   "}
 _WIDTH, _NAME = 80, 21
-#: So many checks that were left out for one reason are not named.
+#: From this number on, checks that were left out for the same reason are counted and not named.
 _MANY = 12
 
 
@@ -21,13 +21,13 @@ class Stream(Protocol):
         """Write text."""
 
     def flush(self) -> None:
-        """Show what was written."""
+        """Make the text appear."""
 
 
 class Card:
-    """A score card that is written line by line, while the checks run."""
+    """A score card that is written line by line while the checks run."""
 
-    #: Where cards are kept as plain data, if somebody asks for that.
+    #: List to which cards are added as plain data; None: they are not kept.
     kept: ClassVar[list[dict[str, Any]] | None] = None
 
     def __init__(self, title: str, stream: Stream) -> None:
@@ -35,7 +35,7 @@ class Card:
         stream.write(f"{title}\n\n")
 
     def write(self, findings: Iterable[Finding]) -> bool:
-        """Write a line for each finding as it comes, then the sum; return whether nothing failed."""
+        """Write a line for each finding as it comes, then the totals; return whether nothing failed."""
         seen: list[Finding] = []
         for finding in findings:
             seen.append(finding)
@@ -55,7 +55,7 @@ class Card:
         return not failed
 
     def _left_out(self, findings: Sequence[Finding]) -> None:
-        """Write what was left out, by reason."""
+        """Write which checks were left out, by reason."""
         reasons: dict[str, list[str]] = {}
         for finding in findings:
             if finding.outcome == "left out":

@@ -31,7 +31,7 @@ from itouch.testing.checks import VITAL, Check, Finding, unexamined
 from itouch.testing.harness import DeviceSubject
 from itouch.testing.scenario import ModalitySubject
 
-#: How a guest behaves: in every suite.
+#: Checks of how a plugin behaves as a guest, which are part of every suite.
 CONDUCT: tuple[Check, ...] = (
     hygiene.survives,
     hygiene.quiet,
@@ -121,7 +121,7 @@ MODALITY_CHECKS: tuple[Check, ...] = (
 
 
 class Suite:
-    """What all suites have: one test a check, which skips where the check does not apply."""
+    """What all suites have in common: one test per check, which is skipped if the check does not apply."""
 
     checks: ClassVar[Sequence[Check]] = ()
     _vital: ClassVar[dict[str, Finding]]
@@ -135,11 +135,11 @@ class Suite:
                 setattr(cls, name, _test(one))
 
     def subject(self) -> Any:
-        """Return what is examined."""
+        """Return the subject under examination."""
         raise NotImplementedError
 
     def examine(self, one: Check) -> Finding:
-        """Run a check, unless the plugin would end or block the process that does."""
+        """Run a check, unless a vital one has failed; each vital check is run once."""
         subject = self.subject()
         for vital in (other for other in self.checks if other.name in VITAL):
             if vital.name not in self._vital:
@@ -182,7 +182,7 @@ class DeviceTests(Suite):
 
 
 class EmulatorTests(Suite):
-    """Tests of a device's driver on its emulator; ``params`` say where both meet, or the emulator finds a place."""
+    """Tests of a device's driver on its emulator; ``params`` name the port or address, or the emulator chooses one."""
 
     checks = EMULATOR_CHECKS
     device: ClassVar[type[Device]]
@@ -195,10 +195,10 @@ class EmulatorTests(Suite):
 
 
 class ModalityTests(Suite):
-    """Tests of a modality plugin; set ``modality`` and ``scene``, a file or the text of one that uses it.
+    """Tests of a modality plugin; set ``modality`` and ``scene``, a file or the text of a scene that uses it.
 
-    The scene is run until a touch has begun, slid and ended, and ``seconds`` at least; where nothing in it is touched,
-    the operator's motion is replaced.  Without a scene set ``name``, ``plugin.local``, and one is made.
+    The scene is run until a touch has begun, slid and ended, and for at least ``seconds`` [s]; if it has no such touch,
+    the operator's motion is replaced.  Without a scene, set ``name``, ``plugin.local``, and one is generated.
     """
 
     checks = MODALITY_CHECKS
@@ -218,5 +218,5 @@ class ModalityTests(Suite):
             wanted.name,
         ):
             kept = wanted
-            setattr(type(self), "_kept", kept)  # its touch is looked for once  # noqa: B010
+            setattr(type(self), "_kept", kept)  # its touch is found only once  # noqa: B010
         return kept

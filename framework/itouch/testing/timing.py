@@ -1,4 +1,4 @@
-"""How long a call may take: it fits in the tick, and waits for nothing."""
+"""Checks of how long calls take: they must fit into the tick, and wait for nothing."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from itouch.testing.scenario import ModalitySubject
 from itouch.testing.wire import Opened
 from itouch.testing.workload import opened
 
-#: Part of the tick [s] that one plugin's calls may take.
+#: Share of the tick [s] that one plugin's calls may take.
 _SHARE = 0.5 * PERIOD
-#: Of a thousand calls so many may be held up by something else that this machine does.
+#: Of a thousand calls, so many may be delayed by other programs on this machine.
 _MISHAPS = 3
-#: So often a plugin may show that it waits for nothing, or lets others run while it waits.
+#: Number of attempts in which a plugin may show that it waits for nothing, or lets others run while it waits.
 _BOUTS = 3
-#: What :func:`_pace` does, and what it gives on a quiet core of a desktop [s]: the bounds are for such a one.
+#: What :func:`_pace` works on, and its result on an idle core of a desktop [s], for which the bounds are made.
 _TEXT = {"row": [{"a": 0.125 * k, "b": -1.5e-3 * k, "c": 0.02, "d": 0} for k in range(12)]}
 _WORK = 1e-4
-#: Whatever the processor, an exchange that computes for so long [s] keeps eight ticks from running.
+#: On any processor, an exchange that computes for longer than this [s] keeps eight ticks from running.
 _MOST = 8e-3
 
 
@@ -35,7 +35,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 
 class Timed:
-    """Durations of calls [s], the processor's part of them, and whether the thread gave the processor away."""
+    """Durations of calls [s], their processor time [s], and the durations of those in which the thread waited [s]."""
 
     def __init__(self) -> None:
         self.spent: list[float] = []
@@ -43,7 +43,7 @@ class Timed:
         self.waited: list[float] = []
 
     def call(self, function: Callable[[], object]) -> None:
-        """Call a function and note how long that takes."""
+        """Call a function and record how long it takes."""
         switches = waits()
         begin, computed = time.perf_counter(), time.thread_time()
         function()
@@ -54,11 +54,11 @@ class Timed:
 
     @property
     def waits(self) -> Sequence[float]:
-        """Durations of the calls that waited for longer than their share of a tick."""
+        """Durations [s] of the calls that waited and took longer than their share of a tick."""
         return [waited for waited in self.waited if waited > _SHARE]
 
     def words(self) -> str:
-        """Return median and 99th percentile."""
+        """Return median and 99th percentile in words."""
         worst = sorted(self.spent)[int(0.99 * len(self.spent))]
         return f"p50 {1e6 * statistics.median(self.spent):.0f} us, p99 {1e6 * worst:.0f} us"
 
@@ -87,7 +87,7 @@ def _judge(timed: Timed, what: str) -> None:
 
 
 def _in_one_of(bouts: int, bout: Callable[[], str]) -> str:
-    """Return what one of a few bouts says: what waits or computes by itself does so in each, a busy machine may not."""
+    """Return what the first attempt that passes returns: a plugin's waits show in each, a busy machine's need not."""
     for _ in range(bouts - 1):
         with contextlib.suppress(CheckError):
             return bout()
@@ -96,7 +96,7 @@ def _in_one_of(bouts: int, bout: Callable[[], str]) -> str:
 
 @check("twin-timing", "a step fits in the tick, and never waits")
 def twin_timing(subject: DeviceSubject) -> str:
-    """Time step and read; the figure is reported, a twin that waits is refused."""
+    """Time step and read; the figure is reported, and a twin that waits or is too slow fails."""
     return _in_one_of(_BOUTS, lambda: _time_twin(subject))
 
 
@@ -162,17 +162,17 @@ def driver_timing(subject: DeviceSubject) -> str:
 
 @check("lets-others-run", "other threads run while it waits")
 def lets_others_run(subject: DeviceSubject) -> str:
-    """Exchange in a thread, and watch how long this one is held up."""
+    """Exchange in a thread, and watch how long this thread is held up."""
     if not subject.cls.blocking:
         raise NotApplicableError("it does not block")
     return _in_one_of(_BOUTS, lambda: _beside(subject))
 
 
 def _beside(subject: DeviceSubject) -> str:
-    """Return how often all else stands still while a thread exchanges; refuse one that computes or keeps the GIL.
+    """Return how often everything else stands still while a thread exchanges; fail if it computes or keeps the GIL.
 
-    What an exchange may compute is asked of the processor as it is now: where others want it too, or where it is slow,
-    the same work takes longer.
+    How long an exchange may compute depends on the present speed of the processor: if it is slow, or other programs use
+    it too, the same work takes longer.
     """
     alone = _gaps(lambda: False)
     with opened(subject) as device:
@@ -196,9 +196,9 @@ def _beside(subject: DeviceSubject) -> str:
 
 
 class _Exchanges(threading.Thread):
-    """Exchanges for a while, as the framework's thread does; keeps their median duration and processor's time [s].
+    """Exchanges for a while, as the framework's thread does; keeps their median duration and processor time [s].
 
-    The median: what else a busy machine does falls upon single ones, and on single measures of its pace.
+    Medians, because other work on a busy machine affects single exchanges, and single measurements of its pace.
     """
 
     def __init__(self, device: Opened) -> None:
@@ -210,7 +210,7 @@ class _Exchanges(threading.Thread):
         self.slowness = 1.0
 
     def run(self) -> None:
-        """Exchange."""
+        """Exchange for a while, and measure the processor's pace in between."""
         begin, paces = time.perf_counter(), [_pace()]
         timed = Timed()
         try:
@@ -218,8 +218,8 @@ class _Exchanges(threading.Thread):
                 timed.call(self._device.exchange)
                 time.sleep(1e-3)
                 if len(timed.spent) % 5 == 0:
-                    paces.append(_pace())  # after a rest, as an exchange begins
-        except Exception as error:  # told by whoever waits
+                    paces.append(_pace())  # after a rest, like an exchange
+        except Exception as error:  # raised again in the thread that waits
             self.error = error
         if timed.spent:
             self.computed, self.spent = statistics.median(timed.computed), statistics.median(timed.spent)
@@ -228,9 +228,9 @@ class _Exchanges(threading.Thread):
 
 
 def _pace() -> float:
-    """Return how long this thread's processor takes for a little work like an exchange's [s].
+    """Return the processor time of a little work like that of an exchange [s].
 
-    It writes text, sends it through a pipe and reads it; :data:`_WORK` is what that took where the figures were set.
+    It writes text, sends it through a pipe and reads it; :data:`_WORK` is what that took where the bounds were set.
     """
     begin = time.thread_time()
     text = json.dumps(_TEXT).encode()
@@ -247,7 +247,7 @@ def _pace() -> float:
 
 
 def _gaps(stop: Callable[[], bool]) -> list[float]:
-    """Return how far apart the turns of a busy loop are, over half a second."""
+    """Return the times between the turns of a busy loop [s], over half a second."""
     begin = last = time.perf_counter()
     gaps = []
     while last - begin < 0.5 and not stop():

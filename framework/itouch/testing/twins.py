@@ -1,4 +1,4 @@
-"""What a device's twin must hold to; seen on a bench without a scene."""
+"""Checks of a device's twin, on a bench without a scene."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 @check("twin-fills", "the twin fills its whole reading, always")
 def fills(subject: DeviceSubject) -> None:
-    """Read into a record full of NaN, again and again, free and touched."""
+    """Read into a record full of NaN, many times, both free and touched."""
     bench = subject.bench()
     if not bench.reads:
         raise NotApplicableError("it reads nothing")
@@ -116,7 +116,7 @@ def _channel(bench: TwinBench, role: Role) -> Channel:
 
 @check("twin-frame", "it is where the finger is, or was sent")
 def frame(subject: DeviceSubject) -> None:
-    """Hold a finger, or command a target, off centre along each axis."""
+    """Hold a finger, or command a target, off the origin along each axis, and compare the pose."""
     if subject.cls.input_source == "recording":
         raise NotApplicableError("it leads the finger")
     bench = subject.bench()
@@ -190,7 +190,7 @@ def kelvin(subject: DeviceSubject) -> None:
 
 @check("twin-rest", "under the safe command nothing moves or heats")
 def rest(subject: DeviceSubject) -> None:
-    """Send the safe command for half a second with nobody there."""
+    """Send the safe command for half a second without a finger."""
     bench = subject.bench()
     warm = [channel.name for channel in bench.reads if channel.unit == "K"]
     if not bench.pose and not warm:
@@ -219,7 +219,7 @@ def rest(subject: DeviceSubject) -> None:
 
 @check("twin-command", "command and touch are left as they are")
 def command_untouched(subject: DeviceSubject) -> None:
-    """Compare command and touch before and after a step."""
+    """Compare command and twin inputs before and after a step."""
     bench = subject.bench()
     for _ in range(50):
         bench.drive()
@@ -235,7 +235,7 @@ def command_untouched(subject: DeviceSubject) -> None:
 
 @check("twin-limits", "it bears every command that is allowed")
 def bounded(subject: DeviceSubject) -> None:
-    """Drive to the limits of every command; readings stay finite afterwards."""
+    """Drive every command to its limits; readings must stay finite."""
     bench = subject.bench()
     if not bench.commands:
         raise NotApplicableError("it obeys no command")
@@ -268,7 +268,7 @@ def velocity(subject: DeviceSubject) -> None:
         bench.step()
         places.append(bench.reading[bench.pose][:3].copy())
         speeds.append(bench.reading[twist][:3].copy())
-    width = 40  # differences over so many ticks: noise and lag of a few milliseconds do not matter
+    width = 40  # half the ticks of a difference: noise, and lags of a few ms, do not matter
     true = (np.array(places[2 * width :]) - np.array(places[: -2 * width])) / (2 * width * PERIOD)
     told = np.array([np.mean(speeds[i : i + 2 * width], axis=0) for i in range(len(speeds) - 2 * width)])
     scale = float(np.abs(true).max())

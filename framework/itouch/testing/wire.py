@@ -1,4 +1,4 @@
-"""A device that is open: on its hardware or loop-back, or on its emulator, which answers in a thread."""
+"""An open device: on its hardware or a loop-back, or on its emulator, which answers in a thread."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from itouch.plugin import Channel, DeviceError, Emulator, Field, Record, Role
 from itouch.testing.checks import CheckError, NotApplicableError
 from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench, follows
 
-#: Parameters that say where a device is.
+#: Names of parameters that say where a device is.
 PLACES = ("port", "path", "device", "serial_port", "tty", "address", "host", "url", "bus", "tmcl")
-#: How much longer than on a machine of its own an emulated device may take to answer.
+#: Factor on timeouts of answers for an emulated device, as the machine has other work too.
 _PATIENCE = 5.0
-#: Ticks that a twin which was held up makes at once.
+#: Greatest number of ticks that a delayed twin makes up at once.
 _MOST = 20
 
 
@@ -39,7 +39,7 @@ class Served:
         self.bench = TwinBench(self.subject, seed=1)
         self.emulator: Emulator = kind(params)
         reads, commands = subject.cls.channels(params)
-        #: Whether it follows the finger; it is held then where the real device can be.
+        #: Whether it follows the finger, which then holds it where the real device can be.
         self.tracks = follows(reads, commands)
         if self.tracks:
             self.hold(kind.reachable(params))
@@ -65,23 +65,23 @@ class Served:
                     self.bench.command.raw[:] = self.asked.raw
                 self.bench.step(self._due(), driven=False)
                 time.sleep(5e-4)
-        except Exception as error:  # told by whoever waits
+        except Exception as error:  # raised again on leaving
             self.error = error
 
     def _due(self) -> int:
-        """Return how many ticks the twin must make to be as far as the clock; it never leaps ahead."""
+        """Return how many ticks the twin has to make to catch up with the clock; a long delay is left out."""
         behind = round((time.perf_counter() - self._begun) / PERIOD) - self.bench.tick
         if behind > _MOST:
             self._begun += (behind - _MOST) * PERIOD
         return min(max(behind, 0), _MOST)
 
     def hold(self, place: Sequence[float]) -> None:
-        """Put the finger that holds the device at a place [m] in its frame."""
+        """Put the finger that holds the device at a position [m] in its frame."""
         self.bench.touch.finger_attached = True
         self.bench.touch.finger_pose[:3] = place
 
     def hang_up(self) -> None:
-        """Take the device away."""
+        """Disconnect the device."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join(5.0)
@@ -95,7 +95,7 @@ class Served:
 
 
 def _here(params: Any) -> Any:
-    """Return parameters that name a place of this machine, if they name one by a usual name."""
+    """Return the parameters with a free port or path of this machine, if one of the usual ones names such a place."""
     if not is_dataclass(params) or isinstance(params, type):
         return params
     for name, value in _places(params):
@@ -115,7 +115,7 @@ def served(subject: DeviceSubject) -> Iterator[tuple[Served, DeviceSubject]]:
 
 
 class Opened:
-    """A device that is open, with records of its channels; closed, and its emulator too, on leaving."""
+    """An open device with records of its channels; leaving the context closes it, and its emulator too."""
 
     def __init__(self, subject: DeviceSubject, served_by: Served | None = None) -> None:
         subject.require_hardware()
@@ -140,13 +140,13 @@ class Opened:
             raise
 
     def be_safe(self) -> None:
-        """Set the command to what is safe."""
+        """Set the commands to their safe values."""
         for channel in self.commands:
             if isinstance(channel.safe, tuple):
                 self.command[channel.name] = channel.safe
 
     def stay(self) -> None:
-        """Let a command that leads somewhere lead to where the device is."""
+        """Set a pose target to the present pose of the device."""
         goal = next((c.name for c in self.commands if c.role is Role.SURFACE_POSE), "")
         pose = next((c.name for c in self.reads if c.role is Role.TRACKED_POSE), "")
         if goal and pose:
@@ -160,7 +160,15 @@ class Opened:
             self.device.close()
 
     def fresh(self, patience: float = 1.0, *, silent: bool = False) -> None:
-        """Read until there is something new; send the safe command meanwhile, as the framework does, or be silent."""
+        """Read until there is a new reading, for at most ``patience`` [s], sending the safe command unless ``silent``.
+
+        It is sent only to a device with a watchdog, and after the first reading, as the framework does.
+
+        Raises
+        ------
+        CheckError
+            If no new reading comes in time.
+        """
         deadline = time.perf_counter() + patience
         speaks = not silent and self.device.watchdog is not None and self._seen
         while self.device.read(self.reading) is False:
@@ -172,7 +180,7 @@ class Opened:
                     cause="the device does not answer, or read always returns False",
                     advice="return True when the reading is new",
                 )
-            time.sleep(1e-4)  # let whoever answers, answer
+            time.sleep(1e-4)  # let the other side answer
         self._seen = True
         if speaks:
             self.send()
@@ -190,9 +198,9 @@ class Opened:
 
 
 class Shared:
-    """A device that several checks use in turn, where opening it takes long; it is opened when it is first lent.
+    """A device that several checks use in turn, because opening it takes long; it is opened when it is first lent.
 
-    While nobody has borrowed it, it goes on being read and sent the safe command, as in a session.
+    While no check uses it, it is still read and sent the safe command, as in a session.
     """
 
     def __init__(self) -> None:
@@ -224,7 +232,7 @@ class Shared:
             time.sleep(5e-3)
 
     def end(self) -> None:
-        """Close it, if it was ever lent."""
+        """Close the device, if it was ever opened."""
         self._idle.clear()
         with self._lock:
             lent, self._opened = self._opened, None
@@ -238,7 +246,7 @@ class Shared:
 
 @contextlib.contextmanager
 def emulated(subject: DeviceSubject) -> Iterator[tuple[Served, Opened]]:
-    """Yield an emulator and the driver that is open on it: the shared ones, or new ones."""
+    """Yield an emulator and the driver that is open on it: the shared pair, or a new one."""
     if subject.shared is not None:
         with subject.shared.lent(subject) as lent:
             yield lent.served, lent
@@ -248,7 +256,7 @@ def emulated(subject: DeviceSubject) -> Iterator[tuple[Served, Opened]]:
 
 
 def elsewhere(params: Any) -> Any:
-    """Return parameters that name a place where there is nothing; None if none of them names a place."""
+    """Return the parameters with a port or address where there is no device; None if they name no such place."""
     for name, value in _places(params):
         nowhere = "/dev/itouch-nowhere" if ":" not in value or "://" in value else "127.0.0.1:1"
         return replace(params, **{name: nowhere})
@@ -256,6 +264,6 @@ def elsewhere(params: Any) -> Any:
 
 
 def _places(params: Any) -> list[tuple[str, str]]:
-    """Return the parameters that say where a device is: first those that name a place."""
+    """Return names and values of the parameters that say where a device is, those that are not empty first."""
     found = [(name, getattr(params, name, None)) for name in PLACES]
     return sorted(((name, value) for name, value in found if isinstance(value, str)), key=lambda one: not one[1])

@@ -1,4 +1,4 @@
-"""A workload: a plugin at work for some ticks, whichever kind it is, so that its conduct can be looked at."""
+"""A workload: a plugin of any kind at work for some ticks, so that its conduct can be examined."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench
 from itouch.testing.scenario import ModalitySubject
 from itouch.testing.wire import Opened
 
-#: A call of the plugin with a record that may be replaced, and what it is called.
+#: A call of the plugin: its name, the record that is passed (which a check may replace), and the function.
 Call = tuple[str, Record, Callable[[Record], Any]]
 
 
 class Bout(ABC):
-    """A plugin at work; entered before the first tick and left after the last."""
+    """A plugin at work; a context that is entered before the first tick and left after the last."""
 
-    #: What works, in words.
+    #: What is at work, in words.
     what: str
-    #: Ticks in which everything has happened once.
+    #: Number of ticks after which everything has happened once.
     ticks: int
 
     @abstractmethod
     def tick(self) -> None:
-        """Let it work for a tick."""
+        """Let the plugin work for a tick."""
 
     @abstractmethod
     def calls(self) -> Sequence[Call]:
-        """Return the calls that the framework makes in every tick, each with the record that it gives."""
+        """Return the calls that the framework makes in every tick, each with the record that it passes."""
 
     @property
     @abstractmethod
@@ -42,7 +42,7 @@ class Bout(ABC):
         return self
 
     def __exit__(self, *_: object) -> None:  # noqa: B027
-        """Nothing is left to end."""
+        """Do nothing: there is nothing to end."""
 
 
 class TwinBout(Bout):
@@ -73,7 +73,7 @@ class TwinBout(Bout):
 
 
 class DriverBout(Bout):
-    """A driver that is open."""
+    """An open driver."""
 
     what, ticks = "the driver", 60
 
@@ -100,7 +100,7 @@ class DriverBout(Bout):
         self.opened.exchange()
 
     def calls(self) -> Sequence[Call]:
-        """Return read, and write if it obeys anything."""
+        """Return read, and write if it has commands."""
         o = self.opened
         read: Call = ("read(reading)", o.reading, o.device.read)
         return (read, ("write(command)", o.command, o.device.write)) if o.command else (read,)
@@ -134,7 +134,7 @@ class ModalityBout(Bout):
         return parts[self.own.name].params
 
     def tick(self) -> None:
-        """Let the engine make a tick."""
+        """Let the engine run one tick."""
         self.engine.tick()
 
     def calls(self) -> Sequence[Call]:
@@ -151,7 +151,7 @@ class ModalityBout(Bout):
 
 
 def touch(engine: Engine) -> ContactEvent | None:
-    """Return the start of a contact that could be, if anything can be touched."""
+    """Return a made-up event of a contact that begins, or None if nothing can be touched."""
     model = engine.model
     if not model.objects or not model.probes:
         return None
@@ -161,7 +161,7 @@ def touch(engine: Engine) -> ContactEvent | None:
 
 
 def bouts(subject: DeviceSubject | ModalitySubject) -> list[Callable[[], Bout]]:
-    """Return what of a plugin can be seen at work here: a modality; or a twin, and a driver if it can be opened."""
+    """Return what of a plugin can be put to work here: a modality; or a twin, and the driver if it can be opened."""
     if isinstance(subject, ModalitySubject):
         return [lambda: ModalityBout(subject)]
     found: list[Callable[[], Bout]] = [lambda: TwinBout(subject)]

@@ -1,1 +1,1 @@
-"""The operator's finger as a twin, and what couples the twins of devices to it."""
+"""The operator's finger as a twin, and its coupling to the twins of devices."""

@@ -1,6 +1,6 @@
-"""The finger's twin between the other twins: the arm that moves it, the plate under it, the force between them.
+"""Couples the finger's twin to the other twins: the arm that pushes it, the plate below it, the force between them.
 
-The finger's twin is mechanical only.  It feels the arm's wrench and the plate's force, never the virtual force itself.
+The finger's twin is purely mechanical.  The arm's wrench and the plate's force act on it, never the virtual force.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Body(Protocol):
 
     @property
     def origin(self) -> Vector:
-        """Where it stands [m]."""
+        """Position of the origin [m]."""
 
     @property
     def r(self) -> tuple[float, ...]:
@@ -37,17 +37,17 @@ class Stand(Protocol):
     touch: TwinInputs
 
     def sent_as(self, role: Role) -> Floats:
-        """Return the view of what safety let through of the first command of a role; zeros if there is none."""
+        """Return the view of the first command with a role, as the supervisor sends it; zeros if there is none."""
 
     def true_frame(self) -> Body:
         """Return the device's true frame in its carrier."""
 
     def true_position(self) -> Floats | None:
-        """Return the view of State that is the true position of what a twin carries."""
+        """Return the view of State with the true position [m] of what the twin carries, or None."""
 
 
 class Coupling:
-    """Steps the finger and tells the twins of arm, table and plate what touches them."""
+    """Steps the finger, and writes what touches them to the inputs of the twins of arm, table and plate."""
 
     def __init__(
         self,
@@ -72,16 +72,16 @@ class Coupling:
         self._load: Floats = table.touch.wrench[:3] if table is not None else np.zeros(3)
         self._pieces: Floats = hand.path.pieces if hand is not None else np.ones((1, 8))
         self._end, self._pace = np.zeros(7), np.zeros(6)
-        pushed = f"{name}.pushed"  # State: it acts in the next tick
+        pushed = f"{name}.pushed"  # in State, as it acts in the next tick
         self._pushed: Floats = state[pushed] if pushed in state else np.zeros((0, 3))
         carried = table.true_position() if table is not None else None
         self._carrier: Floats = np.array([0.0, 0.0, -1e3]) if carried is None else carried
         if arm is not None and hand is not None:
             self._end, self._pace = arm.touch.finger_pose, arm.touch.finger_twist
             arm.touch.finger_attached = True
-        #: What its arm and its plate push the finger with, world frame, shape (3,) [N].
+        #: The force of its arm and its plate on the finger, world frame, shape (3,) [N].
         self.given: Floats = np.zeros(3)
-        #: A period of the finger as one compiled call; the hand's ``advance`` comes before it.
+        #: The step of the finger as one compiled call; the hand's ``advance`` comes before it.
         self.bound = self._bind(np.zeros((0, 3)))
 
     def _bind(self, others: Floats) -> Bound:
@@ -98,7 +98,7 @@ class Coupling:
         return bound
 
     def join(self, others: Sequence[tuple[Coupling, Stand | None]]) -> None:
-        """Let other probes on the finger of this one's twin touch that very finger, and push it: each with its arm."""
+        """Let other probes that are on the same finger touch and push this probe's finger, each with its own arm."""
         if self.hand is None or not others:
             return
         pushes = self._pushed
@@ -107,7 +107,7 @@ class Coupling:
             other.follow(self.hand, arm, push)
 
     def follow(self, leader: Hand, arm: Stand | None, push: Floats) -> None:
-        """Touch the finger that this hand moves; write into ``push`` (3,) what arm and plate push it with [N]."""
+        """Touch the finger that another hand moves; write the force of arm and plate on it to ``push`` (3,) [N]."""
         person = leader.operator
         self._constants[at.PAD_STIFFNESS], self._constants[at.PAD_DAMPING] = person.pad_stiffness, person.pad_damping
         self._hip, self.given, self._push = leader.motion[:3], push, np.zeros(3)
@@ -118,12 +118,12 @@ class Coupling:
         self.bound = self._bind(np.zeros((0, 3)))
 
     def reset(self) -> None:
-        """Begin apart."""
+        """Start without a touch."""
         self.figures[at.DISTANCE] = 1.0
         self.touched[...] = -1
 
     def place(self) -> None:
-        """Tell the arm where the finger is, before anything has moved."""
+        """Write the finger's position and velocity to the arm's inputs, before anything has moved."""
         if self.hand is not None:
             at.tell_arm(self._constants, self.hand.motion, self._end, self._pace)
 

@@ -1,4 +1,4 @@
-"""Directions into and out of a frame that stands in an array: origin, then rotation matrix row by row; compiled."""
+"""Turns directions into and out of a frame in an array (origin, then rotation matrix row by row); compiled."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from itouch.compiling import kernel
 
 Floats = NDArray[np.float64]
 
-#: Cosine of the angle of a plate from which on it is none for a finger.
+#: Least cosine of a plate's angle in computing its contact with a finger; a steeper plate counts as this steep.
 STEEPEST = 0.1
 
 
 @kernel
 def turned_out(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Turn a direction out of the frame that begins at index ``at`` of ``frames`` (n,); in whatever unit."""
+    """Turn a direction out of the frame that begins at index ``at`` of ``frames`` (n,); in any unit."""
     r = at + 3
     return (
         frames[r] * x + frames[r + 1] * y + frames[r + 2] * z,
@@ -26,7 +26,7 @@ def turned_out(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[f
 
 @kernel
 def turned_in(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Turn a direction into the frame that begins at index ``at`` of ``frames`` (n,); in whatever unit."""
+    """Turn a direction into the frame that begins at index ``at`` of ``frames`` (n,); in any unit."""
     r = at + 3
     return (
         frames[r] * x + frames[r + 3] * y + frames[r + 6] * z,
@@ -37,9 +37,9 @@ def turned_in(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[fl
 
 @kernel
 def beside(radius: float, cosine: float) -> float:
-    """Return how much higher [m] the lowest point of a finger is than the plate below it, where they touch.
+    """Return how much higher [m] the lowest point of a touching finger is than the plate directly below that point.
 
-    A ball of this ``radius`` [m] rests on a plate that is mounted at an angle, of this ``cosine`` [1], beside that
+    A ball with ``radius`` [m] touches a plate that is mounted at an angle, with this ``cosine`` [1], beside its lowest
     point.
     """
     return float(radius * (1.0 / max(STEEPEST, cosine) - 1.0))

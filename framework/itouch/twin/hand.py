@@ -1,4 +1,4 @@
-"""The operator's hand: its target follows minimum-jerk paths, and its finger is moved by what acts on it.
+"""The operator's hand: its target follows minimum-jerk paths, and forces move its finger.
 
 Minimum-jerk paths: Flash and Hogan 1985.
 """
@@ -18,11 +18,11 @@ from itouch.world.recorded import RecordedMotion
 from itouch.world.skin import SkinSource
 
 Vector = tuple[float, float, float]
-#: Speed at which a hand is led away from its path for a calibration, and back [m/s].
+#: Speed at which the hand is moved away from its path for a calibration, and back [m/s].
 LEAD_SPEED = 0.08
-#: Greatest speed of a hand that is steered by mouse or keys [m/s].
+#: Greatest speed of a hand that a person steers [m/s].
 STEER_SPEED = 0.3
-#: What leads a hand: nobody, a person, or the way back to its path.
+#: Whether the hand follows its path, is steered by a person, or returns to its path.
 STILL, LED, HOMING = 0, 1, 2
 
 
@@ -42,10 +42,10 @@ class Path:
 
 
 class RecordedPath:
-    """The motion of the hand's target along recorded places: one piece that is laid anew for every step.
+    """The motion of the hand's target along recorded positions: a single piece, which is set anew for every step.
 
-    A piece of minimum jerk is at its middle half-way between its ends, with 1.875 times its mean velocity; so it is
-    laid round each moment to pass through the recorded place with the recorded velocity.
+    In the middle of its time, a minimum-jerk piece is half-way between its ends, with 1.875 times its mean velocity; so
+    it is set around each moment such that it passes the recorded position with the recorded velocity.
     """
 
     def __init__(self, recorded: RecordedMotion) -> None:
@@ -57,7 +57,7 @@ class RecordedPath:
         self.pieces = self._row[:]
 
     def lay(self, time: float) -> None:
-        """Lay the piece round a time [s]; before the start and after the end the hand rests."""
+        """Set the piece around a time [s]; before the start and after the end the hand rests."""
         at = min(max(time / self._step, 0.0), float(self._last))
         index = min(int(at), max(self._last - 1, 0))
         here, there = self._places[index], self._places[min(index + 1, self._last)]
@@ -68,7 +68,7 @@ class RecordedPath:
 
 
 class Hand:
-    """The target of one probe's hand, and the finger's motion, on their part of State."""
+    """The target of one probe's hand, and the finger's motion, as views of State."""
 
     def __init__(
         self, operator: Operator, name: str, state: Record, period: float, *, recorded: RecordedMotion | None = None,
@@ -80,9 +80,9 @@ class Hand:
         self._end = math.ceil(self.path.duration / period - 1e-9)
         self.ticks, self.offset = state[f"{name}.hand.ticks"], state[f"{name}.hand.offset"]
         self._steered, self._target_offset = state[f"{name}.hand.steered"], state[f"{name}.hand.target_offset"]
-        #: Where on its path the hand is [s], shape (1,); found anew in every step.
+        #: The hand's time on its path [s], shape (1,); computed anew in every step.
         self.time = np.zeros(1)
-        lower(np.zeros(3), 0.0, 0.0)  # so that no tick looks for it on disk
+        lower(np.zeros(3), 0.0, 0.0)  # load it now, so that no tick has to
         self.motion: NDArray[np.float64] = state.flat(f"{name}.hand.position", f"{name}.hand.target")
         #: Its waits for the skin, if its path has any.
         self.waits = Waits(operator, name, state, period, skin) if skin is not None else None
@@ -102,7 +102,7 @@ class Hand:
         return bool(ticks >= self._end) and (self.waits is None or not self.waits.pending(ticks))
 
     def lower(self, offset: float) -> None:
-        """Move the hand's target towards a height above (or below) its path [m], as slowly as a person would."""
+        """Move the hand's target towards a height above or below its path [m], at ``LEAD_SPEED``."""
         lower(self.offset, offset, LEAD_SPEED * self._period)
 
     @property
@@ -111,7 +111,7 @@ class Hand:
         return not self.offset.any()
 
     def steer(self, step: Vector | None) -> None:
-        """Move the target by a step [m], away from its path, which waits from now on; None leads it back to its path.
+        """Move the target by a step [m] off its path, which is paused from then on; None leads it back to its path.
 
         Raises
         ------
@@ -124,7 +124,7 @@ class Hand:
         self._target_offset[:] = 0.0 if step is None else self._target_offset + np.asarray(step)
 
     def _follow(self) -> bool:
-        """Lead the target towards where it is steered, as fast as a hand may; return whether the path waits."""
+        """Move the target towards where it is steered, no faster than a hand may; return whether the path is paused."""
         if not self._steered.item():
             return False
         away = self._target_offset - self.offset
@@ -136,9 +136,9 @@ class Hand:
         return True
 
     def bound(self, moving: NDArray[np.int64], stage: NDArray[np.int64], done: int) -> Bound | None:
-        """Return the usual way along the path as one compiled call, which asks for ``advance`` if it is another.
+        """Return the usual step along the path as one compiled call, which returns 1 if ``advance`` is needed instead.
 
-        ``moving`` (1,), 0 or 1: whether scripts go on; ``stage`` (1,), a code: where a touch-off stands, if any.
+        ``moving`` (1,), 0 or 1: whether scripts run; ``stage`` (1,), a touch-off's stage as a code, ``done`` its last.
         """
         if self._recorded is not None:
             return None
@@ -147,7 +147,7 @@ class Hand:
         return Bound(follow_path, *path) if self.waits is None else self.waits.bound(*path)
 
     def advance(self, moving: bool) -> None:
-        """Find the time on the path for the next step; it moves on if ``moving``."""
+        """Compute the time on the path for the next step; it advances if ``moving`` and nothing holds it."""
         ticks: int = self.ticks.item()
         if self.waits is not None:
             self.waits.look()

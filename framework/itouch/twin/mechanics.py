@@ -16,22 +16,22 @@ from itouch.twin.frame_rotation import beside, turned_in, turned_out
 
 Floats = NDArray[np.float64]
 
-# The constants: frames as origin and rotation matrix, then numbers.
+# Places of the constants: frames as origin and rotation matrix, then numbers.
 ARM, TABLE, OFFSET, EXTENT = 0, 12, 24, 27
 RADIUS, PAD_STIFFNESS, PAD_DAMPING, MASS, STIFFNESS, DAMPING, PERIOD = 29, 30, 31, 32, 33, 34, 35
 CONSTANTS = 36
 
-# The figures of the plate: State fields in this order.
+# Places of the plate's figures, which are State fields in this order.
 FORCE, TOP, DISTANCE, TOTAL = 0, 1, 2, 3
 FIGURES = 4
 
-#: A gap [m] that stands for "beside the plate", and one above which the plate's speed does not matter.
+#: Least gap [m] of a finger beside the plate, and the gap [m] from which on the plate's speed is ignored.
 BESIDE, FAR = 1e-3, 0.5
 
 
 @kernel
 def plate_force(constants: Floats, finger: Floats, table: Floats, figures: Floats) -> float:
-    """Write force, top and distance of the plate under a finger (3,); return the gap between them [m]."""
+    """Write force, top and distance of the plate below a finger (3,) [m]; return the gap between them [m]."""
     px, py, pz = table[0] + constants[OFFSET], table[1] + constants[OFFSET + 1], table[2] + constants[OFFSET + 2]
     _, _, up = turned_out(constants, TABLE, px, py, pz)
     figures[TOP] = constants[TABLE + 2] + up + beside(constants[RADIUS], constants[TABLE + 11])
@@ -51,9 +51,9 @@ def plate_force(constants: Floats, finger: Floats, table: Floats, figures: Float
 
 @kernel
 def aim(pieces: Floats, time: float, goal: Floats) -> None:
-    """Write the place and velocity of the hand's target at a time [s], shape (6,).
+    """Write position [m] and velocity [m/s] of the hand's target at a time [s] to ``goal``, shape (6,).
 
-    ``pieces`` has a row for each movement of minimum jerk: begin and duration [s], from and to [m], shape (n, 8).
+    ``pieces``, shape (n, 8), has a row for each minimum-jerk movement: begin and duration [s], from and to [m].
     """
     last = 0
     while last + 1 < pieces.shape[0] and pieces[last + 1, 0] <= time:
@@ -80,11 +80,11 @@ def follow_path(
     moving: Any, steered: Any, ticks: Any, time: Floats, period: float, offset: Floats, back: float, stage: Any,
     done: int,
 ) -> int:  # fmt: skip
-    """Move on along a hand's path by one tick; return 1, and leave it to Python, if it is led.
+    """Advance along a hand's path by one tick; if the hand is steered, return 1 and leave it to Python.
 
-    All but the numbers have shape (1,): whether scripts go on, whether the hand is led, the ticks along the path, the
-    time on it [s], and the stage of a touch-off.  While scripts wait the hand rests; a touch-off that is ``done`` lets
-    it go back to its path, by ``back`` [m] a tick: ``offset`` (3,) [m], ``period`` [s].
+    ``moving`` (whether scripts run), ``steered``, ``ticks`` along the path, ``time`` on it [s] and ``stage`` of a
+    touch-off have shape (1,); ``offset`` from the path has shape (3,) [m]; ``period`` [s].  While scripts are paused
+    the hand rests; once the touch-off is ``done`` it returns to its path, by ``back`` [m] per tick.
     """
     if steered[0] != 0:
         return 1
@@ -116,20 +116,18 @@ def couple_finger(
     others: Floats,
     given: Floats,
 ) -> int:
-    """Advance the finger by one period, and tell what touches it; return 0.
+    """Advance the finger by one period, and write what touches the plate; return 0.
 
     Parameters
     ----------
     constants, pieces, offset, hand, push, table, figures, end, pace, load, others, given
         As in ``step_finger``.
     time
-        Where on the path the target is [s], shape (1,).
+        The target's time on the path [s], shape (1,).
     hip
-        Where a finger that is not moved here is, shape (3,).
-    given
-        The plate's force on the finger, world frame, shape (3,); written.
+        Position [m] of a finger that is not moved here, shape (3,).
     tick, touched
-        The tick, and that at which the plate was touched first (-1: it is not), shape (1,).
+        The tick, and the one in which the present touch of the plate began (-1: no touch), shape (1,).
     face
         Force on the plate [N] and gap [m], shape (2,); written.
     """
@@ -165,25 +163,25 @@ def step_finger(
     Parameters
     ----------
     constants
-        Shape (CONSTANTS,); a mass of 0 leaves the finger where it is (it is a real one).
+        Shape (CONSTANTS,); with a mass of 0 the finger is not moved here (it is a real one).
     pieces, time, offset
-        The hand's path, where on it the target is [s], and how far it is led away from it, shape (3,) [m].
+        The hand's path, the target's time on it [s], and its offset from the path, shape (3,) [m].
     hand
-        Position, velocity and target of the finger, shape (9,), world frame; changed.
+        Position [m], velocity [m/s] and target [m] of the finger, shape (9,), world frame; updated.
     push
-        The arm's force on the finger in the arm's frame, shape (3,).
+        The arm's force on the finger in the arm's frame, shape (3,) [N].
     table
-        Where the plate's carrier is, in the table's frame, shape (3,).
+        Position of the plate's carrier in the table's frame, shape (3,) [m].
     figures
-        Of the plate, shape (FIGURES,); written.
+        The figures of the plate, shape (FIGURES,); written.
     end, pace
         The finger's pose and twist in the arm's frame, shapes (7,) and (6,); position and velocity are written.
     load
-        The plate's force on the table in the table's frame, shape (3,); written.
+        The force of the finger on the table, in the table's frame, shape (3,) [N]; written.
     others
-        What the arms and plates of other probes push the same finger with, world frame, shape (n, 3).
+        Forces of the arms and plates of other probes on the same finger, world frame, shape (n, 3) [N].
     given
-        What this arm and this plate push it with, world frame, shape (3,); written.
+        Force of this arm and this plate on the finger, world frame, shape (3,) [N]; written.
 
     Returns
     -------
@@ -216,8 +214,8 @@ def step_finger(
 def tell_arm(constants: Floats, hand: Floats, end: Floats, pace: Floats) -> None:
     """Write the finger's position and velocity in the arm's frame.
 
-    ``constants`` as above, with the arm's frame; ``hand`` (6,) place [m] and velocity [m/s] in the world; ``end``
-    and ``pace`` (3,) are written.
+    ``constants`` (CONSTANTS,) contain the arm's frame; ``hand`` begins with position [m] and velocity [m/s] in the
+    world; the first three numbers of ``end`` and of ``pace`` are written.
     """
     end[0], end[1], end[2] = turned_in(
         constants, ARM, hand[0] - constants[ARM], hand[1] - constants[ARM + 1], hand[2] - constants[ARM + 2]

@@ -1,8 +1,9 @@
-"""The skin of a finger's twin under what is worn on it: what presses on that, and what its heat does to the skin.
+"""The skin of a finger's twin under worn devices: the force on these, and the effect of their heat on the skin.
 
-A column of tissue, by finite volumes and implicit in time, as a deviation from rest.  Skin at rest gives heat to the
-air; what covers it takes heat in place of the air, and says how much.  Where a plate's twin owns the finger's tissue,
-that is the skin, and it is told what the worn devices take beside the plate; of several the first is, and all are told.
+A column of tissue, computed by finite volumes, implicit in time, as the deviation from rest.  Skin at rest loses heat
+to the air; a device that covers it takes heat instead of the air, and reports how much.  If a plate's twin has a model
+of the finger's tissue, that is the skin, and it is told what the worn devices take besides the plate; of several such
+plates the first one's model is the skin, and all are told.
 """
 
 from __future__ import annotations
@@ -21,20 +22,20 @@ Floats = NDArray[np.float64]
 
 #: Thickness of the first cell of the column [m], and how much thicker each is than the one above: 9 mm in all.
 FIRST, GROWTH = 5e-5, 1.15
-#: Conductivity [W/mK] and heat capacity [J/m3K] of skin, and heat that blood takes from it [W/m3K] below the epidermis,
-#: which is so thick [m]: epidermis and dermis of Torvi and Dale (1994), with the fingertip's thick epidermis.
+#: Conductivity [W/mK] and heat capacity [J/m3K] of skin, heat exchange with blood [W/m3K] below the epidermis, and the
+#: thickness of the epidermis [m]: epidermis and dermis of Torvi and Dale (1994), with the fingertip's thick epidermis.
 CONDUCTIVITY, CAPACITY, BLOOD, EPIDERMIS = 0.34, 4.0e6, 5e3, 7e-4
-#: Film [W/m2K] through which skin at rest gives its heat to the air.
+#: Heat transfer coefficient [W/m2K] from skin at rest to the air.
 AIR = 10.0
 
-#: Rows of the column's constants.
+#: Rows of the column's constants, and their number.
 _BELOW, _PIVOT, _KEPT, ROWS = 0, 1, 2, 3
-#: The skin's temperature now, and its lowest and highest so far.
+#: Places of the skin's temperature now, and of its lowest and highest so far.
 NOW, LOWEST, HIGHEST = 0, 1, 2
 
 
 def column(period: float) -> Floats:
-    """Return the constants of a step, shape (ROWS, CELLS): the elimination of the implicit step, done once."""
+    """Return a step's constants (``period`` [s]), shape (ROWS, CELLS): the implicit step's elimination, done once."""
     thick = FIRST * GROWTH ** np.arange(CELLS)
     between = CONDUCTIVITY / (0.5 * (thick + np.append(thick[1:], 0.0)))  # the deepest cell is half above the core
     above = np.append(0.0, between[:-1])
@@ -53,22 +54,23 @@ def wear(
     grid: Floats, tissue: Floats, skin: Floats, own: Floats, taken: Floats, beside: Floats, total: Floats,
     faces: Floats, rest: float, resting: float,
 ) -> int:  # fmt: skip
-    """Advance the skin by one period, and tell what is worn what presses on it; return 0.
+    """Advance the skin by one period, and write the force on each worn device; return 0.
 
     Parameters
     ----------
     grid, tissue
         The column's constants (`column`), and how much warmer its cells are than at rest [K], shape (CELLS,).
     skin
-        Temperature now, lowest, highest [K], shape (3,).
+        Temperature now, lowest, highest [K], shape (3,); written.
     own
-        The skin's temperature [K] where something else owns the finger's tissue, shape (1,); (0,): nothing does.
+        The skin's temperature [K] from another model of the finger's tissue, shape (1,); (0,): there is none.
     taken, beside
-        Heat that each worn device takes from the finger [W/m2], shape (n,); its sum, for each such owner, shape (m,).
+        Heat flux that each worn device takes from the finger [W/m2], shape (n,); written: the sum of these, once for
+        each other model of the tissue, shape (m,).
     total, faces
-        What acts on the finger [N], shape (1,); force and gap [m] of each worn device, shape (n, 2), written.
+        Force on the finger [N], shape (1,); written: force [N] and gap [m] of each worn device, shape (n, 2).
     rest, resting
-        The skin's temperature at rest [K], and the heat that it then gives to the air [W/m2].
+        The skin's temperature at rest [K], and the heat flux that it then loses to the air [W/m2].
     """
     drawn = 0.0
     for i in range(taken.shape[0]):
@@ -86,7 +88,7 @@ def wear(
 
 @kernel
 def _step(grid: Floats, tissue: Floats, out: float) -> float:
-    """Advance the column while a flux [W/m2] leaves its surface; return how much warmer that is than at rest [K]."""
+    """Advance the column under a flux out of its surface [W/m2]; return how much warmer that is than at rest [K]."""
     n = tissue.shape[0]
     for i in range(n):
         tissue[i] *= grid[_KEPT, i]
@@ -100,16 +102,17 @@ def _step(grid: Floats, tissue: Floats, out: float) -> float:
 
 
 class Skin:
-    """The skin of one finger's twin under what is worn on it, on its part of State.
+    """The skin of one finger's twin under worn devices, as views of State.
 
     Parameters
     ----------
     state, name, period
-        The State, the probe, and the servo period [s].
+        The State, the name of the probe, and the servo period [s].
     worn
-        The touch of each device that is worn.
+        The twin inputs of each worn device.
     owners
-        The skin's temperature, shape (1,), and the touch of each plate whose twin owns the finger's tissue.
+        The skin's temperature [K], shape (1,), and the twin inputs of each plate whose twin has a model of the finger's
+        tissue.
     rest, ambient
         Temperatures of the skin at rest and of the room [K].
     """
@@ -127,13 +130,13 @@ class Skin:
         for i, touch in enumerate(worn):
             touch.face, touch.taken, touch.skin = faces[i], taken[i : i + 1], self._skin[:1]
             touch.finger_attached = True
-        #: A period as one compiled call.
+        #: A step of one period as one compiled call.
         self.bound = Bound(
             wear, column(period), self._tissue, self._skin, own, taken, beside,
             state.flat(f"{name}.total_force", f"{name}.total_force"), faces, float(rest), float(AIR * (rest - ambient)),
         )  # fmt: skip
 
     def reset(self) -> None:
-        """Begin at rest."""
+        """Start at rest."""
         self._tissue[:] = 0.0
         self._skin[:] = self._rest

@@ -1,8 +1,8 @@
-"""A hand that waits on its path until the skin is as it was at the session's start, on its part of State.
+"""Waits of a hand on its path until the skin is back at its temperature at the session's start; all of it is State.
 
-The baseline is the mean of the first second of what is read, or of less if something is touched sooner; the skin now is
-the mean of the last 0.1 s of what is read while the finger is free.  While the hand waits, its path stands still; it
-goes on after the longest time in any case.
+The baseline is the mean of the readings of the first second, or of less if something is touched sooner; the skin's
+present temperature is the mean of the readings of the last 0.1 s in which the finger was free.  While the hand waits,
+its path is paused; after the longest time it goes on in any case.
 """
 
 from __future__ import annotations
@@ -31,21 +31,22 @@ NOT_YET, BACK, TOO_LONG = 0, 1, 2
 def look(
     skin: Any, valid: Any, object_: Any, force: Any, spans: Any, baseline: Any, averaged: Any, now: Any, fresh: Any
 ) -> int:
-    """Take in the skin of this tick; return 0.
+    """Update the means with the skin's reading of this tick; return 0.
 
     Parameters
     ----------
     skin, valid
-        What is read [K], of which the first entry counts, and whether it is valid, shape (1,).
+        The reading [K], of which the first number counts, and whether it is valid, shape (1,).
     object_, force
         The touched object (-1: none) and the plate's force on the finger [N], shape (1,).
     spans
-        Baseline, window and longest wait in ticks, shape (3,).
+        Lengths of baseline, window and longest wait [tick], shape (3,).
     baseline, averaged, now, fresh
-        The fields of State, shape (1,); written.
+        The fields of State, shape (1,); written: the baseline [K] and the number of readings in it, the mean now [K]
+        and the number of consecutive valid readings while nothing is touched.
     """
     touched = object_[0] >= 0 or force[0] > 0.0
-    if touched and averaged[0] > 0:  # what follows is not the skin of the start any more
+    if touched and averaged[0] > 0:  # later readings are no longer the skin at the start
         averaged[0] = spans[0]
     if touched or valid[0] == 0 or not (skin[0] > 0.0 and skin[0] < np.inf):
         fresh[0] = 0
@@ -63,18 +64,19 @@ def stay(
     ticks: Any, tick: Any, at: Any, within: Any, spans: Any, baseline: Any, averaged: Any, now: Any, fresh: Any,
     begin: Any, waited: Any, end: Any, found: Any,
 ) -> int:  # fmt: skip
-    """Return 1 if the hand waits in this tick, which would take it further along its path, else 0.
+    """Return 1 if the hand waits in this tick instead of moving on along its path, else 0.
 
     Parameters
     ----------
     ticks, tick
-        How far it is along its path, and the tick, shape (1,).
+        Ticks along its path, and the tick of the session, shape (1,).
     at, within
         Where on the path each wait is [tick], and how near the skin must be [K], shape (n,).
     spans, baseline, averaged, now, fresh
         As in ``look``.
     begin, waited, end, found
-        When each wait began, how long it has lasted [tick], how it ended, and the skin then [K], shape (n,); written.
+        When each wait began [tick], how long it has lasted [tick], how it ended, and the skin's temperature then [K],
+        shape (n,); written.
     """
     for k in range(at.shape[0]):
         if end[k] != NOT_YET:
@@ -101,10 +103,10 @@ def follow_waiting_path(
     done: int, skin: Any, valid: Any, object_: Any, force: Any, tick: Any, at: Any, within: Any, spans: Any,
     baseline: Any, averaged: Any, now: Any, fresh: Any, begin: Any, waited: Any, end: Any, found: Any,
 ) -> int:  # fmt: skip
-    """Move on along a hand's path by one tick, or wait; return 1, and leave it to Python, if it is led.
+    """Advance along a hand's path by one tick, or wait; if the hand is steered, return 1 and leave it to Python.
 
-    The first nine are those of ``mechanics.follow_path``, the others those of ``look`` and ``stay``, with their shapes,
-    such as ``time`` (1,) [s].
+    The first nine arguments are those of ``mechanics.follow_path``, the others those of ``look`` and ``stay``, with the
+    same shapes, such as ``time`` (1,) [s].
     """
     if steered[0] != 0:
         return 1
@@ -126,9 +128,9 @@ class Waits:
     Parameters
     ----------
     operator, name, state, period
-        Whose hand it is, of which probe, the State, and the servo period [s].
+        The operator whose hand it is, the name of the probe, the State, and the servo period [s].
     source
-        What tells the skin.
+        The reading of the skin's temperature.
     """
 
     def __init__(self, operator: Operator, name: str, state: Record, period: float, source: SkinSource) -> None:
@@ -141,7 +143,7 @@ class Waits:
             else:
                 time += target.hold
         own = f"{name}.hand"
-        #: What of State it reads and writes.
+        #: The fields of State that it reads, and those that it writes.
         self.reads = ("tick", source.field, source.valid, f"{name}.contact.object", f"{name}.plate_force")
         self.written = tuple(f"{own}.{field.name}" for field in wait_fields(len(at)))
         self.at, spans = np.array(at, np.int64), np.array(window_ticks(period), np.int64)
@@ -158,18 +160,18 @@ class Waits:
         self.stay.warm_up()
 
     def bound(self, *path: Any) -> Bound:
-        """Return the way along the path with its waits as one compiled call.
+        """Return the step along the path, with its waits, as one compiled call.
 
-        ``path`` as ``mechanics.follow_path`` takes it, such as the time (1,) [s].
+        ``path``: the arguments of ``mechanics.follow_path``, such as the time (1,) [s].
         """
         return Bound(follow_waiting_path, *path, *self._seen, *self._rules, *self._memory, *self._table)
 
     def reset(self) -> None:
-        """Begin without a baseline, and before the first wait."""
+        """Start without a baseline, before the first wait."""
         for field in (*self._memory, *self._table):
             field[...] = 0
         self._begin[...] = -1
 
     def pending(self, ticks: int) -> bool:
-        """Tell whether a wait that the hand has come to has not ended."""
+        """Tell whether the hand has come to a wait that has not ended yet."""
         return bool(np.any((self._end == NOT_YET) & (self.at <= ticks)))

@@ -1,4 +1,4 @@
-"""Mesh files: read with bounds, checked, mended, and kept for the next time."""
+"""Mesh files: read within bounds, checked, mended, and cached."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from itouch.contact.meshfile.mend import MeshFacts
     from itouch.contact.meshfile.source import KINDS, MeshFile, read_mesh_file
 
-#: Public name -> where it lives; loaded when it is first asked for: a scene without meshes starts without all this.
+#: Public name -> the module that has it, imported on first access: a scene without meshes starts without all this.
 _HOMES = {
     "KINDS": "source",
     "Finding": "faults",

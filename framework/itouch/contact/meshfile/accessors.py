@@ -1,4 +1,4 @@
-"""Arrays out of a glTF's buffers, each checked against the bytes that there are."""
+"""Arrays from a glTF's buffers, each checked against the bytes that are actually there."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, 
 
 
 def item(items: Any, index: Any) -> Any:
-    """Return an item of a list by an index out of a file; negative ones are none.
+    """Return an item of a list by an index read from a file; negative indices are refused.
 
     Raises
     ------
@@ -45,7 +45,7 @@ class Accessors:
         Raises
         ------
         ValueError, KeyError, TypeError
-            If it has other columns, or does not fit its buffer.
+            If it has another number of columns, or does not fit its buffer.
         """
         accessor = item(self._document["accessors"], index)
         if _COLUMNS[accessor["type"]] != columns:

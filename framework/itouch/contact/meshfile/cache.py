@@ -1,8 +1,8 @@
-"""Surfaces that were built before, kept by the digest of what they were built from.
+"""A cache of surfaces that were built before, by the digest of what they were built from.
 
-An entry is a file of its own: a line that names the format, the length and checksum of a JSON header, the header, then
-the three tables as they lie in memory. An entry that is cut, altered, or of another version counts as absent and is
-written anew, to a temporary file that takes its place at once. Nothing in an entry is code.
+Each entry is a file: a line that names the format, the length and checksum of a JSON header, the header, then the three
+tables as they are in memory. An entry that is truncated, altered, or of another version counts as absent and is written
+anew, to a temporary file that replaces it atomically. Nothing in an entry is code.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from itouch.contact.meshfile.limits import MAX_FACES, MAX_VERTICES
 from itouch.contact.meshfile.mend import MeshFacts
 from itouch.contact.surface import Surface
 
-#: Names another folder for the cache, or ``off`` for none.
+#: Environment variable that names another folder for the cache, or ``off`` for none.
 SWITCH = "ITOUCH_MESH_CACHE"
-#: Raised whenever tables or mends change their meaning.
+#: Increased whenever tables or mends change their meaning.
 VERSION = 2
-#: What all entries together may take [bytes]; the ones that were not used for longest go first.
+#: What all entries together may take [bytes]; the least recently used are removed first.
 CAPACITY = 2 << 30
 
 _MAGIC = b"itouch-py mesh\n"
@@ -45,30 +45,30 @@ _TABLES = (("<f8", 3), ("<i4", bvh.TRIANGLE_WIDTH), ("<f4", bvh.NODE_WIDTH))
 
 
 def folder() -> Path | None:
-    """Return where entries are kept, or None if nothing is kept."""
+    """Return the folder of the cache, or None if it is switched off."""
     return caches.folder("meshes", SWITCH)
 
 
 @cache
 def _code() -> str:
-    """Return the digest of the code that makes tables: what another edition of it has built is not used."""
+    """Return the digest of the code that builds tables: entries built by other code are not used."""
     here = Path(__file__).parent
     digest = hashlib.sha256()
     for path in (*sorted(here.glob("*.py")), *(here.parent / f"{name}.py" for name in _BUILDERS)):
-        with contextlib.suppress(OSError):  # a program packed into one file has no sources
+        with contextlib.suppress(OSError):  # a program packed into one file has no source files
             digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
 def key(digest: str, kind: str, scale: float) -> str:
-    """Return the key of a surface: of the file's content, and of all else that its tables depend on."""
+    """Return the key of a surface: a digest of the file's content and of all else that its tables depend on."""
     versions = (VERSION, metadata.version("itouch-py"), metadata.version("trimesh"), _code(), sys.byteorder)
     words = (digest, kind, float(scale).hex(), *versions)
     return hashlib.sha256(repr(words).encode()).hexdigest()[:40]
 
 
 def read(name: str) -> tuple[Surface, MeshFacts] | None:
-    """Return a kept surface, or None if there is no sound entry."""
+    """Return a cached surface with its facts, or None if there is no valid entry."""
     place = folder()
     if place is None:
         return None
@@ -82,14 +82,14 @@ def read(name: str) -> tuple[Surface, MeshFacts] | None:
         _check(*tables)
         facts = _facts(header["facts"])
         with contextlib.suppress(OSError):
-            os.utime(path)  # it was used now
+            os.utime(path)  # mark it as used
         return Surface.of_tables((tables[0], tables[1], tables[2]), is_solid=bool(header["solid"])), facts
     except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError, struct.error):
         return None
 
 
 def write(name: str, surface: Surface, facts: MeshFacts) -> None:
-    """Keep a surface; a folder that can't be written is no fault."""
+    """Cache a surface with its facts; if the folder cannot be written, do nothing."""
     place = folder()
     if place is not None:
         size = surface.memory_bytes + _LONGEST_HEADER
@@ -134,7 +134,7 @@ def _table(stream: Any, header: dict[str, Any], index: int) -> NDArray[Any]:
 
 
 def _check(vertices: NDArray[Any], triangles: NDArray[Any], nodes: NDArray[Any]) -> None:
-    """Raise ValueError unless every index is one of something: the kernels that follow them do not check."""
+    """Raise ValueError unless every index refers to an existing row: the kernels that follow them do not check."""
     corners, faces, across = triangles[:, :3], triangles[:, 3], triangles[:, 4:]
     sound = bool(np.isfinite(vertices).all()) and len(triangles) <= MAX_FACES
     sound &= bool(corners.min() >= 0 and corners.max() < len(vertices))

@@ -7,7 +7,7 @@ from typing import Literal
 
 
 class MeshError(ValueError):
-    """A mesh file that can't be used; ``code`` is stable and documented."""
+    """A mesh file that cannot be used; ``code`` is stable and documented."""
 
     def __init__(self, code: str, sentence: str, advice: str = "") -> None:
         super().__init__(sentence)
@@ -19,7 +19,7 @@ class MeshError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What a mesh's user should know: what was mended (a note), or what may be meant otherwise (a warning)."""
+    """What a mesh's user should know: what was mended (a note), or what may not be as intended (a warning)."""
 
     code: str
     sentence: str

@@ -1,4 +1,4 @@
-"""Findings of a mesh file as sentences: what was mended, and what may be meant otherwise, as its unit."""
+"""Findings of a mesh file as sentences: what was mended, and what may not be as intended, such as its unit."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 from itouch.contact.meshfile.faults import Finding, MeshError
 from itouch.contact.meshfile.mend import MeshFacts
 
-#: Extents that a finger's world has [m]; a mesh beyond them was probably meant in another unit.
+#: Usual extents of what a finger touches [m]; a mesh outside them was probably meant in another unit.
 SMALLEST, GREATEST = 1e-3, 10.0
-#: Extents that are no mesh to touch at all, and the farthest that a mesh may reach from its origin [m].
+#: Extents below and above which a mesh is refused; the greater is also how far it may reach from its origin [m].
 TOO_SMALL, TOO_LARGE = 1e-5, 100.0
 
 
 def check_size(low: NDArray[np.float64], high: NDArray[np.float64], shown: str) -> None:
-    """Refuse a mesh that can't be meant in metres, by the corners (3,) [m] of the box that holds it.
+    """Refuse a mesh that cannot be meant in metres, given the corners (3,) [m] of its bounding box.
 
     Raises
     ------
     MeshError
-        If it is smaller than TOO_SMALL, or reaches farther than TOO_LARGE from its origin.
+        If it is smaller than TOO_SMALL or larger than TOO_LARGE, or reaches farther than TOO_LARGE from its origin.
     """
     extent, reach = float((high - low).max()), float(np.maximum(-low, high).max())
     if extent > TOO_LARGE or extent < TOO_SMALL:
@@ -35,18 +35,18 @@ def check_size(low: NDArray[np.float64], high: NDArray[np.float64], shown: str) 
 
 
 def findings(facts: MeshFacts, shown: str, *, sides: str | None, scaled: bool = False) -> tuple[Finding, ...]:
-    """Return what to tell of a mesh, in the order of weight.
+    """Return what to tell of a mesh, warnings first.
 
     Parameters
     ----------
     facts
-        Of the mended mesh.
+        Facts of the mended mesh.
     shown
         The file's name.
     sides
-        "one" or "two" if its user said from which sides it is touched; None if nobody said.
+        "one" or "two" if the user said from which sides it is touched; None if not.
     scaled
-        Whether its user gave a scale: sizes are then meant as they are.
+        Whether the user gave a scale: an unusual size is then intended.
     """
     told = [*_sizes(facts, shown, scaled), *_surface(facts, shown, sides), *_mends(facts, shown)]
     return tuple(sorted(told, key=lambda finding: finding.severity != "warning"))
@@ -119,7 +119,7 @@ def _mends(facts: MeshFacts, shown: str) -> Iterator[Finding]:
     if facts.joined_seams:
         sentence = f"'{shown}': {_many(facts.joined_seams, 'vertex')} along seams joined to others close by"
         yield Finding("mesh-joined", sentence.replace("vertexs", "vertices"))
-    if facts.joined_vertices and not shown.lower().endswith(".stl"):  # an STL has no other way to say it
+    if facts.joined_vertices and not shown.lower().endswith(".stl"):  # an STL cannot share vertices
         sentence = f"'{shown}': {_many(facts.joined_vertices, 'vertex')} given more than once joined"
         yield Finding("mesh-joined", sentence.replace("vertexs", "vertices"))
 

@@ -1,8 +1,8 @@
-"""glTF 2.0 and its binary form GLB: the triangles of the scene, placed by its nodes; nothing else is looked at.
+"""glTF 2.0 and its binary form GLB: the triangles of the scene, placed by its nodes; nothing else is read.
 
-Read here and not by trimesh, because a stranger's file must be checked before it is followed: counts against the bytes
-that there are, nodes against circles, references against the folder. Once all that is checked, little is left for
-another reader; and trimesh 5.2 leaves out fans, sparse values, normalized integers and nodes without a scene.
+They are read here and not by trimesh, because an untrusted file must be checked before it is followed: counts against
+the bytes that are there, nodes against cycles, references against the folder. Once all that is checked, little is left
+for another reader; and trimesh 5.2 leaves out fans, sparse values, normalized integers and nodes without a scene.
 Materials, images and extensions stay unread.
 The format: Khronos Group, glTF 2.0 Specification, 2021.
 """
@@ -36,7 +36,7 @@ _BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, Overflow
 
 
 def embedded(data: bytes, shown: str, fetch: Callable[[str], bytes]) -> bytes:
-    """Return a .gltf with the buffers that it has in other files put into it; without such files, as it is.
+    """Return a .gltf with the buffers from other files embedded in it; without such files, return it as it is.
 
     Raises
     ------
@@ -57,7 +57,9 @@ def embedded(data: bytes, shown: str, fetch: Callable[[str], bytes]) -> bytes:
 
 
 def read_gltf(data: bytes, shown: str, *, binary: bool) -> tuple[list[Primitive], int]:
-    """Return the triangles of each placed primitive in the file's units, and how many points and lines were left out.
+    """Return the triangles of each placed primitive in the file's units, and the number of primitives left out.
+
+    Left out are primitives of points or lines.
 
     Raises
     ------
@@ -95,7 +97,7 @@ def _document(data: bytes) -> dict[str, Any]:
 
 
 def _opened(data: bytes) -> tuple[dict[str, Any], bytes]:
-    """Take a GLB apart into its JSON and its binary chunk."""
+    """Split a GLB into its JSON and its binary chunk."""
     magic, version, length = struct.unpack_from("<4sII", data)
     if magic != b"glTF" or version != 2:
         raise ValueError("it does not begin as a GLB of version 2")
@@ -171,7 +173,7 @@ def _primitives(primitives: list[dict[str, Any]], accessors: Accessors) -> Itera
         corners = _corners(order, mode)
         if corners.size and (corners.min() < 0 or corners.max() >= len(positions)):
             raise ValueError(f"a triangle names vertex {int(corners.max())} of {len(positions)}")
-        # Primitives often share one long list of vertices: keep those that this one uses.
+        # Primitives often share one long list of vertices: keep only those that this one uses.
         used, compact = np.unique(corners, return_inverse=True)
         yield positions[used].astype(np.float64), compact.reshape(-1, 3)
 
@@ -183,5 +185,5 @@ def _corners(order: NDArray[np.int64], mode: int) -> Faces:
     first, second, third = order[:count], order[1 : count + 1], order[2 : count + 2]
     if mode == _FAN:
         return np.stack([np.repeat(order[:1], count), second, third], axis=1)
-    odd = np.arange(count) % 2 == 1  # every other triangle of a strip is wound the other way
+    odd = np.arange(count) % 2 == 1  # every second triangle of a strip is wound the other way
     return np.stack([first, np.where(odd, third, second), np.where(odd, second, third)], axis=1)

@@ -1,4 +1,4 @@
-"""From a mesh file to a surface that can be touched: read, checked, mended, and kept for the next time."""
+"""From a mesh file to a surface that can be touched: read, checked, mended, and cached."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from itouch.contact.surface import Surface
 
 @dataclass(frozen=True, slots=True)
 class LoadedMesh:
-    """A surface out of a file.
+    """A surface loaded from a file.
 
     Attributes
     ----------
     surface
-        To be touched; in metres.
+        The surface to be touched, in metres.
     facts
         What was found and mended, in numbers.
     findings
-        What its user should know.
+        What the user should know of it.
     cached
         Whether the hierarchy came from the cache.
     """
@@ -53,7 +53,7 @@ def load_mesh(
     two_sided
         Whether it is touched from both sides.
     use_cache
-        Whether a hierarchy that was built before may be used, and this one be kept.
+        Whether a hierarchy that was built before may be used, and this one be cached.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def load_mesh(
 def load_source(
     source: MeshFile, *, scale: float = 1.0, sides: str | None = None, scaled: bool = False, use_cache: bool = True
 ) -> LoadedMesh:
-    """Make a surface of a mesh file's content.
+    """Make a surface from a mesh file's content.
 
     Parameters
     ----------
@@ -77,11 +77,11 @@ def load_source(
     scale
         Length of one unit of the file [m].
     sides
-        "one": touched from the front; "two": from both sides; None: from the front, but nobody said so.
+        "one": touched from the front; "two": from both sides; None: from the front by default, as the user did not say.
     scaled
-        Whether somebody said the scale; an odd size is then meant.
+        Whether the user gave the scale; an unusual size is then intended.
     use_cache
-        Whether a hierarchy that was built before may be used, and this one be kept.
+        Whether a hierarchy that was built before may be used, and this one be cached.
 
     Raises
     ------

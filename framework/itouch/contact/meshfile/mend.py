@@ -1,4 +1,4 @@
-"""Mends of a mesh that leave its shape as it is: what is given twice, what has no area, what is wound the wrong way."""
+"""Mends of a mesh that leave its shape unchanged: duplicates, triangles without area, wrong winding."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from itouch.contact.meshfile.volume import overlapping_pairs, parts_to_turn, sig
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_FLAT = 1e-12  # height over longest edge below which a triangle has no area that a float32 file can mean
+_FLAT = 1e-12  # height over longest edge below which a triangle has no area that a float32 file can express
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,27 +25,29 @@ class MeshFacts:
     Attributes
     ----------
     triangles, parts
-        How many are left, and in how many pieces they hang together.
+        Triangles that are left, and the connected parts that they form.
     joined_vertices
-        Vertices given more than once, which were made one.
+        Duplicate vertices that were merged.
     joined_seams
-        Vertices at borders that lay within SEAM of the mesh's size from others and were made one with them.
+        Vertices at borders that lay within SEAM times the mesh's size of others and were merged with them.
     unused_bad
         Vertices without finite coordinates that no triangle used.
     collapsed, repeated, flat
-        Triangles removed: with a corner twice, given twice, without area.
+        Triangles removed: with the same corner twice, given twice, without area.
     kept_flat
         Triangles without area that were kept, because they close the surface.
     turned_faces, turned_parts
-        Triangles turned round to agree with their neighbours; closed parts turned because they were inside out.
+        Triangles flipped to agree with their neighbours; closed parts flipped because they were inside out.
     one_sided
-        Places where no winding agrees (as on a Moebius band).
+        Pairs of triangles for which no winding agrees (as on a Moebius band).
     edges, open_edges, open_length, crowded_edges
-        All; those with one triangle, and how long they are together; those with three triangles and more.
+        All edges; those of a single triangle, and their total length [m]; those of three or more triangles.
     closed_parts, overlapping
-        Parts without open edges; pairs of them that reach into one another.
+        Parts without open edges; pairs of these that reach into one another.
+    left_out
+        Primitives of points or lines that the file also has.
     low, high
-        Corners of the box that holds it.
+        Corners of the bounding box.
     """
 
     triangles: int = 0
@@ -72,7 +74,7 @@ class MeshFacts:
 
 
 def check_finite(vertices: Floats, faces: Ints, shown: str) -> None:
-    """Refuse a mesh, vertices (v, 3) [m] and faces (n, 3), of which a triangle has a corner that is no finite number.
+    """Refuse a mesh, vertices (v, 3) [m] and faces (n, 3), if a triangle has a corner that is not finite.
 
     Raises
     ------
@@ -90,7 +92,7 @@ def check_finite(vertices: Floats, faces: Ints, shown: str) -> None:
 
 
 def mended(vertices: Floats, faces: Ints, shown: str, *, left_out: int = 0) -> tuple[Floats, Ints, MeshFacts]:
-    """Return the mesh with what could be mended mended, and what was found.
+    """Return the mesh, mended where that is possible, and the facts found.
 
     Parameters
     ----------
@@ -99,7 +101,7 @@ def mended(vertices: Floats, faces: Ints, shown: str, *, left_out: int = 0) -> t
     shown
         The file's name, for messages.
     left_out
-        Points and lines that the file also has.
+        Number of primitives of points or lines that the file also has.
 
     Raises
     ------
@@ -124,7 +126,7 @@ def mended(vertices: Floats, faces: Ints, shown: str, *, left_out: int = 0) -> t
 
 
 def _wound(vertices: Floats, faces: Ints, edges: Edges, facts: MeshFacts) -> tuple[Ints, MeshFacts]:
-    """Wind the faces of each part one way, closed parts with the front outside; add to the facts what is there now."""
+    """Wind the faces of each part consistently, closed parts with the front outside; complete the facts accordingly."""
     parts, turned, one_sided = joined(edges, len(faces))
     if one_sided:
         turned = np.zeros(len(faces), np.bool_)
@@ -154,14 +156,14 @@ def _without(faces: Ints, drop: NDArray[np.bool_]) -> tuple[Ints, int]:
 
 
 def _without_repetitions(faces: Ints, vertex_count: int) -> tuple[Ints, int, int]:
-    """Leave out faces with a corner twice, and faces given twice; also return how many of both."""
+    """Leave out faces with the same corner twice, and faces given twice; also return how many of each."""
     faces, collapsed = _without(faces, (faces == np.roll(faces, 1, axis=1)).any(axis=1))
     faces, repeated = _without(faces, _repeated(faces, vertex_count))
     return faces, collapsed, repeated
 
 
 def _repeated(faces: Ints, vertex_count: int) -> NDArray[np.bool_]:
-    """Mark faces that an earlier one equals, corners and winding; the same corners the other way round are a back."""
+    """Mark faces equal to an earlier one in corners and winding; the same corners wound the other way are a back."""
     start = np.argmin(faces, axis=1)
     rows = np.arange(len(faces))
     turned = [faces[rows, (start + k) % 3] for k in range(3)]
@@ -173,7 +175,7 @@ def _repeated(faces: Ints, vertex_count: int) -> NDArray[np.bool_]:
 
 
 def _without_flat(vertices: Floats, faces: Ints) -> tuple[Ints, Edges, int, int]:
-    """Leave out faces without area, unless a closed surface would open."""
+    """Leave out faces without area, unless that would open edges."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     longest = np.maximum(np.maximum(_squares(b - a), _squares(c - b)), _squares(a - c))
     flat = np.sqrt(_squares(np.cross(b - a, c - a))) <= _FLAT * longest
@@ -192,7 +194,7 @@ def _squares(rows: Floats) -> Floats:
 
 
 def _minority(vertices: Floats, faces: Ints, parts: Ints, turned: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """In each part, mark the side of the quarrel over winding that has less area."""
+    """In each part, mark for turning those of the two opposite windings that have the smaller area together."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     area = np.sqrt(_squares(np.cross(b - a, c - a)))
     against = np.bincount(parts, np.where(turned, area, -area)) > 0.0
@@ -206,7 +208,7 @@ def _open_length(vertices: Floats, faces: Ints, edges: Edges) -> float:
 
 
 def _closed(edges: Edges, parts: Ints) -> NDArray[np.bool_]:
-    """Tell of each part whether it has no open edge."""
+    """Tell for each part whether it has no open edge."""
     closed = np.ones(int(parts.max()) + 1, np.bool_)
     single = edges.order[edges.first[edges.count == 1]] // 3
     closed[parts[single]] = False

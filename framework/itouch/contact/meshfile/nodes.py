@@ -1,4 +1,4 @@
-"""The nodes of a glTF: which mesh stands where."""
+"""The nodes of a glTF: which mesh is placed where."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Floats = NDArray[np.float64]
 def placed_meshes(document: dict[str, Any]) -> Iterator[tuple[int, Floats]]:
     """Yield each placed mesh's index with the matrix (4, 4) from its frame to the scene's, parents before children.
 
-    Without a scene every root stands; without nodes every mesh stands once where it is.
+    Without a scene every root node is placed; without nodes every mesh is placed once, in its own frame.
 
     Raises
     ------
     ValueError, KeyError, TypeError
-        If the nodes are no tree, or a node's transform is not one.
+        If the nodes do not form trees, or a node's transform is not valid.
     """
     nodes = document.get("nodes", [])
     if len(nodes) > MAX_NODES:
@@ -52,7 +52,7 @@ def _roots(document: dict[str, Any], nodes: list[dict[str, Any]]) -> list[int]:
 
 
 def _matrix(node: dict[str, Any]) -> Floats:
-    """Return a node's own transform, T R S or the matrix that it gives by columns."""
+    """Return a node's own transform: T R S, or the matrix that the file gives column by column."""
     if "matrix" in node:
         matrix = np.array(node["matrix"], np.float64).reshape(4, 4).T
     else:

@@ -1,4 +1,4 @@
-"""From the bytes of a mesh file to triangles, by trimesh, for each format."""
+"""From the bytes of a mesh file to triangles, by trimesh for most formats."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ class Triangles:
     vertices
         (n, 3), not necessarily finite.
     faces
-        (m, 3), each an existing vertex.
+        (m, 3) indices of existing vertices.
     left_out
-        How many points and lines the file also has.
+        How many primitives of points or lines the file also has.
     """
 
     vertices: NDArray[np.float64]
@@ -45,7 +45,7 @@ class Triangles:
 
 
 def parse(source: MeshFile) -> Triangles:
-    """Read the triangles of a mesh file; several parts become one list.
+    """Read the triangles of a mesh file; several parts are joined into one list.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def parse(source: MeshFile) -> Triangles:
 
 @contextmanager
 def _unlogged() -> Iterator[None]:
-    """Keep trimesh from printing tracebacks of what it gets over: normals that can't be read, and the like."""
+    """Keep trimesh from logging tracebacks of errors that it recovers from, such as normals that cannot be read."""
     log, nowhere = logging.getLogger("trimesh"), logging.NullHandler()
     before, log.propagate = log.propagate, False
     log.addHandler(nowhere)
@@ -87,21 +87,21 @@ def _loaded(data: bytes, kind: str, shown: str) -> Iterator[tuple[NDArray[np.flo
     try:
         for piece in pieces(checked(data, kind, shown), kind):
             with warnings.catch_warnings(), _unlogged():
-                warnings.simplefilter("error")  # a number that can't be read is only a warning to numpy
+                warnings.simplefilter("error")  # NumPy only warns of a number that cannot be read
                 loaded = loader(io.BytesIO(piece), **more) if kind != "ply" else _ply(loader, piece)
             for part in loaded["geometry"].values() if "geometry" in loaded else [loaded]:
                 if part.get("faces") is not None and len(part["faces"]):
                     yield _part(part)
     except MeshError:
         raise
-    except Exception as error:  # a reader of a stranger's bytes may raise anything
+    except Exception as error:  # on untrusted bytes a parser may raise anything
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         sentence = f"'{shown}' is not a valid {kind.upper()} file: {reason}"
         raise MeshError("mesh-damaged", sentence, "is it complete? export it again") from None
 
 
 def _ply(loader: Any, data: bytes) -> dict[str, Any]:
-    """Read a PLY by trimesh; one with polygons of several sizes, which trimesh takes for damaged, without it."""
+    """Read a PLY by trimesh; read one with polygons of several sizes, which trimesh takes for damaged, without it."""
     try:
         loaded: dict[str, Any] = loader(io.BytesIO(data), skip_materials=True)
         return loaded

@@ -1,4 +1,4 @@
-"""The header of a PLY file; and binary ones with polygons of several sizes, which trimesh does not read."""
+"""The header of a PLY file, and binary PLY files with polygons of several sizes, which trimesh does not read."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from itouch.contact.meshfile.limits import MAX_FACES
 from itouch.contact.meshfile.polygons import fans
 
-#: Names of types -> letters of ``struct``.
+#: Name of a type -> its letter in ``struct``.
 TYPES = {
     "char": "b", "int8": "b", "uchar": "B", "uint8": "B", "short": "h", "int16": "h", "ushort": "H", "uint16": "H",
     "int": "i", "int32": "i", "uint": "I", "uint32": "I", "float": "f", "float32": "f", "double": "d", "float64": "d",
@@ -23,7 +23,7 @@ _FACES = ("vertex_index", "vertex_indices")
 
 @dataclass(frozen=True, slots=True)
 class Property:
-    """A column: its name and type; of a list, also the type of its length."""
+    """A column: its name and type; for a list, also the type of its length."""
 
     name: str
     kind: str
@@ -32,7 +32,7 @@ class Property:
 
 @dataclass(slots=True)
 class Element:
-    """A table: its name, how many rows it is said to have, and its columns."""
+    """A table: its name, the number of rows that the header declares, and its columns."""
 
     name: str
     rows: int
@@ -44,13 +44,13 @@ class Element:
         return any(p.length_kind for p in self.properties)
 
     def row_format(self, order: str) -> str:
-        """Return the format of a row without lists."""
+        """Return the ``struct`` format of a row without lists."""
         return order + "".join(p.kind for p in self.properties)
 
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What a PLY says of itself: its byte order (nothing in a text), its tables, and where they begin."""
+    """A PLY's header: its byte order (empty in a text file), its tables, and the offset at which they begin."""
 
     order: str
     elements: list[Element]
@@ -62,8 +62,8 @@ def read_header(data: bytes) -> Header:
 
     Raises
     ------
-    ValueError
-        If it is none.
+    ValueError, KeyError, IndexError
+        If it is not a valid header.
     """
     head = data[:_LONGEST_HEADER]
     end = head.find(b"end_header")
@@ -99,7 +99,7 @@ def _property(words: list[str]) -> Property:
 
 
 def read_polygons(data: bytes, header: Header) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the vertices (n, 3) and the triangles (m, 3) of a binary PLY whose faces are of any size.
+    """Return the vertices (n, 3) and the triangles (m, 3) of a binary PLY whose faces have any number of corners.
 
     Raises
     ------

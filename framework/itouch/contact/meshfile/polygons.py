@@ -1,4 +1,4 @@
-"""Polygons of mesh files as fans of triangles."""
+"""Polygons of mesh files, cut into fans of triangles."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ Ints = NDArray[np.int64]
 
 
 def fans(sizes: Ints, corners: Ints) -> Ints:
-    """Cut polygons into triangles that share their first corner; what has fewer than three corners is left out.
+    """Cut polygons into triangles that share the first corner; polygons with fewer than three corners are left out.
 
     Parameters
     ----------
     sizes
-        (n,) how many corners each polygon has.
+        (n,) number of corners of each polygon.
     corners
-        (sum of sizes,) the indices of the corners of all, one polygon after the other.
+        (sum of sizes,) indices of the corners, one polygon after the other.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What a file says of itself, checked against the bytes that there are, before anything is allocated for it."""
+"""What a mesh file declares, checked against the bytes that are there, before anything is allocated for it."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ _END_FACET = re.compile(rb"endfacet")
 _PIECE = 8 << 20
 _LINE_ENDS = (b"\n", b"\r", b"\x0b", b"\x0c", b"\x1c", b"\x1d", b"\x1e")
 _MOST_LINES = 4 * MAX_TEXT_VERTICES  # vertices, normals, textures, faces
-_SPARE_LINES = 1000  # comments and empty lines that are nobody's fault
+_SPARE_LINES = 1000  # comments and empty lines that are tolerated
 _VERTEX_LINE = re.compile(rb"(?m)^[ \t]*v[ \t]")
 _FACE_LINE = re.compile(rb"(?m)^[ \t]*f[ \t]([^\n]*)")
 
 
 def checked(data: bytes, kind: str, shown: str) -> bytes:
-    """Return what of the file is to be parsed.
+    """Return the part of the file that is to be parsed.
 
     Raises
     ------
     MeshError
-        If it is not of this format, is cut, announces more than it has, or is too large.
+        If it is not of this format, is truncated, declares more than it has, or is too large.
     """
     check = {"stl": _stl, "ply": _ply, "off": _off, "obj": _obj}[kind]
     text = {"stl": b"solid" in data[:32].lower(), "ply": b"format binary" not in data[:1024]}.get(kind, True)
@@ -46,7 +46,7 @@ def checked(data: bytes, kind: str, shown: str) -> bytes:
 
 
 def _plain_text(data: bytes) -> bytes:
-    """Return a text with line ends of one kind and without the byte order mark that some editors put before it."""
+    """Return a text with uniform line ends and without the byte order mark that some editors put in front."""
     data = data.removeprefix(b"\xef\xbb\xbf")
     return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
 
@@ -82,7 +82,7 @@ def _announced(data: bytes) -> int:
 
 
 def is_binary_stl(data: bytes) -> bool:
-    """Tell whether the length is that of the binary form; its header may well begin with 'solid'."""
+    """Tell whether the length is that of a binary STL; the header does not decide, as it may begin with 'solid' too."""
     announced = _announced(data)
     return announced >= 0 and 0 <= len(data) - _STL_HEAD - announced * _STL_ROW < _STL_ROW  # some writers pad the end
 
@@ -103,7 +103,7 @@ def _stl_text(data: bytes, shown: str) -> bytes:
 
 
 def pieces(data: bytes, kind: str) -> Iterator[bytes]:
-    """Cut a long STL in text between triangles: its parser takes ten times a file's size in memory."""
+    """Cut a long text STL into pieces between triangles: its parser takes ten times the size of its input in memory."""
     if kind != "stl" or len(data) <= _PIECE or is_binary_stl(data):
         yield data
         return
@@ -115,7 +115,7 @@ def pieces(data: bytes, kind: str) -> Iterator[bytes]:
 
 
 def _next_facet(data: bytes, at: int) -> int:
-    """Return where the first triangle that ends after ``at`` ends."""
+    """Return the end of the first triangle that ends after ``at``."""
     match = _END_FACET.search(data, at)
     return match.end() if match else len(data)
 
@@ -131,7 +131,7 @@ def _ply(data: bytes, shown: str) -> bytes:
         sizes = [struct.calcsize("<" + (p.length_kind or p.kind)) for p in element.properties]
         least += element.rows * (sum(sizes) if header.order else 2 * len(sizes))
     held = len(data) - header.start
-    if least > held + 1:  # the last line of a text may have no end
+    if least > held + 1:  # the last line of a text may lack its line end
         raise _not("PLY", shown, data, f"its header announces at least {least} bytes, it has {held}")
     if not header.order:
         _check_lines(data, sum(element.rows for element in header.elements), "PLY", shown)
@@ -147,7 +147,7 @@ def _ply_count(element: str, count: int, shown: str, binary: bool) -> None:
 
 
 def _check_lines(data: bytes, announced: int, kind: str, shown: str) -> None:
-    """Refuse a text of many more lines than its header announces: its parser would take each for a row."""
+    """Refuse a text with many more lines than its header declares: its parser would take each for a row."""
     if not data.isascii():
         raise _not(kind, shown, data, "it holds bytes that are no plain text")
     lines = sum(data.count(end) for end in _LINE_ENDS) - data.count(b"\r\n")
@@ -172,9 +172,9 @@ def _off(data: bytes, shown: str) -> bytes:
 
 
 def _plain_off(data: bytes, vertices: int, faces: int, shown: str) -> bytes:
-    """Keep an OFF's vertices and faces only, the faces as triangles: without comments, which may stand anywhere."""
+    """Keep only an OFF's vertices and faces, cut into triangles; comments, which may be anywhere, are dropped."""
     lines = [line for line in _COMMENT.sub(b"", data).splitlines() if line.strip()]
-    first = 1 if len(lines[0].split()) >= 3 else 2  # the counts may stand beside the OFF
+    first = 1 if len(lines[0].split()) >= 3 else 2  # the counts may be on the line of "OFF"
     rows = [line.split() for line in lines[first + vertices : first + vertices + faces]]
     triangles: list[bytes] = []
     for row in rows:
@@ -188,7 +188,7 @@ def _plain_off(data: bytes, vertices: int, faces: int, shown: str) -> bytes:
 
 
 def _fan(corners: list[bytes]) -> Iterator[bytes]:
-    """Cut a polygon into triangles that share its first corner."""
+    """Cut a polygon into triangles that share the first corner."""
     for second, third in pairwise(corners[1:]):
         yield b" ".join((corners[0], second, third))
 
@@ -215,10 +215,10 @@ def _obj(data: bytes, shown: str) -> bytes:
 
 
 def _plain_obj(data: bytes) -> bytes:
-    """Keep an OBJ's vertices and faces only, the faces as triangles of plain positive numbers.
+    """Keep only an OBJ's vertices and faces, cut into triangles with plain positive indices.
 
-    Names, materials, textures and normals are not felt; and numbers counted back from a line mean something else to a
-    parser that reads all vertices first.
+    Names, materials, textures and normals cannot be felt; and negative indices, which count back from their line, mean
+    something else to a parser that reads all vertices first.
     """
     lines, count = [], 0
     for raw in io.BytesIO(data.replace(b"\\\n", b" ")):

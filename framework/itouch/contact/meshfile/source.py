@@ -1,4 +1,4 @@
-"""The bytes of a mesh file: from inside one folder, of bounded size, complete in themselves."""
+"""The bytes of a mesh file: read inside one folder, bounded in size, and self-contained."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from itouch.contact.meshfile.faults import MeshError
 from itouch.contact.meshfile.gltf import embedded
 
-#: The file formats that are read, by the end of the file's name.
+#: The file formats that are read, by the file name's extension.
 KINDS = ("stl", "obj", "ply", "glb", "gltf", "off")
 #: Greatest size of a file, and of all that it refers to together [bytes].
 MAX_BYTES = 320 << 20
@@ -21,21 +21,21 @@ _PACKED = ((b"PK\x03\x04", "a zip archive"), (b"PK\x05\x06", "a zip archive"), (
            (b"\x28\xb5\x2f\xfd", "compressed by zstd"))  # fmt: skip
 
 
-# Without O_NONBLOCK a named pipe would hold the program until somebody writes into it; a link put in place of the file
-# after its path was resolved is not followed.
+# Without O_NONBLOCK a named pipe would block the program until somebody writes into it; with O_NOFOLLOW a link that
+# replaces the file after its path was resolved is not followed.
 _GUARDED = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0)
 
 
 @dataclass(frozen=True, slots=True)
 class MeshFile:
-    """The whole content of a mesh file, with all that it needs from other files put into it.
+    """The whole content of a mesh file, with all that it needs from other files embedded.
 
     Attributes
     ----------
     file
-        Its name as the scene says it; the end tells the format.
+        Its name as the scene gives it; the extension tells the format.
     data
-        The content. Of a glTF that refers to other files: the same glTF with their content inside.
+        The content. For a glTF that refers to other files: the same glTF with their content embedded.
     digest
         SHA-256 of ``data``, hexadecimal.
     """
@@ -46,12 +46,12 @@ class MeshFile:
 
     @classmethod
     def of(cls, file: str, data: bytes) -> MeshFile:
-        """Make it from bytes, as from a snapshot.
+        """Make it from bytes, such as those in a snapshot.
 
         Raises
         ------
         MeshError
-            If the name's end is none of KINDS.
+            If the name's extension is not in KINDS.
         """
         kind_of(file)
         return cls(file, data, hashlib.sha256(data).hexdigest())
@@ -63,12 +63,12 @@ class MeshFile:
 
 
 def kind_of(file: str) -> str:
-    """Tell a file's format by its name.
+    """Return a file's format, by its name.
 
     Raises
     ------
     MeshError
-        If it is none of KINDS.
+        If it is not in KINDS.
     """
     kind = os.path.splitext(file)[1].lower().removeprefix(".")
     if kind not in KINDS:
@@ -81,21 +81,21 @@ def kind_of(file: str) -> str:
 
 
 def read_mesh_file(path: str | os.PathLike[str], *, folder: str | None = None, name: str = "") -> MeshFile:
-    """Read a mesh file, and what a glTF refers to.
+    """Read a mesh file, and the files that a glTF refers to.
 
     Parameters
     ----------
     path
         The file.
     folder
-        Where everything must lie, links followed; default: the file's own folder.
+        Folder in which all files must be, after links are resolved; default: the file's own folder.
     name
         What to call it in messages and in the result; default: the path as given.
 
     Raises
     ------
     MeshError
-        If it is missing, no regular file, empty, too large, packed, outside ``folder``, or of another format.
+        If it is missing, no regular file, empty, too large, compressed, outside ``folder``, or of another format.
     """
     shown = name or os.fspath(path)
     kind = kind_of(shown)
@@ -112,7 +112,7 @@ def read_mesh_file(path: str | os.PathLike[str], *, folder: str | None = None, n
 
 
 def _beside(path: str, root: str, budget: int) -> Callable[[str], bytes]:
-    """Return a reader of files beside ``path`` that gives out ``budget`` bytes in all."""
+    """Return a function that reads files beside ``path``, at most ``budget`` bytes in all."""
     left = [budget]
 
     def fetch(uri: str) -> bytes:
@@ -124,7 +124,7 @@ def _beside(path: str, root: str, budget: int) -> Callable[[str], bytes]:
 
 
 def read_inside(path: str, root: str, shown: str, most: int) -> bytes:
-    """Read a regular file of at most ``most`` bytes that lies in the real folder ``root`` or below, links followed.
+    """Read a regular file of at most ``most`` bytes that is, with links resolved, in the real folder ``root`` or below.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def _size(status: os.stat_result, shown: str) -> int:
 
 
 def _whole(handle: int, size: int) -> bytes:
-    """Read ``size`` bytes, or to the end."""
+    """Read ``size`` bytes, or fewer if the file ends before."""
     parts = []
     while size > 0 and (part := os.read(handle, min(size, 1 << 24))):
         parts.append(part)

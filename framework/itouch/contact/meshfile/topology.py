@@ -1,4 +1,4 @@
-"""How the triangles of a mesh hang together: which edges they share, in which parts, and which way round."""
+"""How the triangles of a mesh are connected: which edges they share, which parts they form, and how they are wound."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Edges:
     Attributes
     ----------
     order
-        (3 m,) the edges, equal ones beside one another.
+        (3 m,) the edges, sorted so that equal ones are adjacent.
     first
-        Where in ``order`` each group of equal edges begins.
+        Where each group of equal edges begins in ``order``.
     count
         How many edges each group has: 1 at a border, 2 inside a surface.
     forward
@@ -37,7 +37,7 @@ class Edges:
 
     @classmethod
     def of(cls, faces: Ints, vertex_count: int) -> Edges:
-        """Find the edges of triangles (n, 3), whose corners are the indices of vertices below ``vertex_count``."""
+        """Find the edges of triangles (n, 3), whose corners are indices of vertices, all below ``vertex_count``."""
         ends = np.roll(faces, -1, axis=1)
         keys = (np.minimum(faces, ends) * vertex_count + np.maximum(faces, ends)).ravel()
         order = np.argsort(keys, kind="stable")
@@ -48,16 +48,16 @@ class Edges:
 
     @property
     def open(self) -> int:
-        """Edges that only one triangle has."""
+        """Number of edges that belong to a single triangle."""
         return int((self.count == 1).sum())
 
     @property
     def crowded(self) -> int:
-        """Edges that three or more triangles share."""
+        """Number of edges that three or more triangles share."""
         return int((self.count > 2).sum())
 
     def pairs(self) -> tuple[Ints, Ints, Flags]:
-        """Return the two edges that each pair of triangles shares, and whether both go the same way: a turned face."""
+        """Return the two edges at which triangles of a pair meet, and whether both run the same way: one is turned."""
         first = self.first[self.count == 2]
         one, other = self.order[first], self.order[first + 1]
         return one, other, self.forward[one] == self.forward[other]
@@ -65,7 +65,7 @@ class Edges:
 
 @entry
 def _join(one: Ints, other: Ints, same_way: Flags, parent: Ints, turned: Flags) -> int:
-    """Union of triangles by pairs, each knowing whether it is turned against its root; returns the contradictions."""
+    """Join triangles by pairs (union-find), tracking whether each is wound against its root; returns contradictions."""
     contradictions = 0
     for i in range(one.shape[0]):
         a, b, odd = one[i], other[i], same_way[i]
@@ -93,7 +93,7 @@ def _join(one: Ints, other: Ints, same_way: Flags, parent: Ints, turned: Flags) 
 
 @entry
 def _flatten(parent: Ints, turned: Flags) -> None:
-    """Let every triangle point at its root; roots have the least numbers, so that one pass is enough."""
+    """Let every triangle point at its root; roots have the lowest indices, so that one pass is enough."""
     for t in range(parent.shape[0]):
         up = parent[t]
         if parent[up] != up:
@@ -107,8 +107,8 @@ def joined(edges: Edges, face_count: int) -> tuple[Ints, Flags, int]:
     Returns
     -------
     tuple
-        For each triangle the number of its part, from 0; whether it is wound against the first triangle of its part;
-        and how many pairs contradict that (a surface with one side only).
+        For each triangle the index of its part, and whether it is wound against the first triangle of its part; and how
+        many pairs contradict that (as on a surface with only one side).
     """
     one, other, same_way = edges.pairs()
     parent, turned = np.arange(face_count), np.zeros(face_count, np.bool_)

@@ -1,4 +1,4 @@
-"""Vertices that are meant to be one: with equal coordinates, or side by side along a seam that rounding has opened."""
+"""Vertices that are meant to be one: with equal coordinates, or on the two sides of a seam that rounding has opened."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from itouch.contact.meshfile.topology import Edges
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: How far apart vertices of a seam may be, over the size of the mesh: what six digits in a file leave.
+#: How far apart vertices of a seam may be, as a share of the mesh's size: the rounding error of six digits in a file.
 SEAM = 2e-6
 _MIX = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0x165667B19E3779F9))
 
 
 def joined_vertices(vertices: Floats, faces: Ints) -> tuple[Floats, Ints, int]:
-    """Make vertices with equal coordinates one, and leave out those that no face uses.
+    """Merge vertices with equal coordinates, and leave out those that no face uses.
 
-    ``vertices`` (v, 3) [m], ``faces`` (n, 3); returns both, and how many vertices were given up.
+    ``vertices`` (v, 3) [m], ``faces`` (n, 3); returns both, and how many vertices were merged into others.
     """
     used = np.zeros(len(vertices), np.bool_)
     used[faces.ravel()] = True
@@ -33,7 +33,7 @@ def joined_vertices(vertices: Floats, faces: Ints) -> tuple[Floats, Ints, int]:
         words ^= words >> np.uint64(29)
     _, first, inverse = np.unique(words, return_index=True, return_inverse=True)
     if len(first) == len(vertices) or not np.array_equal(vertices[first][inverse], vertices):
-        return vertices, faces, 0  # nothing to join; or, once in 10^5 years, two words that agree by chance
+        return vertices, faces, 0  # nothing to merge; or, once in 10^5 years, two hashes that agree by chance
     keep = np.sort(first)  # in the order of the file
     rank = np.searchsorted(keep, first)
     return vertices[keep], rank[inverse][faces], len(vertices) - len(first)
@@ -42,8 +42,8 @@ def joined_vertices(vertices: Floats, faces: Ints) -> tuple[Floats, Ints, int]:
 def joined_seams(vertices: Floats, faces: Ints, edges: Edges) -> tuple[Ints, Edges, int]:
     """Sew borders together whose vertices lie within SEAM of one another, if that leaves fewer open edges.
 
-    Vertices stay where they are: faces use one of those that are close. Returns the faces, their edges, and how many
-    vertices were given up.
+    Vertices are not moved: of vertices close together, faces use a single one. Returns the faces, their edges, and how
+    many vertices were merged into others.
 
     ``vertices`` (v, 3) [m], ``faces`` (n, 3).
     """
@@ -65,7 +65,7 @@ def joined_seams(vertices: Floats, faces: Ints, edges: Edges) -> tuple[Ints, Edg
 
 
 def _groups(points: Floats, reach: float) -> Ints:
-    """For each point, the first of those that fall into one cell with it, of eight grids shifted by half a cell."""
+    """For each point, the first of the points that share a cell with it, in one of eight grids half a cell apart."""
     first = np.arange(len(points))
     if reach <= 0.0:
         return first

@@ -1,4 +1,4 @@
-"""What closed parts of a mesh enclose, and whether they reach into one another."""
+"""The volumes that closed parts of a mesh enclose, and whether parts reach into one another."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-_MOST_PARTS = 200  # parts that are compared with one another
-_MOST_WORK = 20_000_000  # triangles that are looked at for it
+_MOST_PARTS = 200  # greatest number of parts that are compared with one another
+_MOST_WORK = 20_000_000  # greatest number of triangles that are visited for this
 _SAMPLES = 12
 
 
 def signed_volumes(vertices: Floats, faces: Ints, parts: Ints) -> Floats:
-    """Return six times the volume of each part, negative if its front is inside; of use for closed parts.
+    """Return six times the volume of each part, negative if its front is inside; meaningful for closed parts.
 
     ``vertices`` (v, 3) [m], ``faces`` (n, 3), ``parts`` (n,) the part of each face; the volumes (parts,) in [m3].
     """
@@ -27,7 +27,7 @@ def signed_volumes(vertices: Floats, faces: Ints, parts: Ints) -> Floats:
 def parts_to_turn(vertices: Floats, faces: Ints, parts: Ints, closed: Flags, volumes: Floats) -> Flags:
     """Mark closed parts that are inside out, except the walls of cavities in other parts.
 
-    With very many inverted parts (a foam) the smaller ones count as cavities as soon as their box is in another's.
+    With very many inverted parts (a foam) the smaller ones count as cavities if their box is inside another part's box.
 
     ``vertices`` (v, 3) [m], ``faces`` (n, 3), ``parts`` (n,) the part of each face; ``closed``, ``volumes`` [m3]
     and what is returned (parts,).
@@ -46,7 +46,7 @@ def parts_to_turn(vertices: Floats, faces: Ints, parts: Ints, closed: Flags, vol
 
 
 def overlapping_pairs(vertices: Floats, faces: Ints, parts: Ints, solid: Flags) -> int:
-    """Count pairs of solid parts of which one has a vertex inside the other; with very many parts, of the largest.
+    """Count pairs of solid parts of which one has a sampled vertex inside the other; of very many, the largest only.
 
     ``vertices`` (v, 3) [m], ``faces`` (n, 3), ``parts`` (n,) the part of each face, ``solid`` (parts,).
     """
@@ -63,7 +63,7 @@ def overlapping_pairs(vertices: Floats, faces: Ints, parts: Ints, solid: Flags) 
 
 
 class _Shells:
-    """The largest of the closed parts, made to ask whether a point is inside one."""
+    """The largest of the closed parts, to ask whether points are inside them."""
 
     def __init__(self, vertices: Floats, faces: Ints, parts: Ints, which: Flags) -> None:
         self._order = np.argsort(parts, kind="stable")
@@ -76,7 +76,7 @@ class _Shells:
         self._work = _MOST_WORK
 
     def largest_first(self, which: Flags) -> list[int]:
-        """Return the marked parts, those with most triangles first."""
+        """Return the marked parts, those with the most triangles first."""
         marked = np.flatnonzero(which)
         sizes = np.diff(self._ends)[marked]
         return [int(part) for part in marked[np.argsort(-sizes, kind="stable")]]
@@ -85,13 +85,13 @@ class _Shells:
         return self._all[self._order[self._ends[part] : self._ends[part + 1]]]
 
     def around(self, part: int) -> list[int]:
-        """Parts whose box holds that of ``part``."""
+        """Parts whose box contains the box of ``part``."""
         low, high = self._low[self.numbers], self._high[self.numbers]
         holds = ((low <= self._low[part]) & (high >= self._high[part])).all(axis=1)
         return [self.numbers[i] for i in np.flatnonzero(holds) if self.numbers[i] != part]
 
     def touching(self, part: int) -> list[int]:
-        """Parts whose box meets that of ``part``."""
+        """Parts whose box overlaps the box of ``part``."""
         low, high = self._low[self.numbers], self._high[self.numbers]
         meets = ((low < self._high[part]) & (high > self._low[part])).all(axis=1)
         return [self.numbers[i] for i in np.flatnonzero(meets) if self.numbers[i] != part]

@@ -1,4 +1,4 @@
-"""The scene language: frozen descriptions in SI, one class an element; the fields are the grammar."""
+"""The scene language: frozen descriptions in SI, one class per element, whose fields are the grammar."""
 
 from itouch.scene.elements.document import Include, PluginPart
 from itouch.scene.elements.interaction import Interaction, Motion, Operator, Probe, To

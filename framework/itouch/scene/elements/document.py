@@ -1,4 +1,4 @@
-"""Elements `<include>`, and the parts of plugins in their own namespaces."""
+"""Element `<include>`, and the elements of plugins in their own namespaces."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from itouch.schema.fields import text
 class PluginPart:
     """An element of a plugin's namespace: ``<plugin:local>`` with the plugin's own parameters.
 
-    ``name`` is that of a modality (default: the local name), empty elsewhere.
+    ``name`` is the name of a modality (default: the local name), and empty for any other part.
     """
 
     plugin: str

@@ -62,7 +62,7 @@ class Probe:
 
 @dataclass(frozen=True, slots=True)
 class To:
-    """A target of the hand: it goes there on a minimum-jerk path in a given time, then stays, or waits for its skin."""
+    """A target of the hand, reached on a minimum-jerk path in a given time; there it stays, or waits for its skin."""
 
     TAG: ClassVar[str] = "to"
     pos: tuple[float, float, float] = quantity("m", size=3, low=-10, high=10, doc="target of the fingertip's centre")
@@ -77,7 +77,7 @@ class To:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """How the operator's hand moves: by targets, of which the first is where it starts, or as it was recorded."""
+    """How the operator's hand moves: from target to target, starting at the first one, or as it was recorded."""
 
     TAG: ClassVar[str] = "motion"
     REQUIRES: ClassVar[tuple[tuple[str, str], ...]] = (("recorded_probe", "file"),)

@@ -10,7 +10,7 @@ from itouch.schema.fields import children, file, flag, quantity
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """Where an object goes next: along a minimum-jerk path in a given time; then it stays there."""
+    """Where an object moves next, on a minimum-jerk path in a given time; there it stays for a while."""
 
     TAG: ClassVar[str] = "to"
     EXCLUSIVE: ClassVar[tuple[tuple[str, ...], ...]] = (("quat", "rpy"),)
@@ -29,7 +29,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class ObjectMotion:
-    """How an object moves from where it stands; the velocity of its surface is felt."""
+    """How an object moves from its initial pose; the velocity of its surface is felt."""
 
     TAG: ClassVar[str] = "motion"
     file: str = file(default="", doc="table of t x y z, or t x y z qw qx qy qz, in SI: .csv with a header, or .npy")
@@ -39,7 +39,7 @@ class ObjectMotion:
 
 @dataclass(frozen=True, slots=True)
 class Dynamics:
-    """A free rigid body: the object falls, is pushed and lifted, and presses on others (MuJoCo)."""
+    """A free rigid body: the object falls, can be pushed and lifted, and presses on others (MuJoCo)."""
 
     TAG: ClassVar[str] = "dynamics"
     mass: float = quantity("kg", low=1e-3, high=100, doc="its mass")

@@ -55,7 +55,7 @@ class Sphere(_Placed):
 
 @dataclass(frozen=True, slots=True)
 class Plane(_Placed):
-    """An endless plane through its origin; its own z axis points out of the solid."""
+    """An infinite plane through its origin; its own z axis points out of the solid."""
 
     TAG: ClassVar[str] = "plane"
 
@@ -80,7 +80,7 @@ class Cylinder(_Placed):
 
 @dataclass(frozen=True, slots=True)
 class Mesh(_Placed):
-    """A triangle mesh out of a file, about the file's origin."""
+    """A triangle mesh from a file, about the file's origin."""
 
     TAG: ClassVar[str] = "mesh"
     file: str = file(doc="its file, relative to this one: STL, OBJ, PLY, GLB, glTF or OFF")
@@ -92,13 +92,13 @@ class Mesh(_Placed):
     )
 
 
-#: The kinds of object that may stand in a world.
+#: The kinds of object that a world may contain.
 OBJECTS: tuple[type, ...] = (Box, Sphere, Plane, Capsule, Cylinder, Mesh)
 
 
 @dataclass(frozen=True, slots=True)
 class WorldElement:
-    """The virtual objects, and the room they stand in."""
+    """The virtual objects, and the room that they are in."""
 
     TAG: ClassVar[str] = "world"
     temperature: float = temperature(low=253.15, high=323.15, default=296.15, doc="temperature of the room")

@@ -10,7 +10,7 @@ from itouch.schema.fields import Spec, quantity
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """Rates of the servo loop and, by name, of modalities; each must divide the servo rate."""
+    """Rate of the servo loop and, by name, rates of modalities, each of which must divide the servo rate."""
 
     TAG: ClassVar[str] = "rates"
     OPEN: ClassVar[str] = "modalities"

@@ -7,13 +7,13 @@ from typing import ClassVar
 
 from itouch.schema.fields import children, choice, quantity, text
 
-#: What may stand in braces in the name of a recording.
+#: Placeholders that may be used in the name of a recording.
 PLACEHOLDERS = ("{scene}", "{time}", "{seed}")
 
 
 @dataclass(frozen=True, slots=True)
 class RecordChannels:
-    """More channels of State, at a rate of their own."""
+    """More fields of State to record, at a rate of their own."""
 
     TAG: ClassVar[str] = "channels"
     of: str = text(doc="names of State fields separated by blanks; * stands for anything: finger.* heat.desired")
@@ -24,7 +24,7 @@ class RecordChannels:
 
 @dataclass(frozen=True, slots=True)
 class RecordElement:
-    """Records the session as MCAP: all that a replay needs, and the channels that are chosen here."""
+    """Records the session as MCAP: everything that a replay needs, and the channels that are chosen here."""
 
     TAG: ClassVar[str] = "record"
     to: str = text(doc="file below the working folder, ending in .mcap; {scene}, {time} and {seed} are filled in")

@@ -24,7 +24,7 @@ from itouch.schema.fields import (
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """Where a device stands: its frame in the world, or in the frame of the device that carries it."""
+    """Where a device is mounted: its frame in the world, or in the frame of the device that carries it."""
 
     TAG: ClassVar[str] = "mount"
     EXCLUSIVE: ClassVar[tuple[tuple[str, ...], ...]] = (("quat", "rpy"),)
@@ -68,7 +68,7 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True)
 class DeviceElement:
-    """A device: the plugin that drives it, where it stands, its limits."""
+    """A device: the plugin that drives it, its mount and its limits."""
 
     TAG: ClassVar[str] = "device"
     name: str = name()

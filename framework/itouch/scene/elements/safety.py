@@ -1,4 +1,4 @@
-"""Elements `<safety>`: limits for the whole scene; `<faults>`: what it injects into its twins."""
+"""Elements `<safety>`: limits for the whole scene, and `<fault>`: what goes wrong with a twin, on purpose."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Safety:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A fault that is injected into the twin of a device, to see what follows; never into hardware."""
+    """A fault that is injected into the twin of a device, to see what follows from it; never into hardware."""
 
     TAG: ClassVar[str] = "fault"
     REQUIRES: ClassVar[tuple[tuple[str, str], ...]] = (("amount", "channel"),)
@@ -79,7 +79,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """All faults of a file; in the file they stand in `<itouch>` itself."""
+    """All faults of a file; in the file they are direct children of `<itouch>`."""
 
     TAG: ClassVar[str] = "faults"
     faults: tuple[Fault, ...] = children(Fault)

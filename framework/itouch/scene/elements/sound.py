@@ -1,4 +1,4 @@
-"""Element `<sound>`: how a surface sounds when it is struck, and when something slides over it."""
+"""Element `<sound>`: how a surface sounds when it is struck, and when the probe slides over it."""
 
 from __future__ import annotations
 

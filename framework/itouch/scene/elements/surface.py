@@ -28,7 +28,7 @@ class Texture:
 
 @dataclass(frozen=True, slots=True)
 class Layer:
-    """A layer under the surface."""
+    """A soft layer below the surface."""
 
     TAG: ClassVar[str] = "layer"
     thickness: float = quantity("m", low=1e-5, high=0.05, doc="how thick it is")
@@ -73,7 +73,7 @@ class Magnetic:
 
 @dataclass(frozen=True, slots=True)
 class Vibration:
-    """Vibration along the normal while touched: a steady one, and one that a tap sets off."""
+    """Vibration along the normal while touched: a steady one, and one that a tap starts."""
 
     TAG: ClassVar[str] = "vibration"
     amplitude: float = quantity("N", low=0.0, high=1.0, default=0.0, doc="amplitude of the steady vibration")
