@@ -183,8 +183,8 @@ def kelvin(subject: DeviceSubject) -> None:
             if abs(value - ROOM) > 40.0:
                 raise _fail(
                     f"'{channel.name}' reads {value:g} K in a room of {ROOM:g} K",
-                    "degrees Celsius" if abs(value + 273.15 - ROOM) < 40 else "a twin that ignores `stand`",
-                    "add 273.15; take the room from stand(ambient, ...)",
+                    "degrees Celsius" if abs(value + 273.15 - ROOM) < 40 else "a twin that ignores `set_environment`",
+                    "add 273.15; take the room from set_environment(ambient, ...)",
                 )
 
 
