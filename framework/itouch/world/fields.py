@@ -59,7 +59,9 @@ _SURFACE = (
     Field("surface.pressed", unit="s", doc="how long there has been a virtual contact"),
     Field("surface.felt", unit="1", doc="1 if the plate was felt in this contact"),
     Field("surface.felt_weight", unit="1", doc="weight of the measured force in `felt_force`"),
-    Field("felt_force", unit="N", doc="force the contact is felt with: the plate's where it is present, else the virtual"),
+    Field(
+        "felt_force", unit="N", doc="force the contact is felt with: the plate's where it is present, else the virtual"
+    ),
     Field(
         "surface.missed",
         unit="1",
@@ -131,7 +133,12 @@ def probe_fields(objects: int) -> tuple[Field, ...]:
             doc="number of the object that begins beside the touched place, within the fingertip's radius, -1: none",
         ),
         Field("beside_distance", unit="m", doc="how far that is along the surface, infinite if there is none"),
-        Field("plate", "i8", unit="1", doc="1 if the plate is what touches the finger, in a contact or still felt after it"),
+        Field(
+            "plate",
+            "i8",
+            unit="1",
+            doc="1 if the plate is what touches the finger, in a contact or still felt after it",
+        ),
         Field("contact.object", "i8", low=-1, high=objects - 1, unit="1", doc="object of the open contact, -1: none"),
         *_CONTACT,
     )
