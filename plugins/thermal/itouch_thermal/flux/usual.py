@@ -376,6 +376,13 @@ def press_on(before: Floats, now: float, part: float) -> float:
 
 
 @kernel
+def press_anew(before: Floats, now: float) -> float:
+    """Return how much a finger is being pressed on that has just come; as in `press_on`."""
+    before[0] = now + PRESS_FILTER / PRESSING
+    return float(press_on(before, now, 0.0))
+
+
+@kernel
 def _force(scene: Any) -> float:
     """Return the force on the plate [N], measured or virtual."""
     return float(abs(scene.load[2]) if scene.load.shape[0] > 0 else scene.normal_force[0])
