@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from itouch.compiling import kernel
 from itouch.loop import render
@@ -11,7 +13,7 @@ from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
 from itouch.loop.surface.memory import MISSED, RENDERS, SETTLED, WITHDRAWN
 from itouch.loop.touch import Toucher
-from itouch.plugin import Bound, Contact, ContactEvent, Record
+from itouch.plugin import Bound, HeardContact, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.twin.coupling import Coupling
 from itouch.world import ModalityModel, Model
@@ -55,6 +57,43 @@ def _note(
     return 0
 
 
+class _Entry(NamedTuple):
+    """What State keeps of the open contact for its entry, each (1,).
+
+    Whether the plate was there, for how many ticks, and whether it was missed; how far its top was below the surface
+    [m], NaN: not known; greatest force [N], depth [m] and area [m2], the speed of the impact [m/s], and when the plate
+    was touched first.
+    """
+
+    plate: Any
+    lasted: Any
+    missed: Any
+    gap: Any
+    peak: Any
+    deepest: Any
+    widest: Any
+    impact: Any
+    physical: Any
+
+
+@kernel
+def _begin(entry: Any, plate: Any, touched: Any, figures: Any, known: Any, event: Any) -> int:
+    """Begin an entry; return 0.
+
+    ``plate`` and ``touched`` (1,): whether the plate is there, and when it was touched first; ``known`` (1,): its top
+    [m], or (0,): there is none; ``event`` is the `HeardContact`.
+    """
+    entry.plate[0] = plate[0]
+    entry.lasted[0] = entry.missed[0] = 0
+    entry.gap[0] = np.nan
+    if known.shape[0] > 0 and math.isfinite(figures[render.SURFACE_HEIGHT]):
+        entry.gap[0] = (figures[render.SURFACE_HEIGHT] - known[0]) * event.normal[2]
+    entry.peak[0] = entry.deepest[0] = entry.widest[0] = 0.0
+    entry.impact[0] = event.speed[0]
+    entry.physical[0] = touched[0]
+    return 0
+
+
 class ContactLog:
     """Writes the report's entry of each contact of one probe."""
 
@@ -84,27 +123,21 @@ class ContactLog:
             self._peak, self._deepest, self._widest, self._physical, statistics.worst_height,
         )  # fmt: skip
         self.note.warm_up()
+        self._top = known if table is not None else np.zeros(0)
+        self._keys = (*_ALWAYS, *(one.key for modality in model.modalities for one in modality.instance.measured))
 
-    def hear(self, event: ContactEvent) -> None:
-        """Begin or end an entry."""
-        if event.kind is Contact.BEGIN:
-            self._plate[...] = self._toucher.plate
-            self._lasted[...] = self._missed[...] = 0
-            self._gap[...] = self._true_gap(event)
-            self._peak[...] = self._deepest[...] = self._widest[...] = 0.0
-            self._impact[...] = event.speed
-            self._physical[...] = self._coupling.touched
-        elif event.kind is Contact.END:
-            self._statistics.contacts.append(self.entry(event.tick))
+    def begins(self, event: HeardContact) -> Bound:
+        """Return what begins an entry, at BEGIN with these numbers."""
+        entry = _Entry(
+            self._plate, self._lasted, self._missed, self._gap, self._peak, self._deepest, self._widest, self._impact,
+            self._physical,
+        )  # fmt: skip
+        toucher, touched = self._toucher, self._coupling.touched
+        return Bound(_begin, entry, toucher.plate, touched, toucher.figures, self._top, event)
 
-    def _true_gap(self, event: ContactEvent) -> float:
-        """Return how far the plate's top is below the virtual surface, along the normal [m]."""
-        if self._table is None:
-            return math.nan
-        figures = self._toucher.figures
-        top = self._coupling.true_top.item() if self._table.model.twin else figures[render.PLATE_TOP].item()
-        height = figures[render.SURFACE_HEIGHT].item()
-        return (height - top) * event.normal[2] if math.isfinite(height) else math.nan
+    def end(self, tick: int) -> None:
+        """End the entry of the open contact."""
+        self._statistics.contacts.append(self.entry(tick))
 
     def _slid(self, met: float) -> bool:
         """Tell whether the finger met the plate [s] in a contact before this one: it slid from object to object."""
@@ -141,8 +174,7 @@ class ContactLog:
             "plate_gap_mm": _finite(float(self._gap) * 1e3),
             "plate_lead_ms": (begin - physical) * period * 1e3 if led else None,
         }
-        declared = (one.key for modality in self._model.modalities for one in modality.instance.measured)
-        for key in (*_ALWAYS, *declared):
+        for key in self._keys:
             entry.setdefault(key, None)
         for modality in self._model.modalities:
             entry.update(_measures(modality, self._seen, self._toucher.probe.name, index))

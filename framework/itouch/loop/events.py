@@ -5,42 +5,81 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
+from itouch.joining import is_newest, runner
 from itouch.loop import interpreter
 from itouch.loop.fault_attribution import foreign_write, modality_fault, with_replaced
+from itouch.loop.happening import BEGIN, END, MOVE, silent
 from itouch.loop.rig import ProbeRig
 from itouch.loop.write_access import Fence
 from itouch.plugin import Contact, ContactEvent, Record
 from itouch.world import ModalityModel, Model
-from itouch.world.state import EVENTS
+from itouch.world.plugin_errors import failing
+
+#: What a modality's compiled call has left to Python, and that it has written what is not its own, as a runner says it.
+_LEFT, _WRITTEN = 1, 2
+
+
+class _Listener:
+    """A modality that hears of contacts: by a compiled call between those of its fence, or in Python."""
+
+    def __init__(self, model: Model, one: ModalityModel, view: Record, state: Record) -> None:
+        self.one, self.view, self.fence = one, view, Fence([one], state)
+        self.kinds = frozenset(int(kind) for kind in one.instance.hears)
+        self.call: Callable[[], int] | None = None
 
 
 class Events:
     """Takes each event of a tick to all who hear it."""
 
     def __init__(self, model: Model, state: Record, rigs: Sequence[ProbeRig], views: Mapping[str, Record]) -> None:
-        self._model, self._rigs = model, rigs
-        self._modalities = [(one, views[one.name], Fence([one], state)) for one in model.modalities]
-        self._table, self._count = state["events.table"], state["events.count"]
-        self._probe_index = {probe.name: probe.index for probe in model.probes}
+        self._model = model
+        #: The numbers of the event that is told.
+        self._event = silent()
+        self._listeners = [_Listener(model, one, views[one.name], state) for one in model.modalities]
+        for listener in self._listeners:
+            listener.call = self._compiled(listener)
         #: Whether any modality wants an event a tick while a contact lasts.
         self.moves = any(Contact.MOVE in one.instance.hears for one in model.modalities)
+        self._rigs = [
+            (rig, runner((rig.toucher.happens(self.moves, self._event),)), runner((rig.log.begins(self._event),)))
+            for rig in rigs
+        ]
+
+    def _compiled(self, listener: _Listener) -> Callable[[], int] | None:
+        """Return what tells a modality of an event as one compiled call; None: it is Python."""
+        one = listener.one
+        if not listener.kinds or not is_newest(type(one.instance), "bound_contact", "on_contact"):
+            return None
+        with failing(f"modality '{one.name}'", "bound_contact", self._model.place_of(one.name)):
+            bound = one.instance.bound_contact(one.model, listener.view, self._event)
+        return None if bound is None else runner((listener.fence.keep, bound, listener.fence.look))
 
     def update(self, tick: int, ready: bool) -> None:
         """Deliver what has happened at every probe in this tick."""
-        for rig in self._rigs:
-            rig.toucher.events(tick, self.tell, self.moves)
+        for rig, happens, begins in self._rigs:
+            while (kind := happens() - 1) >= 0:
+                self._deliver(rig, kind, tick, begins)
+                if kind == MOVE:
+                    break
 
-    def tell(self, event: ContactEvent) -> None:
+    def _deliver(self, rig: ProbeRig, kind: int, tick: int, begins: Callable[[], int]) -> None:
         """Deliver an event; a log hears a contact begin before the modalities, and end after them."""
-        if event.kind is not Contact.MOVE:
-            self._remember(event)
-            if event.kind is Contact.BEGIN:
-                self._log(event)
-        for one, view, fence in self._modalities:
-            if event.kind in one.instance.hears:
-                self._tell(event, one, view, fence)
-        if event.kind is Contact.END:
-            self._log(event)
+        event: ContactEvent | None = None
+        if kind == BEGIN:
+            begins()
+        for listener in self._listeners:
+            if kind not in listener.kinds:
+                continue
+            found = 0 if listener.call is None or "on_contact" in getattr(listener.one.instance, "__dict__", ()) else listener.call()
+            if found < 0:
+                continue
+            if found >> 32 == _WRITTEN:
+                raise foreign_write(self._model, [listener.one], listener.fence.mend(), tick)
+            event = event or rig.toucher.event(self._event)
+            self._tell(event, listener)
+        if kind == END:
+            rig.log.end(tick)
+            rig.toucher.current[...] = -1
 
     def left_out(self, seconds: float, tick: int) -> None:
         """Let modalities know that so many seconds [s] were left out before a tick.
@@ -50,11 +89,15 @@ class Events:
         DeviceFaultError
             If one fails, or writes what is not its own.
         """
-        for one, view, fence in self._modalities:
-            self._call(one, fence, "left_out", tick, partial(one.instance.left_out, one.model, view, seconds))
+        for listener in self._listeners:
+            one = listener.one
+            call = partial(one.instance.left_out, one.model, listener.view, seconds)
+            self._call(one, listener.fence, "left_out", tick, call)
 
-    def _tell(self, event: ContactEvent, one: ModalityModel, view: Record, fence: Fence) -> None:
-        self._call(one, fence, "on_contact", event.tick, partial(one.instance.on_contact, event, one.model, view))
+    def _tell(self, event: ContactEvent, listener: _Listener) -> None:
+        one = listener.one
+        call = partial(one.instance.on_contact, event, one.model, listener.view)
+        self._call(one, listener.fence, "on_contact", event.tick, call)
 
     def _call(self, one: ModalityModel, fence: Fence, method: str, tick: int, call: Callable[[], None]) -> None:
         """Call a method of a modality; what it raises, or writes elsewhere, is a fault."""
@@ -72,15 +115,3 @@ class Events:
             changed = fence.mend()
         if changed:
             raise foreign_write(self._model, [one], changed, tick)
-
-    def _remember(self, event: ContactEvent) -> None:
-        count = int(self._count)
-        self._table[count % EVENTS] = (
-            event.kind, event.tick, self._probe_index[event.probe], event.object_index, *event[5:],
-        )  # fmt: skip
-        self._count[...] = count + 1
-
-    def _log(self, event: ContactEvent) -> None:
-        for rig in self._rigs:
-            if rig.probe.name == event.probe:
-                rig.log.hear(event)

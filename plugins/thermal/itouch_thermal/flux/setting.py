@@ -52,6 +52,7 @@ class FluxModel:
     ``preset_noise`` [A] is what lies on the current before a touch;
     ``wire`` says that readings and currents are late, and ``at`` at which places the display reads flux and plate;
     ``finger`` is that at rest, in steps of an update; ``lead`` is how long [s] the plate takes to where it is sent;
+    ``finger_number`` is that of the probe;
     ``hold`` is how many servo periods an update stands for, ``again`` after how many the start temperature is found
     anew.
     """
@@ -61,6 +62,7 @@ class FluxModel:
     params: FluxControlParams
     display: DisplayParams
     probe: str
+    finger_number: int
     heat: str
     objects: tuple[str, ...]
     materials: tuple[str, ...]
@@ -169,6 +171,7 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         params=params,
         display=display,
         probe=heat.probe,
+        finger_number=list(world.probes).index(heat.probe),
         heat=params.desired_from,
         objects=tuple(element.name for element in world.objects),
         materials=tuple(element.material_name for element in world.objects),
