@@ -9,6 +9,7 @@ import numpy as np
 
 from itouch.compiling import kernel
 from itouch.loop import render
+from itouch.loop.happening import BEGIN
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
 from itouch.loop.surface.memory import MISSED, RENDERS, SETTLED, WITHDRAWN
@@ -78,11 +79,13 @@ class _Entry(NamedTuple):
 
 @kernel
 def _begin(entry: Any, plate: Any, touched: Any, figures: Any, known: Any, event: Any) -> int:
-    """Begin an entry; return 0.
+    """Begin an entry if the event is BEGIN; return 0.
 
     ``plate`` and ``touched`` (1,): whether the plate is there, and when it was touched first; ``known`` (1,): its top
     [m], or (0,): there is none; ``event`` is the `HeardContact`.
     """
+    if event.kind[0] != BEGIN:
+        return 0
     entry.plate[0] = plate[0]
     entry.lasted[0] = entry.missed[0] = 0
     entry.gap[0] = np.nan

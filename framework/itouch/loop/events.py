@@ -5,27 +5,55 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
-from itouch.joining import is_newest, runner
-from itouch.loop import interpreter
+import numpy as np
+
+from itouch.joining import Chain, can_join, is_newest, runner
+from itouch.loop import carrying, happening, interpreter
 from itouch.loop.fault_attribution import foreign_write, modality_fault, with_replaced
-from itouch.loop.happening import BEGIN, END, MOVE, silent
 from itouch.loop.rig import ProbeRig
 from itouch.loop.write_access import Fence
-from itouch.plugin import Contact, ContactEvent, Record
+from itouch.plugin import Bound, Contact, HeardContact, Record
 from itouch.world import ModalityModel, Model
 from itouch.world.plugin_errors import failing
 
-#: What a modality's compiled call has left to Python, and that it has written what is not its own, as a runner says it.
-_LEFT, _WRITTEN = 1, 2
+#: How many calls tell a listener of an event: what its fence keeps, its own, and the look whether it has kept within.
+_CALLS = 3
 
 
 class _Listener:
     """A modality that hears of contacts: by a compiled call between those of its fence, or in Python."""
 
-    def __init__(self, model: Model, one: ModalityModel, view: Record, state: Record) -> None:
+    def __init__(self, model: Model, one: ModalityModel, view: Record, state: Record, event: HeardContact) -> None:
         self.one, self.view, self.fence = one, view, Fence([one], state)
         self.kinds = frozenset(int(kind) for kind in one.instance.hears)
-        self.call: Callable[[], int] | None = None
+        bound = None
+        if self.kinds and self._joins():
+            with failing(f"modality '{one.name}'", "bound_contact", model.place_of(one.name)):
+                bound = one.instance.bound_contact(one.model, view, event)
+        asks = Bound(happening.asks, event, sum(1 << kind for kind in self.kinds))
+        #: What a chain tells it by: the second call stops it where Python is wanted, the third where it wrote elsewhere.
+        self.calls = (self.fence.keep, asks if bound is None else bound, self.fence.look)
+        self.call = None if bound is None else runner(self.calls)
+
+    def _joins(self) -> bool:
+        """Tell whether the compiled call is what would run: neither an heir nor this one instance has another."""
+        instance = self.one.instance
+        own = "on_contact" in getattr(instance, "__dict__", ())
+        return not own and is_newest(type(instance), "bound_contact", "on_contact")
+
+
+class _Probe:
+    """A probe with what tells of its contacts."""
+
+    def __init__(self, rig: ProbeRig, moves: bool, event: HeardContact) -> None:
+        self.rig, arguments = rig, rig.toucher.happens(moves, event)
+        self.next = Bound(happening.next_told, *arguments)
+        self.begins = rig.log.begins(event)
+        #: What finds the next event, and what begins an entry of the log, from Python.
+        self.find, self.begin = runner((Bound(happening.happens, *arguments),)), runner((self.begins,))
+        #: Where the chain has stopped that tells of an event, shape (1,).
+        self.left = np.zeros(1, np.int64)
+        self.chain: Chain | None = None
 
 
 class Events:
@@ -34,52 +62,97 @@ class Events:
     def __init__(self, model: Model, state: Record, rigs: Sequence[ProbeRig], views: Mapping[str, Record]) -> None:
         self._model = model
         #: The numbers of the event that is told.
-        self._event = silent()
-        self._listeners = [_Listener(model, one, views[one.name], state) for one in model.modalities]
-        for listener in self._listeners:
-            listener.call = self._compiled(listener)
+        self._event = happening.silent()
+        self._listeners = [_Listener(model, one, views[one.name], state, self._event) for one in model.modalities]
         #: Whether any modality wants an event a tick while a contact lasts.
-        self.moves = any(Contact.MOVE in one.instance.hears for one in model.modalities)
-        self._rigs = [
-            (rig, runner((rig.toucher.happens(self.moves, self._event),)), runner((rig.log.begins(self._event),)))
-            for rig in rigs
-        ]
+        self._moves = any(Contact.MOVE in one.instance.hears for one in model.modalities)
+        self._probes = [_Probe(rig, self._moves, self._event) for rig in rigs]
+        self._around: Fence | None = None
+        self._carriers: list[ModalityModel] = []
+        #: One call for each probe, of which the first that has something to tell in Python says so.
+        self.bounds: tuple[Bound, ...] = ()
 
-    def _compiled(self, listener: _Listener) -> Callable[[], int] | None:
-        """Return what tells a modality of an event as one compiled call; None: it is Python."""
-        one = listener.one
-        if not listener.kinds or not is_newest(type(one.instance), "bound_contact", "on_contact"):
-            return None
-        with failing(f"modality '{one.name}'", "bound_contact", self._model.place_of(one.name)):
-            bound = one.instance.bound_contact(one.model, listener.view, self._event)
-        return None if bound is None else runner((listener.fence.keep, bound, listener.fence.look))
+    def join(self, around: Fence | None, carriers: list[ModalityModel]) -> None:
+        """Put together what a tick runs.
 
-    def update(self, tick: int, ready: bool) -> None:
-        """Deliver what has happened at every probe in this tick."""
-        for rig, happens, begins in self._rigs:
-            while (kind := happens() - 1) >= 0:
-                self._deliver(rig, kind, tick, begins)
-                if kind == MOVE:
-                    break
+        ``around``: a fence in the middle of which it is told, round modalities of which only the ``carriers`` have run.
+        """
+        self._around, self._carriers = around, carriers
+        self.bounds = tuple(self._bound(probe, number) for number, probe in enumerate(self._probes, 1))
 
-    def _deliver(self, rig: ProbeRig, kind: int, tick: int, begins: Callable[[], int]) -> None:
+    def _bound(self, probe: _Probe, number: int) -> Bound:
+        stirring = probe.rig.toucher.stirring
+        if not can_join():
+            return Bound(carrying.quiet, *stirring, self._moves)
+        own = [call for listener in self._listeners for call in (listener.calls if listener.kinds else ())]
+        fence = ((self._around.look,), (self._around.keep,)) if self._around is not None else ((), ())
+        more = Bound(happening.more, *stirring[2:4], self._event)
+        probe.chain = Chain([*fence[0], probe.next, probe.begins, *own, *fence[1], more])
+        probe.chain.warm_up()
+        return Bound(happening.tell, *stirring, self._moves, probe.chain.place, probe.left, number)
+
+    def answer(self, code: int, tick: int) -> None:
+        """Deliver in Python what a probe's call has left, and what has happened at the probes after it."""
+        first = code - 1 if self._probes[0].chain is not None else -1
+        if first >= 0:
+            self._go_on(self._probes[first], int(self._probes[first].left[0]), tick)
+        else:
+            self._look(tick)
+        for probe in self._probes[first + 1 :]:
+            self._update(probe, tick)
+        if self._around is not None:
+            self._around.take()
+
+    def _look(self, tick: int) -> None:
+        """See whether a modality that has run has written where it may not, before anything else writes there."""
+        if self._around is not None and (changed := self._around.mend()):
+            raise foreign_write(self._model, self._carriers, changed, tick)
+
+    def _go_on(self, probe: _Probe, found: int, tick: int) -> None:
+        """Go on where the calls of a probe have stopped, as ``Chain.run`` says it."""
+        call, code = (found >> 32) - (self._around is not None), found & 0xFFFFFFFF
+        hears = [listener for listener in self._listeners if listener.kinds]
+        if call < 0:
+            self._look(tick)
+        elif call == 0:
+            self._deliver(probe, code - 1, tick, hears)
+        elif call - 2 < _CALLS * len(hears):
+            number, which = divmod(call - 2, _CALLS)
+            if which == _CALLS - 1:
+                self._written(hears[number], tick)
+            self._tell(probe, hears[number])
+            self._deliver_to(probe, int(self._event.kind[0]), tick, hears[number + 1 :])
+        if not (call == 0 and code - 1 == happening.MOVE):
+            self._update(probe, tick)
+
+    def _update(self, probe: _Probe, tick: int) -> None:
+        """Deliver what has happened at a probe in this tick."""
+        hears = [listener for listener in self._listeners if listener.kinds]
+        while (code := probe.find()) >= 0:
+            self._deliver(probe, code - 1, tick, hears)
+            if code - 1 == happening.MOVE:
+                return
+
+    def _deliver(self, probe: _Probe, kind: int, tick: int, hears: Sequence[_Listener]) -> None:
         """Deliver an event; a log hears a contact begin before the modalities, and end after them."""
-        event: ContactEvent | None = None
-        if kind == BEGIN:
-            begins()
-        for listener in self._listeners:
-            if kind not in listener.kinds:
-                continue
-            found = 0 if listener.call is None or "on_contact" in getattr(listener.one.instance, "__dict__", ()) else listener.call()
-            if found < 0:
-                continue
-            if found >> 32 == _WRITTEN:
-                raise foreign_write(self._model, [listener.one], listener.fence.mend(), tick)
-            event = event or rig.toucher.event(self._event)
-            self._tell(event, listener)
-        if kind == END:
-            rig.log.end(tick)
-            rig.toucher.current[...] = -1
+        if kind == happening.BEGIN:
+            probe.begin()
+        self._deliver_to(probe, kind, tick, hears)
+        if kind == happening.END:
+            probe.rig.log.end(tick)
+            probe.rig.toucher.current[...] = -1
+
+    def _deliver_to(self, probe: _Probe, kind: int, tick: int, hears: Sequence[_Listener]) -> None:
+        for listener in hears:
+            if kind in listener.kinds:
+                found = 1 << 32 if listener.call is None else listener.call()
+                if found >> 32 == _CALLS - 1:
+                    self._written(listener, tick)
+                if found >= 0:
+                    self._tell(probe, listener)
+
+    def _written(self, listener: _Listener, tick: int) -> None:
+        raise foreign_write(self._model, [listener.one], listener.fence.mend(), tick)
 
     def left_out(self, seconds: float, tick: int) -> None:
         """Let modalities know that so many seconds [s] were left out before a tick.
@@ -94,8 +167,9 @@ class Events:
             call = partial(one.instance.left_out, one.model, listener.view, seconds)
             self._call(one, listener.fence, "left_out", tick, call)
 
-    def _tell(self, event: ContactEvent, listener: _Listener) -> None:
-        one = listener.one
+    def _tell(self, probe: _Probe, listener: _Listener) -> None:
+        """Tell a modality of the event in Python."""
+        event, one = probe.rig.toucher.event(self._event), listener.one
         call = partial(one.instance.on_contact, event, one.model, listener.view)
         self._call(one, listener.fence, "on_contact", event.tick, call)
 

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel
 from itouch.contact import layout as at
+from itouch.joining import run_chain
 from itouch.loop import render
+from itouch.loop.carrying import quiet
 from itouch.plugin import Contact, HeardContact
 
 Floats = NDArray[np.float64]
@@ -17,6 +19,8 @@ Numbers = NDArray[np.int64]
 
 #: The kinds of event, as compiled code compares them; a call returns the kind of what has happened and 1, or 0.
 NEAR, BEGIN, MOVE, END = (int(kind) for kind in (Contact.NEAR, Contact.BEGIN, Contact.MOVE, Contact.END))
+#: The kind of no event.
+NOTHING = -1
 #: A contact has ended when the probe was this far away [m], for so long [s].
 SEPARATION, SEPARATION_TIME = 1e-4, 0.020
 
@@ -155,6 +159,57 @@ def _remember(kept: Any, event: Any) -> None:
     numbers[15], numbers[16] = event.penetration[0], event.force[0]
     numbers[17], numbers[18] = event.time_to_contact[0], event.area[0]
     kept.count[0] += 1
+
+
+@kernel
+def next_told(seen: Any, kept: Any, event: Any, probe: int, moving: bool, moves: bool, patience: int) -> int:
+    """Find what happens next, as `happens`; ask for Python, as that returns it, but where NEAR, BEGIN or nothing does.
+
+    Nothing is an event of the kind NOTHING.
+    """
+    found = happens(seen, kept, event, probe, moving, moves, patience)
+    if found == 0:
+        event.kind[0] = NOTHING
+    return found if found in (1 + END, 1 + MOVE) else 0
+
+
+@kernel
+def more(current: Any, primary: Any, event: Any) -> int:
+    """Ask for Python if more may happen in the tick in which an object has come near; scalars have shape (1,)."""
+    return int(event.kind[0] == NEAR and (current[0] >= 0 or primary[0] >= 0))
+
+
+@kernel
+def asks(event: Any, kinds: int) -> int:
+    """Ask for Python at an event of these kinds, a bit for each."""
+    kind = event.kind[0]
+    return int(kind >= 0 and (kinds >> kind) & 1 != 0)
+
+
+@kernel
+def tell(
+    nearest: Any, near: Any, current: Any, primary: Any, separated: Any, moves: bool, chain: int, left: Any, number: int
+) -> int:  # fmt: skip
+    """Let those hear who are to hear of what happens at a probe, if anything does.
+
+    Parameters
+    ----------
+    nearest, near, current, primary, separated, moves
+        As in `carrying.quiet`.
+    chain
+        Where the calls stand by which they hear.
+    left
+        Where these have stopped, if one wants Python, shape (1,).
+    number
+        What is returned then, 1 or more.
+    """
+    if quiet(nearest, near, current, primary, separated, moves) == 0:
+        return 0
+    found = run_chain(chain, 0)
+    if found >= 0:
+        left[0] = found
+        return number
+    return 0
 
 
 def silent() -> HeardContact:

@@ -7,7 +7,7 @@ takes over.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -259,14 +259,13 @@ class Toucher:
         """Command the arm's part of the force."""
         self._pushed()
 
-    def quiet(self, moves: bool) -> Bound:
-        """Return what tells that there is no event in a tick."""
-        return Bound(
-            carrying.quiet, self._nearest, self.near_object, self.current, self.object, self.separated, moves
-        )  # fmt: skip
+    @property
+    def stirring(self) -> tuple[Any, ...]:
+        """What tells that there is an event in a tick: the first arguments of `carrying.quiet`."""
+        return self._nearest, self.near_object, self.current, self.object, self.separated
 
-    def happens(self, moves: bool, event: HeardContact) -> Bound:
-        """Return what tells the next event of a tick, as `happening.happens` says; ``moves``: MOVE is told, too."""
+    def happens(self, moves: bool, event: HeardContact) -> tuple[Any, ...]:
+        """Return the arguments of `happening.happens`; ``moves``: MOVE is told, too."""
         seen = happening.Seen(
             self._nearest, self.object, self.figures, self.result, self._poses, self._twists, self._tick
         )  # fmt: skip
@@ -274,7 +273,7 @@ class Toucher:
         kept = happening.Kept(
             self.near_object, self.current, self.separated, self.begin, self._count, table, table.view(np.float64)
         )  # fmt: skip
-        return Bound(happening.happens, seen, kept, event, self.probe.index, self._moving, moves, self._patience)
+        return seen, kept, event, self.probe.index, self._moving, moves, self._patience
 
     def event(self, heard: HeardContact) -> ContactEvent:
         """Return an event from its numbers, for who is told of it in Python."""

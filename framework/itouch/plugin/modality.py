@@ -329,8 +329,8 @@ class Modality(ABC):
     def bound_contact(self, model: Any, state: Record, event: HeardContact) -> Bound | None:
         """Return what ``on_contact`` does with these, which stay the same, as one compiled call; None: it is Python.
 
-        It is called for the kinds of event in ``hears``, with the numbers of each in ``event``.  A call that returns
-        another number than 0 has changed nothing, and leaves this event to ``on_contact``.
+        The numbers of an event stand in ``event`` then; where its kind is none of those in ``hears``, or -1, nothing is
+        done.  A call that returns another number than 0 has changed nothing, and leaves this event to ``on_contact``.
         """
         return None
 
