@@ -59,22 +59,29 @@ def _note(
 
 
 class _Entry(NamedTuple):
-    """What State keeps of the open contact for its entry, each (1,).
+    """What State keeps of the open contact for its entry, each of one number.
 
-    Whether the plate was there, for how many ticks, and whether it was missed; how far its top was below the surface
-    [m], NaN: not known; greatest force [N], depth [m] and area [m2], the speed of the impact [m/s], and when the plate
-    was touched first.
+    The object, and when it began; whether the plate was there, for how many ticks, and whether it was missed; how far
+    its top was below the surface [m], NaN: not known; greatest force [N], depth [m] and area [m2], the speed of the
+    impact [m/s], and when the plate was touched first.
     """
 
+    object: Any
+    begin: Any
     plate: Any
-    lasted: Any
-    missed: Any
-    gap: Any
-    peak: Any
-    deepest: Any
-    widest: Any
-    impact: Any
-    physical: Any
+    plate_ticks: Any
+    plate_missed: Any
+    plate_gap: Any
+    peak_force: Any
+    peak_penetration: Any
+    peak_area: Any
+    impact_speed: Any
+    physical_begin: Any
+
+    @classmethod
+    def of(cls, state: Record, probe: str) -> _Entry:
+        """Return the views of State."""
+        return cls(*(state[f"{probe}.contact.{field}"] for field in cls._fields))
 
 
 @kernel
@@ -87,13 +94,13 @@ def _begin(entry: Any, plate: Any, touched: Any, figures: Any, known: Any, event
     if event.kind[0] != BEGIN:
         return 0
     entry.plate[0] = plate[0]
-    entry.lasted[0] = entry.missed[0] = 0
-    entry.gap[0] = np.nan
+    entry.plate_ticks[0] = entry.plate_missed[0] = 0
+    entry.plate_gap[0] = np.nan
     if known.shape[0] > 0 and math.isfinite(figures[render.SURFACE_HEIGHT]):
-        entry.gap[0] = (figures[render.SURFACE_HEIGHT] - known[0]) * event.normal[2]
-    entry.peak[0] = entry.deepest[0] = entry.widest[0] = 0.0
-    entry.impact[0] = event.speed[0]
-    entry.physical[0] = touched[0]
+        entry.plate_gap[0] = (figures[render.SURFACE_HEIGHT] - known[0]) * event.normal[2]
+    entry.peak_force[0] = entry.peak_penetration[0] = entry.peak_area[0] = 0.0
+    entry.impact_speed[0] = event.speed[0]
+    entry.physical_begin[0] = touched[0]
     return 0
 
 
@@ -112,18 +119,14 @@ class ContactLog:
         self._model, self._toucher, self._table = model, toucher, table
         self._coupling, self._statistics, self._seen = coupling, statistics, WriteProtectedRecord(state, ())
         name = toucher.probe.name
-        self._plate, self._gap = state[f"{name}.contact.plate"], state[f"{name}.contact.plate_gap"]
-        self._peak, self._physical = state[f"{name}.contact.peak_force"], state[f"{name}.contact.physical_begin"]
-        self._deepest, self._widest = state[f"{name}.contact.peak_penetration"], state[f"{name}.contact.peak_area"]
-        self._lasted, self._missed = state[f"{name}.contact.plate_ticks"], state[f"{name}.contact.plate_missed"]
-        self._impact = state[f"{name}.contact.impact_speed"]
+        self._entry = entry = _Entry.of(state, name)
         figures = toucher.figures
         known = coupling.true_top if table is not None and table.model.twin else figures[render.PLATE_TOP :][:1]
         #: Follows the open contact; called at the end of each tick.
         self.note = Bound(
-            _note, toucher.current, coupling.total, coupling.touched, figures, known, toucher.plate, self._plate,
-            self._lasted, self._missed, toucher.surface, state[f"{name}.plate_force"],
-            self._peak, self._deepest, self._widest, self._physical, statistics.worst_height,
+            _note, toucher.current, coupling.total, coupling.touched, figures, known, toucher.plate, entry.plate,
+            entry.plate_ticks, entry.plate_missed, toucher.surface, state[f"{name}.plate_force"], entry.peak_force,
+            entry.peak_penetration, entry.peak_area, entry.physical_begin, statistics.worst_height,
         )  # fmt: skip
         self.note.warm_up()
         self._top = known if table is not None else np.zeros(0)
@@ -131,21 +134,21 @@ class ContactLog:
 
     def begins(self, event: HeardContact) -> Bound:
         """Return what begins an entry, at BEGIN with these numbers."""
-        entry = _Entry(
-            self._plate, self._lasted, self._missed, self._gap, self._peak, self._deepest, self._widest, self._impact,
-            self._physical,
-        )  # fmt: skip
         toucher, touched = self._toucher, self._coupling.touched
-        return Bound(_begin, entry, toucher.plate, touched, toucher.figures, self._top, event)
+        return Bound(_begin, self._entry, toucher.plate, touched, toucher.figures, self._top, event)
 
     def end(self, tick: int) -> None:
         """End the entry of the open contact."""
         self._statistics.contacts.append(self.entry(tick))
 
+    def settle(self, tick: int, state: Record) -> None:
+        """Add the entry of a contact that has ended at a tick, from State as it was then."""
+        self._statistics.closed.append(self.entry(tick, state))
+
     def _slid(self, met: float) -> bool:
         """Tell whether the finger met the plate [s] in a contact before this one: it slid from object to object."""
         name = self._toucher.probe.name
-        before = next((one for one in reversed(self._statistics.contacts) if one["probe"] == name), None)
+        before = next((one for one in reversed(self._statistics.closed) if one["probe"] == name), None)
         return before is not None and before["end_s"] is not None and met < before["end_s"] - 0.5 * self._model.period
 
     @property
@@ -153,34 +156,39 @@ class ContactLog:
         """Whether a contact is open."""
         return int(self._toucher.current) >= 0
 
-    def entry(self, end: int | None) -> dict[str, Any]:
-        """Return the report's entry of the open contact, which ends at a tick or is still open."""
-        index = int(self._toucher.current)
+    def entry(self, end: int | None, state: Record | None = None) -> dict[str, Any]:
+        """Return the report's entry of the open contact, which ends at a tick or is still open.
+
+        ``state``: as it was then, if that was earlier.
+        """
+        name, period = self._toucher.probe.name, self._model.period
+        kept, seen = self._entry, self._seen
+        if state is not None:
+            kept, seen = _Entry.of(state, name), WriteProtectedRecord(state, ())
+        index, begin, physical = int(kept.object), int(kept.begin), int(kept.physical_begin)
         element = self._model.scene.objects[index]
-        begin, period = int(self._toucher.begin), self._model.period
-        physical = int(self._physical)
-        led = physical >= 0 and bool(self._plate) and not self._slid(physical * period)
+        led = physical >= 0 and bool(kept.plate) and not self._slid(physical * period)
         entry: dict[str, Any] = {
-            "probe": self._toucher.probe.name,
+            "probe": name,
             "object": element.name,
             "material": element.material,
             "begin_s": begin * period,
             "end_s": None if end is None else end * period,
-            "plate": bool(self._plate),
-            "plate_s": int(self._lasted) * period if self._table is not None else None,
-            "plate_missed": bool(int(self._missed) & 1) if self._table is not None else None,
-            "plate_withdrawn": bool(int(self._missed) & 2) if self._table is not None else None,
-            "peak_force_N": float(self._peak),
-            "peak_penetration_mm": float(self._deepest) * 1e3,
-            "peak_area_mm2": float(self._widest) * 1e6,
-            "impact_speed_m_s": float(self._impact),
-            "plate_gap_mm": _finite(float(self._gap) * 1e3),
+            "plate": bool(kept.plate),
+            "plate_s": int(kept.plate_ticks) * period if self._table is not None else None,
+            "plate_missed": bool(int(kept.plate_missed) & 1) if self._table is not None else None,
+            "plate_withdrawn": bool(int(kept.plate_missed) & 2) if self._table is not None else None,
+            "peak_force_N": float(kept.peak_force),
+            "peak_penetration_mm": float(kept.peak_penetration) * 1e3,
+            "peak_area_mm2": float(kept.peak_area) * 1e6,
+            "impact_speed_m_s": float(kept.impact_speed),
+            "plate_gap_mm": _finite(float(kept.plate_gap) * 1e3),
             "plate_lead_ms": (begin - physical) * period * 1e3 if led else None,
         }
         for key in self._keys:
             entry.setdefault(key, None)
         for modality in self._model.modalities:
-            entry.update(_measures(modality, self._seen, self._toucher.probe.name, index))
+            entry.update(_measures(modality, seen, name, index))
         return entry
 
 

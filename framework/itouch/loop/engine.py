@@ -85,7 +85,7 @@ class Engine:
         )
         self._tick, self._ready = self.state["tick"], self.state["ready"]
         views = {one.name: view_for(one, self.state) for one in model.modalities}
-        self._events = Events(model, self.state, self._rigs, views)
+        self._events = Events(model, self.state, self._rigs, views, self.statistics)
         self._operator = OperatorCommands(model, self.state, self._runners, self._rigs, self.statistics)
         self._safe_shutdown = SafeShutdown(
             model, self.state, self._all, self._rigs, self.statistics, self._operator.injected

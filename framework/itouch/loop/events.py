@@ -11,6 +11,7 @@ from itouch.joining import Chain, can_join, is_newest, runner
 from itouch.loop import carrying, happening, interpreter
 from itouch.loop.fault_attribution import foreign_write, modality_fault, with_replaced
 from itouch.loop.rig import ProbeRig
+from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.write_access import Fence
 from itouch.plugin import Bound, Contact, HeardContact, Record
 from itouch.world import ModalityModel, Model
@@ -45,10 +46,10 @@ class _Listener:
 class _Probe:
     """A probe with what tells of its contacts."""
 
-    def __init__(self, rig: ProbeRig, moves: bool, event: HeardContact) -> None:
+    def __init__(self, rig: ProbeRig, moves: bool, event: HeardContact, ended: happening.Ended) -> None:
         self.rig, arguments = rig, rig.toucher.happens(moves, event)
-        self.next = Bound(happening.next_told, *arguments)
-        self.begins = rig.log.begins(event)
+        self.next = Bound(happening.next_told, *arguments, ended)
+        self.begins, self.ends = rig.log.begins(event), Bound(happening.close, event, rig.toucher.current, ended)
         #: What finds the next event, and what begins an entry of the log, from Python.
         self.find, self.begin = runner((Bound(happening.happens, *arguments),)), runner((self.begins,))
         #: Where the chain has stopped that tells of an event, shape (1,).
@@ -56,17 +57,29 @@ class _Probe:
         self.chain: Chain | None = None
 
 
+def _ended(state: Record, kept: Record) -> happening.Ended:
+    """Return what keeps State for the entry of a contact that ends."""
+    kind = np.uint8 if state.nbytes % 8 else np.int64
+    return happening.Ended(state.raw.view(kind), kept.raw.view(kind), *(np.zeros(1, np.int64) for _ in range(3)))
+
+
 class Events:
     """Takes each event of a tick to all who hear it."""
 
-    def __init__(self, model: Model, state: Record, rigs: Sequence[ProbeRig], views: Mapping[str, Record]) -> None:
+    def __init__(
+        self, model: Model, state: Record, rigs: Sequence[ProbeRig], views: Mapping[str, Record],
+        statistics: RunStatistics,
+    ) -> None:  # fmt: skip
         self._model = model
         #: The numbers of the event that is told.
         self._event = happening.silent()
         self._listeners = [_Listener(model, one, views[one.name], state, self._event) for one in model.modalities]
         #: Whether any modality wants an event a tick while a contact lasts.
         self._moves = any(Contact.MOVE in one.instance.hears for one in model.modalities)
-        self._probes = [_Probe(rig, self._moves, self._event) for rig in rigs]
+        self._kept = state.copy()
+        self._ended = _ended(state, self._kept)
+        self._probes = [_Probe(rig, self._moves, self._event, self._ended) for rig in rigs]
+        statistics.settle = self._settle
         self._around: Fence | None = None
         self._carriers: list[ModalityModel] = []
         #: One call for each probe, of which the first that has something to tell in Python says so.
@@ -86,10 +99,15 @@ class Events:
             return Bound(carrying.quiet, *stirring, self._moves)
         own = [call for listener in self._listeners for call in (listener.calls if listener.kinds else ())]
         fence = ((self._around.look,), (self._around.keep,)) if self._around is not None else ((), ())
-        more = Bound(happening.more, *stirring[2:4], self._event)
-        probe.chain = Chain([*fence[0], probe.next, probe.begins, *own, *fence[1], more])
+        probe.chain = Chain([*fence[0], probe.next, probe.begins, *own, probe.ends, *fence[1]])
         probe.chain.warm_up()
-        return Bound(happening.tell, *stirring, self._moves, probe.chain.place, probe.left, number)
+        return Bound(happening.tell, *stirring, self._moves, self._event, probe.chain.place, probe.left, number)
+
+    def _settle(self) -> None:
+        """Make the entry of the contact that has ended last, if that is still to be done."""
+        if self._ended.open[0]:
+            self._ended.open[0] = 0
+            self._probes[int(self._ended.probe[0])].rig.log.settle(int(self._ended.tick[0]), self._kept)
 
     def answer(self, code: int, tick: int) -> None:
         """Deliver in Python what a probe's call has left, and what has happened at the probes after it."""
@@ -110,19 +128,20 @@ class Events:
 
     def _go_on(self, probe: _Probe, found: int, tick: int) -> None:
         """Go on where the calls of a probe have stopped, as ``Chain.run`` says it."""
-        call, code = (found >> 32) - (self._around is not None), found & 0xFFFFFFFF
-        hears = [listener for listener in self._listeners if listener.kinds]
+        call = (found >> 32) - (self._around is not None)
+        hears, kind = [listener for listener in self._listeners if listener.kinds], int(self._event.kind[0])
         if call < 0:
             self._look(tick)
         elif call == 0:
-            self._deliver(probe, code - 1, tick, hears)
-        elif call - 2 < _CALLS * len(hears):
+            self._deliver(probe, kind, tick, hears)
+        else:
             number, which = divmod(call - 2, _CALLS)
             if which == _CALLS - 1:
                 self._written(hears[number], tick)
             self._tell(probe, hears[number])
-            self._deliver_to(probe, int(self._event.kind[0]), tick, hears[number + 1 :])
-        if not (call == 0 and code - 1 == happening.MOVE):
+            self._deliver_to(probe, kind, tick, hears[number + 1 :])
+            self._close(probe, kind, tick)
+        if kind != happening.MOVE:
             self._update(probe, tick)
 
     def _update(self, probe: _Probe, tick: int) -> None:
@@ -138,6 +157,10 @@ class Events:
         if kind == happening.BEGIN:
             probe.begin()
         self._deliver_to(probe, kind, tick, hears)
+        self._close(probe, kind, tick)
+
+    def _close(self, probe: _Probe, kind: int, tick: int) -> None:
+        """At END, end the entry of the log."""
         if kind == happening.END:
             probe.rig.log.end(tick)
             probe.rig.toucher.current[...] = -1

@@ -161,22 +161,45 @@ def _remember(kept: Any, event: Any) -> None:
     kept.count[0] += 1
 
 
-@kernel
-def next_told(seen: Any, kept: Any, event: Any, probe: int, moving: bool, moves: bool, patience: int) -> int:
-    """Find what happens next, as `happens`; ask for Python, as that returns it, but where NEAR, BEGIN or nothing does.
+class Ended(NamedTuple):
+    """The contact that has ended last, if its entry is still to be made: State as it was then.
 
-    Nothing is an event of the kind NOTHING.
+    State and its copy (n,), as whole words if it consists of such; ``open`` (1,): whether the entry is to be made, and
+    the tick and the number of the probe, (1,).
+    """
+
+    state: NDArray[Any]
+    copy: NDArray[Any]
+    open: Numbers
+    tick: Numbers
+    probe: Numbers
+
+
+@kernel
+def next_told(
+    seen: Any, kept: Any, event: Any, probe: int, moving: bool, moves: bool, patience: int, ended: Any
+) -> int:  # fmt: skip
+    """Find what happens next, as `happens`; nothing is an event of the kind NOTHING.
+
+    Ask for Python, as `happens` returns it, where a contact ends and the entry of another one is still to be made.
     """
     found = happens(seen, kept, event, probe, moving, moves, patience)
     if found == 0:
         event.kind[0] = NOTHING
-    return found if found in (1 + END, 1 + MOVE) else 0
+    return found if found == 1 + END and ended.open[0] != 0 else 0
 
 
 @kernel
-def more(current: Any, primary: Any, event: Any) -> int:
-    """Ask for Python if more may happen in the tick in which an object has come near; scalars have shape (1,)."""
-    return int(event.kind[0] == NEAR and (current[0] >= 0 or primary[0] >= 0))
+def close(event: Any, current: Any, ended: Any) -> int:
+    """At END keep what the contact's entry is made of, and note that it is not open any more; return 0.
+
+    ``current`` (1,): the object whose contact is open.
+    """
+    if event.kind[0] == END:
+        ended.copy[:] = ended.state
+        ended.open[0], ended.tick[0], ended.probe[0] = 1, event.tick[0], event.probe[0]
+        current[0] = -1
+    return 0
 
 
 @kernel
@@ -188,7 +211,8 @@ def asks(event: Any, kinds: int) -> int:
 
 @kernel
 def tell(
-    nearest: Any, near: Any, current: Any, primary: Any, separated: Any, moves: bool, chain: int, left: Any, number: int
+    nearest: Any, near: Any, current: Any, primary: Any, separated: Any, moves: bool, event: Any, chain: int, left: Any,
+    number: int,
 ) -> int:  # fmt: skip
     """Let those hear who are to hear of what happens at a probe, if anything does.
 
@@ -196,8 +220,10 @@ def tell(
     ----------
     nearest, near, current, primary, separated, moves
         As in `carrying.quiet`.
+    event
+        Its numbers, a `HeardContact`.
     chain
-        Where the calls stand by which they hear.
+        Where the calls stand by which they hear of one event.
     left
         Where these have stopped, if one wants Python, shape (1,).
     number
@@ -205,11 +231,13 @@ def tell(
     """
     if quiet(nearest, near, current, primary, separated, moves) == 0:
         return 0
-    found = run_chain(chain, 0)
-    if found >= 0:
-        left[0] = found
-        return number
-    return 0
+    while True:
+        found = run_chain(chain, 0)
+        if found >= 0:
+            left[0] = found
+            return number
+        if event.kind[0] != NEAR and not (event.kind[0] == END and primary[0] >= 0):
+            return 0
 
 
 def silent() -> HeardContact:
