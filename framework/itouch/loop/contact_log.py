@@ -14,7 +14,7 @@ from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
 from itouch.loop.surface.memory import MISSED, RENDERS, SETTLED, WITHDRAWN
 from itouch.loop.touch import Toucher
-from itouch.plugin import Bound, HeardContact, Record
+from itouch.plugin import Bound, HeardContact, Modality, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.twin.coupling import Coupling
 from itouch.world import ModalityModel, Model
@@ -84,6 +84,13 @@ class _Entry(NamedTuple):
         return cls(*(state[f"{probe}.contact.{field}"] for field in cls._fields))
 
 
+class Kept(NamedTuple):
+    """What an entry is made of: views of State, and all of it for what modalities have measured."""
+
+    entry: _Entry
+    seen: Record
+
+
 @kernel
 def _begin(entry: Any, plate: Any, touched: Any, figures: Any, known: Any, event: Any) -> int:
     """Begin an entry if the event is BEGIN; return 0.
@@ -117,9 +124,10 @@ class ContactLog:
         statistics: RunStatistics,
     ) -> None:
         self._model, self._toucher, self._table = model, toucher, table
-        self._coupling, self._statistics, self._seen = coupling, statistics, WriteProtectedRecord(state, ())
+        self._coupling, self._statistics = coupling, statistics
         name = toucher.probe.name
-        self._entry = entry = _Entry.of(state, name)
+        self._now = self.kept(state, WriteProtectedRecord(state, ()))
+        entry = self._now.entry
         figures = toucher.figures
         known = coupling.true_top if table is not None and table.model.twin else figures[render.PLATE_TOP :][:1]
         #: Follows the open contact; called at the end of each tick.
@@ -130,20 +138,27 @@ class ContactLog:
         )  # fmt: skip
         self.note.warm_up()
         self._top = known if table is not None else np.zeros(0)
-        self._keys = (*_ALWAYS, *(one.key for modality in model.modalities for one in modality.instance.measured))
+        #: What stands in an entry where nothing measures it, and who measures anything.
+        declared = (one.key for modality in model.modalities for one in modality.instance.measured)
+        self._blank = dict.fromkeys((*_ALWAYS, *declared))
+        self._measuring = [one for one in model.modalities if _measured(one.instance)]
 
     def begins(self, event: HeardContact) -> Bound:
         """Return what begins an entry, at BEGIN with these numbers."""
         toucher, touched = self._toucher, self._coupling.touched
-        return Bound(_begin, self._entry, toucher.plate, touched, toucher.figures, self._top, event)
+        return Bound(_begin, self._now.entry, toucher.plate, touched, toucher.figures, self._top, event)
 
     def end(self, tick: int) -> None:
         """End the entry of the open contact."""
         self._statistics.contacts.append(self.entry(tick))
 
-    def settle(self, tick: int, state: Record) -> None:
+    def settle(self, tick: int, then: Kept) -> None:
         """Add the entry of a contact that has ended at a tick, from State as it was then."""
-        self._statistics.closed.append(self.entry(tick, state))
+        self._statistics.closed.append(self.entry(tick, then))
+
+    def kept(self, state: Record, seen: Record) -> Kept:
+        """Return what an entry is made of, of a record like State, which is ``seen`` where nobody may write it."""
+        return Kept(_Entry.of(state, self._toucher.probe.name), seen)
 
     def _slid(self, met: float) -> bool:
         """Tell whether the finger met the plate [s] in a contact before this one: it slid from object to object."""
@@ -156,16 +171,14 @@ class ContactLog:
         """Whether a contact is open."""
         return int(self._toucher.current) >= 0
 
-    def entry(self, end: int | None, state: Record | None = None) -> dict[str, Any]:
+    def entry(self, end: int | None, then: Kept | None = None) -> dict[str, Any]:
         """Return the report's entry of the open contact, which ends at a tick or is still open.
 
-        ``state``: as it was then, if that was earlier.
+        ``then``: of State as it was, if that was earlier.
         """
         name, period = self._toucher.probe.name, self._model.period
-        kept, seen = self._entry, self._seen
-        if state is not None:
-            kept, seen = _Entry.of(state, name), WriteProtectedRecord(state, ())
-        index, begin, physical = int(kept.object), int(kept.begin), int(kept.physical_begin)
+        kept, seen = then or self._now
+        index, begin, physical = kept.object.item(), kept.begin.item(), kept.physical_begin.item()
         element = self._model.scene.objects[index]
         led = physical >= 0 and bool(kept.plate) and not self._slid(physical * period)
         entry: dict[str, Any] = {
@@ -175,19 +188,18 @@ class ContactLog:
             "begin_s": begin * period,
             "end_s": None if end is None else end * period,
             "plate": bool(kept.plate),
-            "plate_s": int(kept.plate_ticks) * period if self._table is not None else None,
-            "plate_missed": bool(int(kept.plate_missed) & 1) if self._table is not None else None,
-            "plate_withdrawn": bool(int(kept.plate_missed) & 2) if self._table is not None else None,
-            "peak_force_N": float(kept.peak_force),
-            "peak_penetration_mm": float(kept.peak_penetration) * 1e3,
-            "peak_area_mm2": float(kept.peak_area) * 1e6,
-            "impact_speed_m_s": float(kept.impact_speed),
-            "plate_gap_mm": _finite(float(kept.plate_gap) * 1e3),
+            "plate_s": kept.plate_ticks.item() * period if self._table is not None else None,
+            "plate_missed": bool(kept.plate_missed.item() & 1) if self._table is not None else None,
+            "plate_withdrawn": bool(kept.plate_missed.item() & 2) if self._table is not None else None,
+            "peak_force_N": kept.peak_force.item(),
+            "peak_penetration_mm": kept.peak_penetration.item() * 1e3,
+            "peak_area_mm2": kept.peak_area.item() * 1e6,
+            "impact_speed_m_s": kept.impact_speed.item(),
+            "plate_gap_mm": _finite(kept.plate_gap.item() * 1e3),
             "plate_lead_ms": (begin - physical) * period * 1e3 if led else None,
         }
-        for key in self._keys:
-            entry.setdefault(key, None)
-        for modality in self._model.modalities:
+        entry = entry | self._blank | entry
+        for modality in self._measuring:
             entry.update(_measures(modality, seen, name, index))
         return entry
 
@@ -196,6 +208,11 @@ class ContactLog:
 #: reports counts on them, and to ask the plugin that declares them it would have to be loaded where no scene wants it.
 #: What is shown, and how, is never taken from here.
 _ALWAYS = ("flux_source", "mean_flux_W_m2", "peak_flux_W_m2", "skin_drop_K", "flux_error_rms")
+
+
+def _measured(instance: Modality) -> bool:
+    """Tell whether a modality measures anything: it, or its class, has a method for that."""
+    return getattr(instance.measures, "__func__", None) is not Modality.measures
 
 
 def _finite(value: float) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
@@ -14,6 +15,7 @@ from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.write_access import Fence
 from itouch.plugin import Bound, Contact, HeardContact, Record
+from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.world import ModalityModel, Model
 from itouch.world.plugin_errors import failing
 
@@ -76,10 +78,13 @@ class Events:
         self._listeners = [_Listener(model, one, views[one.name], state, self._event) for one in model.modalities]
         #: Whether any modality wants an event a tick while a contact lasts.
         self._moves = any(Contact.MOVE in one.instance.hears for one in model.modalities)
-        self._kept = state.copy()
-        self._ended = _ended(state, self._kept)
+        kept = state.copy()
+        seen = WriteProtectedRecord(kept, ())
+        self._ended = _ended(state, kept)
         self._probes = [_Probe(rig, self._moves, self._event, self._ended) for rig in rigs]
-        statistics.settle = self._settle
+        #: What the entry of each probe's contact is made of, of State as it was when it ended.
+        self._then = [rig.log.kept(kept, seen) for rig in rigs]
+        statistics.settle = self.settle
         self._around: Fence | None = None
         self._carriers: list[ModalityModel] = []
         #: One call for each probe, of which the first that has something to tell in Python says so.
@@ -103,11 +108,12 @@ class Events:
         probe.chain.warm_up()
         return Bound(happening.tell, *stirring, self._moves, self._event, probe.chain.place, probe.left, number)
 
-    def _settle(self) -> None:
-        """Make the entry of the contact that has ended last, if that is still to be done."""
-        if self._ended.open[0]:
+    def settle(self, before: float = math.inf) -> None:
+        """Make the entry of the contact that has ended last, if that was before a tick and is still to be done."""
+        if self._ended.open[0] and self._ended.tick[0] < before:
             self._ended.open[0] = 0
-            self._probes[int(self._ended.probe[0])].rig.log.settle(int(self._ended.tick[0]), self._kept)
+            number = self._ended.probe[0]
+            self._probes[number].rig.log.settle(int(self._ended.tick[0]), self._then[number])
 
     def answer(self, code: int, tick: int) -> None:
         """Deliver in Python what a probe's call has left, and what has happened at the probes after it."""
