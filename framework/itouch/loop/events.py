@@ -144,7 +144,8 @@ class Events:
             number, which = divmod(call - 2, _CALLS)
             if which == _CALLS - 1:
                 self._written(hears[number], tick)
-            self._tell(probe, hears[number])
+            if kind in hears[number].kinds:
+                self._tell(probe, hears[number])
             self._deliver_to(probe, kind, tick, hears[number + 1 :])
             self._close(probe, kind, tick)
         if kind != happening.MOVE:
