@@ -34,7 +34,7 @@ class _Listener:
             with failing(f"modality '{one.name}'", "bound_contact", model.place_of(one.name)):
                 bound = one.instance.bound_contact(one.model, view, event)
         asks = Bound(happening.asks, event, sum(1 << kind for kind in self.kinds))
-        #: What a chain tells it by: the second call stops it where Python is wanted, the third where it wrote elsewhere.
+        #: What a chain tells it by: the second call stops it if Python is wanted, the third if it wrote elsewhere.
         self.calls = (self.fence.keep, asks if bound is None else bound, self.fence.look)
         self.call = None if bound is None else runner(self.calls)
 

@@ -1,4 +1,4 @@
-"""What happens at a probe in a tick, compiled: NEAR, then END and BEGIN, or MOVE; told in numbers, remembered in State."""
+"""What happens at a probe in a tick, compiled: NEAR, then END and BEGIN, or MOVE; in numbers, remembered in State."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Kept(NamedTuple):
     current: Numbers
     separated: Numbers
     begin: Numbers
-    count: Numbers
+    told: Numbers
     table: Numbers
     table_numbers: Floats
 
@@ -148,7 +148,7 @@ def _tell(
 @kernel
 def _remember(kept: Any, event: Any) -> None:
     """Write an event into the table of the last ones."""
-    row = kept.count[0] % kept.table.shape[0]
+    row = kept.told[0] % kept.table.shape[0]
     words, numbers = kept.table[row], kept.table_numbers[row]
     words[0], words[1], words[2], words[3] = event.kind[0], event.tick[0], event.probe[0], event.object[0]
     for i in range(3):
@@ -158,7 +158,7 @@ def _remember(kept: Any, event: Any) -> None:
     numbers[10], numbers[11] = event.distance[0], event.speed[0]
     numbers[15], numbers[16] = event.penetration[0], event.force[0]
     numbers[17], numbers[18] = event.time_to_contact[0], event.area[0]
-    kept.count[0] += 1
+    kept.told[0] += 1
 
 
 class Ended(NamedTuple):
@@ -242,6 +242,5 @@ def tell(
 
 def silent() -> HeardContact:
     """Return the numbers of an event that has not happened yet."""
-    numbers = [np.zeros(1, np.int64) for _ in range(4)]
     sizes = (3, 3, 1, 1, 3, 1, 1, 1, 1)
-    return HeardContact(*numbers, *(np.zeros(size) for size in sizes))
+    return HeardContact._make([*(np.zeros(1, np.int64) for _ in range(4)), *(np.zeros(size) for size in sizes)])

@@ -186,7 +186,7 @@ def force(rig: ProbeRig) -> Step:
 
 
 def tell(model: Model, events: Events, rigs: Sequence[ProbeRig], state: Record) -> Step:
-    """Tell logs and modalities what contacts have begun and ended; they look themselves at the fence that they are in."""
+    """Tell logs and modalities what contacts have begun and ended; it looks itself at the fence that it is in."""
     probes = [rig.probe.name for rig in rigs]
     noted = tuple(f"{name}.{field}" for name in probes for field in ("near_object", "contact.*"))
     heard = tuple(name for one in model.modalities if one.instance.hears for name in shown_fields(one, state))

@@ -59,8 +59,8 @@ class ContactEvent(NamedTuple):
 class HeardContact(NamedTuple):
     """The numbers of a `ContactEvent` as compiled code is shown them: arrays that stay, written anew for each event.
 
-    Scalars have shape (1,), vectors (3,); ``probe`` is the number of the probe in `World.probes`, ``object`` that of the
-    object.
+    Scalars have shape (1,), vectors (3,); ``probe`` is the number of the probe in `World.probes`, ``object`` that of
+    the object.
     """
 
     kind: Numbers
@@ -81,8 +81,8 @@ class HeardContact(NamedTuple):
     def of(cls, event: ContactEvent, probe: int) -> HeardContact:
         """Return the numbers of an event at the probe with a number."""
         whole = (event.kind, event.tick, probe, event.object_index)
-        numbers = [np.array([number], np.int64) for number in whole]
-        return cls(*numbers, *(np.array(value, np.float64).reshape(-1) for value in event[5:]))
+        numbers = (np.array([number], np.int64) for number in whole)
+        return cls._make([*numbers, *(np.array(value, np.float64).reshape(-1) for value in event[5:])])
 
 
 @dataclass(frozen=True, slots=True)

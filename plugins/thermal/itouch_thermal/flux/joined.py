@@ -71,10 +71,12 @@ def _given(model: FluxModel, law: ModelLaw, course: Preview) -> usual.Given:
     known = np.array([body is not None for body in course.bodies], np.int64)
     starts = np.array([start is not None for start in model.starts], np.int64)
     played = np.array([curve is not None for curve in model.curves], np.int64)
-    start = np.array([
-        (*(found or (math.nan,) * 3), temperature)
-        for found, temperature in zip(model.starts, model.temperatures, strict=True)
-    ])
+    start = np.array(
+        [
+            (*(found or (math.nan,) * 3), temperature)
+            for found, temperature in zip(model.starts, model.temperatures, strict=True)
+        ]
+    )
     return usual.Given(
         law.constants, law.fine.tissue, law.fine.plate, law.coarse.tissue, law.coarse.plate, law.hats, law.band,
         law.offsets, course.finger, table_of(course.bodies), known, starts, played, model.numbers,

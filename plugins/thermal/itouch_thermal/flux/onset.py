@@ -1,4 +1,4 @@
-"""What the beginning and the end of a touch are reckoned with, compiled: called from Python, and in the tick's kernels."""
+"""What the beginning of a touch is reckoned with, compiled: called from Python, and in the kernels of the tick."""
 
 from __future__ import annotations
 
@@ -133,4 +133,4 @@ def render(account: Floats, ready: bool, limited: bool, skin: float) -> bool:
     else:
         account[READY] = 1.0 if ready else 0.0
         account[SKIN_BEGIN] = account[SKIN_EXTREME] = skin
-    return again
+    return bool(again)
