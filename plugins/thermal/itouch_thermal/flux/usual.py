@@ -528,7 +528,10 @@ def press_on(before: Floats, now: float, part: float) -> float:
 
 @kernel
 def press_anew(before: Floats, now: float) -> float:
-    """Return how much a finger is being pressed on that has just come; as in `press_on`."""
+    """Return how much a finger is being pressed on that has just come; as in `press_on`.
+
+    ``before`` (1,) is written; ``now`` is the logarithm of the resistance, which is in [K m2/W].
+    """
     before[0] = now + PRESS_FILTER / PRESSING
     return float(press_on(before, now, 0.0))
 
