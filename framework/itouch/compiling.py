@@ -17,11 +17,13 @@ import contextlib
 import gc
 import glob
 import hashlib
+import math
 import os
 import sys
 import time
 import weakref
 from collections.abc import Callable
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar, cast
@@ -32,12 +34,14 @@ from itouch.fingerprint import fingerprint
 shipped.choose_processor()
 shipped.confirm_processor()
 
-from numba import njit  # noqa: E402  - it reads the kind of processor when it is imported
+import numba  # noqa: E402  - it reads the kind of processor when it is imported
+from numba import njit  # noqa: E402
 from numba.core import event  # noqa: E402
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator  # noqa: E402
-from numba.extending import register_jitable  # noqa: E402
+from numba.extending import intrinsic, register_jitable  # noqa: E402
 
 Function = TypeVar("Function", bound=Callable[..., object])
+_numba: Any = numba  # what it exports is not typed
 
 #: Environment variable that names another folder for compiled kernels, or switches the user's folder off.
 SWITCH = "ITOUCH_KERNELS"
@@ -121,6 +125,32 @@ def inlined(function: Function) -> Function:
         error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True, _nrt=False
     )(function)
     return marked
+
+
+def _fused_exactly(a: float, b: float, c: float) -> float:
+    """Return a * b + c, rounded once: what ``fused`` is where compiling is switched off."""
+    if not (math.isfinite(a) and math.isfinite(b) and math.isfinite(c)):
+        return a * b + c
+    exact = Fraction(a) * Fraction(b) + Fraction(c)
+    return float(exact) if exact else a * b + c
+
+
+_intrinsic: Any = intrinsic
+
+
+@_intrinsic
+def _fused(typing: Any, a: Any, b: Any, c: Any) -> Any:
+    """Return a * b + c, rounded once."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.fma(*arguments)
+
+    number = _numba.types.float64
+    return number(number, number, number), generate
+
+
+#: a * b + c of three floats, rounded once, for kernels.
+fused: Callable[[float, float, float], float] = _fused_exactly if _numba.config.DISABLE_JIT else _fused
 
 
 def _kept(function: Function, found: Any) -> Function:

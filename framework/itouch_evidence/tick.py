@@ -1,22 +1,26 @@
 """``itouch-py bench tick``: what a tick in contact costs, how far that is from its compiled part, and how it grows.
 
-All figures are of one process on twins; a busy machine shows in p99 first.  Compare two commits on one machine only,
-in turns.
+It also says what the dearest ticks cost in which a touch begins, ends or changes its object, beside the period of the
+loop.  All figures are of one process on twins; a busy machine shows in p99 first.  Compare two commits on one machine
+only, in turns.
 """
 
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.loop.clock import now
+from itouch.loop.clock import now, processor_time
 from itouch.loop.plan import Plan
 from itouch.loop.step import Step
+from itouch.plugin import Contact
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, loads
 from itouch.session import Session, build, load_scene
@@ -30,8 +34,17 @@ ROUND = 10
 TIMES, SPLIT = 2.0, 10.0
 #: The longest search for a contact [simulated s].
 SEARCH = 60.0
+#: At which rates [Hz] touches are looked at, how many, for how many ticks from the one in which one turns (it may set
+#: the finger down, or add to the report, a moment later), and in how many runs: of each tick the least counts.
+RATES, TOUCHES, AFTER, RUNS = (1000.0, 4000.0), 2, 20, 3
+#: What a touch may do, by the kinds of its events in a tick.
+TURNS = {"begins": {Contact.BEGIN}, "ends": {Contact.END}, "changes": {Contact.BEGIN, Contact.END}}
 
 _BOX = '<box name="box{0}" size="9 9 20 mm" pos="{1} {2} 10 mm" material="wood"/>'
+_WOOD = (
+    '<materials><material name="wood"><contact stiffness="1.2 N/mm" damping="2 N*s/m" static-friction="0.4"/>'
+    "</material></materials>"
+)
 _PROBE = (
     '<probe name="finger{0}" radius="8 mm" pose-from="arm{0}" force-to="arm{0}"/><operator probe="finger{0}"><motion>'
     '<to pos="0 0 40 mm" in="0.05 s"/><to pos="0 0 24 mm" in="0.2 s" hold="3600 s"/></motion></operator>'
@@ -45,9 +58,21 @@ def scene_of(probes: int = 1, objects: int = 1, devices: int = 1) -> Scene:
     arms = "".join(f'<device name="arm{i}" plugin="usb-arm"/>' for i in range(max(probes, devices)))
     fingers = "".join(_PROBE.format(i) for i in range(probes))
     text = (
-        '<itouch version="1.0"><materials><material name="wood"><contact stiffness="1.2 N/mm" damping="2 N*s/m" '
-        f'static-friction="0.4"/></material></materials><world>{boxes}</world><devices>{arms}</devices>'
+        f'<itouch version="1.0">{_WOOD}<world>{boxes}</world><devices>{arms}</devices>'
         f"<interaction>{fingers}</interaction></itouch>"
+    )
+    return loads(text.encode(), Catalog(), shown="bench-tick.xml")
+
+
+def sliding() -> Scene:
+    """Return a scene of one finger that slides from a box to the one beside it, and lifts, twice."""
+    down = '<to pos="0 0 24 mm" in="0.2 s"/><to pos="9 0 24 mm" in="0.1 s"/><to pos="9 0 40 mm" in="0.1 s"/>'
+    boxes = _BOX.format(0, "0", "0") + _BOX.format(1, "9", "0")
+    motion = f'<motion><to pos="0 0 40 mm" in="0.05 s"/>{down}<to pos="0 0 40 mm" in="0.1 s"/>{down}</motion>'
+    probe = '<probe name="finger" radius="8 mm" pose-from="arm" force-to="arm"/>'
+    text = (
+        f'<itouch version="1.0">{_WOOD}<world>{boxes}</world><devices><device name="arm" plugin="usb-arm"/></devices>'
+        f'<interaction>{probe}<operator probe="finger">{motion}</operator></interaction></itouch>'
     )
     return loads(text.encode(), Catalog(), shown="bench-tick.xml")
 
@@ -127,6 +152,60 @@ def cost_of_a_split(session: Session, ticks: int) -> float:
     return float(np.median(found[:, 1] - found[:, 0]))
 
 
+def turns(scene: Scene, rate: float) -> dict[str, float | None]:
+    """Return the processor time [s] of the dearest tick of a touch that turns, by how; None: none does.
+
+    A touch that changes its object ends and begins in one tick.
+
+    Parameters
+    ----------
+    scene, rate
+        The scene, on twins, and the rate of its loop [Hz].
+    """
+    spent: list[float] = []
+    kinds: dict[int, set[int]] = {}
+    for _ in range(RUNS):
+        session = build(replace(scene, rates=replace(scene.rates, servo=rate)), twin="all")
+        session.records = False
+        passed, kinds = _passed(session, round(SEARCH * rate))
+        spent = [min(pair) for pair in zip(spent, passed, strict=True)] if spent else passed
+        session.close()
+    found: dict[str, float | None] = dict.fromkeys(TURNS)
+    for tick, what in kinds.items():
+        for name, wanted in TURNS.items():
+            if what & TURNS["changes"] == wanted:
+                found[name] = max(found[name] or 0.0, *spent[tick : tick + AFTER])
+    return found
+
+
+def _passed(session: Session, most: int) -> tuple[list[float], dict[int, set[int]]]:
+    """Run until touches have ended; return the processor time of each tick [s], and which had what kinds of event."""
+    spent: list[float] = []
+    kinds: dict[int, set[int]] = {}
+    count, table, seen, rest = session.state["events.count"], session.state["events.table"], 0, most
+    session.enable()
+    gc.collect()
+    gc.freeze()
+    gc.disable()  # as while a loop runs in real time
+    try:
+        while rest > 0:
+            begin = processor_time()
+            session.tick()
+            spent.append(processor_time() - begin)
+            rest -= 1
+            if count.item() == seen:
+                continue
+            for number in range(seen, count.item()):
+                kinds.setdefault(len(spent) - 1, set()).add(int(table[number % len(table)]["kind"]))
+            seen = count.item()
+            if sum(what == TURNS["ends"] for what in kinds.values()) == TOUCHES:
+                rest = min(rest, AFTER)
+    finally:
+        gc.enable()
+        gc.unfreeze()
+    return spent, kinds
+
+
 def measure(scene: Scene, ticks: int) -> dict[str, Any]:
     """Return the figures of a scene [us].
 
@@ -179,6 +258,8 @@ def main(argv: Sequence[str]) -> int:
         found = measure(scene, max(10, options.ticks))
     except ValueError as error:
         parser.error(str(error))
+    touched = scene if options.scene else sliding()
+    found["turns"] = [{"rate_hz": rate, **turns(touched, rate)} for rate in RATES]
     found["growth"] = list(growth(min(options.ticks, 2000))) if options.growth else []
     print(json.dumps(found, indent=1) if options.json else "\n".join(_text(found)))
     return 0
@@ -198,5 +279,13 @@ def _text(found: dict[str, Any]) -> Iterator[str]:
         yield f"                  {found['left_to_python']:.3f} steps a tick are Python's, and missing in the limit"
     split = f"{found['split_us']:.2f} us (bound {SPLIT:g})"
     yield f"  a Python step   that splits the plan and does nothing costs {split}"
+    for row in found["turns"]:
+        dearest = ", ".join(f"{name} {_us(row[name])}" for name in TURNS)
+        bound = f"(bound {_us(1.0 / row['rate_hz'])})"
+        yield f"  a touch         at {row['rate_hz'] / 1e3:g} kHz: {dearest}, in its dearest tick {bound}"
     for row in found["growth"]:
         yield f"  {row['count']:>5} {row['of']:<9} p50 {row['p50_us']:.1f} us"
+
+
+def _us(seconds: float | None) -> str:
+    return "-" if seconds is None else f"{seconds * 1e6:.0f} us"

@@ -16,7 +16,8 @@ from test_failing_plugins import Hum, engine
 
 import itouch
 from itouch.loop import Engine
-from itouch.plugin import Bound, Device, Record, TwinInputs
+from itouch.loop.runner import DeviceFaultError
+from itouch.plugin import Bound, Contact, ContactEvent, Device, HeardContact, Record, TwinInputs
 from itouch.plugin.kernels import kernel
 from itouch.testing import joined
 from itouch.testing.checks import CheckError, NotApplicableError
@@ -98,6 +99,51 @@ def test_a_modality_joins_and_leaves_to_python_what_it_will(tmp_path: Path) -> N
     assert step.bound is not None
     found.run(0.02)
     assert int(found.state["hum.count"]) == found.ticks  # both count by one
+
+
+class _Address:
+    """A whole number by its address, which may be written, as compiled code may write anywhere."""
+
+    def __init__(self, address: int) -> None:
+        self.__array_interface__ = {"version": 3, "shape": (1,), "typestr": "<i8", "data": (address, False)}
+
+
+@kernel
+def _hear(event: Any, count: Any, left: int) -> int:
+    if event.kind[0] == left:
+        return 1  # left to Python
+    if event.kind[0] >= 0:
+        count[0] += 1000 + 100 * event.kind[0]
+    return 0
+
+
+def _hearing(tmp_path: Path, left: int, elsewhere: str = "") -> Engine:
+    class Quick(Hum):
+        hears = frozenset({Contact.NEAR, Contact.BEGIN, Contact.END})
+
+        def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:
+            state["hum.count"][...] += 1000 + 100 * event.kind
+
+        def bound_contact(self, model: Any, state: Record, event: HeardContact) -> Bound:
+            count = state[elsewhere or "hum.count"]
+            return Bound(_hear, event, np.asarray(_Address(count.ctypes.data)), left)
+
+    return engine(tmp_path, Quick)
+
+
+@pytest.mark.parametrize("left", [9, *Contact])
+def test_a_modality_hears_of_contacts_compiled_and_leaves_to_python_what_it_will(tmp_path: Path, left: int) -> None:
+    found = _hearing(tmp_path, left)
+    found.run(0.35)
+    table = found.state["events.table"]["kind"][: int(found.state["events.count"])].tolist()
+    assert {Contact.NEAR, Contact.BEGIN, Contact.END} <= set(table)
+    assert int(found.state["hum.count"]) == found.ticks + sum(1000 + 100 * kind for kind in table)
+
+
+def test_a_compiled_listener_that_writes_elsewhere_is_told_by_name(tmp_path: Path) -> None:
+    found = _hearing(tmp_path, 9, "events.count")
+    with pytest.raises(DeviceFaultError, match=r"hum.*events\.count"):
+        found.run(0.35)
 
 
 def test_an_heir_with_an_update_of_its_own_runs_that(tmp_path: Path) -> None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from itouch.compiling import kernel
 from itouch.loop import render
+from itouch.loop.happening import BEGIN
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
 from itouch.loop.surface.memory import MISSED, RENDERS, SETTLED, WITHDRAWN
 from itouch.loop.touch import Toucher
-from itouch.plugin import Bound, Contact, ContactEvent, Record
+from itouch.plugin import Bound, HeardContact, Modality, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.twin.coupling import Coupling
 from itouch.world import ModalityModel, Model
@@ -55,6 +58,59 @@ def _note(
     return 0
 
 
+class _Entry(NamedTuple):
+    """What State keeps of the open contact for its entry, each of one number.
+
+    The object, and when it began; whether the plate was there, for how many ticks, and whether it was missed; how far
+    its top was below the surface [m], NaN: not known; greatest force [N], depth [m] and area [m2], the speed of the
+    impact [m/s], and when the plate was touched first.
+    """
+
+    object: Any
+    begin: Any
+    plate: Any
+    plate_ticks: Any
+    plate_missed: Any
+    plate_gap: Any
+    peak_force: Any
+    peak_penetration: Any
+    peak_area: Any
+    impact_speed: Any
+    physical_begin: Any
+
+    @classmethod
+    def of(cls, state: Record, probe: str) -> _Entry:
+        """Return the views of State."""
+        return cls(*(state[f"{probe}.contact.{field}"] for field in cls._fields))
+
+
+class Kept(NamedTuple):
+    """What an entry is made of: views of State, and all of it for what modalities have measured."""
+
+    entry: _Entry
+    seen: Record
+
+
+@kernel
+def _begin(entry: Any, plate: Any, touched: Any, figures: Any, known: Any, event: Any) -> int:
+    """Begin an entry if the event is BEGIN; return 0.
+
+    ``plate`` and ``touched`` (1,): whether the plate is there, and when it was touched first; ``known`` (1,): its top
+    [m], or (0,): there is none; ``event`` is the `HeardContact`.
+    """
+    if event.kind[0] != BEGIN:
+        return 0
+    entry.plate[0] = plate[0]
+    entry.plate_ticks[0] = entry.plate_missed[0] = 0
+    entry.plate_gap[0] = np.nan
+    if known.shape[0] > 0 and math.isfinite(figures[render.SURFACE_HEIGHT]):
+        entry.plate_gap[0] = (figures[render.SURFACE_HEIGHT] - known[0]) * event.normal[2]
+    entry.peak_force[0] = entry.peak_penetration[0] = entry.peak_area[0] = 0.0
+    entry.impact_speed[0] = event.speed[0]
+    entry.physical_begin[0] = touched[0]
+    return 0
+
+
 class ContactLog:
     """Writes the report's entry of each contact of one probe."""
 
@@ -68,48 +124,46 @@ class ContactLog:
         statistics: RunStatistics,
     ) -> None:
         self._model, self._toucher, self._table = model, toucher, table
-        self._coupling, self._statistics, self._seen = coupling, statistics, WriteProtectedRecord(state, ())
+        self._coupling, self._statistics = coupling, statistics
         name = toucher.probe.name
-        self._plate, self._gap = state[f"{name}.contact.plate"], state[f"{name}.contact.plate_gap"]
-        self._peak, self._physical = state[f"{name}.contact.peak_force"], state[f"{name}.contact.physical_begin"]
-        self._deepest, self._widest = state[f"{name}.contact.peak_penetration"], state[f"{name}.contact.peak_area"]
-        self._lasted, self._missed = state[f"{name}.contact.plate_ticks"], state[f"{name}.contact.plate_missed"]
-        self._impact = state[f"{name}.contact.impact_speed"]
+        self._now = self.kept(state, WriteProtectedRecord(state, ()))
+        entry = self._now.entry
         figures = toucher.figures
         known = coupling.true_top if table is not None and table.model.twin else figures[render.PLATE_TOP :][:1]
         #: Follows the open contact; called at the end of each tick.
         self.note = Bound(
-            _note, toucher.current, coupling.total, coupling.touched, figures, known, toucher.plate, self._plate,
-            self._lasted, self._missed, toucher.surface, state[f"{name}.plate_force"],
-            self._peak, self._deepest, self._widest, self._physical, statistics.worst_height,
+            _note, toucher.current, coupling.total, coupling.touched, figures, known, toucher.plate, entry.plate,
+            entry.plate_ticks, entry.plate_missed, toucher.surface, state[f"{name}.plate_force"], entry.peak_force,
+            entry.peak_penetration, entry.peak_area, entry.physical_begin, statistics.worst_height,
         )  # fmt: skip
         self.note.warm_up()
+        self._top = known if table is not None else np.zeros(0)
+        #: What stands in an entry where nothing measures it, and who measures anything.
+        declared = (one.key for modality in model.modalities for one in modality.instance.measured)
+        self._blank = dict.fromkeys((*_ALWAYS, *declared))
+        self._measuring = [one for one in model.modalities if _measured(one.instance)]
 
-    def hear(self, event: ContactEvent) -> None:
-        """Begin or end an entry."""
-        if event.kind is Contact.BEGIN:
-            self._plate[...] = self._toucher.plate
-            self._lasted[...] = self._missed[...] = 0
-            self._gap[...] = self._true_gap(event)
-            self._peak[...] = self._deepest[...] = self._widest[...] = 0.0
-            self._impact[...] = event.speed
-            self._physical[...] = self._coupling.touched
-        elif event.kind is Contact.END:
-            self._statistics.contacts.append(self.entry(event.tick))
+    def begins(self, event: HeardContact) -> Bound:
+        """Return what begins an entry, at BEGIN with these numbers."""
+        toucher, touched = self._toucher, self._coupling.touched
+        return Bound(_begin, self._now.entry, toucher.plate, touched, toucher.figures, self._top, event)
 
-    def _true_gap(self, event: ContactEvent) -> float:
-        """Return how far the plate's top is below the virtual surface, along the normal [m]."""
-        if self._table is None:
-            return math.nan
-        figures = self._toucher.figures
-        top = self._coupling.true_top.item() if self._table.model.twin else figures[render.PLATE_TOP].item()
-        height = figures[render.SURFACE_HEIGHT].item()
-        return (height - top) * event.normal[2] if math.isfinite(height) else math.nan
+    def end(self, tick: int) -> None:
+        """End the entry of the open contact."""
+        self._statistics.contacts.append(self.entry(tick))
+
+    def settle(self, tick: int, then: Kept) -> None:
+        """Add the entry of a contact that has ended at a tick, from State as it was then."""
+        self._statistics.closed.append(self.entry(tick, then))
+
+    def kept(self, state: Record, seen: Record) -> Kept:
+        """Return what an entry is made of, of a record like State, which is ``seen`` where nobody may write it."""
+        return Kept(_Entry.of(state, self._toucher.probe.name), seen)
 
     def _slid(self, met: float) -> bool:
         """Tell whether the finger met the plate [s] in a contact before this one: it slid from object to object."""
         name = self._toucher.probe.name
-        before = next((one for one in reversed(self._statistics.contacts) if one["probe"] == name), None)
+        before = next((one for one in reversed(self._statistics.closed) if one["probe"] == name), None)
         return before is not None and before["end_s"] is not None and met < before["end_s"] - 0.5 * self._model.period
 
     @property
@@ -117,35 +171,36 @@ class ContactLog:
         """Whether a contact is open."""
         return int(self._toucher.current) >= 0
 
-    def entry(self, end: int | None) -> dict[str, Any]:
-        """Return the report's entry of the open contact, which ends at a tick or is still open."""
-        index = int(self._toucher.current)
+    def entry(self, end: int | None, then: Kept | None = None) -> dict[str, Any]:
+        """Return the report's entry of the open contact, which ends at a tick or is still open.
+
+        ``then``: of State as it was, if that was earlier.
+        """
+        name, period = self._toucher.probe.name, self._model.period
+        kept, seen = then or self._now
+        index, begin, physical = kept.object.item(), kept.begin.item(), kept.physical_begin.item()
         element = self._model.scene.objects[index]
-        begin, period = int(self._toucher.begin), self._model.period
-        physical = int(self._physical)
-        led = physical >= 0 and bool(self._plate) and not self._slid(physical * period)
+        led = physical >= 0 and bool(kept.plate) and not self._slid(physical * period)
         entry: dict[str, Any] = {
-            "probe": self._toucher.probe.name,
+            "probe": name,
             "object": element.name,
             "material": element.material,
             "begin_s": begin * period,
             "end_s": None if end is None else end * period,
-            "plate": bool(self._plate),
-            "plate_s": int(self._lasted) * period if self._table is not None else None,
-            "plate_missed": bool(int(self._missed) & 1) if self._table is not None else None,
-            "plate_withdrawn": bool(int(self._missed) & 2) if self._table is not None else None,
-            "peak_force_N": float(self._peak),
-            "peak_penetration_mm": float(self._deepest) * 1e3,
-            "peak_area_mm2": float(self._widest) * 1e6,
-            "impact_speed_m_s": float(self._impact),
-            "plate_gap_mm": _finite(float(self._gap) * 1e3),
+            "plate": bool(kept.plate),
+            "plate_s": kept.plate_ticks.item() * period if self._table is not None else None,
+            "plate_missed": bool(kept.plate_missed.item() & 1) if self._table is not None else None,
+            "plate_withdrawn": bool(kept.plate_missed.item() & 2) if self._table is not None else None,
+            "peak_force_N": kept.peak_force.item(),
+            "peak_penetration_mm": kept.peak_penetration.item() * 1e3,
+            "peak_area_mm2": kept.peak_area.item() * 1e6,
+            "impact_speed_m_s": kept.impact_speed.item(),
+            "plate_gap_mm": _finite(kept.plate_gap.item() * 1e3),
             "plate_lead_ms": (begin - physical) * period * 1e3 if led else None,
         }
-        declared = (one.key for modality in self._model.modalities for one in modality.instance.measured)
-        for key in (*_ALWAYS, *declared):
-            entry.setdefault(key, None)
-        for modality in self._model.modalities:
-            entry.update(_measures(modality, self._seen, self._toucher.probe.name, index))
+        entry = entry | self._blank | entry
+        for modality in self._measuring:
+            entry.update(_measures(modality, seen, name, index))
         return entry
 
 
@@ -153,6 +208,11 @@ class ContactLog:
 #: reports counts on them, and to ask the plugin that declares them it would have to be loaded where no scene wants it.
 #: What is shown, and how, is never taken from here.
 _ALWAYS = ("flux_source", "mean_flux_W_m2", "peak_flux_W_m2", "skin_drop_K", "flux_error_rms")
+
+
+def _measured(instance: Modality) -> bool:
+    """Tell whether a modality measures anything: it, or its class, has a method for that."""
+    return getattr(instance.measures, "__func__", None) is not Modality.measures
 
 
 def _finite(value: float) -> float | None:

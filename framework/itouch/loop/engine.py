@@ -85,7 +85,7 @@ class Engine:
         )
         self._tick, self._ready = self.state["tick"], self.state["ready"]
         views = {one.name: view_for(one, self.state) for one in model.modalities}
-        self._events = Events(model, self.state, self._rigs, views)
+        self._events = Events(model, self.state, self._rigs, views, self.statistics)
         self._operator = OperatorCommands(model, self.state, self._runners, self._rigs, self.statistics)
         self._safe_shutdown = SafeShutdown(
             model, self.state, self._all, self._rigs, self.statistics, self._operator.injected
@@ -288,7 +288,7 @@ class Engine:
         if found < 0:
             tick = int(self._tick) - 1
             if not tick % _SAMPLED:
-                self._look_at_twins(tick)
+                self._look_round(tick)
             self._tell(tick)
             return
         tick, ready, stamps = self._tick.item(), bool(self._ready), self.stamps
@@ -319,17 +319,26 @@ class Engine:
                     raise fault from raised
             raise
         if not tick % _SAMPLED:
-            self._look_at_twins(tick)
+            self._look_round(tick)
         self._tell(tick)
 
-    def _look_at_twins(self, tick: int) -> None:
-        """Stop if something has written over what a twin may do: what hardware may do is looked at before each command.
+    def _look_round(self, tick: int) -> None:
+        """Do what is done now and then: make the entry of a contact that has ended, and look at twins.
+
+        Stop if something has written over what a twin may do: what hardware may do is looked at before each command.
 
         Raises
         ------
         DeviceFaultError
             If so.
         """
+        try:
+            self._events.settle(before=tick)
+        except interpreter.ANY_ERROR as raised:  # a plugin that exits when it is asked what it has measured, or Ctrl-C
+            replaced = interpreter.put_back()
+            if self._all:
+                self.make_safe(broken_off(self.model, tick, raised, replaced))
+            raise
         for runner in self._twins:
             if forged := runner.forged():
                 cause = f"was stopped: {forged}"

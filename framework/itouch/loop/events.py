@@ -2,45 +2,187 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
-from itouch.loop import interpreter
+import numpy as np
+
+from itouch.joining import Chain, can_join, is_newest, runner
+from itouch.loop import carrying, happening, interpreter
 from itouch.loop.fault_attribution import foreign_write, modality_fault, with_replaced
 from itouch.loop.rig import ProbeRig
+from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.write_access import Fence
-from itouch.plugin import Contact, ContactEvent, Record
+from itouch.plugin import Bound, Contact, HeardContact, Record
+from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.world import ModalityModel, Model
-from itouch.world.state import EVENTS
+from itouch.world.plugin_errors import failing
+
+#: How many calls tell a listener of an event: what its fence keeps, its own, and the look whether it has kept within.
+_CALLS = 3
+
+
+class _Listener:
+    """A modality that hears of contacts: by a compiled call between those of its fence, or in Python."""
+
+    def __init__(self, model: Model, one: ModalityModel, view: Record, state: Record, event: HeardContact) -> None:
+        self.one, self.view, self.fence = one, view, Fence([one], state)
+        self.kinds = frozenset(int(kind) for kind in one.instance.hears)
+        bound = None
+        if self.kinds and self._joins():
+            with failing(f"modality '{one.name}'", "bound_contact", model.place_of(one.name)):
+                bound = one.instance.bound_contact(one.model, view, event)
+        asks = Bound(happening.asks, event, sum(1 << kind for kind in self.kinds))
+        #: What a chain tells it by: the second call stops it if Python is wanted, the third if it wrote elsewhere.
+        self.calls = (self.fence.keep, asks if bound is None else bound, self.fence.look)
+        self.call = None if bound is None else runner(self.calls)
+
+    def _joins(self) -> bool:
+        """Tell whether the compiled call is what would run: neither an heir nor this one instance has another."""
+        instance = self.one.instance
+        own = "on_contact" in getattr(instance, "__dict__", ())
+        return not own and is_newest(type(instance), "bound_contact", "on_contact")
+
+
+class _Probe:
+    """A probe with what tells of its contacts."""
+
+    def __init__(self, rig: ProbeRig, moves: bool, event: HeardContact, ended: happening.Ended) -> None:
+        self.rig, arguments = rig, rig.toucher.happens(moves, event)
+        self.next = Bound(happening.next_told, *arguments, ended)
+        self.begins, self.ends = rig.log.begins(event), Bound(happening.close, event, rig.toucher.current, ended)
+        #: What finds the next event, and what begins an entry of the log, from Python.
+        self.find, self.begin = runner((Bound(happening.happens, *arguments),)), runner((self.begins,))
+        #: Where the chain has stopped that tells of an event, shape (1,).
+        self.left = np.zeros(1, np.int64)
+        self.chain: Chain | None = None
+
+
+def _ended(state: Record, kept: Record) -> happening.Ended:
+    """Return what keeps State for the entry of a contact that ends."""
+    kind = np.uint8 if state.nbytes % 8 else np.int64
+    return happening.Ended(state.raw.view(kind), kept.raw.view(kind), *(np.zeros(1, np.int64) for _ in range(3)))
 
 
 class Events:
     """Takes each event of a tick to all who hear it."""
 
-    def __init__(self, model: Model, state: Record, rigs: Sequence[ProbeRig], views: Mapping[str, Record]) -> None:
-        self._model, self._rigs = model, rigs
-        self._modalities = [(one, views[one.name], Fence([one], state)) for one in model.modalities]
-        self._table, self._count = state["events.table"], state["events.count"]
-        self._probe_index = {probe.name: probe.index for probe in model.probes}
+    def __init__(
+        self, model: Model, state: Record, rigs: Sequence[ProbeRig], views: Mapping[str, Record],
+        statistics: RunStatistics,
+    ) -> None:  # fmt: skip
+        self._model = model
+        #: The numbers of the event that is told.
+        self._event = happening.silent()
+        self._listeners = [_Listener(model, one, views[one.name], state, self._event) for one in model.modalities]
         #: Whether any modality wants an event a tick while a contact lasts.
-        self.moves = any(Contact.MOVE in one.instance.hears for one in model.modalities)
+        self._moves = any(Contact.MOVE in one.instance.hears for one in model.modalities)
+        kept = state.copy()
+        seen = WriteProtectedRecord(kept, ())
+        self._ended = _ended(state, kept)
+        self._probes = [_Probe(rig, self._moves, self._event, self._ended) for rig in rigs]
+        #: What the entry of each probe's contact is made of, of State as it was when it ended.
+        self._then = [rig.log.kept(kept, seen) for rig in rigs]
+        statistics.settle = self.settle
+        self._around: Fence | None = None
+        self._carriers: list[ModalityModel] = []
+        #: One call for each probe, of which the first that has something to tell in Python says so.
+        self.bounds: tuple[Bound, ...] = ()
 
-    def update(self, tick: int, ready: bool) -> None:
-        """Deliver what has happened at every probe in this tick."""
-        for rig in self._rigs:
-            rig.toucher.events(tick, self.tell, self.moves)
+    def join(self, around: Fence | None, carriers: list[ModalityModel]) -> None:
+        """Put together what a tick runs.
 
-    def tell(self, event: ContactEvent) -> None:
+        ``around``: a fence in the middle of which it is told, round modalities of which only the ``carriers`` have run.
+        """
+        self._around, self._carriers = around, carriers
+        self.bounds = tuple(self._bound(probe, number) for number, probe in enumerate(self._probes, 1))
+
+    def _bound(self, probe: _Probe, number: int) -> Bound:
+        stirring = probe.rig.toucher.stirring
+        if not can_join():
+            return Bound(carrying.quiet, *stirring, self._moves)
+        own = [call for listener in self._listeners for call in (listener.calls if listener.kinds else ())]
+        fence = ((self._around.look,), (self._around.keep,)) if self._around is not None else ((), ())
+        probe.chain = Chain([*fence[0], probe.next, probe.begins, *own, probe.ends, *fence[1]])
+        probe.chain.warm_up()
+        return Bound(happening.tell, *stirring, self._moves, self._event, probe.chain.place, probe.left, number)
+
+    def settle(self, before: float = math.inf) -> None:
+        """Make the entry of the contact that has ended last, if that was before a tick and is still to be done."""
+        if self._ended.open[0] and self._ended.tick[0] < before:
+            self._ended.open[0] = 0
+            number = self._ended.probe[0]
+            self._probes[number].rig.log.settle(int(self._ended.tick[0]), self._then[number])
+
+    def answer(self, code: int, tick: int) -> None:
+        """Deliver in Python what a probe's call has left, and what has happened at the probes after it."""
+        first = code - 1 if self._probes[0].chain is not None else -1
+        if first >= 0:
+            self._go_on(self._probes[first], int(self._probes[first].left[0]), tick)
+        else:
+            self._look(tick)
+        for probe in self._probes[first + 1 :]:
+            self._update(probe, tick)
+        if self._around is not None:
+            self._around.take()
+
+    def _look(self, tick: int) -> None:
+        """See whether a modality that has run has written where it may not, before anything else writes there."""
+        if self._around is not None and (changed := self._around.mend()):
+            raise foreign_write(self._model, self._carriers, changed, tick)
+
+    def _go_on(self, probe: _Probe, found: int, tick: int) -> None:
+        """Go on where the calls of a probe have stopped, as ``Chain.run`` says it."""
+        call = (found >> 32) - (self._around is not None)
+        hears, kind = [listener for listener in self._listeners if listener.kinds], int(self._event.kind[0])
+        if call < 0:
+            self._look(tick)
+        elif call == 0:
+            self._deliver(probe, kind, tick, hears)
+        else:
+            number, which = divmod(call - 2, _CALLS)
+            if which == _CALLS - 1:
+                self._written(hears[number], tick)
+            if kind in hears[number].kinds:
+                self._tell(probe, hears[number])
+            self._deliver_to(probe, kind, tick, hears[number + 1 :])
+            self._close(probe, kind, tick)
+        if kind != happening.MOVE:
+            self._update(probe, tick)
+
+    def _update(self, probe: _Probe, tick: int) -> None:
+        """Deliver what has happened at a probe in this tick."""
+        hears = [listener for listener in self._listeners if listener.kinds]
+        while (code := probe.find()) >= 0:
+            self._deliver(probe, code - 1, tick, hears)
+            if code - 1 == happening.MOVE:
+                return
+
+    def _deliver(self, probe: _Probe, kind: int, tick: int, hears: Sequence[_Listener]) -> None:
         """Deliver an event; a log hears a contact begin before the modalities, and end after them."""
-        if event.kind is not Contact.MOVE:
-            self._remember(event)
-            if event.kind is Contact.BEGIN:
-                self._log(event)
-        for one, view, fence in self._modalities:
-            if event.kind in one.instance.hears:
-                self._tell(event, one, view, fence)
-        if event.kind is Contact.END:
-            self._log(event)
+        if kind == happening.BEGIN:
+            probe.begin()
+        self._deliver_to(probe, kind, tick, hears)
+        self._close(probe, kind, tick)
+
+    def _close(self, probe: _Probe, kind: int, tick: int) -> None:
+        """At END, end the entry of the log."""
+        if kind == happening.END:
+            probe.rig.log.end(tick)
+            probe.rig.toucher.current[...] = -1
+
+    def _deliver_to(self, probe: _Probe, kind: int, tick: int, hears: Sequence[_Listener]) -> None:
+        for listener in hears:
+            if kind in listener.kinds:
+                found = 1 << 32 if listener.call is None else listener.call()
+                if found >> 32 == _CALLS - 1:
+                    self._written(listener, tick)
+                if found >= 0:
+                    self._tell(probe, listener)
+
+    def _written(self, listener: _Listener, tick: int) -> None:
+        raise foreign_write(self._model, [listener.one], listener.fence.mend(), tick)
 
     def left_out(self, seconds: float, tick: int) -> None:
         """Let modalities know that so many seconds [s] were left out before a tick.
@@ -50,11 +192,16 @@ class Events:
         DeviceFaultError
             If one fails, or writes what is not its own.
         """
-        for one, view, fence in self._modalities:
-            self._call(one, fence, "left_out", tick, partial(one.instance.left_out, one.model, view, seconds))
+        for listener in self._listeners:
+            one = listener.one
+            call = partial(one.instance.left_out, one.model, listener.view, seconds)
+            self._call(one, listener.fence, "left_out", tick, call)
 
-    def _tell(self, event: ContactEvent, one: ModalityModel, view: Record, fence: Fence) -> None:
-        self._call(one, fence, "on_contact", event.tick, partial(one.instance.on_contact, event, one.model, view))
+    def _tell(self, probe: _Probe, listener: _Listener) -> None:
+        """Tell a modality of the event in Python."""
+        event, one = probe.rig.toucher.event(self._event), listener.one
+        call = partial(one.instance.on_contact, event, one.model, listener.view)
+        self._call(one, listener.fence, "on_contact", event.tick, call)
 
     def _call(self, one: ModalityModel, fence: Fence, method: str, tick: int, call: Callable[[], None]) -> None:
         """Call a method of a modality; what it raises, or writes elsewhere, is a fault."""
@@ -72,15 +219,3 @@ class Events:
             changed = fence.mend()
         if changed:
             raise foreign_write(self._model, [one], changed, tick)
-
-    def _remember(self, event: ContactEvent) -> None:
-        count = int(self._count)
-        self._table[count % EVENTS] = (
-            event.kind, event.tick, self._probe_index[event.probe], event.object_index, *event[5:],
-        )  # fmt: skip
-        self._count[...] = count + 1
-
-    def _log(self, event: ContactEvent) -> None:
-        for rig in self._rigs:
-            if rig.probe.name == event.probe:
-                rig.log.hear(event)

@@ -185,18 +185,23 @@ def _rendering(
     carried = [(rig, one) for rig in rigs if rig.table is not None and (one := model.carrier_to(rig.probe.name))]
     yield from (steps.look_below(rig) for rig, _ in carried)
     between = [*(steps.carried(rig, one, state, model) for rig, one in carried), *map(steps.force, rigs), *supervised]
-    told = [steps.tell(model, events, rigs, state)] if rigs else []
     carriers, others = [one for _, one in carried], [one for one in model.modalities if one.carries is None]
     if not carriers or not others:
         yield from _fenced(carriers, model, views, [Fence(carriers, state)], " surfaces")
-        yield from (*between, *told)
+        yield from between
+        if rigs:
+            events.join(None, carriers)
+            yield steps.tell(model, events, rigs, state)
         yield from _fenced(others, model, views, [Fence(others, state)])
         return
     written = (name for step in between if step.bounds for name in step.written(state))  # Python's is seen otherwise
     fences = Fences(carriers, others, written, state)
     around, everyone = [fences.near, fences.rest], [*others, *carriers]
     yield from _fenced(carriers, model, views, around, " surfaces", looks=[fences.near])
-    yield from (steps.between(step, fences.rest, model, carriers) for step in (*between, *told))
+    yield from (steps.between(step, fences.rest, model, carriers) for step in between)
+    if rigs:
+        events.join(fences.rest, carriers)
+        yield steps.tell(model, events, rigs, state)
     yield steps.fence([fences.later])
     yield from (steps.modality(model, one, views[one.name], [fences.later, fences.rest]) for one in others)
     yield steps.mend(model, [fences.later, fences.rest], everyone)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -105,15 +106,24 @@ class Histogram:
 class RunStatistics:
     """What happened, for the report; ``contacts`` holds the closed ones.
 
-    ``times`` is the Timing of this run, if there is one; ``earlier`` holds the histograms of the runs before a restore.
+    ``settle`` adds the entry of a contact that has ended to ``closed``, if one has since it was last called; ``times`` is
+    the Timing of this run, if there is one; ``earlier`` holds the histograms of the runs before a restore.
     """
 
-    contacts: list[dict[str, Any]] = field(default_factory=list)
+    closed: list[dict[str, Any]] = field(default_factory=list)
     faults: list[dict[str, Any]] = field(default_factory=list)
     tracking: Histogram = field(default_factory=lambda: Histogram(1e-6))
     worst_height: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
     times: Timing | None = None
     earlier: dict[str, list[list[float]]] = field(default_factory=dict)
+    settle: Callable[[], None] | None = None
+
+    @property
+    def contacts(self) -> list[dict[str, Any]]:
+        """Entries of the contacts that have ended, in the order of their ends."""
+        if self.settle is not None:
+            self.settle()
+        return self.closed
 
     @property
     def height_error(self) -> float:
@@ -141,7 +151,7 @@ class RunStatistics:
 
     def load(self, data: dict[str, Any]) -> None:
         """Take over what ``dump`` returned."""
-        self.contacts, self.faults = list(data["contacts"]), list(data["faults"])
+        self.contacts[:], self.faults = list(data["contacts"]), list(data["faults"])
         self.tracking.load(data["tracking"])
         self.worst_height[0] = float(data["height_error"])
         earlier = data.get("histograms_us", {})  # snapshots of format 1.0 and the first of 1.1 have none

@@ -186,14 +186,14 @@ def force(rig: ProbeRig) -> Step:
 
 
 def tell(model: Model, events: Events, rigs: Sequence[ProbeRig], state: Record) -> Step:
-    """Tell logs and modalities what contacts have begun and ended."""
+    """Tell logs and modalities what contacts have begun and ended; it looks itself at the fence that it is in."""
     probes = [rig.probe.name for rig in rigs]
     noted = tuple(f"{name}.{field}" for name in probes for field in ("near_object", "contact.*"))
     heard = tuple(name for one in model.modalities if one.instance.hears for name in shown_fields(one, state))
     reads = tuple(f"{name}.*" for name in probes)
     return joinable(
-        "events", [rig.toucher.quiet(events.moves) for rig in rigs], (*reads, *heard, "objects.*"),
-        (*noted, *heard, "events.*"), lambda code, tick, ready: events.update(tick, ready),
+        "events", events.bounds, (*reads, *heard, "objects.*"), (*noted, *heard, "events.*"),
+        lambda code, tick, ready: events.answer(code, tick),
     )  # fmt: skip
 
 

@@ -7,33 +7,26 @@ takes over.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from itouch.contact import layout as at
 from itouch.contact.effects import render_effects
 from itouch.contact.step import step
 from itouch.contact.surfaces import effects_table
 from itouch.joining import runner
-from itouch.loop import carrying, render
+from itouch.loop import carrying, happening, render
 from itouch.loop.frames import Frame
 from itouch.loop.late_coupling import ease
 from itouch.loop.runner import Runner
 from itouch.loop.surface import memory, plate
 from itouch.loop.surface.force import SOON
 from itouch.monitors.surface_kernels import Nearing
-from itouch.plugin import Bound, Contact, ContactEvent, Record, Role
+from itouch.plugin import Bound, Contact, ContactEvent, HeardContact, Record, Role
 from itouch.world import Model, ProbeModel
 
-#: A contact has ended when the probe was this far away [m], for this long [s].
-SEPARATION, SEPARATION_TIME = 1e-4, 0.020
 #: Time constant [s] of the filter on the HIP's velocity.
 VELOCITY_FILTER = 0.002
-
-Listener = Callable[[ContactEvent], None]
-Vector = tuple[float, float, float]
 
 
 class Over(NamedTuple):
@@ -64,7 +57,8 @@ class Toucher:
         self._nearest, self._afresh = np.full(1, -1, np.int64), np.zeros(1, np.int64)
         #: How fast the surface rises [m/s], shape (1,); found anew in each tick.
         self._rising = np.zeros(1)
-        self._patience = round(SEPARATION_TIME / model.period)
+        self._patience = round(happening.SEPARATION_TIME / model.period)
+        self._tick, self._events, self._count = state["tick"], state["events.table"], state["events.count"]
         self._constants = _constants(model, probe, arm, table)
         #: Where State has the frames of tracker, arm and table.
         self._frames = {
@@ -265,75 +259,29 @@ class Toucher:
         """Command the arm's part of the force."""
         self._pushed()
 
-    def quiet(self, moves: bool) -> Bound:
-        """Return what tells that there is no event in a tick."""
-        return Bound(
-            carrying.quiet, self._nearest, self.near_object, self.current, self.object, self.separated, moves
+    @property
+    def stirring(self) -> tuple[Any, ...]:
+        """What tells that there is an event in a tick: the first arguments of `carrying.quiet`."""
+        return self._nearest, self.near_object, self.current, self.object, self.separated
+
+    def happens(self, moves: bool, event: HeardContact) -> tuple[Any, ...]:
+        """Return the arguments of `happening.happens`; ``moves``: MOVE is told, too."""
+        seen = happening.Seen(
+            self._nearest, self.object, self.figures, self.result, self._poses, self._twists, self._tick
         )  # fmt: skip
+        table = self._events.view(np.int64).reshape(len(self._events), -1)
+        kept = happening.Kept(
+            self.near_object, self.current, self.separated, self.begin, self._count, table, table.view(np.float64)
+        )  # fmt: skip
+        return seen, kept, event, self.probe.index, self._moving, moves, self._patience
 
-    def events(self, tick: int, tell: Listener, moves: bool) -> None:
-        """Emit the events of this tick: NEAR, then END and BEGIN, or MOVE if anybody hears it."""
-        nearest = self._nearest[0].item()
-        if nearest != self.near_object.item():
-            self.near_object[...] = nearest
-            if nearest >= 0:
-                tell(self._event(Contact.NEAR, tick, nearest, False))
-        current, primary = self.current.item(), self.object.item()
-        if current >= 0:
-            if self._goes_on(current, primary, nearest):
-                if moves:
-                    tell(self._event(Contact.MOVE, tick, current, primary == current))
-                return
-            tell(self._event(Contact.END, tick, current, primary == current))
-            self.current[...] = -1
-        if primary >= 0:
-            self.current[...] = primary
-            self.separated[...] = 0
-            self.begin[...] = tick
-            tell(self._event(Contact.BEGIN, tick, primary, True))
-
-    def _goes_on(self, current: int, primary: int, nearest: int) -> bool:
-        """Tell whether the contact with an object goes on."""
-        if primary == current or (primary >= 0 and self._touches(current)):
-            if self.separated.item():
-                self.separated[...] = 0
-            return True
-        far = nearest != current or self.figures[render.NEAR_DISTANCE] > SEPARATION
-        self.separated[...] = self.separated.item() + 1 if far else 0
-        return bool(primary < 0 and self.separated.item() < self._patience)
-
-    def _touches(self, index: int) -> bool:
-        for row in range(int(self.result[at.RESULT_COUNT])):
-            if self.result[at.RESULT_CONTACTS + row * at.CONTACT_WIDTH + at.CONTACT_OBJECT] == index:
-                return True
-        return False
-
-    def _event(self, kind: Contact, tick: int, index: int, touching: bool) -> ContactEvent:
-        f = self.figures.tolist()
-        if touching:
-            nx, ny, nz = f[12:15]
-            point = (f[15], f[16], f[17])
-            distance = 0.0
-        else:
-            start = at.RESULT_NEAREST_POINT
-            px, py, pz, nx, ny, nz = self.result[start : start + 6].tolist()
-            point, distance = (px, py, pz), f[20]
-        u, v, w = f[3:6]
-        if self._moving:
-            u, v, w = (a - b for a, b in zip((u, v, w), self._surface_velocity(index, point), strict=True))
-        along = u * nx + v * ny + w * nz
-        tangential = (u - along * nx, v - along * ny, w - along * nz)
+    def event(self, heard: HeardContact) -> ContactEvent:
+        """Return an event from its numbers, for who is told of it in Python."""
+        kind, tick, _, index, point, normal, distance, speed, along, *rest = [part.tolist() for part in heard]
         return ContactEvent(
-            kind, tick, self.probe.name, self.model.objects[index], index, point, (nx, ny, nz), distance, -along,
-            tangential, f[18], f[19], f[21], f[render.AREA],
+            Contact(kind[0]), tick[0], self.probe.name, self.model.objects[index[0]], index[0], tuple(point),
+            tuple(normal), distance[0], speed[0], tuple(along), *(part[0] for part in rest),
         )  # fmt: skip
-
-    def _surface_velocity(self, index: int, point: Vector) -> Vector:
-        """Return the velocity of an object's material point [m/s]."""
-        px, py, pz = self._poses[index, :3].tolist()
-        vx, vy, vz, wx, wy, wz = self._twists[index].tolist()
-        x, y, z = point[0] - px, point[1] - py, point[2] - pz
-        return (vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x)
 
 
 def _constants(model: Model, probe: ProbeModel, arm: Runner | None, table: Runner | None) -> render.Floats:

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from itouch.compiling import inlined, kernel, nogil_kernel
+from itouch.compiling import fused, inlined, kernel, nogil_kernel
 
-__all__ = ["copied", "encoded", "gaussian", "inlined", "kernel", "nogil_kernel"]
+__all__ = ["copied", "encoded", "fused", "gaussian", "inlined", "kernel", "nogil_kernel"]
 
 #: Adding and then subtracting it rounds a number to an integer, and leaves NaN unchanged.
 _TO_INTEGER = 1.5 * 2.0**52

@@ -8,6 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from itouch.plugin.bound import Bound
 from itouch.plugin.channel import Channel, of_role
 from itouch.plugin.measured import Measured
@@ -15,6 +18,8 @@ from itouch.plugin.quantity import Role
 from itouch.plugin.record import Field, Record
 
 Vector = tuple[float, float, float]
+Floats = NDArray[np.float64]
+Numbers = NDArray[np.int64]
 
 
 class Contact(enum.IntEnum):
@@ -49,6 +54,35 @@ class ContactEvent(NamedTuple):
     force: float
     time_to_contact: float
     area: float = 0.0
+
+
+class HeardContact(NamedTuple):
+    """The numbers of a `ContactEvent` as compiled code is shown them: arrays that stay, written anew for each event.
+
+    Scalars have shape (1,), vectors (3,); ``probe`` is the number of the probe in `World.probes`, ``object`` that of
+    the object.
+    """
+
+    kind: Numbers
+    tick: Numbers
+    probe: Numbers
+    object: Numbers
+    point: Floats
+    normal: Floats
+    distance: Floats
+    speed: Floats
+    tangential_velocity: Floats
+    penetration: Floats
+    force: Floats
+    time_to_contact: Floats
+    area: Floats
+
+    @classmethod
+    def of(cls, event: ContactEvent, probe: int) -> HeardContact:
+        """Return the numbers of an event at the probe with a number."""
+        whole = (event.kind, event.tick, probe, event.object_index)
+        numbers = (np.array([number], np.int64) for number in whole)
+        return cls._make([*numbers, *(np.array(value, np.float64).reshape(-1) for value in event[5:])])
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,6 +327,14 @@ class Modality(ABC):
 
     def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:  # noqa: B027
         """Receive a contact event; called within the tick, before ``update``."""
+
+    def bound_contact(self, model: Any, state: Record, event: HeardContact) -> Bound | None:
+        """Return what ``on_contact`` does with these, which stay the same, as one compiled call; None: it is Python.
+
+        The numbers of an event stand in ``event`` then; where its kind is none of those in ``hears``, or -1, nothing is
+        done.  A call that returns another number than 0 has changed nothing, and leaves this event to ``on_contact``.
+        """
+        return None
 
     def attends(self, model: Any) -> bool:
         """Tell whether ``between`` is to be called in the ticks between its updates."""

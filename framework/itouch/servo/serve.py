@@ -167,7 +167,8 @@ class Servo:
         return self.report(), error
 
     def _publish_last(self) -> None:
-        """Publish the State at the end, and Timing."""
+        """Publish the State at the end, Timing, and the last contact."""
+        self._tell_contacts(self.session.statistics.contacts)
         self._publish(0.0, 0.0)
         self._publisher.publish_timing()
 
@@ -335,14 +336,17 @@ class Servo:
         self.words[at.UNSENT] = unsent(self.session)
         times, stamps = self.session.times, self.session.stamps
         self._publish(times.late, float(stamps[-1] - stamps[0]))
-        contacts = self.session.statistics.contacts
-        if len(contacts) > self._told:
-            self.outbox.tell("contacts", {"contacts": contacts[self._told :]})
-            self._told = len(contacts)
+        self._tell_contacts(self.session.statistics.closed)  # not what a tick would first have to put together
         if tick % TIMING_EVERY == 0:
             self._publisher.publish_timing()
             self.outbox.flush()
             self._watch_others()
+
+    def _tell_contacts(self, contacts: list[dict[str, Any]]) -> None:
+        """Tell the launcher of contacts that have ended since it was told last."""
+        if len(contacts) > self._told:
+            self.outbox.tell("contacts", {"contacts": contacts[self._told :]})
+            self._told = len(contacts)
 
     def _watch_others(self) -> None:
         """End the session if its launcher is gone, or if no guardian watches over devices that obey or are about to.

@@ -335,6 +335,7 @@ def order(subject: ModalitySubject) -> None:
         instance.on_contact = on_contact  # type: ignore[method-assign]
     except AttributeError as error:
         raise NotApplicableError("its class has slots") from error
+    engine = type(engine)(engine.model)  # another one, which finds it in the place of what may be compiled
     engine.run(subject.seconds)
     touches = [kind for kind in heard if kind in (Contact.BEGIN, Contact.END)]
     both = {Contact.BEGIN, Contact.END} <= modality.instance.hears  # with only one of them, it repeats

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contact_heat.live import air_step, contact_step, surface_temperature
+from contact_heat.live import air_step, contact_step, shift_surface, surface_temperature
 from contact_heat.resistance import contact_area, resistance_at
+from itouch.plugin import Contact as Kind
 from itouch.plugin.kernels import kernel
 from itouch_thermal.boundary import beyond
 from itouch_thermal.laws import press_factor
@@ -17,6 +18,8 @@ from itouch_thermal.laws import press_factor
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
+#: The kinds of event that it hears, as compiled code compares them.
+_BEGIN, _END = int(Kind.BEGIN), int(Kind.END)
 #: Return value that leaves the tick to Python: a recorded curve is played, or the contact disc lies on two objects.
 PYTHON = 1
 #: Length of valid infrared readings before a touch that the mean extends over [s]; older readings fade out.
@@ -72,6 +75,13 @@ class Kept(NamedTuple):
     resistance: Floats
     contact_area: Floats
     skin_temperature: Floats
+
+
+class Touch(NamedTuple):
+    """What of the State is the touch's, each (1,): when the last one ended [tick], and whether one is open."""
+
+    left_tick: Numbers
+    in_contact: Numbers
 
 
 class Contact(NamedTuple):
@@ -161,4 +171,35 @@ def exchange(given: Given, kept: Kept, skin: Skin, contact: Contact) -> int:
         air_step(given.finger, kept.finger)
         watch(given, kept, skin)
     settle(given, kept, own, force, flux, resistance)
+    return 0
+
+
+@kernel
+def start(finger: Floats, kept: Floats, skin: Any) -> None:
+    """Bring the model finger to the skin temperature that infrared has measured.
+
+    ``finger`` (n,) is packed, ``kept`` (modes,) [K] its modes, as `contact_heat.packing` lays them out.
+    """
+    shift_surface(finger, kept, skin.change[0])
+    skin.change[0] = 0.0
+    skin.seen[0] = 0
+
+
+@kernel
+def hear(event: Any, given: Given, kept: Kept, skin: Skin, touch: Touch, probe: int) -> int:
+    """Begin and end the exchange with an object; ``event`` is a `HeardContact`, ``probe`` the number of the finger."""
+    if event.probe[0] != probe:
+        return 0
+    kind, tick, index = event.kind[0], event.tick[0], event.object[0]
+    if kind == _BEGIN and (given.known[index] != 0 or given.played[index] != 0):
+        start(given.finger, kept.finger, skin)
+        kept.object[0], touch.in_contact[0] = index, 1
+        slides = touch.left_tick[0] == tick
+        before = kept.since[0] if slides else 0
+        kept.since[0] = kept.since_beside[0] if slides else 0
+        kept.since_beside[0] = before
+        kept.touched[index] = 1
+    elif kind == _END:
+        kept.object[0], touch.left_tick[0], touch.in_contact[0] = -1, tick, 0
+        kept.contact_area[0] = 0.0
     return 0

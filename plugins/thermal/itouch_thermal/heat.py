@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from contact_heat.layers import FINGER_FILM, Back, Film, Initial, Layer, Side
 from contact_heat.resistance import SPREAD, ResistanceLaw, contact_area
-from itouch.plugin import Bound, ContactEvent, Field, Modality, Record, Role, World, schema
+from itouch.plugin import Bound, ContactEvent, Field, HeardContact, Modality, Record, Role, World, schema
 from itouch.plugin import Contact as ContactKind
 from itouch_thermal.boundary import Exchange, beyond
 from itouch_thermal.flux.object_curves import played_curves
@@ -145,6 +145,7 @@ class HeatModel:
     names: Names
     live: Any
     probe: str
+    finger_number: int
     finger: Array
     finger_start: Array
     bodies: tuple[Array | None, ...]
@@ -190,6 +191,7 @@ class Heat(Modality):
             names=Names.of(name, params.probe),
             live=live,
             probe=params.probe,
+            finger_number=list(world.probes).index(params.probe),
             finger=packed,
             finger_start=live.initial_state(finger, period, finger=True),
             bodies=tuple(bodies),
@@ -260,24 +262,16 @@ class Heat(Modality):
 
     def on_contact(self, event: ContactEvent, model: HeatModel, state: Record) -> None:
         """Begin or end the exchange of heat with an object."""
-        if event.probe != model.probe:
-            return
-        name = model.name
-        index = event.object_index
-        if event.kind is ContactKind.BEGIN and (model.bodies[index] is not None or model.playing.plays(index)):
-            self._start(model, state)
-            state[f"{name}.object"] = index
-            state[f"{name}.in_contact"] = 1
-            slides = state[f"{name}.left_tick"].item() == event.tick
-            before = state[f"{name}.since"].item() if slides else 0
-            state[f"{name}.since"] = state[f"{name}.since_beside"].item() if slides else 0
-            state[f"{name}.since_beside"] = before
-            state[f"{name}.touched"][index] = 1
-        elif event.kind is ContactKind.END:
-            state[f"{name}.object"] = -1
-            state[f"{name}.left_tick"] = event.tick
-            state[f"{name}.in_contact"] = 0
-            state[f"{name}.contact_area"] = 0.0
+        if event.probe == model.probe:
+            self.bound_contact(model, state, HeardContact.of(event, model.finger_number)).run()
+
+    def bound_contact(self, model: HeatModel, state: Record, event: HeardContact) -> Bound:
+        """Return what is done with an event as one compiled call."""
+        from itouch_thermal import exchange
+
+        given, kept, skin, _ = _views(model, state, model.period)
+        touch = exchange.Touch(*(state[f"{model.name}.{field}"] for field in exchange.Touch._fields))
+        return Bound(exchange.hear, event, given, kept, skin, touch, model.finger_number)
 
     def _start(self, model: HeatModel, state: Record) -> None:
         """Bring the model finger to the measured skin temperature."""

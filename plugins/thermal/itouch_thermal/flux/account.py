@@ -7,12 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from itouch.plugin import Field, Measured, Record, Role
+from itouch_thermal.flux import onset
 from itouch_thermal.flux.usual import FLOOR, SCORED_FROM, enter
-
-#: The numbers of the account, in their order.
-_RENDERED, _READY, _TICKS, _SUM, _PEAK, _SKIN_BEGIN, _SKIN_EXTREME, _SQUARES, _SCORED = range(9)
-#: What the first of them says of a plate whose start temperature was clipped to its band; else 1, 0: not rendered.
-_CLIPPED = 2.0
 
 #: Of an estimate: squares of the sensor's error and of its standard deviation, and how many; of what a virtual rig
 #: knows: squares of the true error and of the estimate's, and how many.
@@ -69,16 +65,7 @@ def render(state: Record, name: str, ready: bool, limited: bool, skin: float) ->
     ``ready`` says whether it is at its start temperature, ``limited`` whether that was clipped to its band; ``skin``
     [K] is the skin temperature before (NaN: unknown).
     """
-    account = state[f"{name}.account"]
-    again = bool(account[_RENDERED].item())
-    if limited or not again:  # what it aims for next is not of this contact
-        account[_RENDERED] = _CLIPPED if limited else 1.0
-    if again:
-        account[_READY] = float(ready and bool(account[_READY].item()))
-    else:
-        account[_READY] = ready
-        account[_SKIN_BEGIN] = account[_SKIN_EXTREME] = skin
-    return again
+    return bool(onset.render(state[f"{name}.account"], ready, limited, skin))
 
 
 def add(state: Record, name: str, flux: float, desired: float, skin: float, period: float) -> None:
@@ -88,7 +75,7 @@ def add(state: Record, name: str, flux: float, desired: float, skin: float, peri
 
 def scored(state: Record, name: str, period: float) -> bool:
     """Tell whether the flux of this tick counts: the touch is 0.1 s old."""
-    return bool(state[f"{name}.account"][_TICKS].item() * period >= SCORED_FROM)
+    return bool(state[f"{name}.account"][onset.TICKS].item() * period >= SCORED_FROM)
 
 
 def compare(state: Record, name: str, sensor: float, deviation: float, desired: float) -> None:
@@ -129,7 +116,7 @@ def measures(state: Record, name: str, source: str) -> dict[str, float | str | b
         "skin_drop_K": drop if math.isfinite(drop) else None,
         "flux_error_rms": math.sqrt(squares / scored) if scored else None,
         "plate_ready": bool(ready),
-        "plate_limited": rendered == _CLIPPED,
+        "plate_limited": rendered == onset.CLIPPED,
         **_beside(state, name),
     }
 

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from itouch.plugin import Record
 from itouch_thermal.display.column import F_PORT
+from itouch_thermal.flux.onset import converted
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.flux.usual import READY, TOUCHED, aim_at, judged, neutral
 
@@ -74,8 +77,9 @@ def _skin(model: FluxModel, state: Record) -> float:
         return float(state[model.skin_from].item())
     if not model.heat or model.law is None or model.preview is None:
         return model.skin
-    into, column = model.preview.into, model.law.fine
-    return float(column.rest + column.tissue[F_PORT] @ (into @ state[model.names.finger][: into.shape[1]]))
+    column, modes = model.law.fine, np.empty(len(model.preview.into))
+    converted(model.preview.into, state[model.names.finger], modes)
+    return float(column.rest + column.tissue[F_PORT] @ modes)
 
 
 def _set(model: FluxModel, state: Record, wanted: float) -> None:

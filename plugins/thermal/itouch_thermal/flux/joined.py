@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
-from itouch.plugin import Bound, Record
+from itouch.plugin import Bound, HeardContact, Record
 from itouch_thermal.flux import usual, wires
 from itouch_thermal.flux.law import DEADBEAT, ModelLaw
 from itouch_thermal.flux.predictive import part
-from itouch_thermal.flux.preview import Preview
+from itouch_thermal.flux.preview import Preview, first_steps
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.heat import table_of
 
@@ -30,12 +31,18 @@ def bounds(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> t
     """Return an update on these views as compiled calls, of which the first leaves to Python what is unusual."""
     scene, own, memory = _scene(model, state), _own(model, state), _memory(law, state)
     given, figures = _given(model, law, course), _figures(model, law, course)
-    taken = usual.Taken(np.ones(1), np.zeros(1), np.ones(1))
+    taken = usual.Taken(np.ones(1), np.zeros(1), np.ones(1), np.zeros(1, np.int64))
     return (
-        Bound(usual.prepare, scene, own, given, figures, taken),
+        Bound(usual.prepare, scene, own, given, figures, memory, taken),
         Bound(usual.track, scene, given, memory, taken, law.coarse_ticks, min(wires.MISSED, model.hold - 1)),
-        Bound(usual.command, scene, own, given, figures, memory, _NOTHING),
+        Bound(usual.command, scene, own, given, figures, memory, taken, _NOTHING),
     )
+
+
+def heard(model: FluxModel, law: ModelLaw, course: Preview, state: Record, event: HeardContact) -> Bound:
+    """Return what is done with an event on these views as a compiled call, which leaves to Python what is unusual."""
+    given, figures = _given(model, law, course), _figures(model, law, course)
+    return Bound(usual.hear, event, _scene(model, state), _own(model, state), given, figures, _memory(law, state))
 
 
 def _scene(model: FluxModel, state: Record) -> usual.Scene:
@@ -64,10 +71,16 @@ def _given(model: FluxModel, law: ModelLaw, course: Preview) -> usual.Given:
     known = np.array([body is not None for body in course.bodies], np.int64)
     starts = np.array([start is not None for start in model.starts], np.int64)
     played = np.array([curve is not None for curve in model.curves], np.int64)
+    start = np.array(
+        [
+            (*(found or (math.nan,) * 3), temperature)
+            for found, temperature in zip(model.starts, model.temperatures, strict=True)
+        ]
+    )
     return usual.Given(
         law.constants, law.fine.tissue, law.fine.plate, law.coarse.tissue, law.coarse.plate, law.hats, law.band,
         law.offsets, course.finger, table_of(course.bodies), known, starts, played, model.numbers,
-        model.finger.tissue, law.pad,
+        model.finger.tissue, law.pad, law.prior, course.into, start.reshape(-1, 4),
     )  # fmt: skip
 
 
@@ -79,5 +92,6 @@ def _figures(model: FluxModel, law: ModelLaw, course: Preview) -> usual.Figures:
         float(model.preset_time), float(low), float(high), float(law.display.flux_limit), float(law.ceiling),
         float(law.capacity), max(DEADBEAT, 1.5 * model.hold * model.period), float(part(model)),
         float(model.finger.resting_flux), float(model.lead), float(model.preset_noise), float(model.current),
-        model.hold, float(model.period * model.hold),
+        model.hold, float(model.period * model.hold), model.finger_number, first_steps(law.ahead, model.period),
+        bool(model.skin_from),
     )  # fmt: skip

@@ -159,6 +159,20 @@ def _pass(
 
 
 @kernel
+def _begin(
+    c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, memory: Any, knots: Any, trace: Any, kept: Any,
+    prior: Any, flux: float, scale: float, onset: float,
+) -> None:  # fmt: skip
+    """Set the finger on the plate; see `ModelLaw.begin`."""
+    memory[at.M_CONTACT] = scale
+    at.begin_touch(c, tissue, plate, x, theta, cover, memory, prior, onset)
+    knots[:] = flux
+    trace[:] = x[0, tissue.shape[1] + plate.shape[1] + at.X_FACE]
+    memory[at.M_TICKS] = memory[at.M_AGE] = 0.0
+    kept[late.VALID] = 0.0  # what was measured before knows nothing of this finger
+
+
+@kernel
 def _limits(band: Any, trace: Any, first: int, allowed: float, out: Any) -> None:
     """Fill the face's band at the ends of the horizon's steps: the plate's, and what its rate permits."""
     for i in range(out.shape[1]):
@@ -488,15 +502,10 @@ class ModelLaw:
         ``onset`` is the standard deviation [s] of when it came, which counts behind a wire.
         """
         s, p = state, self.prefix
-        s[p + "memory"][at.M_CONTACT] = scale
-        at.begin_touch(
+        _begin(
             self.constants, self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "cover"],
-            s[p + "memory"], self.prior, onset,
+            s[p + "memory"], s[p + "knots"], s[p + "trace"], s[p + "kept"], self.prior, flux, scale, onset,
         )  # fmt: skip
-        s[p + "knots"] = flux
-        s[p + "trace"] = s[p + "x"][0, self.fine.tissue.shape[1] + self.fine.plate.shape[1] + at.X_FACE]
-        s[p + "memory"][[at.M_TICKS, at.M_AGE]] = 0.0
-        s[p + "kept"][late.VALID] = 0.0  # what was measured before knows nothing of this finger
 
     def end(self, state: Record) -> None:
         """Take the finger off."""

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from itouch.plugin import Bound, Contact, ContactEvent, Field, Modality, Record, Role, World
+from itouch.plugin import Bound, Contact, ContactEvent, Field, HeardContact, Modality, Record, Role, World
 from itouch_thermal.flux import account, actuation, approach, condensation, joined, predictive, published, telling
 from itouch_thermal.flux.flux_control_params import FluxControlParams
 from itouch_thermal.flux.masking import masked
@@ -205,6 +205,12 @@ class FluxControl(Modality):
         if model.law is None or model.preview is None or not joined.joins(model, state):
             return ()
         return joined.bounds(model, model.law, model.preview, state)
+
+    def bound_contact(self, model: FluxModel, state: Record, event: HeardContact) -> Bound | None:
+        """Return what is done with an event as one compiled call, which leaves to Python what is unusual."""
+        if model.law is None or model.preview is None or not joined.joins(model, state):
+            return None
+        return joined.heard(model, model.law, model.preview, state, event)
 
     def _look(self, model: FluxModel, state: Record, tick: int, period: float) -> None:
         """Between touches: see what is near, and whether water may condense."""

@@ -11,23 +11,13 @@ from itouch_thermal.display.column import Array
 from itouch_thermal.flux import approach, wires
 from itouch_thermal.flux.law import PRIOR_ONSET, ModelLaw
 from itouch_thermal.flux.observer import advance
-from itouch_thermal.flux.preview import (
-    FIRST_PERIOD,
-    Ahead,
-    Preview,
-    begin_at,
-    go_on,
-    keep_ahead,
-    look_ahead,
-    rising,
-    stay,
-)
+from itouch_thermal.flux.onset import LATE, converted, grown_for
+from itouch_thermal.flux.preview import Ahead, Preview, begin_ahead, first_steps, keep_ahead, look_ahead, rising
 from itouch_thermal.flux.setting import FluxModel
-from itouch_thermal.flux.usual import PRESS_FILTER, PRESSING, press_on, scale_of
+from itouch_thermal.flux.usual import PRESS_FILTER, press_anew, press_on, scale_of
 
-#: Most servo periods that a touch may have begun before the force was measured in which it is seen; and, behind a wire,
-#: before the virtual contact.
-LATE, EARLY = 6, 50
+#: Most servo periods that a touch may have begun before the virtual contact, behind a wire.
+EARLY = 50
 #: A measured force [N] below which nothing may be on the plate.
 UNFELT = 0.01
 
@@ -137,9 +127,7 @@ def _late(model: FluxModel, state: Record) -> tuple[int, float]:
         return max(1, min(model.hold, tick - int(state[names.begun].item()))), PRIOR_ONSET
     if model.wire:
         return max(1, min(EARLY, tick - int(state[names.came].item()))), state[names.came_doubt].item()
-    force = abs(state[model.force_from][2].item())
-    grown = force - state[names.force_before].item()
-    return min(LATE, max(1, int(force / grown + 0.5))) if grown > 0.0 else 1, PRIOR_ONSET
+    return grown_for(abs(state[model.force_from][2].item()), state[names.force_before].item()), PRIOR_ONSET
 
 
 def _feel(model: FluxModel, state: Record, pressed: bool) -> None:
@@ -252,8 +240,7 @@ def _press(model: FluxModel, state: Record, scale: float) -> float:
     """Return how much the finger is being pressed on, by how fast the resistance changes that the force explains."""
     now, before = math.log(scale), state[model.names.scale_before].reshape(1)
     if state[model.names.fresh].item():  # a finger that has just come is being pressed on
-        before[0] = now + PRESS_FILTER / PRESSING
-        return press_on(before, now, 0.0)
+        return press_anew(before, now)
     return press_on(before, now, part(model))
 
 
@@ -277,7 +264,7 @@ def _begin(model: FluxModel, law: ModelLaw, course: Preview, state: Record, tick
 def _place(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> None:
     """Tell the law what finger is about to touch."""
     if model.heat:
-        law.place(state, course.into @ state[model.names.finger][: course.into.shape[1]])
+        converted(course.into, state[model.names.finger], state[model.names.x][0])
     else:
         skin = state[model.skin_from].item() if model.skin_from else model.skin
         law.place(state, rising(law.fine, skin))
@@ -303,10 +290,10 @@ def _restart(model: FluxModel, course: Preview, state: Record, ticks: int, count
     """Run ahead from the model finger and object as they are after step ``ticks`` of the touch."""
     ahead = _ahead(model, course, state)
     if ahead is not None:
-        begin_at(ahead, *_now(model, state), ticks)
-        first = min(count, math.ceil(count * (model.period / FIRST_PERIOD) ** 2 - 1e-9))
-        go_on(ahead, _coming(model, course, state), model.press / model.period, first)
-        stay(ahead, ticks + count)
+        begin_ahead(
+            ahead, *_now(model, state), _coming(model, course, state), model.press / model.period, ticks,
+            first_steps(count, model.period), count,
+        )  # fmt: skip
 
 
 def _coming(model: FluxModel, course: Preview, state: Record) -> float:

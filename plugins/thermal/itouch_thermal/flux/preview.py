@@ -16,12 +16,11 @@ from itouch.plugin import World, kept
 from itouch.plugin.kernels import kernel
 from itouch_thermal.display.column import REACH, Array, Column, tissue_side
 from itouch_thermal.flux.law import ModelLaw
+from itouch_thermal.flux.onset import SKIN_STEP
 from itouch_thermal.flux.start import Touched, Trial, outer_effusivity, start_temperature
 from itouch_thermal.heat import FINGER, HeatParams, finger_side, object_side
 from itouch_thermal.laws import press_factor
 
-#: Skin temperatures [K] round the expected one for which start temperatures are found; between them linear.
-SKIN_STEP = 2.0
 #: Steps of the preview that are computed anew in a tick while the resistance changes.
 STRIDE = 16
 #: Steps at most by which it comes nearer to its horizon in a tick, where it does not.
@@ -92,6 +91,22 @@ def begin_at(ahead: Any, finger: Any, below: Any, desired: float, ticks: int) ->
         ahead.below[i] = below[i]
     ahead.future[ticks % ahead.future.shape[0]] = desired
     ahead.reached[0] = ticks
+
+
+@kernel
+def begin_ahead(
+    ahead: Any, finger: Any, below: Any, desired: float, resistance: float, press: float, ticks: int, first: int,
+    horizon: int,
+) -> None:  # fmt: skip
+    """Run ahead by ``first`` steps from what is at step ``ticks`` of the touch, as in `begin_at`; then it stays so."""
+    begin_at(ahead, finger, below, desired, ticks)
+    go_on(ahead, resistance, press, first)
+    stay(ahead, ticks + horizon)
+
+
+def first_steps(horizon: int, period: float) -> int:
+    """Return how many steps a contact is run ahead in the tick in which it begins; ``period`` is that of a tick [s]."""
+    return min(horizon, math.ceil(horizon * (period / FIRST_PERIOD) ** 2 - 1e-9))
 
 
 @kernel

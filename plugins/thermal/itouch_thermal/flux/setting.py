@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from contact_heat.live import surface_temperature
 from contact_heat.resistance import ConstantResistance, ResistanceLaw
 from itouch.plugin import ParameterError, Record, Role, World, WorldDevice
 from itouch_thermal.display.column import REACH, Array, Column, column
@@ -20,7 +19,8 @@ from itouch_thermal.flux.flux_control_params import FluxControlParams
 from itouch_thermal.flux.law import DEADBEAT, Coming, ModelLaw
 from itouch_thermal.flux.names import Names, driven
 from itouch_thermal.flux.object_curves import curves_of
-from itouch_thermal.flux.preview import SKIN_STEP, Preview, preview
+from itouch_thermal.flux.onset import SKIN_STEP, start_for, warmth
+from itouch_thermal.flux.preview import Preview, preview
 from itouch_thermal.flux.start import equation_three, outer_effusivity, within
 from itouch_thermal.heat import FINGER, HeatParams, ThermalMaterial
 
@@ -33,14 +33,10 @@ BAND = (288.15, 313.15)
 APPROACH = 0.25
 #: Seconds after which the start temperature is found anew.
 AGAIN = 0.25
-#: How far from the scene's skin temperature starts go on in a line, in steps of those that are known.
-FAR = 1.5
 #: For how long a reading may be on its way over a wire [s].
 LONGEST = 0.25
 #: For how long a command may wait until it leaves [s].
 WAIT = 0.05
-#: What an object that was never touched may seem to differ from its temperature by rounding [K].
-UNTOUCHED = 1e-6
 
 Starts = tuple[float, float, float]
 
@@ -56,6 +52,7 @@ class FluxModel:
     ``preset_noise`` [A] is what lies on the current before a touch;
     ``wire`` says that readings and currents are late, and ``at`` at which places the display reads flux and plate;
     ``finger`` is that at rest, in steps of an update; ``lead`` is how long [s] the plate takes to where it is sent;
+    ``finger_number`` is that of the probe;
     ``hold`` is how many servo periods an update stands for, ``again`` after how many the start temperature is found
     anew.
     """
@@ -65,6 +62,7 @@ class FluxModel:
     params: FluxControlParams
     display: DisplayParams
     probe: str
+    finger_number: int
     heat: str
     objects: tuple[str, ...]
     materials: tuple[str, ...]
@@ -126,27 +124,14 @@ class FluxModel:
         found = self.starts[index]
         if found is None:
             return None
-        low, middle, high = found
-        like = skin - warmed
-        away = (like - self.skin) / SKIN_STEP
-        end = max(-FAR, min(FAR, away))
-        start = middle + end * ((high - middle) if end > 0.0 else (middle - low))
-        if end != away and self.curves[index] is None:
-            known, rest = self.skin + end * SKIN_STEP, self.temperatures[index]
-            if (rest - known) * end > SKIN_STEP * abs(end):
-                slope = (rest - start) / (rest - known)
-            else:
-                slope = ((high - middle) if end > 0.0 else (middle - low)) / SKIN_STEP
-            start += (like - known) * slope
-        return start + warmed
+        return start_for(*found, self.skin, self.temperatures[index], self.curves[index] is None, skin, warmed)
 
     def warmed(self, index: int, state: Record) -> float:
         """Return by how much [K] earlier touches have warmed an object, as the modality that is followed has it."""
         body = None if self.preview is None or not self.heat else self.preview.bodies[index]
         if body is None or self.curves[index] is not None:
             return 0.0
-        warmed = surface_temperature(body, state[self.names.bodies][index]) - self.temperatures[index]
-        return warmed if abs(warmed) > UNTOUCHED else 0.0
+        return warmth(body, state[self.names.bodies][index], self.temperatures[index])
 
     def in_contact(self, state: Record) -> bool:
         """Tell whether the finger presses on a virtual object now."""
@@ -186,6 +171,7 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         params=params,
         display=display,
         probe=heat.probe,
+        finger_number=list(world.probes).index(heat.probe),
         heat=params.desired_from,
         objects=tuple(element.name for element in world.objects),
         materials=tuple(element.material_name for element in world.objects),

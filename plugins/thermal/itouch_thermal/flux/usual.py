@@ -1,6 +1,7 @@
-"""A tick of the controller `model`, compiled: three calls that leave to Python what begins, ends or is unusual.
+"""A tick of the controller `model`, compiled: three calls that leave to Python what is unusual.
 
-``prepare`` says what the law takes in, ``track`` lets it, ``command`` asks it for the next current.
+``prepare`` says what the law takes in, ``track`` lets it, ``command`` asks it for the next current.  ``hear`` is told
+what contacts begin and end.
 """
 
 from __future__ import annotations
@@ -12,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact_heat.resistance import resistance_at
+from itouch.plugin import Contact
 from itouch.plugin.kernels import kernel
 from itouch_thermal.display.column import F_BEGIN, F_DECAY, F_END, F_PORT
 from itouch_thermal.flux import law as laws
-from itouch_thermal.flux import observer
+from itouch_thermal.flux import observer, onset
 from itouch_thermal.flux.masking import masked
-from itouch_thermal.flux.preview import Ahead, keep_ahead, look_ahead
+from itouch_thermal.flux.preview import Ahead, begin_ahead, keep_ahead, look_ahead
 from itouch_thermal.flux.start import MARGIN
 from itouch_thermal.laws import press_factor
 
@@ -26,6 +28,8 @@ Numbers = NDArray[np.int64]
 
 #: Leaves the tick to Python.
 PYTHON = 1
+#: The kinds of event that it hears, as compiled code compares them.
+_NEAR, _BEGIN, _END = int(Contact.NEAR), int(Contact.BEGIN), int(Contact.END)
 #: Force [N] on the plate that means a finger.
 TOUCHED = 0.03
 #: Over how long the infrared readings of the skin are averaged while the rig is calibrated [s], and the most heat that
@@ -101,6 +105,9 @@ class Own(NamedTuple):
     force_before: Floats
     scale_before: Floats
     account: Floats
+    beside: Floats
+    integral: Floats
+    unready: Numbers
     preview_finger: Floats
     preview_object: Floats
     preview_index: Numbers
@@ -131,7 +138,10 @@ class Memory(NamedTuple):
 
 
 class Given(NamedTuple):
-    """What never changes: constants of law and preview, and per object whether it has a start and plays a curve."""
+    """What never changes: constants of law and preview, and per object whether it has a start and plays a curve.
+
+    ``start`` has per object the start temperatures [K] at three skin temperatures, and its own temperature [K].
+    """
 
     c: Floats
     tissue: Floats
@@ -149,12 +159,17 @@ class Given(NamedTuple):
     law: Floats
     cover: Floats
     pad: Floats
+    prior: Floats
+    into: Floats
+    start: Floats
 
 
 class Figures(NamedTuple):
     """Numbers that never change: sizes in periods, limits, and what is known of skin and room, SI.
 
-    An update stands for ``hold`` servo periods, which are ``update`` [s] together.
+    An update stands for ``hold`` servo periods, which are ``update`` [s] together.  ``probe`` is the number of the
+    finger, ``first`` how many steps a contact is run ahead in the tick in which it begins, and ``sees`` says whether
+    anything reads the skin's temperature.
     """
 
     size: int
@@ -183,17 +198,21 @@ class Figures(NamedTuple):
     most: float
     hold: int
     update: float
+    probe: int
+    first: int
+    sees: bool
 
 
 class Taken(NamedTuple):
     """What ``prepare`` has found for the law: how the resistance is, how much is pressed on, and what the sensor sees.
 
-    Each of shape (1,); the last is a part of the flux out of the finger.
+    Each of shape (1,); the third is a part of the flux out of the finger, the last 1 where the readings are unclear.
     """
 
     scale: Floats
     press: Floats
     part: Floats
+    unclear: Numbers
 
 
 @kernel
@@ -309,39 +328,164 @@ def aim_at(start: Floats, limited: Any, wanted: float, low: float, high: float) 
 
 
 @kernel
-def _unusual(scene: Any, own: Any, given: Any, figures: Any) -> bool:
-    """Tell whether this tick is Python's: something begins, ends or is chosen anew."""
-    tick, index = scene.tick[0], own.object[0]
-    if own.tracked[0] != tick - figures.hold or own.fresh[0] != 0 or scene.age[0] != 0:
-        return True
-    touching = own.touching[0] != 0
-    if own.open[0] != 0 and given.starts[index] != 0 and scene.met[0] >= 0 and touching != (scene.plate[0] != 0):
-        return True
-    if touching:
-        body = own.preview_index[0]
-        if given.played[index] != 0 or body < 0 or given.known[body] == 0:
-            return True
-        return own.on_plate[0] == 0 or not pressed(scene, figures.heat)
-    if own.on_plate[0] != 0:
-        return True
-    if scene.ready[0] == 0:
+def _coming(scene: Any) -> int:
+    """Return the object that the plate will render, -1 for none: a taller neighbour may be nearer to the finger."""
+    near, below = scene.near_object[0], scene.below[0]
+    return int(below if near >= 0 and below >= 0 else near)
+
+
+@kernel
+def _wanted(scene: Any, given: Any, figures: Any, index: int) -> float:
+    """Return the start temperature [K] that an object wants as it and the skin, which is seen, are now."""
+    goes_on, warmed, row = given.played[index] == 0, 0.0, given.start[index]
+    if goes_on and given.known[index] != 0:
+        warmed = onset.warmth(given.bodies[index], scene.bodies[index], row[3])
+    return float(
+        onset.start_for(row[0], row[1], row[2], figures.rest, row[3], goes_on, scene.skin[0], warmed)
+    )  # fmt: skip
+
+
+@kernel
+def _aim(scene: Any, own: Any, given: Any, figures: Any, index: int, tick: int) -> None:
+    """Aim for the object that the finger approaches; where nothing is known of its heat the plate stays as it is."""
+    own.preset_begun[0] = tick
+    if index >= 0:
+        own.approached[0] = index
+        if given.starts[index] != 0:
+            wanted = _wanted(scene, given, figures, index)
+            aim_at(own.start_temperature, own.plate_limited, wanted, figures.low, figures.high)
+
+
+@kernel
+def _look(scene: Any, own: Any, given: Any, figures: Any) -> None:
+    """Between touches: aim for what is near, and now and then anew, as object and skin recover from the last touch."""
+    near, tick = _coming(scene), scene.tick[0]
+    if near < 0:
+        return
+    if near != own.approached[0]:
+        _aim(scene, own, given, figures, near, tick)
+    elif tick % figures.again < figures.hold and given.starts[near] != 0:
+        wanted = _wanted(scene, given, figures, near)
+        if abs(wanted - own.start_temperature[0]) > READY / 2.0:
+            aim_at(own.start_temperature, own.plate_limited, wanted, figures.low, figures.high)
+
+
+@kernel
+def _judge(scene: Any, own: Any, figures: Any, error: float) -> None:
+    """Say how ready a plate is that differs from its start temperature by an error [K]."""
+    passed = 1.0
+    if figures.preset_time > 0.0:
+        passed = (scene.tick[0] - own.preset_begun[0]) * figures.period / figures.preset_time
+    own.readiness[0] = judged(error, passed)
+    own.plate_ready[0] = int(own.readiness[0] >= 1.0)
+
+
+@kernel
+def _turns(scene: Any, own: Any, given: Any, index: int) -> bool:
+    """Tell whether the plate begins to render the contact with an object that is open, or ends it."""
+    if given.starts[index] == 0 or scene.met[0] < 0:  # a finger that lifts for a moment: as it was
         return False
-    near = scene.near_object[0]
-    if near >= 0 and scene.below[0] >= 0:
-        near = scene.below[0]
-    return bool(near >= 0 and (near != own.approached[0] or tick % figures.again == 0))
+    return bool((own.touching[0] != 0) != (scene.plate[0] != 0))
+
+
+@kernel
+def _meet(scene: Any, own: Any) -> None:
+    """Begin to render the contact that is open: the plate is what touches the finger."""
+    aimed = own.approached[0] == own.object[0]
+    ready, limited = aimed and own.plate_ready[0] != 0, aimed and own.plate_limited[0] != 0
+    again = onset.render(own.account, ready, limited, scene.true_skin[0])
+    own.touching[0] = own.fresh[0] = 1
+    own.pressing[0] = 0
+    own.integral[0] = own.flux[0]
+    if not ready and not again:
+        own.unready[0] += 1
+
+
+@kernel
+def _part(scene: Any, own: Any, given: Any, figures: Any, memory: Any) -> None:
+    """Let go of a finger that the plate is no longer with, and aim for what comes next.
+
+    It may be there already: then the plate is as ready for it as it is near that start temperature.
+    """
+    tick, touched = scene.tick[0], own.touching[0] != 0
+    if own.on_plate[0] != 0:
+        observer.end_touch(given.tissue, given.plate, memory.x, memory.memory)
+        own.on_plate[0] = 0
+    own.touching[0] = 0
+    _aim(scene, own, given, figures, _coming(scene), tick)
+    if touched:
+        _judge(scene, own, figures, scene.plate_temperature[0] - own.start_temperature[0])
+
+
+@kernel
+def hear(event: Any, scene: Scene, own: Own, given: Given, figures: Figures, memory: Memory) -> int:
+    """Aim for the object that comes near; begin and end the touch.  ``event``: a `HeardContact`."""
+    if event.probe[0] != figures.probe:
+        return 0
+    kind, tick, index = event.kind[0], event.tick[0], event.object[0]
+    if kind == _NEAR and own.touching[0] == 0:
+        if not figures.sees:
+            return PYTHON
+        _aim(scene, own, given, figures, _coming(scene), tick)
+    elif kind == _BEGIN:
+        if figures.hold > 1 or own.touching[0] != 0:
+            return PYTHON
+        own.account[:] = 0.0
+        own.beside[:] = 0.0
+        own.object[0], own.begun[0], own.open[0] = index, tick, 1
+        if _turns(scene, own, given, index):
+            _meet(scene, own)
+    elif kind == _END:
+        if figures.hold > 1 or not figures.sees or own.tracked[0] != tick - 1:
+            return PYTHON
+        own.open[0] = 0
+        _part(scene, own, given, figures, memory)
+    return 0
+
+
+@kernel
+def _unusual(scene: Any, own: Any, given: Any, figures: Any) -> bool:
+    """Tell whether this tick is Python's: readings or ticks are missing, or an object is not rendered by its heat.
+
+    Where an update stands for several periods, what begins or ends is Python's, too.
+    """
+    tick, index = scene.tick[0], own.object[0]
+    if own.tracked[0] != tick - figures.hold or scene.age[0] != 0:
+        return True
+    turns = own.open[0] != 0 and _turns(scene, own, given, index)
+    touched = own.touching[0] != 0
+    if turns or own.fresh[0] != 0 or (touched and own.on_plate[0] == 0):
+        if figures.hold > 1 or (turns and touched and not figures.sees):
+            return True
+    elif not touched and own.on_plate[0] != 0:
+        return True
+    if touched != turns:  # it is rendered in this tick
+        begins = turns or own.fresh[0] != 0
+        body = index if begins else own.preview_index[0]
+        return bool(given.played[index] != 0 or body < 0 or given.known[body] == 0)
+    if scene.ready[0] == 0 or figures.sees:
+        return False
+    near = _coming(scene)
+    return bool(near >= 0 and (near != own.approached[0] or tick % figures.again < figures.hold))
 
 
 @kernel
 def prepare(
-    scene: Scene, own: Own, given: Given, figures: Figures, taken: Taken
+    scene: Scene, own: Own, given: Given, figures: Figures, memory: Memory, taken: Taken
 ) -> int:  # fmt: skip
-    """Note what was obtained, and say what the law takes in."""
+    """Begin and end what the plate renders, note what was obtained, and say what the law takes in."""
     if _unusual(scene, own, given, figures):
         return PYTHON
-    taken.scale[0], taken.press[0], taken.part[0] = 1.0, 0.0, 1.0  # each anew: what is kept here is not in State
+    # Each anew: what is kept here is not in State.
+    taken.scale[0], taken.press[0], taken.part[0], taken.unclear[0] = 1.0, 0.0, 1.0, 0
+    if own.open[0] != 0 and _turns(scene, own, given, own.object[0]):
+        if own.touching[0] != 0:
+            _part(scene, own, given, figures, memory)
+        else:
+            _meet(scene, own)
     if own.touching[0] != 0:
         taken.part[0] = observer.seen(given.pad, _force(scene))
+        taken.unclear[0] = int(not pressed(scene, figures.heat))
         contact = in_contact(scene, figures.heat)
         if contact and own.pressing[0] != 0:
             enter(own.account, own.obtained[0], own.desired[0], scene.true_skin[0], figures.update)
@@ -349,11 +493,18 @@ def prepare(
         own.desired[0] = scene.heat_desired[0]
         if not figures.steady:
             scale = _scale(scene, own, given, figures, _NOTHING)
+            now = math.log(scale)
             taken.scale[0] = scale
-            taken.press[0] = press_on(own.scale_before, math.log(scale), figures.part)
+            taken.press[0] = (
+                press_anew(own.scale_before, now)
+                if own.fresh[0] != 0
+                else press_on(own.scale_before, now, figures.part)
+            )
     else:
         if scene.ready[0] == 0:
             _equal(scene, own, given, figures)
+        else:
+            _look(scene, own, given, figures)
         if own.desired[0] != 0.0:
             own.desired[0] = 0.0
         if scene.plate_temperature[0] < figures.dew:
@@ -376,6 +527,16 @@ def press_on(before: Floats, now: float, part: float) -> float:
 
 
 @kernel
+def press_anew(before: Floats, now: float) -> float:
+    """Return how much a finger is being pressed on that has just come; as in `press_on`.
+
+    ``before`` (1,) is written; ``now`` is the logarithm of the resistance, which is in [K m2/W].
+    """
+    before[0] = now + PRESS_FILTER / PRESSING
+    return float(press_on(before, now, 0.0))
+
+
+@kernel
 def _force(scene: Any) -> float:
     """Return the force on the plate [N], measured or virtual."""
     return float(abs(scene.load[2]) if scene.load.shape[0] > 0 else scene.normal_force[0])
@@ -393,7 +554,7 @@ def track(scene: Scene, given: Given, memory: Memory, taken: Taken, size: int, p
     """Let the law take in what was sent and read, after so many periods that have ``passed`` without."""
     memory.memory[observer.M_PART] = taken.part[0]
     for k in range(passed + 1):
-        last = k == passed
+        last = k == passed and taken.unclear[0] == 0
         laws._track(  # noqa: SLF001
             given.c, given.tissue, given.plate, memory.x, memory.theta, memory.cover, memory.gain, memory.memory,
             memory.line, memory.slots, memory.trace, memory.past, memory.kept, size, scene.sent[0], taken.scale[0],
@@ -411,23 +572,58 @@ def _look_on(scene: Any, own: Any, given: Any, figures: Any, future: Floats, tic
         given.finger, own.preview_finger, given.bodies[index], own.preview_object, future, own.reached
     )  # fmt: skip
     resistance = figures.alone if figures.steady else _resistance_at(given.law, scene.felt_force[0])
-    keep_ahead(
-        ahead, scene.finger, scene.bodies[index], own.desired[0], resistance, figures.press / figures.period, ticks,
-        figures.ahead, figures.hold, figures.steady,
-    )  # fmt: skip
+    press = figures.press / figures.period
+    if own.fresh[0] != 0:
+        begin_ahead(
+            ahead, scene.finger, scene.bodies[index], own.desired[0], resistance, press, ticks, figures.first,
+            figures.ahead,
+        )  # fmt: skip
+    else:
+        keep_ahead(
+            ahead, scene.finger, scene.bodies[index], own.desired[0], resistance, press, ticks, figures.ahead,
+            figures.hold, figures.steady,
+        )  # fmt: skip
 
 
 @kernel
-def command(scene: Scene, own: Own, given: Given, figures: Figures, memory: Memory, out: Any) -> int:
+def _set_down(scene: Any, own: Any, given: Any, memory: Any, scale: float) -> None:
+    """Set the finger down, as long ago as the force says: a reading is of the period before, and it had to grow."""
+    ago = 0
+    if scene.load.shape[0] > 0:
+        ago = onset.grown_for(abs(scene.load[2]), own.force_before[0])
+    laws._begin(  # noqa: SLF001
+        given.c, given.tissue, given.plate, memory.x, memory.theta, memory.cover, memory.memory, memory.knots,
+        memory.trace, memory.kept, given.prior, own.flux[0], scale, laws.PRIOR_ONSET,
+    )  # fmt: skip
+    own.on_plate[0] = 1
+    for _ in range(ago):
+        observer.advance(
+            given.c, given.tissue, given.plate, memory.x, memory.theta, memory.memory, scene.sent[0], scale
+        )  # fmt: skip
+
+
+@kernel
+def command(
+    scene: Scene, own: Own, given: Given, figures: Figures, memory: Memory, taken: Taken, out: Any
+) -> int:  # fmt: skip
     """Ask the law for the current [A] that follows the plan, or brings the plate to its start temperature.
 
     ``out``: what is on its way over a wire, see `Coming`.
     """
-    if figures.hold > 1 and scene.ready[0] == 0:
+    touching, ticks = own.touching[0] != 0, scene.tick[0] - own.begun[0]
+    comes = own.on_plate[0] == 0 and pressed(scene, figures.heat)
+    if comes or (figures.hold > 1 and scene.ready[0] == 0):
         memory.memory[observer.M_QUIET] = observer.QUIET
-    if own.touching[0] != 0:
-        ticks, scale = scene.tick[0] - own.begun[0], 1.0
+    if touching:
+        if own.fresh[0] != 0:
+            own.preview_index[0] = own.object[0]
+            if own.on_plate[0] == 0:
+                onset.converted(given.into, scene.finger, memory.x[0])
         _look_on(scene, own, given, figures, memory.future, ticks)
+        if comes:
+            _set_down(scene, own, given, memory, taken.scale[0])
+    if touching and own.on_plate[0] != 0:
+        scale = 1.0
         look_ahead(memory.future, ticks, given.offsets, own.desired[0], memory.wanted)
         if not figures.steady:
             scale = _scale(scene, own, given, figures, figures.delay)
@@ -439,19 +635,15 @@ def command(scene: Scene, own: Own, given: Given, figures: Figures, memory: Memo
             figures.size, figures.hold, figures.hold, out, _NOTHING,
         )  # fmt: skip
     else:
-        if pressed(scene, figures.heat):
-            memory.memory[observer.M_QUIET] = observer.QUIET
         if scene.load.shape[0] > 0:
             own.force_before[0] = abs(scene.load[2])
         current, flux, error = laws._approach(  # noqa: SLF001
             given.c, given.tissue, given.plate, memory.x, memory.theta, memory.memory, memory.line, memory.slots, out,
             _NOTHING, own.start_temperature[0], figures.capacity, figures.flux_limit, figures.ceiling, figures.within,
         )  # fmt: skip
-        passed = 1.0
-        if figures.preset_time > 0.0:
-            passed = (scene.tick[0] - own.preset_begun[0]) * figures.period / figures.preset_time
-        own.readiness[0] = judged(error, passed)
-        own.plate_ready[0] = int(own.readiness[0] >= 1.0)
-        current = masked(current, figures.noise, figures.most, scene.tick[0])
+        _judge(scene, own, figures, error)
+        if not touching:
+            current = masked(current, figures.noise, figures.most, scene.tick[0])
+    own.fresh[0] = 0
     own.flux[0], scene.command[0] = flux, current
     return 0

@@ -1,0 +1,246 @@
+"""What happens at a probe in a tick, compiled: NEAR, then END and BEGIN, or MOVE; in numbers, remembered in State."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from itouch.compiling import kernel
+from itouch.contact import layout as at
+from itouch.joining import run_chain
+from itouch.loop import render
+from itouch.loop.carrying import quiet
+from itouch.plugin import Contact, HeardContact
+
+Floats = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+#: The kinds of event, as compiled code compares them; a call returns the kind of what has happened and 1, or 0.
+NEAR, BEGIN, MOVE, END = (int(kind) for kind in (Contact.NEAR, Contact.BEGIN, Contact.MOVE, Contact.END))
+#: The kind of no event.
+NOTHING = -1
+#: A contact has ended when the probe was this far away [m], for so long [s].
+SEPARATION, SEPARATION_TIME = 1e-4, 0.020
+
+
+class Seen(NamedTuple):
+    """What events follow from: scalars (1,).
+
+    The nearest object, and the one that is touched, -1: none; the figures (FIGURES,) of `render` and the result of the
+    contact search; place (objects, 7) [m; quaternion] and twist (objects, 6) [m/s, rad/s] of the objects; the tick.
+    """
+
+    nearest: Numbers
+    primary: Numbers
+    figures: Floats
+    result: Floats
+    poses: Floats
+    twists: Floats
+    tick: Numbers
+
+
+class Kept(NamedTuple):
+    """What is remembered of it in State, scalars (1,).
+
+    The object that was near, and the one whose contact is open, -1: none; for how many ticks that is apart, and when it
+    began; how many events there were, and the last of them (n, words): the whole numbers and, in the same memory, the
+    others.
+    """
+
+    near: Numbers
+    current: Numbers
+    separated: Numbers
+    begin: Numbers
+    told: Numbers
+    table: Numbers
+    table_numbers: Floats
+
+
+@kernel
+def happens(seen: Any, kept: Any, event: Any, probe: int, moving: bool, moves: bool, patience: int) -> int:
+    """Return 1 + the kind of what happens next at a probe in this tick, with its numbers in ``event``; 0: nothing.
+
+    It is called until nothing more happens.  Whoever is told of END notes itself that the contact is not open any more,
+    for until then it is the one that ends; after MOVE nothing more happens.
+
+    Parameters
+    ----------
+    event
+        A `HeardContact`, written.
+    probe
+        The number of the probe.
+    moving, moves
+        Whether objects move, and whether anybody wants to hear of a contact that goes on.
+    patience
+        A contact ends after so many ticks apart.
+    """
+    nearest, primary, current = seen.nearest[0], seen.primary[0], kept.current[0]
+    if nearest != kept.near[0]:
+        kept.near[0] = nearest
+        if nearest >= 0:
+            return _tell(seen, kept, event, probe, moving, NEAR, nearest, False)
+    if current >= 0:
+        if _goes_on(seen, kept, patience):
+            return _tell(seen, kept, event, probe, moving, MOVE, current, primary == current) if moves else 0
+        return _tell(seen, kept, event, probe, moving, END, current, primary == current)
+    if primary >= 0:
+        kept.current[0], kept.separated[0], kept.begin[0] = primary, 0, seen.tick[0]
+        return _tell(seen, kept, event, probe, moving, BEGIN, primary, True)
+    return 0
+
+
+@kernel
+def _goes_on(seen: Any, kept: Any, patience: int) -> bool:
+    """Tell whether the contact with an object goes on."""
+    nearest, primary, current = seen.nearest[0], seen.primary[0], kept.current[0]
+    if primary == current or (primary >= 0 and _touches(seen.result, current)):
+        kept.separated[0] = 0
+        return True
+    far = nearest != current or seen.figures[render.NEAR_DISTANCE] > SEPARATION
+    kept.separated[0] = kept.separated[0] + 1 if far else 0
+    return bool(primary < 0 and kept.separated[0] < patience)
+
+
+@kernel
+def _touches(result: Any, index: int) -> bool:
+    for row in range(int(result[at.RESULT_COUNT])):
+        if result[at.RESULT_CONTACTS + row * at.CONTACT_WIDTH + at.CONTACT_OBJECT] == index:
+            return True
+    return False
+
+
+@kernel
+def _tell(
+    seen: Any, kept: Any, event: Any, probe: int, moving: bool, kind: int, index: int, touching: bool
+) -> int:  # fmt: skip
+    """Put an event into numbers, and remember it, but for MOVE; return 1 + its kind."""
+    f, begin = seen.figures, at.RESULT_NEAREST_POINT
+    event.kind[0], event.tick[0], event.probe[0], event.object[0] = kind, seen.tick[0], probe, index
+    for i in range(3):
+        event.point[i] = f[render.POINT + i] if touching else seen.result[begin + i]
+        event.normal[i] = f[render.NORMAL + i] if touching else seen.result[begin + 3 + i]
+    event.distance[0] = 0.0 if touching else f[render.NEAR_DISTANCE]
+    u, v, w = f[render.VELOCITY], f[render.VELOCITY + 1], f[render.VELOCITY + 2]
+    if moving:  # relative to the object's material point
+        x, y, z = (
+            event.point[0] - seen.poses[index, 0],
+            event.point[1] - seen.poses[index, 1],
+            event.point[2] - seen.poses[index, 2],
+        )
+        vx, vy, vz = seen.twists[index, 0], seen.twists[index, 1], seen.twists[index, 2]
+        wx, wy, wz = seen.twists[index, 3], seen.twists[index, 4], seen.twists[index, 5]
+        u, v, w = u - (vx + wy * z - wz * y), v - (vy + wz * x - wx * z), w - (vz + wx * y - wy * x)
+    nx, ny, nz = event.normal[0], event.normal[1], event.normal[2]
+    along = u * nx + v * ny + w * nz
+    event.speed[0] = -along
+    event.tangential_velocity[0] = u - along * nx
+    event.tangential_velocity[1] = v - along * ny
+    event.tangential_velocity[2] = w - along * nz
+    event.penetration[0], event.force[0] = f[render.PENETRATION], f[render.NORMAL_FORCE]
+    event.time_to_contact[0], event.area[0] = f[render.TIME_TO_CONTACT], f[render.AREA]
+    if kind != MOVE:
+        _remember(kept, event)
+    return 1 + kind
+
+
+@kernel
+def _remember(kept: Any, event: Any) -> None:
+    """Write an event into the table of the last ones."""
+    row = kept.told[0] % kept.table.shape[0]
+    words, numbers = kept.table[row], kept.table_numbers[row]
+    words[0], words[1], words[2], words[3] = event.kind[0], event.tick[0], event.probe[0], event.object[0]
+    for i in range(3):
+        numbers[4 + i], numbers[7 + i], numbers[12 + i] = (
+            event.point[i], event.normal[i], event.tangential_velocity[i]
+        )  # fmt: skip
+    numbers[10], numbers[11] = event.distance[0], event.speed[0]
+    numbers[15], numbers[16] = event.penetration[0], event.force[0]
+    numbers[17], numbers[18] = event.time_to_contact[0], event.area[0]
+    kept.told[0] += 1
+
+
+class Ended(NamedTuple):
+    """The contact that has ended last, if its entry is still to be made: State as it was then.
+
+    State and its copy (n,), as whole words if it consists of such; ``open`` (1,): whether the entry is to be made, and
+    the tick and the number of the probe, (1,).
+    """
+
+    state: NDArray[Any]
+    copy: NDArray[Any]
+    open: Numbers
+    tick: Numbers
+    probe: Numbers
+
+
+@kernel
+def next_told(
+    seen: Any, kept: Any, event: Any, probe: int, moving: bool, moves: bool, patience: int, ended: Any
+) -> int:  # fmt: skip
+    """Find what happens next, as `happens`; nothing is an event of the kind NOTHING.
+
+    Ask for Python, as `happens` returns it, where a contact ends and the entry of another one is still to be made.
+    """
+    found = happens(seen, kept, event, probe, moving, moves, patience)
+    if found == 0:
+        event.kind[0] = NOTHING
+    return found if found == 1 + END and ended.open[0] != 0 else 0
+
+
+@kernel
+def close(event: Any, current: Any, ended: Any) -> int:
+    """At END keep what the contact's entry is made of, and note that it is not open any more; return 0.
+
+    ``current`` (1,): the object whose contact is open.
+    """
+    if event.kind[0] == END:
+        ended.copy[:] = ended.state
+        ended.open[0], ended.tick[0], ended.probe[0] = 1, event.tick[0], event.probe[0]
+        current[0] = -1
+    return 0
+
+
+@kernel
+def asks(event: Any, kinds: int) -> int:
+    """Ask for Python at an event of these kinds, a bit for each."""
+    kind = event.kind[0]
+    return int(kind >= 0 and (kinds >> kind) & 1 != 0)
+
+
+@kernel
+def tell(
+    nearest: Any, near: Any, current: Any, primary: Any, separated: Any, moves: bool, event: Any, chain: int, left: Any,
+    number: int,
+) -> int:  # fmt: skip
+    """Let those hear who are to hear of what happens at a probe, if anything does.
+
+    Parameters
+    ----------
+    nearest, near, current, primary, separated, moves
+        As in `carrying.quiet`.
+    event
+        Its numbers, a `HeardContact`.
+    chain
+        Where the calls stand by which they hear of one event.
+    left
+        Where these have stopped, if one wants Python, shape (1,).
+    number
+        What is returned then, 1 or more.
+    """
+    if quiet(nearest, near, current, primary, separated, moves) == 0:
+        return 0
+    while True:
+        found = run_chain(chain, 0)
+        if found >= 0:
+            left[0] = found
+            return number
+        if event.kind[0] != NEAR and not (event.kind[0] == END and primary[0] >= 0):
+            return 0
+
+
+def silent() -> HeardContact:
+    """Return the numbers of an event that has not happened yet."""
+    sizes = (3, 3, 1, 1, 3, 1, 1, 1, 1)
+    return HeardContact._make([*(np.zeros(1, np.int64) for _ in range(4)), *(np.zeros(size) for size in sizes)])
