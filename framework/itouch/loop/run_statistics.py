@@ -106,8 +106,8 @@ class Histogram:
 class RunStatistics:
     """What happened, for the report; ``contacts`` holds the closed ones.
 
-    ``settle`` adds the entry of a contact that has ended to ``closed``, if one has since it was last called; ``times`` is
-    the Timing of this run, if there is one; ``earlier`` holds the histograms of the runs before a restore.
+    ``settle`` adds the entry of a contact that has ended to ``closed``, if one has since it was last called; ``times``
+    is the Timing of this run, if there is one; ``earlier`` holds the histograms of the runs before a restore.
     """
 
     closed: list[dict[str, Any]] = field(default_factory=list)
