@@ -275,3 +275,20 @@ def test_what_the_bench_has_found_is_repaired(folder: Path, seed: int, number: i
     _, scene = draw(number, seed, folder)
     figures = judge(follow(scene.build(folder)))
     assert law in figures and law not in broken(figures)
+
+
+#: Scenes that broke the law of the plate's force behind a wire.
+FOUND_WIRED = [
+    pytest.param(5, 1, id="on a ball the surface is elsewhere when a command acts"),
+    pytest.param(5, 5, id="and before a rim"),
+    pytest.param(6, 50, id="a command acts for some milliseconds: its middle is where the surface will be"),
+    pytest.param(5, 27, id="an object that moves changes its speed until then"),
+    pytest.param(6, 6, id="and readings are older than that"),
+]
+
+
+@pytest.mark.parametrize(("seed", "number"), FOUND_WIRED)
+def test_what_the_bench_has_found_behind_wires_is_repaired(folder: Path, seed: int, number: int) -> None:
+    _, scene = draw(number, seed, folder)
+    figures = judge(follow(scene.build(folder, catalog=draw_wire(number, seed).catalog())), wired=True)
+    assert "plate" in figures and not broken(figures)

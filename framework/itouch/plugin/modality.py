@@ -203,6 +203,12 @@ class Carries(NamedTuple):
     yields
         Field: how far its command gives way already, because the surface presses harder than it may [m].  The framework
         (K4) then lowers it by what is wanting to its own yielding only, not by all of that once more.
+    presses
+        Field: how hard the finger presses on the surface now [N], where the device's own reading is older than this
+        tick: what the arm gives follows it.  Below 0: as the device reads.
+    risen
+        Field: how much higher the surface is now than the device reads [m], where that reading is older; 0: it is
+        there.  Monitors take the readings as they are.
     """
 
     probe: str
@@ -214,6 +220,8 @@ class Carries(NamedTuple):
     coming: str = ""
     missed: str = ""
     yields: str = ""
+    presses: str = ""
+    risen: str = ""
 
     @property
     def said(self) -> tuple[str, ...]:
