@@ -292,3 +292,10 @@ def test_what_the_bench_has_found_behind_wires_is_repaired(folder: Path, seed: i
     _, scene = draw(number, seed, folder)
     figures = judge(follow(scene.build(folder, catalog=draw_wire(number, seed).catalog())), wired=True)
     assert "plate" in figures and not broken(figures)
+
+
+def test_an_arm_does_not_let_go_where_a_reading_corrects_where_the_plate_is(folder: Path) -> None:
+    """What seems to rush at the finger takes the room from an arm: it let go of 1 N in a tick, the plate 2 mm away."""
+    _, scene = draw(101, 5, folder)
+    course = follow(scene.build(folder, catalog=draw_wire(101, 5).catalog()))
+    assert course.steps[course.changing()].max() < 0.6

@@ -26,10 +26,12 @@ from itouch_encountered.own import (
     LIFTED,
     LIFTS,
     PAST,
+    PLACE,
     PRESSES,
     READ_AT,
     RESTS,
     RISE,
+    SENT_TO,
     SINCE,
     TOUCH,
     WAY,
@@ -48,6 +50,8 @@ LEARNT, LONGEST = 0.2, 0.1
 LEARNS, MOST_LEARNT = 120.0, 0.6
 #: For how long it must have rested at the virtual surface [s], and over what time its commands' speed is taken [s].
 RESTED, SPAN = 0.015, 3e-3
+#: In what time a reading corrects where it is thought to be [s].
+CORRECTS = 3e-3
 #: How late a drive is at first [s] whose goal goes in steps; it is not told how fast that goes between two of them.
 LAG_FIRST = 2e-3
 #: The most that is made good of its lag [s], and of how far it gives way [m/N].
@@ -177,6 +181,22 @@ def _learn(c: Any, own: Any, w: Any, acted: float, here: float, rushes: float, s
 
 
 @kernel
+def _since(c: Any, own: Any, here: float, then: float, now: float) -> float:
+    """Return how much higher it is now than it was read, ``here`` [m], by where its commands sent it then and now [m].
+
+    What a reading corrects was no motion: it comes in smoothly, or the surface would seem to rush at the finger.
+    """
+    if math.isnan(then) or math.isnan(now):
+        own[SENT_TO] = 0.0
+        return 0.0
+    found = here + now - then
+    off = own[PLACE] + now - own[SENT_TO] - found if own[SENT_TO] != 0.0 else 0.0
+    place = found + off * math.exp(-c.period / CORRECTS) if abs(off) < ELSEWHERE else found
+    own[PLACE], own[SENT_TO] = place, now
+    return float(place - here)
+
+
+@kernel
 def _pressed(c: Any, own: Any, w: Any, here: float, age: int) -> float:
     """Return how hard the finger presses now [N]: as it did when that was read, and by how it came nearer since.
 
@@ -220,7 +240,7 @@ def look_over_wire(c: Any, w: Any, own: Any) -> int:
             _learn(c, own, w, acted, here, own[past + 1], speed, elapsed)
     late = max(0.0, own[LAG]) / c.period
     now, then = _commanded(c, own, w, tick - 1.0 - late), _commanded(c, own, w, measured - 1.0 - late)
-    own[SINCE] = 0.0 if math.isnan(then) or math.isnan(now) else now - then
+    own[SINCE] = _since(c, own, here, then, now)
     acts = _commanded(c, own, w, tick - 1.0)
     own[BEHIND] = 0.0 if math.isnan(acts) else acts - here - own[SINCE]
     own[PRESSES] = _pressed(c, own, w, here, tick - measured)

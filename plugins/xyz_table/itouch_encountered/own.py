@@ -56,6 +56,8 @@ OVER_WIRE: tuple[Field, ...] = (
     Field("behind", unit="m", doc="how far it is below the command that acts"),
     Field("rests", unit="s", doc="for how long it has rested at the virtual surface with a finger on it"),
     Field("presses", unit="N", doc="how hard the finger presses on it now, by the last reading and what went on since"),
+    Field("place", unit="m", doc="how high it was a tick ago, by readings and commands"),
+    Field("sent_to", unit="m", doc="how high its commands had sent it then"),
     Field("past", "f8", (PAST, 3), unit="mixed", doc="of each tick: how long it had rested [s], how fast the speed of "
           "the virtual surface changed [m/s2], and how high the finger's lowest point was [m]"),
 )  # fmt: skip
@@ -67,8 +69,8 @@ HERE, SPEED, RUSHES, SHIFT, KINKS = range(17, 22)
 #: Where those begin that it has behind a wire only.
 _WIRED = KINKS + MOST_KINKS
 GOES = _WIRED
-LIFTED, LIFTS, HOISTS, WAY, HOLD, COMMANDS, READ_AT, RISE, SINCE, BEHIND, RESTS, PRESSES, GONE_BY = range(
-    _WIRED + 6, _WIRED + 19
+LIFTED, LIFTS, HOISTS, WAY, HOLD, COMMANDS, READ_AT, RISE, SINCE, BEHIND, RESTS, PRESSES, PLACE, SENT_TO, GONE_BY = (
+    range(_WIRED + 6, _WIRED + 21)
 )
 
 #: What `LOST` says: the surface is lower than its height says, or higher.
