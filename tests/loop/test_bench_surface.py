@@ -19,8 +19,9 @@ from itouch.monitors.trips import Trip
 from itouch_evidence.surface import campaign, main
 from itouch_evidence.surface.course import Course, follow
 from itouch_evidence.surface.draw import FAMILIES, draw
-from itouch_evidence.surface.laws import LAWS, broken, judge
+from itouch_evidence.surface.laws import LAWS, LAWS_WIRED, broken, judge
 from itouch_evidence.surface.scenes import Slope, ball, ramp
+from itouch_evidence.surface.wires import LONGEST, SHORTEST, Wire, draw_wire
 
 
 @pytest.fixture(scope="module")
@@ -148,13 +149,65 @@ def test_the_bench_prints_each_law_beside_its_bound(capsys: pytest.CaptureFixtur
     assert all(" 0 of " in line for line in said[2:-1])
 
 
+def test_a_seed_makes_the_same_wires_on_every_machine() -> None:
+    """Each scene has one, and is the same scene: what it shows with and without is what the wire does."""
+    wires = [draw_wire(number, 5) for number in range(400)]
+    assert all(SHORTEST <= period <= LONGEST and 0.0 <= delay <= period for period, delay in wires)
+    assert len({round(1e3 * period) for period, _ in wires}) == 10
+    told = hashlib.sha256(" ".join(f"{1e3 * value:.9f}" for wire in wires for value in wire).encode())
+    assert told.hexdigest() == "86b6e7e5e9841778f5f6d57f117864de9ecc21bcaeee50973e3285a00d2c5348"
+
+
+def test_a_table_behind_a_wire_exchanges_as_the_wire_does(folder: Path) -> None:
+    session = Slope(*ramp(5.0)).build(folder, catalog=Wire(0.007, 0.003).catalog())
+    model = session.model.devices["table"]
+    assert model.wire
+    assert (model.cls.period, model.cls.delay) == (0.007, 0.003)
+    came = []
+    for _ in range(30):
+        session.tick()
+        came.append(int(session.state["table.age"].item()) == 0)
+    (ticks,) = np.nonzero(came)
+    assert (np.diff(ticks[1:]) == 7).all()
+    session.close()
+    assert not Slope(*ramp(5.0)).build(folder).model.devices["table"].wire
+
+
+def test_behind_a_wire_the_force_of_a_plate_is_judged_in_the_mean_over_a_run(flat: Course) -> None:
+    """One that is off in few ticks, as between two exchanges, may be; one that is off all the time may not."""
+    assert judge(flat, wired=True)["plate"] < judge(flat)["plate"]
+    assert "plate" in broken(judge(everywhere(flat, pad=1.03), wired=True))
+    pad, ticks = flat.pad.copy(), np.flatnonzero(flat.rigid()[2])
+    for begin in range(0, len(ticks), 30):
+        pad[ticks[begin : begin + 3]] *= 1.1
+    off = dataclasses.replace(flat, pad=pad)
+    assert "plate" in broken(judge(off))
+    assert "plate" not in broken(judge(off, wired=True))
+
+
+def test_the_bench_judges_scenes_behind_wires(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept = tmp_path / "wired.jsonl"
+    main(["--wire", "--only", "0", "--seed", "7", "--keep", str(kept)])
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].startswith(f"--seed 7 --only 0 --wire (ramp, {draw_wire(0, 7)}): ")
+    assert "1 random scenes of seed 7 behind wires, " in said[1]
+    assert [line.split()[0] for line in said[3:-1]] == [law.name for law in LAWS_WIRED]
+    (line,) = [line for line in said if line.startswith("plate ")]
+    assert line.endswith("(rms)")
+    with pytest.raises(SystemExit) as ended:
+        main(["--only", "0", "--seed", "7", "--keep", str(kept)])
+    assert ended.value.code == 2
+    assert "has scenes behind wires: keep these in another file" in capsys.readouterr().err
+
+
 def test_a_broken_scene_is_named_and_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     module = importlib.import_module("itouch_evidence.surface")
     ran = []
 
-    def judged(course: Course) -> dict[str, float]:
+    def judged(course: Course, *, wired: bool) -> dict[str, float]:
+        assert not wired
         ran.append(course)
         return {"step": 0.2, "virtual": 0.3}
 
@@ -222,3 +275,27 @@ def test_what_the_bench_has_found_is_repaired(folder: Path, seed: int, number: i
     _, scene = draw(number, seed, folder)
     figures = judge(follow(scene.build(folder)))
     assert law in figures and law not in broken(figures)
+
+
+#: Scenes that broke the law of the plate's force behind a wire.
+FOUND_WIRED = [
+    pytest.param(5, 1, id="on a ball the surface is elsewhere when a command acts"),
+    pytest.param(5, 5, id="and before a rim"),
+    pytest.param(6, 50, id="a command acts for some milliseconds: its middle is where the surface will be"),
+    pytest.param(5, 27, id="an object that moves changes its speed until then"),
+    pytest.param(6, 6, id="and readings are older than that"),
+]
+
+
+@pytest.mark.parametrize(("seed", "number"), FOUND_WIRED)
+def test_what_the_bench_has_found_behind_wires_is_repaired(folder: Path, seed: int, number: int) -> None:
+    _, scene = draw(number, seed, folder)
+    figures = judge(follow(scene.build(folder, catalog=draw_wire(number, seed).catalog())), wired=True)
+    assert "plate" in figures and not broken(figures)
+
+
+def test_an_arm_does_not_let_go_where_a_reading_corrects_where_the_plate_is(folder: Path) -> None:
+    """What seems to rush at the finger takes the room from an arm: it let go of 1 N in a tick, the plate 2 mm away."""
+    _, scene = draw(101, 5, folder)
+    course = follow(scene.build(folder, catalog=draw_wire(101, 5).catalog()))
+    assert course.steps[course.changing()].max() < 0.6

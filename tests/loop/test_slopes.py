@@ -13,10 +13,12 @@ from hypothesis import strategies as st
 from shipped import SCENES
 
 from itouch.session import build
+from itouch_encountered.over_wire import LAG_FIRST
 from itouch_evidence.surface.course import PLATE_FORCE, Course, Floats, follow
+from itouch_evidence.surface.laws import broken, judge
 from itouch_evidence.surface.meshes import KINDS, make
 from itouch_evidence.surface.scenes import RADIUS, Slope, ball, ramp
-from itouch_xyz_table.table import XyzTable
+from itouch_evidence.surface.wires import Wire
 
 LIMIT = 25.0
 #: Above this a plate trips that slides past a finger (K5: 0.15 m/s) [mm/s].
@@ -269,15 +271,44 @@ def test_a_plate_that_is_mounted_at_an_angle_is_where_the_surface_is(
     assert felt[1] == pytest.approx(felt[0], rel=5e-3)
 
 
-def test_a_plate_whose_readings_come_every_8_ms_follows_a_ball_as_well(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Between two readings it seems to stand, and then to jump: what is learned of that makes it 8 % off (rms)."""
-    monkeypatch.setattr(XyzTable, "period", 0.008)
-    monkeypatch.setattr(XyzTable, "delay", 0.004)
-    course = follow(Slope(*ball([12.0, -12.0, 12.0, -12.0], 0.25)).build(folder))
+#: What a table's wire may be: the time between two exchanges, and what one takes [s].
+WIRES = [Wire(0.008, 0.004), Wire(0.008, 0.008), Wire(0.010, 0.005)]
+
+
+def test_a_plate_whose_readings_come_every_8_ms_follows_a_ball_as_well(folder: Path) -> None:
+    """From the first touch on: between two readings it seems to stand, and then to jump, and both are old."""
+    slope = Slope(*ball([12.0, -12.0, 12.0, -12.0], 0.25))
+    course = follow(slope.build(folder, catalog=Wire(0.008, 0.004).catalog()))
     rigid = 1e3 * course.depth
     on = course.touching & course.renders & course.settled & (rigid > 0.3)
-    assert on.sum() > 500
+    assert on.sum() > 1500  # it is there as the finger comes
     off = course.pad[on] / rigid[on] - 1.0
-    assert np.sqrt(np.mean(off**2)) < 0.045
+    assert np.sqrt(np.mean(off**2)) < 0.02
+
+
+@pytest.mark.parametrize("wire", WIRES, ids=str)
+@pytest.mark.parametrize(("world", "motion"), [
+    pytest.param(*ramp(20.0), id="a ramp"), pytest.param(*ball([12.0, -12.0, 12.0, -12.0], 0.25), id="quick strokes"),
+])  # fmt: skip
+def test_behind_a_wire_the_force_is_that_of_the_surface(folder: Path, world: str, motion: str, wire: Wire) -> None:
+    """A command that acts late is where the surface will be by then, and so is what is learned of old readings."""
+    course = follow(Slope(world, motion).build(folder, catalog=wire.catalog()))
+    figures = judge(course, wired=True)
+    assert figures["plate"] <= 2.0
+    assert not broken(figures)
+
+
+def test_behind_a_wire_a_session_goes_on_from_its_state_alone(folder: Path) -> None:
+    """Where the finger goes, how late the wire is and what was learned of it: all of that is State."""
+    slope, wire = Slope(*ball([12.0, -12.0], 0.25)), Wire(0.007, 0.003)
+    first = slope.build(folder, catalog=wire.catalog())
+    first.run(1.173)
+    lag, stored = first.state["finger.surface.lag"].item(), first.state.tobytes()
+    assert lag != LAG_FIRST  # something was learned
+    second = slope.build(folder, catalog=wire.catalog())
+    second.run(0.2)
+    second.adopt(stored)
+    for _ in range(400):
+        first.tick()
+        second.tick()
+        assert second.state.tobytes() == first.state.tobytes()

@@ -92,18 +92,26 @@ def led(withdrawn: Any, kept: Floats) -> int:
 @kernel
 def look_below(
     c: Floats, world: Floats, mesh: Any, poses: Floats, twists: Floats, table: Floats, figures: Floats, kept: Floats,
-    load: Floats, below: Any, down: Floats, normal: Floats, start: Floats,
+    load: Floats, presses: Floats, risen: Floats, below: Any, down: Floats, normal: Floats, start: Floats,
 ) -> int:  # fmt: skip
     """Find the virtual surface below the finger, for the modality that carries one to it; ``below`` (1,): its object.
 
     ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) of `render`, ``kept`` (MEMORY,) of the surface; ``world``
     (objects, WORLD_WIDTH), ``poses`` (objects, 7) [m; quaternion], ``twists`` (objects, 6) [m/s, rad/s]; ``table`` (7,)
-    and ``load`` (6,): the device's readings of its pose [m; quaternion] and of the force on it [N, N m]; ``down``,
-    ``normal`` and ``start`` (3,) as in `ground.find`.  ``below``, ``figures`` and ``kept`` are written.
+    and ``load`` (6,): the device's readings of its pose [m; quaternion] and of the force on it [N, N m]; ``presses`` and
+    ``risen`` (1,): what its modality says of these readings, see `itouch.plugin.Carries`; ``down``, ``normal`` and
+    ``start`` (3,) as in `ground.find`.  ``below``, ``figures`` and ``kept`` are written.
     """
     below[0] = ground.find(c, world, mesh, poses, twists, figures, kept, down, normal, start)
-    plate.foresee(c, table, figures, kept, load[2])
+    higher = 0.0 if math.isnan(risen[0]) else risen[0]
+    plate.foresee(c, table, figures, kept, _load(load, presses), higher)
     return 0
+
+
+@kernel
+def _load(load: Floats, presses: Floats) -> float:
+    """Return the force on a surface along its device's third axis [N], as is said (1,), or else as is read (6,)."""
+    return float(-presses[0] if presses[0] >= 0.0 else load[2])
 
 
 @kernel
@@ -171,13 +179,15 @@ def close_in(
 
 
 @kernel
-def push(c: Floats, figures: Floats, kept: Floats, sent: Floats, wrench: Floats, load: Floats, primary: Any) -> int:
+def push(
+    c: Floats, figures: Floats, kept: Floats, sent: Floats, wrench: Floats, load: Floats, presses: Floats, primary: Any
+) -> int:  # fmt: skip
     """Command the arm's part of the force; the arrays are those of `force.push`.
 
-    ``load`` (6,): the plate's wrench [N, N m], of which the third entry counts; ``primary`` (1,): index of the touched
-    object, -1: none.
+    ``load`` (6,): the plate's wrench [N, N m], of which the third entry counts; ``presses`` (1,): what its modality
+    says of that [N], below 0: nothing; ``primary`` (1,): index of the touched object, -1: none.
     """
-    force.push(c, figures, kept, sent, wrench, load[2], primary[0] >= 0)
+    force.push(c, figures, kept, sent, wrench, _load(load, presses), primary[0] >= 0)
     return 0
 
 

@@ -136,7 +136,7 @@ def look_below(rig: ProbeRig) -> Step:
     written = (*_of(name, "surface_height", "below"), *surface)
     figures = _of(name, "hip", "velocity", "proxy", "normal", "penetration")
     reads = (*figures, "objects.pose", *_roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE))
-    return joinable(f"below {name}", rig.toucher.looks, (*reads, *surface), written)
+    return joinable(f"below {name}", rig.toucher.looks, (*reads, *surface, *rig.toucher.newer), written)
 
 
 def carried(rig: ProbeRig, one: ModalityModel, state: Record, model: Model) -> Step:
@@ -177,7 +177,7 @@ def force(rig: ProbeRig) -> Step:
     name = rig.probe.name
     reads = _of(name, "contact_force", "normal", "plate_gap", "plate", "velocity", "object", "surface.*")
     reads += _of(name, "hip", "plate_top")
-    reads += _roles(rig.table, Role.CONTACT_FORCE)
+    reads += (*_roles(rig.table, Role.CONTACT_FORCE), *rig.toucher.newer)
     reads += _roles(rig.arm, Role.FORCE_ON_OPERATOR, kind="sent")
     kept = ("share", "cut", "changing", "load", "wanted", "virtual", "stirs", "stirred")
     written = tuple(f"{name}.surface.{field}" for field in kept)

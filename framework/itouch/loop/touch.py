@@ -80,6 +80,10 @@ class Toucher:
         """Collect the views that the compiled tick works on."""
         nothing, self._moving = np.zeros(7), bool(model.moving)
         self._load = table.read_as(Role.CONTACT_FORCE) if table is not None else nothing
+        #: What who carries a surface says of the force on it now [N], shape (1,); below 0: nothing.
+        self._presses = np.full(1, -1.0)
+        #: The fields of State that say that, and how much higher it is than is read.
+        self.newer: tuple[str, ...] = ()
         self._poses, self._twists = state["objects.pose"], state["objects.twist"]
         follow = Bound(
             carrying.follow, self._constants, tracker.read_as(Role.TRACKED_POSE), self.figures, self._afresh,
@@ -99,7 +103,8 @@ class Toucher:
         self.pushes = Bound(
             carrying.push, self._constants, self.figures, self.surface,
             arm.sent_as(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6),
-            arm.commanded(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6), self._load, self.object,
+            arm.commanded(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6), self._load,
+            self._presses, self.object,
         )  # fmt: skip
 
     def _bind_ease(
@@ -157,16 +162,20 @@ class Toucher:
         if one is None or one.carries is None:
             return
         here = table.read_as(Role.TRACKED_POSE)
-        look = Bound(
-            carrying.look_below, self._constants, model.geometry.world, model.geometry.mesh, self._poses, self._twists,
-            here, self.figures, self.surface, self._load, self.below, np.array([0.0, 0.0, -1.0]), np.zeros(3),
-            np.zeros(3),
-        )  # fmt: skip
-        without = {"coming": np.full(1, -1.0), "missed": np.zeros(1), "yields": np.full(1, -1.0)}
-        said = [
+        without = {
+            "coming": np.full(1, -1.0), "missed": np.zeros(1), "yields": np.full(1, -1.0), "presses": self._presses,
+            "risen": np.zeros(1),
+        }  # fmt: skip
+        *said, self._presses, risen = (
             state[f"{one.name}.{field}"].reshape(1) if field else without[kind]
             for kind, field in zip(one.carries._fields[2:], one.carries[2:], strict=True)
-        ]
+        )
+        self.newer = tuple(f"{one.name}.{field}" for field in (one.carries.presses, one.carries.risen) if field)
+        look = Bound(
+            carrying.look_below, self._constants, model.geometry.world, model.geometry.mesh, self._poses, self._twists,
+            here, self.figures, self.surface, self._load, self._presses, risen, self.below,
+            np.array([0.0, 0.0, -1.0]), np.zeros(3), np.zeros(3),
+        )  # fmt: skip
         taken = Bound(
             carrying.carried, self._constants, here, table.sent_as(Role.SURFACE_POSE), self.figures, self.surface,
             table.commanded(Role.SURFACE_POSE), self._load, *said, self.object, self.plate, self._rising,

@@ -239,6 +239,12 @@ class Carries(NamedTuple):
     yields
         Field: how far [m] its command already yields because the surface presses too hard.  The framework (K4) then
         lowers the surface only by as much as its own yielding exceeds this, not by all of it again.
+    presses
+        Field: how hard the finger presses on the surface now [N], where the device's reading is older than this tick:
+        the arm's force follows it.  Below 0: as the device reads.
+    risen
+        Field: how much higher the surface is now than the device reads [m], where that reading is older; 0: it is where
+        the device reads.  Monitors take the readings as they are.
     """
 
     probe: str
@@ -250,6 +256,8 @@ class Carries(NamedTuple):
     coming: str = ""
     missed: str = ""
     yields: str = ""
+    presses: str = ""
+    risen: str = ""
 
     @property
     def said(self) -> tuple[str, ...]:

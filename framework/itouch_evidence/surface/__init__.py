@@ -15,7 +15,8 @@ from itouch_evidence.faults import shipped_scene
 from itouch_evidence.resumable import Kept
 from itouch_evidence.surface.course import follow
 from itouch_evidence.surface.draw import draw
-from itouch_evidence.surface.laws import LAWS, VIRTUAL, Law, broken, judge
+from itouch_evidence.surface.laws import LAWS, LAWS_WIRED, VIRTUAL, Law, broken, judge
+from itouch_evidence.surface.wires import draw_wire
 
 #: How many scenes of a law are named in its line; each is named where it is broken.
 NAMED = 8
@@ -27,6 +28,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--random", type=int, default=56, metavar="N", help="so many random scenes (default 56)")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="that they are made from (default 0)")
     parser.add_argument("--only", type=int, metavar="K", help="the scene of this number alone, with all its figures")
+    parser.add_argument("--wire", action="store_true", help="the same scenes with a random wire between loop and table")
     parser.add_argument("--keep", metavar="FILE", help="add each result to this file, run only what it has not, and "
                         "sum up all that it has")  # fmt: skip
     options = parser.parse_args(argv)
@@ -35,55 +37,75 @@ def main(argv: Sequence[str]) -> int:
     if options.only is not None and options.only < 0:
         parser.error(f"--only {options.only} is out of range: from 0 on")
     numbers = range(options.random) if options.only is None else (options.only,)
-    return 1 if campaign(numbers, options.seed, options.keep, full=options.only is not None) else 0
+    full = options.only is not None
+    try:
+        return 1 if campaign(numbers, options.seed, options.keep, full=full, wired=options.wire) else 0
+    except MixedError as error:
+        parser.error(str(error))
 
 
-def campaign(numbers: Iterable[int], seed: int, keep: str | None = None, *, full: bool = False) -> int:
+class MixedError(ValueError):
+    """A file of results that has those of other laws."""
+
+
+def campaign(
+    numbers: Iterable[int], seed: int, keep: str | None = None, *, full: bool = False, wired: bool = False
+) -> int:  # fmt: skip
     """Run the scenes of some numbers, or those that are not kept yet, and print what all that are kept show.
 
     Returns
     -------
     int
         How many broke a law.
+
+    Raises
+    ------
+    MixedError
+        If what is kept was run behind wires and these are not to be, or the other way round.
     """
     kept = Kept(keep)
+    if any(("wire" in row) != wired for row in kept.rows.values()):
+        raise MixedError(
+            f"'{keep}' has scenes {'without a wire' if wired else 'behind wires'}: keep these in another file"
+        )
     with tempfile.TemporaryDirectory(prefix="itouch-surface-") as made:
         folder = Path(made) / "scenes"
         shutil.copytree(shipped_scene().parent, folder)
         for number in numbers:
             if (seed, number) not in kept:
-                kept.add(seed, number, run(number, seed, folder))
+                kept.add(seed, number, run(number, seed, folder, wired=wired))
                 _tell(kept.rows[seed, number], full=full)
-    return _sum_up(list(kept.rows.values()), kept.seeds)
+    return _sum_up(list(kept.rows.values()), kept.seeds, wired=wired)
 
 
-def run(number: int, seed: int, folder: Path) -> dict[str, Any]:
+def run(number: int, seed: int, folder: Path, *, wired: bool = False) -> dict[str, Any]:
     """Run a scene; return its family, its figures by law, and how often the contact changed hands.
 
-    ``folder`` holds the shipped scenes, and takes this one.
+    ``folder`` holds the shipped scenes, and takes this one; ``wired``: with a wire between loop and table.
     """
     family, scene = draw(number, seed, folder)
-    session = scene.build(folder)
+    wire = draw_wire(number, seed) if wired else None
+    row: dict[str, Any] = {"family": family, **({"wire": str(wire)} if wire else {})}
+    session = scene.build(folder, catalog=wire.catalog() if wire else None)
     try:
         course = follow(session)
     except DeviceFaultError as fault:
-        return {"family": family, "figures": {"trip": 1.0}, "changes": 0, "cause": str(fault)}
+        return {**row, "figures": {"trip": 1.0}, "changes": 0, "cause": str(fault)}
     finally:
         session.close()
-    return {"family": family, "figures": judge(course), "changes": len(course.changes())}
+    return {**row, "figures": judge(course, wired=wired), "changes": len(course.changes())}
 
 
 def _tell(row: dict[str, Any], *, full: bool) -> None:
-    wrong, figures = broken(row["figures"]), row["figures"]
+    wrong, figures, wire = broken(row["figures"]), row["figures"], row.get("wire")
     if not wrong and not full:
         return
     shown = [law for law in (*LAWS, VIRTUAL) if law.name in (figures if full else wrong)]
     said = ", ".join(f"{law.name} {_figure(law, figures[law.name])}" for law in shown)
     cause = f" ({row['cause']})" if "cause" in row else ""
-    print(
-        f"--seed {row['seed']} --only {row['number']} ({row['family']}): {'WRONG: ' * bool(wrong)}{said}{cause}",
-        flush=True,
-    )
+    shown_as = f"--seed {row['seed']} --only {row['number']}{' --wire' * bool(wire)}"
+    what = f"{row['family']}, {wire}" if wire else row["family"]
+    print(f"{shown_as} ({what}): {'WRONG: ' * bool(wrong)}{said}{cause}", flush=True)
 
 
 def _figure(law: Law, value: float) -> str:
@@ -91,13 +113,14 @@ def _figure(law: Law, value: float) -> str:
     return f"{value:.{min(3, digits)}f} {law.unit}".removesuffix(" 1")
 
 
-def _sum_up(rows: list[dict[str, Any]], seeds: list[int]) -> int:
+def _sum_up(rows: list[dict[str, Any]], seeds: list[int], *, wired: bool) -> int:
     wrong = [row for row in rows if broken(row["figures"])]
     changes = sum(row["changes"] for row in rows)
-    print(f"{len(rows)} random scenes of seed {', '.join(map(str, seeds))}, {changes} changes between arm and plate, "
-          f"{len(wrong)} scenes break a law")  # fmt: skip
+    behind = " behind wires" if wired else ""
+    print(f"{len(rows)} random scenes of seed {', '.join(map(str, seeds))}{behind}, "
+          f"{changes} changes between arm and plate, {len(wrong)} scenes break a law")  # fmt: skip
     print(f"{'law':<8} {'bound':>8} {'worst':>10} {'broken':>14}")
-    for law in LAWS:
+    for law in LAWS_WIRED if wired else LAWS:
         print(_line(law, rows))
     itself = sum(row["figures"].get(VIRTUAL.name, 0.0) > VIRTUAL.bound for row in rows)
     print(f"{VIRTUAL.says}: {itself} scenes")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,19 +46,26 @@ LAWS = (
     Law("skin", "a plate that is called absent does not cool the skin", 0.01, "K"),
     Law("trip", "no such scene is stopped", 0.0, "1"),
 )
+#: Behind a wire it holds in the mean over a run instead: between two exchanges a plate is where it is.
+WIRED = Law("plate", "where the plate renders, the pad's force is a rigid surface's at that height (rms)", 2.0, "%")
+#: The laws behind a wire.
+LAWS_WIRED = tuple(WIRED if law.name == WIRED.name else law for law in LAWS)
 #: Not a law of arm and plate: what `step` leaves out, because the virtual force itself does it.
 VIRTUAL = Law("virtual", "left out of `step`: the virtual force itself steps by as much", 0.1, "N")
 
 
-def judge(course: Course) -> dict[str, float]:
-    """Return the figure of each law for a run, in its unit; a law that the run says nothing of is left out."""
+def judge(course: Course, *, wired: bool = False) -> dict[str, float]:
+    """Return the figure of each law for a run, in its unit; a law that the run says nothing of is left out.
+
+    ``wired``: of `LAWS_WIRED`.
+    """
     steps, own = course.steps, np.r_[0.0, np.linalg.norm(np.diff(course.virtual, axis=0), axis=1)]
     changing, itself = course.changing(), steps <= around(own, APART) + SAME
     size = np.linalg.norm(course.total, axis=1)
     absent = course.touching & ~course.plate
     found = {
         "arm": _arm(course, absent),
-        **_plate(course),
+        **_plate(course, _rms if wired else _most),
         "step": float(steps[changing & ~itself].max(initial=0.0)),
         "virtual": float(steps[changing & itself].max(initial=0.0)),
         "limit": max(0.0, float(size.max()) - course.force * (1.0 + 1e-9)),
@@ -87,7 +95,7 @@ def _arm(course: Course, absent: NDArray[np.bool_]) -> float | None:
     return 100.0 * float(off[alone].max())
 
 
-def _plate(course: Course) -> dict[str, float | None]:
+def _plate(course: Course, so_much: Callable[[Floats], float | None]) -> dict[str, float | None]:
     """Return how far the pad's force is from a rigid surface's, and the arm's from the tangential part [%]."""
     rigid, pad, there = course.rigid()
     off = np.abs(pad - rigid) / np.maximum(rigid, LEAST_PLATE)
@@ -95,11 +103,15 @@ def _plate(course: Course) -> dict[str, float | None]:
     aside, size = course.virtual - along, np.linalg.norm(course.virtual, axis=1)
     extra = np.linalg.norm(course.arm - aside, axis=1) / np.maximum(size, LEAST_PLATE)
     free = there & (np.linalg.norm(aside, axis=1) + course.pad < course.force - ROOM)
-    return {"plate": _most(off[there]), "aside": _most(extra[free])}
+    return {"plate": so_much(off[there]), "aside": _most(extra[free])}
 
 
 def _most(off: Floats) -> float | None:
     return 100.0 * float(np.percentile(off, MOST)) if off.size >= ENOUGH else None
+
+
+def _rms(off: Floats) -> float | None:
+    return 100.0 * float(np.sqrt(np.mean(off**2))) if off.size >= ENOUGH else None
 
 
 def _untold(course: Course) -> float:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from itouch.plugin.discovery import Catalog
 from itouch.session import Session, build
 
 RADIUS = 8.0  # of the finger [mm]
@@ -74,11 +75,11 @@ class Slope:
             contact_time=self.contact_time, calibration='<calibration method="touch-off"/>' if self.touch_off else "",
         )  # fmt: skip
 
-    def build(self, folder: Path, hardware: str = "") -> Session:
+    def build(self, folder: Path, hardware: str = "", catalog: Catalog | None = None) -> Session:
         """Write the scene into a folder that holds the shipped scenes, and build it; ``hardware``: of the display."""
         path = folder / "slope.xml"
         path.write_text(self.text(hardware), encoding="utf-8")
-        return build(path, seed=self.seed)
+        return build(path, seed=self.seed, catalog=catalog)
 
 
 def ramp(degrees: float, deep: float = 5.0) -> tuple[str, str]:

@@ -23,7 +23,8 @@ from itouch.plugin import (
 )
 from itouch_encountered.choosing import FAR, FAR_UNCALIBRATED
 from itouch_encountered.motion import INERTIA_FIRST, SEEN_AHEAD, Numbers, Seen, carry
-from itouch_encountered.own import FIELDS
+from itouch_encountered.over_wire import LAG_FIRST, Wire, look_over_wire
+from itouch_encountered.own import FIELDS, OVER_WIRE
 
 #: A contact that it has left because of its tilt is its own again when that is less by this [rad].
 TILT_BACK = math.radians(2.0)
@@ -39,7 +40,10 @@ class EncounteredParams:
 
 
 class EncounteredModel(NamedTuple):
-    """What is known of it before a run; names of devices and of their fields in State."""
+    """What is known of it before a run; names of devices and of their fields in State.
+
+    ``place``: which of the device's readings is its pose.
+    """
 
     name: str
     probe: str
@@ -48,6 +52,12 @@ class EncounteredModel(NamedTuple):
     pose: str
     load: str
     numbers: Numbers
+    place: int
+
+    @property
+    def fields(self) -> tuple[Field, ...]:
+        """Its own: behind a wire there are more of them."""
+        return (*FIELDS, *OVER_WIRE) if self.numbers.wire else FIELDS
 
 
 class Encountered(Modality):
@@ -76,11 +86,12 @@ class Encountered(Modality):
         force = _limit(world.devices[surface.arm], "force") if surface.arm else math.inf
         speed = _limit(device, "speed")
         numbers = _numbers(surface, radius, world.servo_period, force, speed, bool(load))._replace(wire=device.wire)
-        return EncounteredModel(name, params.probe, device.name, goal.name, pose, load, numbers)
+        place = next(i for i, channel in enumerate(device.reads) if channel.role is Role.TRACKED_POSE)
+        return EncounteredModel(name, params.probe, device.name, goal.name, pose, load, numbers, place)
 
     def fields(self, model: EncounteredModel) -> tuple[Field, ...]:
         """Declare what it says of the surface, and what it remembers."""
-        return FIELDS
+        return model.fields
 
     def commands(self, model: EncounteredModel) -> tuple[str, ...]:
         """Command the device."""
@@ -88,30 +99,40 @@ class Encountered(Modality):
 
     def carries(self, model: EncounteredModel) -> Carries:
         """Say that it brings the device's surface."""
-        return Carries(model.probe, model.device, "takes", "at_finger", "distance", "gap", "coming", "lost", "yields")
+        late = ("presses", "since") if model.numbers.wire else ()
+        return Carries(
+            model.probe, model.device, "takes", "at_finger", "distance", "gap", "coming", "lost", "yields", *late
+        )
 
     def reads(self, model: EncounteredModel) -> tuple[str, ...]:
         """Say what it reads."""
-        return tuple(name for name in _seen(model) if name)
+        return tuple(dict.fromkeys(name for name in (*_seen(model), *_over_wire(model)) if name))
 
     def reset(self, model: EncounteredModel, state: Record) -> None:
         """Begin with the surface where it should be."""
-        for field in FIELDS:
+        for field in model.fields:
             state[f"{model.name}.{field.name}"] = 0.0
         state[f"{model.name}.takes"] = state[f"{model.name}.arrived"] = 1.0
         state[f"{model.name}.inertia"] = INERTIA_FIRST
-        state[f"{model.name}.lag"] = -model.numbers.period  # a drive is told how fast its goal goes, and goes on so
+        state[f"{model.name}.lag"] = LAG_FIRST if model.numbers.wire else -model.numbers.period
 
     def update(self, model: EncounteredModel, state: Record, period: float) -> None:
         """Do what joins, alone."""
-        self.bound_update(model, state, period)()
+        for step in self.bound_update(model, state, period):
+            step()
 
-    def bound_update(self, model: EncounteredModel, state: Record, period: float) -> Bound:
-        """Return the whole way as one compiled call."""
+    def bound_update(self, model: EncounteredModel, state: Record, period: float) -> tuple[Bound, ...]:
+        """Return the whole way as compiled calls."""
         nothing = np.zeros(6)
         seen = Seen(*(state.get(name, nothing) for name in _seen(model)))
-        own = state.flat(f"{model.name}.{FIELDS[0].name}", f"{model.name}.{FIELDS[-1].name}")
-        return Bound(carry, model.numbers, seen, state[f"{model.device}.command.{model.channel}"], own)
+        own = state.flat(f"{model.name}.{model.fields[0].name}", f"{model.name}.{model.fields[-1].name}")
+        goes = Bound(carry, model.numbers, seen, state[f"{model.device}.command.{model.channel}"], own)
+        if not model.numbers.wire:
+            return (goes,)
+        views = {name: state.get(name, nothing) for name in _over_wire(model)}
+        measured = f"{model.device}.measured"
+        views[measured] = state[measured][model.place : model.place + 1]
+        return Bound(look_over_wire, model.numbers, Wire(*views.values()), own), goes
 
 
 def _seen(model: EncounteredModel) -> tuple[str, ...]:
@@ -125,6 +146,18 @@ def _seen(model: EncounteredModel) -> tuple[str, ...]:
             for name in ("upright", "climb", "turns", "hastens", "rises", "level", "sink", "off", "pressed", "present")
         ),
         f"{probe}.object", f"{device}.surface.withdrawn", "ready",
+    )  # fmt: skip
+
+
+def _over_wire(model: EncounteredModel) -> tuple[str, ...]:
+    """Return the names of what it reads behind a wire, in the order of `Wire`; there is none: nothing."""
+    if not model.numbers.wire:
+        return ()
+    probe, device = model.probe, model.device
+    return (
+        "tick", *(f"{device}.{name}" for name in ("measured", "gone", "goings")), model.pose, model.load or "no load",
+        f"{device}.frame", f"{probe}.hip",
+        *(f"{probe}.surface.{name}" for name in ("slope_x", "slope_y", "lifts")),
     )  # fmt: skip
 
 

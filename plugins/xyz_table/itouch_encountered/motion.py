@@ -20,6 +20,7 @@ from itouch_encountered.own import (
     ABOUT,
     ARRIVED,
     AT_FINGER,
+    BEHIND,
     BENDS,
     COMING,
     DISTANCE,
@@ -34,11 +35,16 @@ from itouch_encountered.own import (
     LEFT,
     LOST,
     PRESS,
+    PRESSES,
+    RESTS,
+    RISE,
     RUSHES,
     SHIFT,
+    SINCE,
     SPEED,
     TAKES,
     TOUCH,
+    WAY,
     YIELDS,
 )
 
@@ -52,7 +58,7 @@ SOON = 1.5e-3
 #: [s]: one that comes no faster takes nothing from the arm before it is there.
 MADE, MAKES = 1e-3, 0.022
 #: One that is further behind its command than this is waited for, so that it does not come in a hurry [m].
-BEHIND = 2e-4
+WAITED_FOR = 2e-4
 #: What a command may be ahead of the one sent last and not be held up [m].
 SLACK = 3e-5
 #: Gap [m] over which the arm takes over the normal force from a surface that is too low.
@@ -89,8 +95,6 @@ EVEN = 2.0
 STEEPEST = 0.1
 #: Speed up or down [m/s] well below which what a device misses is by the force on it, and well above by its lag.
 STILL = 0.06
-#: The same behind a wire, where it learns in contact only: no finger leads a surface that fast.
-STILL_ON_IT = 0.01
 
 
 class Numbers(NamedTuple):
@@ -187,7 +191,7 @@ def _come(
     if own[ARRIVED] > 0.0:
         return
     own[PRESS] = min(own[PRESS], last - level + sink * c.period + SLACK)
-    if own[PRESS] < depth + BEHIND:
+    if (own[BEHIND] if c.wire else own[PRESS] - depth) < WAITED_FOR:
         pace = SOFTLY if felt else min(QUICKLY, max(SOFTLY, (-own[PRESS] - MADE) / MAKES))
         if felt:  # it goes on with the virtual surface, not with the finger
             left = max(0.0, goal - level - own[PRESS])
@@ -266,7 +270,7 @@ def _bend(c: Any, own: Any, turns: float, hastens: float, goes_on: bool) -> floa
 def _watch(c: Any, own: Any, here: float, climb: float) -> None:
     """Follow how fast it rises by its own reading ``here`` [m], and how that changes.
 
-    Behind a wire readings come now and then, as jumps: there it is taken to go as its virtual surface does, ``climb``.
+    Behind a wire readings come now and then: there it is taken to go as its virtual surface does, ``climb``.
     """
     if c.wire:
         own[HERE], own[SPEED], own[RUSHES] = here, climb, own[BENDS]
@@ -288,8 +292,7 @@ def _learn(c: Any, own: Any, last: float, here: float, pressed: float) -> None:
     off = last - here - own[GIVE] * pressed - own[LAG] * speed - own[INERTIA] * rushes
     if abs(off) > ASTRAY:
         return
-    still = STILL_ON_IT if c.wire else STILL
-    moves = speed * speed / (speed * speed + still * still)  # 1: what is seen is the lag, 0: it is the force
+    moves = speed * speed / (speed * speed + STILL * STILL)  # 1: what is seen is the lag, 0: it is the force
     turns = rushes * rushes / (rushes * rushes + EVEN * EVEN)  # 1: what is seen is the inertia
     step = LEARNS * c.period * off
     lets = (1.0 - turns) * step
@@ -298,7 +301,7 @@ def _learn(c: Any, own: Any, last: float, here: float, pressed: float) -> None:
         own[INERTIA] = min(MOST_INERTIA, max(0.0, inertia))
         give = own[GIVE] + (1.0 - moves) * lets * pressed / (pressed * pressed + 0.01)
         own[GIVE] = min(MOST_GIVE, max(0.0, give))
-    lag = own[LAG] + moves * lets * speed / (speed * speed + still * still)
+    lag = own[LAG] + moves * lets * speed / (speed * speed + STILL * STILL)
     own[LAG] = min(MOST_LAG, max(-MOST_LAG, lag))
 
 
@@ -319,7 +322,8 @@ def _wanted(
 ) -> float:  # fmt: skip
     """Return the height [m] at which it is wanted, and say how far it is still to come or to go."""
     away = lowest - c.clearance
-    goal = height + climb * (c.period + own[LAG]) + shift + (own[GIVE] * pressed if touching else 0.0)
+    ahead = own[RISE] if c.wire else climb * (c.period + own[LAG])
+    goal = height + ahead + shift + (own[GIVE] * pressed if touching else 0.0)
     if own[TAKES] > 0.0:
         _come(c, own, goal, climb, last, level, sink, here - lowest, pressed, touching, begins)
         own[COMING] = 0.0 if own[ARRIVED] > 0.0 else max(1e-6, goal - level - own[PRESS])
@@ -354,13 +358,13 @@ def _fall(c: Any, own: Any, wanted: float, last: float, sink: float, pressed: fl
 
 
 @kernel
-def _brake(c: Any, wanted: float, climb: float, last: float, here: float, level: float, more: float) -> float:
+def _brake(c: Any, own: Any, wanted: float, climb: float, last: float, here: float, level: float, more: float) -> float:
     """Return how high it may be wanted [m] as it comes up to a surface that a finger is near, or on; ``level`` [m].
 
     What it is sent ``more`` than a tick ago, because the virtual surface bends, is not braked: it keeps to it by that.
     """
     way = wanted - last
-    if way > 0.0 and last - here > LEADS and level - here < NEAR:
+    if way > 0.0 and (own[BEHIND] if c.wire else last - here) > LEADS and level - here < NEAR:
         return last
     if way <= 0.0 or level - wanted > SOON:
         return wanted
@@ -369,13 +373,14 @@ def _brake(c: Any, wanted: float, climb: float, last: float, here: float, level:
 
 
 @kernel
-def _bearable(c: Any, rises: float, level: float, sink: float, off: float) -> float:
+def _bearable(c: Any, own: Any, rises: float, level: float, sink: float, off: float) -> float:
     """Return the greatest height [m] at which it presses no harder than it may.
 
     A finger that comes down takes it along: the device is told ahead of time where it will be.  ``rises``: how fast it
     goes up or down by itself [m/s].
     """
-    soon = level + min(0.0, sink - min(0.0, rises)) * AHEAD
+    ahead = AHEAD + own[WAY] if c.wire else AHEAD
+    soon = level + min(0.0, sink - min(0.0, rises)) * ahead
     return float(soon + off + c.most / c.stiffness)
 
 
@@ -411,12 +416,14 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     """Say who renders the virtual surface below the finger, and command the device; return 0.
 
     ``c``: `Numbers`; ``seen``: `Seen`, taken apart here, for a tuple of many arrays is dear to hand on; ``goal`` (7,):
-    the command; ``own`` (45,): its own fields.
+    the command; ``own``: its own fields, (45,) without a wire.
     """
     frame, sent, hip = seen.frame, seen.sent, seen.hip
     height, climb, level, sink = seen.height[0], seen.climb[0], seen.level[0], seen.sink[0]
     lowest, here, last = hip[2] - c.radius, _top(c, frame, seen.pose), _top(c, frame, sent)
     pressed, touching, withdrawn = max(0.0, -seen.load[2]), seen.object[0] >= 0, seen.withdrawn[0] != 0
+    if c.wire:
+        here, pressed = here + own[SINCE], own[PRESSES]
     own[GAP] = height - here if height > -np.inf else np.inf
     own[DISTANCE] = lowest - here
     if withdrawn:
@@ -430,14 +437,18 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     begins = touching and seen.pressed[0] == 0.0
     _watch(c, own, here, climb)
     rounds = _bend(c, own, seen.turns[0], seen.hastens[0], touching and not begins)
+    if c.wire:
+        rounds = 0.0  # it goes to where the surface is by then
     shift = min(MOST_SHIFT, max(-MOST_SHIFT, rounds + own[BENDS] * own[INERTIA])) if own[TAKES] > 0.0 else 0.0
     more, own[SHIFT] = shift - own[SHIFT], shift
     wanted = _wanted(c, own, height, climb, level, sink, lowest, here, last, pressed, touching, begins, shift)
-    wanted = _fall(c, own, _brake(c, wanted, climb, last, here, level, more), last, sink, pressed, touching)
-    most = _bearable(c, seen.rises[0], level, sink, seen.off[0])
+    wanted = _fall(c, own, _brake(c, own, wanted, climb, last, here, level, more), last, sink, pressed, touching)
+    most = _bearable(c, own, seen.rises[0], level, sink, seen.off[0])
     still = own[TAKES] > 0.0 and own[ARRIVED] > 0.0 and wanted <= most
     rests = still and touching and pressed >= TOUCH and own[YIELDS] <= 0.0
-    if rests or (not c.wire and not touching and pressed < LEFT and own[LOST] == 0.0):
+    if c.wire:
+        own[RESTS] = own[RESTS] + c.period if rests else 0.0
+    elif rests or (not touching and pressed < LEFT and own[LOST] == 0.0):
         _learn(c, own, last, here, pressed)
     _command(c, frame, sent, hip, goal, min(wanted, most), touching or pressed > LEFT)
     own[AT_FINGER] = 1.0 if touching and _there(own, seen.present[0] > 0.0, here - lowest, pressed) else 0.0

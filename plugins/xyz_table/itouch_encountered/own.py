@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from itouch.plugin import Field
 
 #: Of how many ticks it remembers at most how the slope turned: of 6 ms at 4 kHz.
@@ -37,9 +39,39 @@ FIELDS += (
     Field("kinks", "f8", MOST_KINKS, unit="m/s^2", doc="how fast a slope bends it, the newest tick first", show="no"),
 )
 
+#: Of how many ticks it remembers behind a wire how the virtual surface went: more than a reading gets old.
+PAST = 128
+#: What it remembers behind a wire besides: finger, wire, and where device and virtual surface are when a command acts.
+OVER_WIRE: tuple[Field, ...] = (
+    Field("goes", "f8", 6, unit="mixed", doc="place [m], speed [m/s] and acceleration [m/s2] of the finger, x and y"),
+    Field("lifts_before", unit="m/s", doc="how fast the object lifted the virtual surface a tick ago, smoothed"),
+    Field("lift_speed", unit="m/s", doc="how fast it lifts that"),
+    Field("lift_hastens", unit="m/s^2", doc="how fast that changes"),
+    Field("ahead", unit="s", doc="how long after a command the middle of the time is in which it acts, as observed"),
+    Field("hold", unit="s", doc="for how long a command acts, as observed"),
+    Field("commands", unit="1", doc="how many commands had left"),
+    Field("read_at", unit="tick", doc="when the newest reading was measured"),
+    Field("rise", unit="m", doc="how much higher the virtual surface will be under the finger when its command acts"),
+    Field("since", unit="m", doc="how much higher it is by its commands than when it was read last"),
+    Field("behind", unit="m", doc="how far it is below the command that acts"),
+    Field("rests", unit="s", doc="for how long it has rested at the virtual surface with a finger on it"),
+    Field("presses", unit="N", doc="how hard the finger presses on it now, by the last reading and what went on since"),
+    Field("place", unit="m", doc="how high it was a tick ago, by readings and commands"),
+    Field("sent_to", unit="m", doc="how high its commands had sent it then"),
+    Field("past", "f8", (PAST, 3), unit="mixed", doc="of each tick: how long it had rested [s], how fast the speed of "
+          "the virtual surface changed [m/s2], and how high the finger's lowest point was [m]"),
+)  # fmt: skip
+OVER_WIRE = tuple(replace(field, show="no") for field in OVER_WIRE)
+
 TAKES, AT_FINGER, DISTANCE, GAP, COMING, LOST, YIELDS = range(7)
 ARRIVED, PRESS, FREE, UNFELT, GIVE, LAG, UNASKED, BENDS, HASTE, INERTIA = range(7, 17)
 HERE, SPEED, RUSHES, SHIFT, KINKS = range(17, 22)
+#: Where those begin that it has behind a wire only.
+_WIRED = KINKS + MOST_KINKS
+GOES = _WIRED
+LIFTED, LIFTS, HOISTS, WAY, HOLD, COMMANDS, READ_AT, RISE, SINCE, BEHIND, RESTS, PRESSES, PLACE, SENT_TO, GONE_BY = (
+    range(_WIRED + 6, _WIRED + 21)
+)
 
 #: What `LOST` says: the surface is lower than its height says, or higher.
 LOW, HIGH = 1.0, 2.0

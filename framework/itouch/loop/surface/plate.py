@@ -62,16 +62,17 @@ def _smooth(c: Floats, memory: Floats, lowest: float) -> None:
 
 
 @kernel
-def foresee(c: Floats, table: Floats, figures: Floats, memory: Floats, load: float) -> None:
+def foresee(c: Floats, table: Floats, figures: Floats, memory: Floats, load: float, risen: float) -> None:
     """Follow the finger's lowest point, and how much deeper it seems to be in the plate than the force explains.
 
     ``c`` (CONSTANTS,), ``figures`` (FIGURES,), ``memory`` (MEMORY,) of the surface; ``table`` (7,): the device's own
-    reading of its pose [m; quaternion], whatever a modality says; ``load``: its reading of the force on it [N].
+    reading of its pose [m; quaternion], whatever a modality says; ``load``: the force on it [N]; ``risen``: how much
+    higher it is than this reading [m].
     """
     _smooth(c, memory, figures[HIP + 2] - c[RADIUS])
     pressed = max(0.0, -load)
     if pressed > TOUCH:
-        off = top(c, table) - memory[LEVEL] - pressed / c[PAD_STIFFNESS]
+        off = top(c, table) + risen - memory[LEVEL] - pressed / c[PAD_STIFFNESS]
         memory[OFF] += c[PERIOD] / SETTLE * (off - memory[OFF])
     elif pressed < LEFT:
         memory[OFF] = 0.0

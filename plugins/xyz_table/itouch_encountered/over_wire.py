@@ -1,0 +1,251 @@
+"""Behind a wire: a command acts later, for some milliseconds, and what is read is older than that.
+
+What is sent is where the virtual surface will be under the finger in the middle of the time in which the command acts.
+How late that is, is seen: when commands have left and readings were measured stands in State.  A reading is held
+against the command that acted when it was measured, and against how the virtual surface went then.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from itouch.plugin.kernels import kernel
+from itouch_encountered.own import (
+    BEHIND,
+    BENDS,
+    COMMANDS,
+    GIVE,
+    GOES,
+    GONE_BY,
+    HOISTS,
+    HOLD,
+    INERTIA,
+    LAG,
+    LEFT,
+    LIFTED,
+    LIFTS,
+    PAST,
+    PLACE,
+    PRESSES,
+    READ_AT,
+    RESTS,
+    RISE,
+    SENT_TO,
+    SINCE,
+    TOUCH,
+    WAY,
+)
+
+#: Time constant [s] of the fading memory by which the finger's place, speed and acceleration are followed
+#: (g-h-k filter, Benedict and Bordner 1962): an arm reads in steps.
+FADES = 4.5e-3
+#: A finger that is so far from where it was expected has not gone there [m].
+ELSEWHERE = 5e-3
+#: What the framework smooths the speed of an object by [s], and what is no change of speed but another object [m/s].
+SMOOTHED, JUMPS = 5e-3, 0.1
+#: By what part an exchange moves what is thought of the wire; no command acts longer, or is longer on its way [s].
+LEARNT, LONGEST = 0.2, 0.1
+#: How fast it is learned how late the device is and how far it gives way [1/s], and what at most by one reading [1].
+LEARNS, MOST_LEARNT = 120.0, 0.6
+#: For how long it must have rested at the virtual surface [s], and over what time its commands' speed is taken [s].
+RESTED, SPAN = 0.015, 3e-3
+#: In what time a reading corrects where it is thought to be [s].
+CORRECTS = 3e-3
+#: How late a drive is at first [s] whose goal goes in steps; it is not told how fast that goes between two of them.
+LAG_FIRST = 2e-3
+#: The most that is made good of its lag [s], and of how far it gives way [m/N].
+MOST_LAG, MOST_GIVE = 0.015, 1e-4
+#: What is another error than those [m].
+ASTRAY = 1e-3
+#: Speed [m/s] well below which what it misses is by the force on it, and well above by its lag.
+STILL = 0.01
+#: How fast that speed may change [m/s2] well below which what it misses is not by its inertia; the most of that [s2].
+EVEN, MOST_INERTIA = 2.0, 1e-4
+
+
+class Wire(NamedTuple):
+    """What it reads of State behind a wire: arrays, of one number where no shape is given.
+
+    ``tick``; ``measured`` (reads,): when the newest readings were; ``gone`` (GONE, 4): from when on the newest commands
+    have acted, and where they sent it; ``goings``: how many; ``pose`` (7,) and ``load`` (6,), ``frame`` (12,), ``hip``
+    (3,) as in `Seen`; ``slope_x``, ``slope_y`` and ``lifts`` of the virtual surface.
+    """
+
+    tick: Any
+    measured: Any
+    gone: Any
+    goings: Any
+    pose: Any
+    load: Any
+    frame: Any
+    hip: Any
+    slope_x: Any
+    slope_y: Any
+    lifts: Any
+
+
+@kernel
+def _height(frame: Any, x: float, y: float, z: float) -> float:
+    """Return how high [m] a place of the device is in the world."""
+    return float(frame[9] * x + frame[10] * y + frame[11] * z + frame[2])
+
+
+@kernel
+def _follow(c: Any, own: Any, axis: int, place: float) -> None:
+    """Follow the finger along an axis, 0 or 1."""
+    at, fades = GOES + 3 * axis, math.exp(-c.period / FADES)
+    x = own[at] + c.period * (own[at + 1] + 0.5 * c.period * own[at + 2])
+    speed = own[at + 1] + c.period * own[at + 2]
+    off = place - x
+    if abs(off) > ELSEWHERE:
+        own[at], own[at + 1], own[at + 2] = place, 0.0, 0.0
+        return
+    own[at] = x + (1.0 - fades**3) * off
+    own[at + 1] = speed + 1.5 * (1.0 - fades * fades) * (1.0 - fades) * off / c.period
+    own[at + 2] += (1.0 - fades) ** 3 * off / (c.period * c.period)
+
+
+@kernel
+def _follow_lift(c: Any, own: Any, lifts: float) -> None:
+    """Follow how fast the object lifts the surface, of which ``lifts`` [m/s] is smoothed, and how that changes."""
+    raw, fades = lifts + SMOOTHED / c.period * (lifts - own[LIFTED]), math.exp(-c.period / FADES)
+    own[LIFTED] = lifts
+    speed = own[LIFTS] + c.period * own[HOISTS]
+    off = raw - speed
+    if abs(off) > JUMPS:
+        own[LIFTS], own[HOISTS] = raw, 0.0
+        return
+    own[LIFTS] = speed + (1.0 - fades * fades) * off
+    own[HOISTS] += (1.0 - fades) ** 2 * off / c.period
+
+
+@kernel
+def _watch_wire(c: Any, own: Any, w: Any) -> None:
+    """See for how long commands act, and how long after they were given."""
+    count = w.goings[0]
+    if count == own[COMMANDS]:
+        return
+    own[COMMANDS] = count
+    if count < 2:
+        return
+    acts = w.gone[(count - 1) % w.gone.shape[0], 0]
+    hold = (acts - w.gone[(count - 2) % w.gone.shape[0], 0]) * c.period
+    if not 0.0 < hold < LONGEST:
+        return
+    late = min(LONGEST, max(0.0, (acts - (w.tick[0] - 1)) * c.period))
+    way = late + 0.5 * (hold - c.period)
+    if own[HOLD] <= 0.0:
+        own[HOLD], own[WAY] = hold, way
+    else:
+        own[HOLD] += LEARNT * (hold - own[HOLD])
+        own[WAY] += LEARNT * (way - own[WAY])
+
+
+@kernel
+def _commanded(c: Any, own: Any, w: Any, tick: float) -> float:
+    """Return where the commands sent it [m] at a tick, between the middles of the times in which they act.
+
+    Not a number: that is not known.
+    """
+    size, count = w.gone.shape[0], w.goings[0]
+    middle = 0.5 * (own[HOLD] / c.period - 1.0)
+    after_at = after = math.nan
+    for i in range(1, min(size, count) + 1):
+        row = (count - i) % size
+        at, height = w.gone[row, 0] + middle, _height(w.frame, w.gone[row, 1], w.gone[row, 2], w.gone[row, 3])
+        if at <= tick:
+            if math.isnan(after_at) or after_at <= at:
+                return float(height)
+            return float(height + (after - height) * (tick - at) / (after_at - at))
+        after_at, after = at, height
+    return math.nan
+
+
+@kernel
+def _learn(c: Any, own: Any, w: Any, acted: float, here: float, rushes: float, speed: float, elapsed: float) -> None:
+    """Learn from a reading by how much the device missed what it was commanded then [m]."""
+    pressed = max(0.0, -w.load[2])
+    off = acted - here - own[GIVE] * pressed - own[LAG] * speed - own[INERTIA] * rushes
+    if not abs(off) <= ASTRAY or pressed < TOUCH:
+        return
+    moves = speed * speed / (speed * speed + STILL * STILL)
+    turns = rushes * rushes / (rushes * rushes + EVEN * EVEN)
+    step = min(MOST_LEARNT, LEARNS * elapsed) * off
+    inertia = own[INERTIA] + turns * step * rushes / (rushes * rushes + EVEN * EVEN)
+    own[INERTIA] = min(MOST_INERTIA, max(0.0, inertia))
+    give = own[GIVE] + (1.0 - moves) * (1.0 - turns) * step * pressed / (pressed * pressed + 0.01)
+    own[GIVE] = min(MOST_GIVE, max(0.0, give))
+    lag = own[LAG] + moves * (1.0 - turns) * step * speed / (speed * speed + STILL * STILL)
+    own[LAG] = min(MOST_LAG, max(-MOST_LAG, lag))
+
+
+@kernel
+def _since(c: Any, own: Any, here: float, then: float, now: float) -> float:
+    """Return how much higher it is now than it was read, ``here`` [m], by where its commands sent it then and now [m].
+
+    What a reading corrects was no motion: it comes in smoothly, or the surface would seem to rush at the finger.
+    """
+    if math.isnan(then) or math.isnan(now):
+        own[SENT_TO] = 0.0
+        return 0.0
+    found = here + now - then
+    off = own[PLACE] + now - own[SENT_TO] - found if own[SENT_TO] != 0.0 else 0.0
+    place = found + off * math.exp(-c.period / CORRECTS) if abs(off) < ELSEWHERE else found
+    own[PLACE], own[SENT_TO] = place, now
+    return float(place - here)
+
+
+@kernel
+def _pressed(c: Any, own: Any, w: Any, here: float, age: int) -> float:
+    """Return how hard the finger presses now [N]: as it did when that was read, and by how it came nearer since.
+
+    ``here`` [m] is what was read, ``age`` ticks ago.
+    """
+    then = max(0.0, -w.load[2])
+    if not c.has_load or not 0 <= age < PAST:
+        return float(then)
+    before = here - own[GONE_BY + 3 * ((w.tick[0] - age) % PAST) + 2]
+    now = here + own[SINCE] - (w.hip[2] - c.radius)
+    if then < LEFT:  # it did not touch, however deep it may have seemed
+        return float(max(0.0, c.stiffness * (now - max(0.0, before))))
+    return float(max(0.0, then + c.stiffness * (now - before)))
+
+
+@kernel
+def look_over_wire(c: Any, w: Any, own: Any) -> int:
+    """Say where the virtual surface will be when a command acts, and where this one is now; return 0.
+
+    ``c``: `Numbers`; ``w``: `Wire`; ``own``: all of its own fields.
+    """
+    tick = w.tick[0]
+    was = GONE_BY + 3 * ((tick - 1) % PAST)
+    own[was], own[was + 1] = own[RESTS], own[BENDS]
+    own[GONE_BY + 3 * (tick % PAST) + 2] = w.hip[2] - c.radius
+    _follow(c, own, 0, w.hip[0])
+    _follow(c, own, 1, w.hip[1])
+    _follow_lift(c, own, w.lifts[0])
+    _watch_wire(c, own, w)
+    here = _height(w.frame, w.pose[0], w.pose[1], w.pose[2])
+    measured = w.measured[0]
+    acted = _commanded(c, own, w, measured - 1.0)
+    if measured > own[READ_AT]:
+        elapsed = min(LONGEST, (measured - own[READ_AT]) * c.period)
+        own[READ_AT] = measured
+        past = GONE_BY + 3 * ((measured - 1) % PAST)
+        rested = own[past] > RESTED + own[HOLD]
+        if 0 < tick - measured < PAST - 1 and rested and not math.isnan(acted):
+            span = max(own[HOLD], SPAN)
+            speed = (acted - _commanded(c, own, w, measured - 1.0 - span / c.period)) / span
+            _learn(c, own, w, acted, here, own[past + 1], speed, elapsed)
+    late = max(0.0, own[LAG]) / c.period
+    now, then = _commanded(c, own, w, tick - 1.0 - late), _commanded(c, own, w, measured - 1.0 - late)
+    own[SINCE] = _since(c, own, here, then, now)
+    acts = _commanded(c, own, w, tick - 1.0)
+    own[BEHIND] = 0.0 if math.isnan(acts) else acts - here - own[SINCE]
+    own[PRESSES] = _pressed(c, own, w, here, tick - measured)
+    ahead = own[WAY] + c.period + own[LAG]
+    x = ahead * (own[GOES + 1] + 0.5 * ahead * own[GOES + 2])
+    y = ahead * (own[GOES + 4] + 0.5 * ahead * own[GOES + 5])
+    own[RISE] = w.slope_x[0] * x + w.slope_y[0] * y + ahead * (own[LIFTS] + 0.5 * ahead * own[HOISTS])
+    return 0
