@@ -98,8 +98,8 @@ def look_below(
 
     ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) of `render`, ``kept`` (MEMORY,) of the surface; ``world``
     (objects, WORLD_WIDTH), ``poses`` (objects, 7) [m; quaternion], ``twists`` (objects, 6) [m/s, rad/s]; ``table`` (7,)
-    and ``load`` (6,): the device's readings of its pose [m; quaternion] and of the force on it [N, N m]; ``presses`` and
-    ``risen`` (1,): what its modality says of these readings, see `itouch.plugin.Carries`; ``down``, ``normal`` and
+    and ``load`` (6,): the device's readings of its pose [m; quaternion] and of the force on it [N, N m]; ``presses``
+    and ``risen`` (1,): what its modality says of these readings, see `itouch.plugin.Carries`; ``down``, ``normal`` and
     ``start`` (3,) as in `ground.find`.  ``below``, ``figures`` and ``kept`` are written.
     """
     below[0] = ground.find(c, world, mesh, poses, twists, figures, kept, down, normal, start)
