@@ -1,6 +1,6 @@
 """What the long form has found so far, kept in a file, so that it can be run in parts: and the page made of it.
 
-``python -m pytest -n 2 -m long --results FILE.jsonl`` notes each test's outcome with date and commit when it ends, and
+``python -m pytest -n 2 -m long --results=FILE.jsonl`` notes each test's outcome with date and commit when it ends, and
 leaves out what has passed already: the same command goes on after a stop.  Who wants all of it anew deletes the file.
 ``python tests/long_results.py FILE.jsonl`` writes ``docs/explanation/long-form.md``.
 """
@@ -97,7 +97,7 @@ def page(results: Iterable[Result], count: int | None = None) -> str:
     lines = [
         "# What the long form of the tests found",
         "",
-        "`python -m pytest -n 2 -m long --results FILE.jsonl` runs what the short form leaves out, and goes on after a stop;",
+        "`python -m pytest -n 2 -m long --results=FILE.jsonl` runs what the short form leaves out, and goes on after a stop;",
         "`python tests/long_results.py FILE.jsonl` wrote this page. "
         f"{len(every)}{of} tests: {_numbers(total)}; they took {hours} in all.",
         "",

@@ -75,6 +75,28 @@ def test_with_all_passed_nothing_is_wrong(tmp_path: Path) -> None:
     assert done.returncode == 4 and "give it with -m long" in done.stderr
 
 
+def test_the_command_as_the_page_gives_it_goes_on_too(tmp_path: Path) -> None:
+    """It names no test: what follows ``--results`` must not be taken for one, which would have no such option."""
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "none.txt").write_text("", encoding="utf-8")
+    (tmp_path / "tests" / "conftest.py").write_text(
+        "import pathlib\n\nimport forms\nfrom forms import *\n\n"
+        "forms.LIST = forms.KEPT = pathlib.Path(__file__).with_name('none.txt')\n",
+        encoding="utf-8",
+    )
+    (tmp_path / "tests" / "test_it.py").write_text(
+        "import pytest\n\n@pytest.mark.long\ndef test_it():\n    pass\n", encoding="utf-8"
+    )
+    ini = "[pytest]\ntestpaths = tests\nmarkers =\n  long: l\n  campaign: c\n"
+    (tmp_path / "pytest.ini").write_text(ini, encoding="utf-8")
+    command = next(words for words in long_results.page([]).split("`") if "--results" in words)
+    words = [sys.executable, *command.split()[1:]]
+    env = os.environ | {"PYTHONPATH": str(long_results.HERE)}
+    runs = [subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True) for _ in range(2)]
+    assert "1 passed" in runs[0].stdout, runs[0].stdout + runs[0].stderr
+    assert "passed before and left out: 1 tests" in runs[1].stdout, runs[1].stdout + runs[1].stderr
+
+
 def test_a_failure_in_the_end_of_a_test_counts(tmp_path: Path) -> None:
     keeper = long_results.Keeper(tmp_path / "kept.jsonl")
     for when, outcome in (("setup", "passed"), ("call", "passed"), ("teardown", "failed")):
