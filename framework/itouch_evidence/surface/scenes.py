@@ -81,7 +81,7 @@ class Slope:
         )  # fmt: skip
 
     def build(self, folder: Path, hardware: str = "", catalog: Catalog | None = None) -> Session:
-        """Write the scene into a folder that has the shipped scenes, and build its session; ``hardware``: see `text`."""
+        """Write the scene to a folder with the shipped scenes, and build its session; ``hardware`` as in `text`."""
         path = folder / "slope.xml"
         path.write_text(self.text(hardware), encoding="utf-8")
         return build(path, seed=self.seed, catalog=catalog)

@@ -106,7 +106,7 @@ class Numbers(NamedTuple):
     ``cosine`` and ``back``: cosines of the steepest slope that the surface renders, and of the slope below which it
     takes a contact back; ``limit``: its greatest force; ``most``: the same, lowered to what the arm's limit allows;
     ``has_load``: whether the device measures force; ``reach``: how far the device goes in a tick; ``early``: how far
-    below the finger its height may be while in truth it is too high; ``ahead``: how many ticks ahead the slope is
+    below the finger a surface that is in truth too high may seem to be; ``ahead``: how many ticks ahead the slope is
     known; ``x``, ``y``, ``z``: position of the face in the frame whose pose the device reads; ``wire``: whether
     readings come late, and not in every tick.
     """

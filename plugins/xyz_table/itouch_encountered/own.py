@@ -39,7 +39,7 @@ FIELDS += (
     Field("kinks", "f8", MOST_KINKS, unit="m/s^2", doc="how fast a slope bends it, the newest tick first", show="no"),
 )
 
-#: For how many ticks the motion of the virtual surface is remembered behind a wire: more than the age of any reading.
+#: For how many ticks the motion of the virtual surface is remembered behind a wire: older readings teach nothing.
 PAST = 128
 #: What is also remembered behind a wire: the finger, the wire, and where device and virtual surface are when a command
 #: acts.
