@@ -20,8 +20,8 @@ TAP_TIME = 0.020
 #: For how long the surface may be felt without a virtual contact [s], and how many times faster this time runs back
 #: while it is not felt [1]: noise alone, however great, exceeds `TOUCH` less than half of the time: it does not add up.
 UNASKED_TIME, FORGETS = 0.06, 2.0
-#: How far below the finger a surface that is in truth too high may seem to be [m], after a touch-off and without one: if
-#: it presses from farther below, its sensor is wrong (T8).
+#: How far below the finger a surface that is in truth too high may seem to be [m], after a touch-off and without one:
+#: if it presses from farther below, its sensor is wrong (T8).
 FAR, FAR_UNCALIBRATED = 0.004, 0.015
 #: While the surface hovers, farther below the finger than this [m], a real axis reads forces in the air (friction, its
 #: mass) that no finger causes: there it counts as too high only from the force on at which T8 doubts the sensor [N],
