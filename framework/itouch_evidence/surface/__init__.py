@@ -18,12 +18,12 @@ from itouch_evidence.surface.draw import draw
 from itouch_evidence.surface.laws import LAWS, LAWS_WIRED, VIRTUAL, Law, broken, judge
 from itouch_evidence.surface.wires import draw_wire
 
-#: How many scenes of a law are named in its line; each is named where it is broken.
+#: How many scenes that break a law its line may name; not in use, because each has a line of its own.
 NAMED = 8
 
 
 def main(argv: Sequence[str]) -> int:
-    """Draw scenes over which a finger goes, and judge every tick of them; exit code 1 if one breaks a law."""
+    """Draw random scenes, let a finger touch each, and judge every tick; exit code 1 if one breaks a law."""
     parser = argparse.ArgumentParser(prog="itouch-py bench surface", description=main.__doc__)
     parser.add_argument("--random", type=int, default=56, metavar="N", help="so many random scenes (default 56)")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="that they are made from (default 0)")
@@ -45,23 +45,34 @@ def main(argv: Sequence[str]) -> int:
 
 
 class MixedError(ValueError):
-    """A file of results that has those of other laws."""
+    """The file of results has scenes that were judged by other laws: behind wires or without one."""
 
 
 def campaign(
     numbers: Iterable[int], seed: int, keep: str | None = None, *, full: bool = False, wired: bool = False
 ) -> int:  # fmt: skip
-    """Run the scenes of some numbers, or those that are not kept yet, and print what all that are kept show.
+    """Run the scenes with these numbers that have no result yet, and print a table of all results.
+
+    Parameters
+    ----------
+    numbers, seed
+        Which scenes.
+    keep
+        A file of results, which this run extends; None: nothing is kept.
+    full
+        Whether to print all figures of each scene, not only those that break a law.
+    wired
+        Whether to run the scenes behind random wires.
 
     Returns
     -------
     int
-        How many broke a law.
+        How many of all scenes with a result broke a law.
 
     Raises
     ------
     MixedError
-        If what is kept was run behind wires and these are not to be, or the other way round.
+        If the file has scenes that ran behind wires and these are to run without, or the other way round.
     """
     kept = Kept(keep)
     if any(("wire" in row) != wired for row in kept.rows.values()):
@@ -79,9 +90,10 @@ def campaign(
 
 
 def run(number: int, seed: int, folder: Path, *, wired: bool = False) -> dict[str, Any]:
-    """Run a scene; return its family, its figures by law, and how often the contact changed hands.
+    """Run a scene; return its family and wire, its figures by law, and how often the contact changed hands.
 
-    ``folder`` holds the shipped scenes, and takes this one; ``wired``: with a wire between loop and table.
+    If it was stopped by a trip, that is its only figure, with the ``cause``.  ``folder`` holds the shipped scenes, and
+    this one is written there; ``wired``: with a wire between loop and table.
     """
     family, scene = draw(number, seed, folder)
     wire = draw_wire(number, seed) if wired else None

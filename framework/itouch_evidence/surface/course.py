@@ -1,4 +1,4 @@
-"""What a run over a carried surface was, tick by tick."""
+"""A run over a carried surface, recorded tick by tick: forces, depth and heat, and the ticks in which a law counts."""
 
 from __future__ import annotations
 
@@ -14,13 +14,20 @@ from itouch_evidence.surface.scenes import RADIUS
 
 Floats = NDArray[np.float64]
 
-PAD, PAD_DAMPING = 1e3, 2.0  # of the operator twin's pad [N/m], [N s/m]
-PLATE_FORCE = 2.0  # above which a plate yields (K4) [N]
+PAD, PAD_DAMPING = 1e3, 2.0  # stiffness [N/m] and damping [N s/m] of the operator twin's pad
+PLATE_FORCE = 2.0  # force above which a plate yields (K4) [N]
 
 
 @dataclass(slots=True)
 class Course:
-    """What a run was, tick by tick; forces on the finger in the world [N]."""
+    """A run, tick by tick: arrays (n,), and forces on the finger (n, 3) in the world [N].
+
+    ``time`` [s]; ``touching``: there is a virtual contact; ``plate``: the plate touches the finger; ``renders``: the
+    plate renders the contact, otherwise the arm alone; ``settled``: the plate is where the virtual surface is;
+    ``share``: the arm's share of the normal force; ``virtual``: the virtual force, ``arm``: the force sent to the arm,
+    both (n, 3); ``normal``: of the touched surface (n, 3); ``pad``: the force of the plate on the pad (n,); ``flux``
+    out of the finger [W/m2] and temperature of its ``skin`` by the display's twin, 0 without a display.
+    """
 
     time: Floats
     touching: NDArray[np.bool_]
@@ -32,33 +39,33 @@ class Course:
     normal: Floats
     arm: Floats
     pad: Floats
-    depth: Floats  # of the finger in a rigid plate at the virtual height [m]
+    depth: Floats  # how deep the finger is in a rigid plate at the height of the virtual surface [m]
     flux: Floats
     skin: Floats
-    lowest: Floats  # point of the finger [m]
+    lowest: Floats  # height of the finger's lowest point [m]
     report: dict[str, Any]
-    force: float  # what the scene allows [N]
-    warm: bool = False  # whether there is heat
+    force: float  # the scene's limit [N]
+    warm: bool = False  # whether there is a thermal display
 
     @property
     def total(self) -> Floats:
-        """Return the force of arm and plate, shape (n, 3)."""
+        """Return the force of arm and plate together, shape (n, 3) [N]."""
         total: Floats = self.arm + self.pad[:, None] * np.array([0.0, 0.0, 1.0])
         return total
 
     @property
     def steps(self) -> Floats:
-        """Return how much the force on the finger changed since the tick before [N]."""
+        """Return by how much the force on the finger changed from the tick before, shape (n,) [N]."""
         steps: Floats = np.r_[0.0, np.linalg.norm(np.diff(self.total, axis=0), axis=1)]
         return steps
 
     def changes(self) -> list[int]:
-        """Return the ticks in which a contact that goes on goes over from plate to arm or back."""
+        """Return the ticks in which a contact passes from plate to arm or back while it goes on."""
         on = self.touching[1:] & self.touching[:-1]
         return (np.flatnonzero(on & (self.renders[1:] != self.renders[:-1])) + 1).tolist()
 
     def after(self, ticks: Iterable[int], seconds: float) -> NDArray[np.bool_]:
-        """Return which ticks are within so many seconds after any of some."""
+        """Return which ticks are from one before each of ``ticks`` to ``seconds`` after it: booleans (n,)."""
         found = np.zeros(len(self.time), bool)
         for tick in ticks:
             found[max(0, tick - 1) : tick + round(seconds / (self.time[1] - self.time[0]))] = True
@@ -69,9 +76,10 @@ class Course:
         return np.flatnonzero(self.touching & ~np.r_[False, self.touching[:-1]]).tolist()
 
     def changing(self) -> NDArray[np.bool_]:
-        """Return the ticks of a contact in and after a change, without first impacts.
+        """Return in which ticks a contact is being handed over, without first impacts: booleans (n,).
 
-        Nor those in which the arm alone gives the virtual force, as in the tick before: its steps are the contact's.
+        Ticks in which the arm alone gives the virtual force, as it did in the tick before, are left out, too: steps of
+        the force are then steps of the virtual force itself.
         """
         own = ~self.renders & (np.linalg.norm(self.arm - self.virtual, axis=1) < 1e-9) & (self.pad == 0.0)
         own[1:] &= own[:-1]
@@ -80,19 +88,20 @@ class Course:
         return on
 
     def late(self) -> int:
-        """Return the longest time [ticks] that a plate which could be at the surface is on its way there."""
+        """Return the longest time [ticks] that a plate is on its way to the virtual surface while it need not yield."""
         rigid, _, _ = self.rigid()
         waits = self.touching & self.renders & ~self.settled & (rigid < min(PLATE_FORCE, self.force - 0.15) - 0.1)
         edges = np.flatnonzero(np.diff(np.r_[0, waits.astype(int), 0]))
         return int((edges[1::2] - edges[::2]).max(initial=0))
 
     def rigid(self) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-        """Return what a rigid plate at the virtual height would give, what the plate gives, and where that counts.
+        """Return the pad's force on a rigid plate at the virtual height, that on the real one, and where they count.
 
-        It counts where the plate alone renders the normal force, after a first impact or a change, and where it need
-        not yield.  The arm's reading goes in steps of 30 um: forces [N] are means over 15 ms.
+        All have shape (n,).  They count where the plate renders a contact and is at the surface, at least 0.1 s after
+        first impact and changes, and where it need not yield.  Forces [N] are means over 15 ticks (15 ms), because the
+        arm reads in steps of 30 um.
         """
-        depth = np.where(np.isfinite(self.depth), self.depth, 0.0)  # nothing is below a finger beside a mesh
+        depth = np.where(np.isfinite(self.depth), self.depth, 0.0)  # beside a mesh nothing is below the finger
         rate = np.r_[0.0, np.diff(depth)] / (self.time[1] - self.time[0])
         pad = np.where(depth > 0.0, np.maximum(0.0, PAD * depth + PAD_DAMPING * rate), 0.0)
         there = self.touching & self.plate & self.renders & self.settled
@@ -103,7 +112,7 @@ class Course:
 
 
 def follow(session: Session, seconds: float | None = None) -> Course:
-    """Run a session to its end, and note every tick."""
+    """Run a session to its end, or for ``seconds``, and record every tick."""
     state, rows = session.state, []
     warm = "peltier.twin.true_flux" in state
     while not session.done and (seconds is None or session.seconds < seconds):
@@ -129,7 +138,7 @@ def follow(session: Session, seconds: float | None = None) -> Course:
 
 
 def around(values: Floats, ticks: int) -> Floats:
-    """Return the greatest of values (n,) within so many ticks of each."""
+    """Return for each of the values (n,) the greatest within ``ticks`` before and after it, shape (n,)."""
     padded = np.pad(values, ticks)
     greatest: Floats = np.lib.stride_tricks.sliding_window_view(padded, 2 * ticks + 1).max(axis=1)
     return greatest

@@ -1,4 +1,4 @@
-"""Random scenes of a carried surface: each is made from a seed and a number, the same on every machine."""
+"""Random scenes of a carried surface, each drawn from a seed and a number: they are the same on every machine."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from itouch_evidence.surface.scenes import RADIUS, Slope, ball, ramp
 
 #: The steepest ramp [deg].
 STEEPEST = 80.0
-#: Above this a plate trips that slides past a finger (K5: 0.15 m/s) [mm/s].
+#: Greatest speed of strokes over a ball [mm/s]: a plate that slides past a finger at more than 0.15 m/s trips (K5).
 FASTEST = 140.0
-#: What a part of the scenes have: a thermal display on the table.
+#: Share of the scenes that have a thermal display on the table.
 WARM = 0.3
 
 
 def draw(number: int, seed: int, folder: Path) -> tuple[str, Slope]:
-    """Return the family and the scene of a number; ``folder`` holds the shipped scenes, and takes its mesh."""
+    """Return the family and the scene of a number; ``folder`` has the shipped scenes, and the mesh is written there."""
     rng = random.Random(f"surface {seed} {number}")
     family = tuple(FAMILIES)[number % len(FAMILIES)]
     return family, dataclasses.replace(FAMILIES[family](rng, folder), warm=rng.random() < WARM)
@@ -33,7 +33,7 @@ def _ramp(rng: random.Random, folder: Path) -> Slope:
 
 
 def _ball(rng: random.Random, folder: Path) -> Slope:
-    """Return strokes of any speed over a ball of any size."""
+    """Return a scene of strokes over a ball, both drawn from wide ranges of speed and size."""
     count = rng.randint(3, 6)
     angles = np.clip(np.cumsum([rng.uniform(-35.0, 35.0) for _ in range(count)]), -70.0, 70.0).tolist()
     radius, deep = rng.uniform(5.0, 100.0), rng.uniform(1.5, 8.0)

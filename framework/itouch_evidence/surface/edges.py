@@ -1,4 +1,4 @@
-"""Edges, roofs, troughs and rims made from a seed, and strokes over them that change hands again and again."""
+"""Random edges, roofs, troughs and rims, and strokes on which the contact passes between plate and arm repeatedly."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from collections.abc import Callable
 
 from itouch_evidence.surface.scenes import RADIUS, Slope
 
-#: Height of a finger's centre at a place [mm].
+#: A function that returns the height of the centre of a resting finger at x [mm].
 Height = Callable[[float], float]
 
-#: Where nothing is below the finger [mm].
+#: Height of the finger's centre where nothing is below it [mm].
 BESIDE = 5.0
 
 
 def edge(seed: int) -> Slope:
-    """Return a scene of two boxes, a capsule or two balls that a finger strokes over, made from a seed."""
+    """Return a scene of one or two boxes, a capsule or two balls that a finger strokes over, made from a seed."""
     rng = random.Random(f"prim{seed}")
     kind = rng.choice(["roof", "cylinder", "steps", "boxedge", "trough", "ellipsoid"])
     deep = rng.uniform(2, 6)
@@ -28,7 +28,7 @@ def edge(seed: int) -> Slope:
 
 
 def rim(seed: int) -> Slope:
-    """Return a scene of a hand that presses deep and goes off a rim, made from a seed."""
+    """Return a scene of a hand that presses deep and slips off the rim of a box or ball, made from a seed."""
     rng = random.Random(f"rim{seed}")
     deep, speed, tilt = rng.uniform(4, 20), rng.uniform(40, 140), rng.uniform(-20, 20)
     shape, y = rng.choice(["box", "sphere", "cone"]), rng.uniform(-5, 5)
@@ -117,7 +117,10 @@ def _box(rng: random.Random) -> tuple[str, Height, tuple[float, float]]:
 
 
 def _strokes(rng: random.Random, rest: Height, ends: tuple[float, float], deep: float) -> str:
-    """Return a touch and two to four straight strokes between random places."""
+    """Return the motion of a touch and two to four straight strokes between random places, ``deep`` mm in the surface.
+
+    ``rest``: height of the finger's centre along x; ``ends``: the range of x [mm].
+    """
     x, y = rng.uniform(*ends), rng.uniform(-8, 8)
     moves = [
         f'<to pos="{x:.2f} {y:.2f} {rest(x) + 15:.2f} mm" in="0.1 s" hold="0.2 s"/>',

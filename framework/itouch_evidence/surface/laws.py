@@ -1,4 +1,4 @@
-"""What a carried surface must hold to in every tick, each law with its bound, and what a run shows of it."""
+"""The laws that a carried surface must keep in every tick, each with its bound, and the figure of each for a run."""
 
 from __future__ import annotations
 
@@ -11,23 +11,24 @@ from numpy.typing import NDArray
 
 from itouch_evidence.surface.course import Course, Floats, around
 
-#: What a part of a small force is counted of, of the arm's and of the plate's [N].
+#: Errors are relative to the force, but to no smaller one than this [N]: for the arm's force, and for the plate's.
 LEAST_ARM, LEAST_PLATE = 0.25, 0.5
-#: Of so many ticks at least an error is judged that has noise, by the part of them that must be within the bound [%].
+#: An error with noise is judged over at least this many ticks, and by this percentile of it [%].
 ENOUGH, MOST = 100, 95
-#: How far below the limits of plate and scene their forces are what a surface would give [N].
+#: How far the force of arm and plate must be below the scene's limit [N] so that it surely is not limited.
 ROOM = 0.15
-#: How many ticks apart the virtual force and what is felt may do the same, and what they may then differ by [N].
+#: A step of the felt force is put down to the virtual force if that makes one, at most so many ticks away, which is at
+#: most this much smaller [N].
 APART, SAME = 3, 5e-3
-#: For how long a first impact lasts, in which safety lets no force grow at once [s].
+#: How long a first impact lasts, in which safety limits how fast a force grows [s].
 FIRST = 0.05
-#: For how long after a change the force is still led over from one to the other [s].
+#: How long after a change the force is still being handed over between plate and arm [s].
 LED = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """A law, and the greatest figure that is within it, in its unit."""
+    """A law, and the greatest figure that keeps it, in ``unit``."""
 
     name: str
     says: str
@@ -46,18 +47,18 @@ LAWS = (
     Law("skin", "a plate that is called absent does not cool the skin", 0.01, "K"),
     Law("trip", "no such scene is stopped", 0.0, "1"),
 )
-#: Behind a wire it holds in the mean over a run instead: between two exchanges a plate is where it is.
+#: Behind a wire the plate's law is for the rms over a run instead: between two exchanges no command reaches the plate.
 WIRED = Law("plate", "where the plate renders, the pad's force is a rigid surface's at that height (rms)", 2.0, "%")
 #: The laws behind a wire.
 LAWS_WIRED = tuple(WIRED if law.name == WIRED.name else law for law in LAWS)
-#: Not a law of arm and plate: what `step` leaves out, because the virtual force itself does it.
+#: Not a law of arm and plate: the steps that `step` leaves out, because the virtual force itself makes them.
 VIRTUAL = Law("virtual", "left out of `step`: the virtual force itself steps by as much", 0.1, "N")
 
 
 def judge(course: Course, *, wired: bool = False) -> dict[str, float]:
-    """Return the figure of each law for a run, in its unit; a law that the run says nothing of is left out.
+    """Return the figure of each law for a run, in its unit; laws that did not apply to any of its ticks are left out.
 
-    ``wired``: of `LAWS_WIRED`.
+    ``wired``: whether the laws are `LAWS_WIRED` instead of `LAWS`.
     """
     steps, own = course.steps, np.r_[0.0, np.linalg.norm(np.diff(course.virtual, axis=0), axis=1)]
     changing, itself = course.changing(), steps <= around(own, APART) + SAME
@@ -79,12 +80,15 @@ def judge(course: Course, *, wired: bool = False) -> dict[str, float]:
 
 
 def broken(figures: dict[str, float]) -> list[str]:
-    """Return the names of the laws that figures of a run break."""
+    """Return the names of the laws that a run breaks, by its figures."""
     return [law.name for law in LAWS if figures.get(law.name, 0.0) > law.bound]
 
 
 def _arm(course: Course, absent: NDArray[np.bool_]) -> float | None:
-    """Return how far the arm is from the virtual force, as far as the scene allows that, where it renders alone [%]."""
+    """Return the greatest error of the arm's force where it renders alone [%]; None: it never does.
+
+    It is compared with the virtual force, shortened to the scene's limit.
+    """
     alone = absent & (course.share >= 0.999) & ~course.after(course.changes(), LED)
     alone &= ~course.after(course.begins(), FIRST)
     if not alone.any():
@@ -96,7 +100,10 @@ def _arm(course: Course, absent: NDArray[np.bool_]) -> float | None:
 
 
 def _plate(course: Course, so_much: Callable[[Floats], float | None]) -> dict[str, float | None]:
-    """Return how far the pad's force is from a rigid surface's, and the arm's from the tangential part [%]."""
+    """Return the errors of the pad's force against a rigid surface's, and of the arm's against the tangential part [%].
+
+    ``so_much`` makes one figure of the pad's errors (n,).
+    """
     rigid, pad, there = course.rigid()
     off = np.abs(pad - rigid) / np.maximum(rigid, LEAST_PLATE)
     along = np.sum(course.virtual * course.normal, axis=1)[:, None] * course.normal
@@ -115,9 +122,9 @@ def _rms(off: Floats) -> float | None:
 
 
 def _untold(course: Course) -> float:
-    """Return for how long at a stretch heat flowed of which the report says nothing [s].
+    """Return the longest time without a break in which heat flowed that the report does not mention [s].
 
-    What flows after the END of a contact is told by the longest such time.
+    For heat after the END of a contact the report gives only the longest time, which is subtracted there.
     """
     told, period = np.zeros(len(course.time), bool), course.time[1] - course.time[0]
     for contact in course.report["contacts"]:

@@ -1,4 +1,4 @@
-"""Meshes that nobody has seen, made from a seed, and strokes over them."""
+"""Random meshes made from a seed, and strokes over them or over shipped meshes."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ Floats = NDArray[np.float64]
 
 KINDS = ("terrain", "torus", "lump", "saddle")
 SHIPPED = ("pebble.stl", "relief.obj")
-#: Half width of what a stroke goes over [mm], and how fine the meshes of height fields are [mm].
+#: Half width of the square in which strokes run [mm], and spacing of the vertices of height fields [mm].
 REACH, CELL = 22.0, 2.0
 
 
 def make(folder: Path, kind: str, seed: int, *, deep: float = 4.0, speed: float = 40.0, **scene: object) -> Slope:
-    """Write a mesh into the folder of scenes, and return a scene with strokes over it.
+    """Write a random mesh into the folder of scenes, and return a scene with strokes over it.
 
     Parameters
     ----------
     folder
-        Of the shipped scenes.
+        The folder of the shipped scenes; the mesh is written to its ``meshes``.
     kind, seed
-        One of ``KINDS``, and what makes it this one.
+        One of ``KINDS``, and the seed of mesh and strokes.
     deep, speed
-        How deep the hand aims below the surface [mm], and how fast it goes from target to target [mm/s].
+        How deep below the surface the hand aims [mm], and how fast it moves from target to target [mm/s].
     scene
         Further fields of ``Slope``.
     """
     rng = np.random.default_rng(seed)
     mesh = {"terrain": _terrain, "torus": _torus, "lump": _lump, "saddle": _saddle}[kind](rng)
-    mesh.vertices = mesh.vertices.round(3)  # to the same file on every machine
+    mesh.vertices = mesh.vertices.round(3)  # so that the file is the same on every machine
     name = f"{kind}{seed}.stl"
     mesh.export(folder / "meshes" / name)
     return _scene(mesh, name, rng, deep, speed, scene)
@@ -56,7 +56,7 @@ def _scene(
 
 
 def _field(height: Floats, line: Floats) -> trimesh.Trimesh:
-    """Return the mesh of heights (n, n) over the square of the places of its columns (n,) [mm]."""
+    """Return the mesh of a height field: heights (n, n) over a square grid whose coordinates are ``line`` (n,) [mm]."""
     n = len(line)
     x, y = np.meshgrid(line, line, indexing="ij")
     points = np.column_stack((x.ravel(), y.ravel(), height.ravel()))
@@ -108,7 +108,10 @@ def _lump(rng: np.random.Generator) -> trimesh.Trimesh:
 
 
 def _height(mesh: trimesh.Trimesh, x: float, y: float) -> float:
-    """Return where the fingertip's centre would rest there [mm]: by its points, which is near enough for a hand."""
+    """Return the height at which the fingertip's centre would rest at (x, y) [mm]; 4 mm where the mesh has no vertex.
+
+    It is found from the mesh's vertices alone, which is accurate enough to aim a hand.
+    """
     points = mesh.vertices
     away = (points[:, 0] - x) ** 2 + (points[:, 1] - y) ** 2
     near = away < RADIUS**2
@@ -118,7 +121,7 @@ def _height(mesh: trimesh.Trimesh, x: float, y: float) -> float:
 
 
 def _strokes(mesh: trimesh.Trimesh, rng: np.random.Generator, deep: float, speed: float) -> str:
-    """Return a touch and some straight strokes over the mesh, each through targets that follow its height."""
+    """Return the motion of a touch and three straight strokes, through targets ``deep`` mm below the mesh's surface."""
     corners = rng.uniform(-REACH, REACH, (4, 2))
     x, y = corners[0]
     up = _height(mesh, x, y)

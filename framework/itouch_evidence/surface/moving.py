@@ -8,12 +8,12 @@ from itouch_evidence.surface.scenes import Slope
 
 
 def block(motion: str, shape: str = 'box name="block" pos="0 0 0 mm" size="60 60 10 mm"') -> str:
-    """Return an object that moves."""
+    """Return the XML of an object that moves: ``motion`` has its targets, ``shape`` its element and attributes."""
     return f'<{shape} material="stuff"><motion>{motion}</motion></{shape.split()[0]}>'
 
 
 def press(deep: float) -> str:
-    """Return a hand that presses so deep [mm] for 1.5 s, and lifts."""
+    """Return the motion of a hand that presses ``deep`` mm into the block for 1.5 s, and lifts."""
     return (
         '<to pos="0 0 25 mm" in="0.1 s" hold="0.1 s"/>'
         f'<to pos="0 0 {13 - deep:.3f} mm" in="0.4 s" hold="1.5 s"/><to pos="0 0 40 mm" in="0.4 s" hold="0.1 s"/>'
@@ -21,7 +21,7 @@ def press(deep: float) -> str:
 
 
 def moved(seed: int) -> Slope:
-    """Return a scene made from a seed: under a finger that presses, an object goes to one to three other places."""
+    """Return a scene made from a seed: an object moves to one to three other poses under a finger that presses."""
     rng = random.Random(seed)
     kind = rng.choice(["tilt", "aside", "rise", "mix", "ball"])
     rest = "0 0 -25" if kind == "ball" else "0 0 0"

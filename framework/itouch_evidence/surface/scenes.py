@@ -1,4 +1,4 @@
-"""Scenes of worlds that are not flat, under an arm and a table."""
+"""Scenes with surfaces that are not flat, touched with an arm and a table: a template, ramps and balls."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 from itouch.plugin.discovery import Catalog
 from itouch.session import Session, build
 
-RADIUS = 8.0  # of the finger [mm]
-HIGHEST = 45.0  # up to which the table brings its plate, and a little more [mm]
+RADIUS = 8.0  # radius of the finger [mm]
+HIGHEST = 45.0  # height to which the table can bring its plate, with a little to spare [mm]
 
 _SCENE = """<?xml version="1.0" encoding="utf-8"?>
 <itouch version="1.0" xmlns:thermal="urn:itouch:plugin:thermal" xmlns:xyz-table="urn:itouch:plugin:xyz-table"
@@ -52,7 +52,12 @@ _HEAT = """<thermal:heat probe="finger">{heat}</thermal:heat>
 
 @dataclass(slots=True)
 class Slope:
-    """A scene to be: world and motion in mm; ``warm`` puts a thermal display on the table."""
+    """The variable parts of a scene: XML of ``world``, hand ``motion`` and ``heat``, and numbers in the file's units.
+
+    ``stiffness`` [N/mm] and ``friction`` of the material, the limit ``force`` [N], the ``error`` of the table's
+    mounting height [mm] and ``contact_time`` [s]; ``warm`` puts a thermal display on the table, ``touch_off`` has its
+    mount calibrated; ``seed`` is that of the session.
+    """
 
     world: str
     motion: str
@@ -67,7 +72,7 @@ class Slope:
     contact_time: float = 10.0
 
     def text(self, hardware: str = "") -> str:
-        """Return the scene file; ``hardware``: of the display."""
+        """Return the text of the scene file; ``hardware``: XML inside the display's hardware element."""
         return _SCENE.format(
             world=self.world, motion=self.motion, stiffness=self.stiffness, friction=self.friction, force=self.force,
             error=self.error, display=_DISPLAY.format(hardware=hardware) if self.warm else "",
@@ -76,14 +81,14 @@ class Slope:
         )  # fmt: skip
 
     def build(self, folder: Path, hardware: str = "", catalog: Catalog | None = None) -> Session:
-        """Write the scene into a folder that holds the shipped scenes, and build it; ``hardware``: of the display."""
+        """Write the scene to a folder with the shipped scenes, and build its session; ``hardware`` as in `text`."""
         path = folder / "slope.xml"
         path.write_text(self.text(hardware), encoding="utf-8")
         return build(path, seed=self.seed, catalog=catalog)
 
 
 def ramp(degrees: float, deep: float = 5.0) -> tuple[str, str]:
-    """Return a ramp and a touch of it along its normal, whose target is so deep in it [mm]."""
+    """Return world and motion: a ramp, and a touch along its normal whose target is ``deep`` mm below its surface."""
     tilt = math.radians(degrees)
 
     def off(distance: float) -> str:
@@ -98,7 +103,10 @@ def ramp(degrees: float, deep: float = 5.0) -> tuple[str, str]:
 
 
 def ball(degrees: list[float], each: float, radius: float = 30.0, deep: float = 4.0) -> tuple[str, str]:
-    """Return a ball and a stroke over it from angle to angle, each in so many seconds; the table reaches its top."""
+    """Return world and motion: a ball whose top the table reaches, and a stroke over it from angle to angle.
+
+    ``each``: duration of each part [s]; ``radius`` of the ball, and how ``deep`` the targets are in it [mm].
+    """
     middle = min(0.0, HIGHEST - radius)
     world = f'<sphere name="ball" pos="0 0 {middle:g} mm" radius="{radius} mm" material="stuff"/>'
     reach = radius + RADIUS - deep

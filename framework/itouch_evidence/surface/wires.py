@@ -1,4 +1,4 @@
-"""Wires for random scenes of a carried surface: the table's readings come late and now and then, its commands too."""
+"""Wires for random scenes of a carried surface: the table's readings and commands are late, and not in every tick."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from itouch.plugin.discovery import DEVICES, Catalog, Found, find
 
 #: The plugin that brings the surface.
 TABLE = "xyz-table"
-#: How often a table exchanges [s]: servos on a fast bus in every tick, slower ones less often.
+#: Range of the period of the table's exchanges [s]: servos on a fast bus exchange in every tick, others less often.
 SHORTEST, LONGEST = 1e-3, 10e-3
 
 
 class Wire(NamedTuple):
-    """How often a device exchanges with its driver, and how long that takes, as `itouch.plugin.Timing` has it [s]."""
+    """Period of a device's exchanges, and the time that one takes [s], as in `itouch.plugin.Timing`."""
 
     period: float
     delay: float
@@ -39,7 +39,7 @@ class _Entry:
         self._loaded = loaded
 
     def load(self) -> type[Device]:
-        """Return it."""
+        """Return the device's class."""
         return self._loaded
 
 

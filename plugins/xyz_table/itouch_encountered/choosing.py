@@ -1,4 +1,4 @@
-"""Who renders a contact: the surface what is not too steep for it, and only where it is felt as its height says."""
+"""Who renders a contact: the surface where the slope is not too steep and its height proves right, else the arm."""
 
 from __future__ import annotations
 
@@ -7,30 +7,33 @@ from typing import Any
 from itouch.plugin.kernels import kernel
 from itouch_encountered.own import ABOUT, FREE, HIGH, LOST, LOW, TAKES, TOUCH, UNASKED, UNFELT
 
-#: A surface is missed where the finger seems to press it in deeper than the force explains by so much [m], at less than
-#: so much of the force that the pad would give, for so long [s]; what is missed is tried again after so long apart [s].
+#: A surface is missed (too low) if the finger seems deeper in it than the force explains by more than this [m], while
+#: the force is below this share of what the pad would give, for this long [s]; after so long out of contact [s] it is
+#: tried again.
 MISS_DEPTH, MISS_PART, MISS_TIME, TRY_AGAIN = 1e-3, 0.4, 0.04, 0.02
-#: A surface is too high that presses with so much [N] while it seems so far below the finger [m], for so long [s].
+#: A surface is too high if it presses with more than this [N] while it seems farther below the finger than this [m],
+#: for this long [s].
 EARLY_FORCE, EARLY_GAP, EARLY_TIME = 0.1, 1e-3, 0.010
-#: For how long it may press so where only its force and its place together say that it is too high by that much, and
-#: there is no virtual contact: a tap [s].
+#: The same time [s] where the gap alone is smaller, but gap and pad deformation together exceed EARLY_GAP and there is
+#: no virtual contact: a tap is noticed by that.
 TAP_TIME = 0.020
-#: For how long it may be felt at all without a virtual contact [s], and how much faster that is forgotten while it is
-#: not [1]: noise alone, however great, is above `TOUCH` less than half of the time, and so comes to nothing.
+#: For how long the surface may be felt without a virtual contact [s], and how many times faster this time runs back
+#: while it is not felt [1]: noise alone, however great, exceeds `TOUCH` less than half of the time: it does not add up.
 UNASKED_TIME, FORGETS = 0.06, 2.0
-#: How far below the finger it may be by its height and still be too high [m], after a touch-off and without one: what
-#: presses from further below has a sensor that is wrong (T8).
+#: How far below the finger a surface that is in truth too high may seem to be [m], after a touch-off and without one:
+#: if it presses from farther below, its sensor is wrong (T8).
 FAR, FAR_UNCALIBRATED = 0.004, 0.015
-#: Where it hovers, further than this below the finger [m], what a real axis reads in the air (friction, its mass) is
-#: no finger: the force by which a sensor would be doubted there [N], for half as long [s].
+#: While the surface hovers, farther below the finger than this [m], a real axis reads forces in the air (friction, its
+#: mass) that no finger causes: there it counts as too high only from the force on at which T8 doubts the sensor [N],
+#: within half of T8's time [s].
 HOVER_GAP, HOVER_FORCE, HOVER_TIME = 4e-3, 0.5, 0.05
 
 
 @kernel
 def along(frame: Any, normal: Any) -> float:
-    """Return the cosine between a normal (3,) in the world and the surface's; ``frame`` (12,): of the device.
+    """Return the cosine of the angle between a normal (3,) in the world and the surface's normal.
 
-    Normal and cosine have no unit [1].
+    ``frame`` (12,): the device's frame.  Normal and cosine have no unit [1].
     """
     cosine = 0.0
     for i in range(3):
@@ -40,10 +43,10 @@ def along(frame: Any, normal: Any) -> float:
 
 @kernel
 def choose(c: Any, own: Any, upright: float, touching: bool, withdrawn: bool) -> None:
-    """Say whose the contact is; one that has begun changes over only when it is well on the other side.
+    """Decide whether surface or arm renders the contact, with hysteresis: a contact that has begun changes hands late.
 
-    ``c``: `Numbers`; ``own`` (45,): its fields; ``upright``: the cosine of the angle between the virtual surface and
-    this one [1]; ``withdrawn``: safety keeps it away (T4).
+    ``c``: `Numbers`; ``own``: the modality's fields, (45,) without a wire; ``upright``: the cosine of the angle between
+    the virtual surface and this one [1]; ``withdrawn``: safety keeps this one away (T4).
     """
     if touching:
         own[FREE] = 0.0
@@ -62,9 +65,10 @@ def choose(c: Any, own: Any, upright: float, touching: bool, withdrawn: bool) ->
 
 @kernel
 def doubt(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> None:
-    """Find that it is not where its height says: it is not felt where it should be, or the other way round.
+    """Note that the surface is not where its height says: not felt where it should be (LOW), or felt below that (HIGH).
 
-    ``c``: `Numbers`; ``own`` (45,); ``depth``: how far the finger seems to be in it [m]; ``pressed``: its force [N].
+    ``c``: `Numbers`; ``own`` as in `choose`; ``depth``: how far the finger seems to be in the surface [m];
+    ``pressed``: the force on the surface [N].
     """
     hovers = depth < -HOVER_GAP
     what, patience = 0.0, MISS_TIME
@@ -91,9 +95,9 @@ def doubt(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> Non
 
 @kernel
 def touches_unasked(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> None:
-    """Find that a finger which touches nothing virtual feels it: it is too high by what gap and force say together.
+    """Note that the surface is too high (HIGH) because a finger feels it that touches nothing virtual.
 
-    ``c``: `Numbers`; ``own`` (45,); ``depth``: how far the finger seems to be in it [m]; ``pressed``: its force [N].
+    Too high by how much: the gap by its height, and the pad deformation that the force means.  Arguments as in `doubt`.
     """
     too_high = pressed / c.stiffness - depth
     if not touching and pressed > TOUCH and too_high > ABOUT and -HOVER_GAP < depth < 0.0:

@@ -1,4 +1,4 @@
-"""The modality that brings the flat top of what a device carries to a finger."""
+"""The default modality of encountered surfaces: it brings the flat top of what a device carries to a finger."""
 
 from __future__ import annotations
 
@@ -26,23 +26,24 @@ from itouch_encountered.motion import INERTIA_FIRST, SEEN_AHEAD, Numbers, Seen, 
 from itouch_encountered.over_wire import LAG_FIRST, Wire, look_over_wire
 from itouch_encountered.own import FIELDS, OVER_WIRE
 
-#: A contact that it has left because of its tilt is its own again when that is less by this [rad].
+#: A contact that passed to the arm because of its tilt is taken back when the tilt is below the limit by this [rad].
 TILT_BACK = math.radians(2.0)
-#: What its force stays below the scene's limit [N].
+#: How far the surface's force stays below the arm's force limit [N].
 ROOM = 0.15
 
 
 @dataclass(frozen=True, slots=True)
 class EncounteredParams:
-    """Which finger it meets; the device is the one that this probe names in ``surface-to``."""
+    """The probe whose finger meets the surface; the device is the one that this probe names in ``surface-to``."""
 
     probe: str = schema.ref("probe", doc="the finger that the surface is brought to")
 
 
 class EncounteredModel(NamedTuple):
-    """What is known of it before a run; names of devices and of their fields in State.
+    """What is fixed before a run: names of devices and of their fields in State, and constants.
 
-    ``place``: which of the device's readings is its pose.
+    ``channel``: the command that is written; ``pose`` and ``load``: the fields with the device's pose and contact force
+    (empty: not measured); ``place``: the index of the pose among the device's readings.
     """
 
     name: str
@@ -56,24 +57,25 @@ class EncounteredModel(NamedTuple):
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """Its own: behind a wire there are more of them."""
+        """The modality's own fields: more of them behind a wire."""
         return (*FIELDS, *OVER_WIRE) if self.numbers.wire else FIELDS
 
 
 class Encountered(Modality):
-    """Keeps a flat surface where the finger meets the virtual one, and away from slopes that it can't render."""
+    """Keeps a flat surface where the finger meets the virtual one, and withdraws it where the slope is too steep."""
 
     Params = EncounteredParams
-    hears = frozenset()  # else each tick of a contact would call it from Python
+    hears = frozenset()  # if it heard events, Python would call it in each tick of a contact
     keeps_to = frozenset({"clearance", "plate-angle"})
 
     def compile(self, name: str, params: Any, world: World) -> EncounteredModel:
-        """Take the facts of the probe's surface.
+        """Look up the probe's surface and its device, and compute the constants of the motion.
 
         Raises
         ------
         ValueError
-            If the probe is met by no surface, or the device can't bring one.
+            If the probe has no ``surface-to`` (`ParameterError`), or the device has no command for a surface's pose, or
+            no reading of it.
         """
         surface, radius = world.surfaces.get(params.probe), world.probes[params.probe]
         if surface is None:
@@ -90,26 +92,26 @@ class Encountered(Modality):
         return EncounteredModel(name, params.probe, device.name, goal.name, pose, load, numbers, place)
 
     def fields(self, model: EncounteredModel) -> tuple[Field, ...]:
-        """Declare what it says of the surface, and what it remembers."""
+        """Declare what is reported of the surface, and what is remembered from tick to tick."""
         return model.fields
 
     def commands(self, model: EncounteredModel) -> tuple[str, ...]:
-        """Command the device."""
+        """Name the command that is written: the pose of the device's surface."""
         return (f"{model.device}.{model.channel}",)
 
     def carries(self, model: EncounteredModel) -> Carries:
-        """Say that it brings the device's surface."""
+        """Declare that it brings the device's surface, and which of its fields report on that."""
         late = ("presses", "since") if model.numbers.wire else ()
         return Carries(
             model.probe, model.device, "takes", "at_finger", "distance", "gap", "coming", "lost", "yields", *late
         )
 
     def reads(self, model: EncounteredModel) -> tuple[str, ...]:
-        """Say what it reads."""
+        """Return the names of the State fields that it reads."""
         return tuple(dict.fromkeys(name for name in (*_seen(model), *_over_wire(model)) if name))
 
     def reset(self, model: EncounteredModel, state: Record) -> None:
-        """Begin with the surface where it should be."""
+        """Begin as if the surface were where it should be, with the first guesses of the device's inertia and lag."""
         for field in model.fields:
             state[f"{model.name}.{field.name}"] = 0.0
         state[f"{model.name}.takes"] = state[f"{model.name}.arrived"] = 1.0
@@ -117,12 +119,12 @@ class Encountered(Modality):
         state[f"{model.name}.lag"] = LAG_FIRST if model.numbers.wire else -model.numbers.period
 
     def update(self, model: EncounteredModel, state: Record, period: float) -> None:
-        """Do what joins, alone."""
+        """Run the compiled calls of `bound_update` one after another."""
         for step in self.bound_update(model, state, period):
             step()
 
     def bound_update(self, model: EncounteredModel, state: Record, period: float) -> tuple[Bound, ...]:
-        """Return the whole way as compiled calls."""
+        """Return all work of a tick as compiled calls: `carry`, behind a wire after `look_over_wire`."""
         nothing = np.zeros(6)
         seen = Seen(*(state.get(name, nothing) for name in _seen(model)))
         own = state.flat(f"{model.name}.{model.fields[0].name}", f"{model.name}.{model.fields[-1].name}")
@@ -136,7 +138,7 @@ class Encountered(Modality):
 
 
 def _seen(model: EncounteredModel) -> tuple[str, ...]:
-    """Return the names of what it reads, in the order of `Seen`; empty: the device doesn't measure it."""
+    """Return the names of the State fields in `Seen`, in its order; an empty one: the device doesn't measure it."""
     probe, device = model.probe, model.device
     return (
         f"{device}.frame", model.pose, f"{device}.sent.{model.channel}", model.load,
@@ -150,7 +152,7 @@ def _seen(model: EncounteredModel) -> tuple[str, ...]:
 
 
 def _over_wire(model: EncounteredModel) -> tuple[str, ...]:
-    """Return the names of what it reads behind a wire, in the order of `Wire`; there is none: nothing."""
+    """Return the names of the State fields in `Wire`, in its order; without a wire: none."""
     if not model.numbers.wire:
         return ()
     probe, device = model.probe, model.device
@@ -162,7 +164,7 @@ def _over_wire(model: EncounteredModel) -> tuple[str, ...]:
 
 
 def _limit(device: WorldDevice, name: str) -> float:
-    """Return a limit that is one number; infinite: there is none."""
+    """Return a device's limit if it is a single number; otherwise, or if there is none, infinity."""
     limit = device.limits.get(name, math.inf)
     return math.inf if isinstance(limit, tuple) else limit
 
@@ -170,7 +172,7 @@ def _limit(device: WorldDevice, name: str) -> float:
 def _numbers(
     surface: WorldSurface, radius: float, period: float, force: float, speed: float, has_load: bool
 ) -> Numbers:  # fmt: skip
-    """Return the numbers of its way; ``force``: the arm's limit [N], ``speed``: the device's [m/s]."""
+    """Return the constants of the motion; ``force``: the arm's limit [N], ``speed``: the device's [m/s]."""
     return Numbers(
         radius, surface.clearance, math.cos(surface.plate_angle), math.cos(max(0.0, surface.plate_angle - TILT_BACK)),
         period, surface.greatest_force, max(0.0, min(surface.greatest_force, force - ROOM)), surface.pad_stiffness,

@@ -1,10 +1,10 @@
-"""Where the surface goes.
+"""The motion of the surface: where it is sent in each tick.
 
-With s the height at which the finger would rest on the highest virtual surface below it, f the lowest point of the
-finger and c the clearance, its top goes to max(s, f - c); x and y follow the finger.  It renders contacts whose normal
-is near its own.  From others it withdraws to f - c and touches nothing: they are the arm's alone.  Which of the two it
-is may change while the contact lasts.  Then it leaves the finger, or comes to it, slowly *against the finger* while it
-may be felt, however the finger moves.
+Let s be the height at which the finger's lowest point would rest on the highest virtual surface below it, f the height
+of that point now, and c the clearance.  The top of the surface is sent to the height max(s, f - c); x and y follow the
+finger.  The surface renders contacts whose normal is close to its own.  From others it withdraws to f - c and touches
+nothing: the arm alone renders them.  A contact may change hands while it lasts.  The surface then leaves the finger, or
+comes to it, slowly *relative to the finger* while it may be felt, however the finger moves.
 """
 
 from __future__ import annotations
@@ -48,63 +48,67 @@ from itouch_encountered.own import (
     YIELDS,
 )
 
-#: How fast it leaves a finger or comes to it in a contact, while it may be felt and while it is clear [m/s].
+#: Speed relative to the finger [m/s] with which the surface leaves it or comes to it in a contact: while the surface
+#: may be felt, and while it is clear of the finger.
 SOFTLY, QUICKLY = 0.015, 0.1
-#: How much faster it leaves one that comes down, for each m/s of that: soon it may come down faster than a device can.
+#: How much faster it leaves a finger that comes down, for each m/s of the finger's speed: soon the finger may come down
+#: faster than the device can.
 FLEES = 0.25
-#: How near below the finger it may be felt soon [m].
+#: Distance below the finger [m] within which the surface may be felt soon.
 SOON = 1.5e-3
-#: An arm at its limit makes room for one that is nearer than this [m] after so long at the speed with which it comes
-#: [s]: one that comes no faster takes nothing from the arm before it is there.
+#: An arm at its force limit makes room for a surface that, at its present speed, will be nearer to the finger than this
+#: [m] in this time [s]: a surface that comes no faster than that takes no force from the arm before it is there.
 MADE, MAKES = 1e-3, 0.022
-#: One that is further behind its command than this is waited for, so that it does not come in a hurry [m].
+#: A surface that is farther behind its command than this [m] is waited for, so that it does not rush to catch up.
 WAITED_FOR = 2e-4
-#: What a command may be ahead of the one sent last and not be held up [m].
+#: How far the wanted height may be ahead of the one sent last [m] before it counts as held up.
 SLACK = 3e-5
 #: Gap [m] over which the arm takes over the normal force from a surface that is too low.
 HAND_OVER = 1e-3
-#: How fast it yields above its greatest force [m/s per N], and how fast it comes back [m/s].
+#: How fast the surface yields above its greatest force [m/s per N], and how fast it comes back [m/s].
 YIELD_RATE, YIELD_RETURN = 0.02, 0.005
-#: How fast its force goes from a finger whose virtual surface falls away, at once and at last [N/s]: 0.1 N a tick is
-#: felt; and by how much faster it falls then from tick to tick [m/s].
+#: How fast the force on a finger may decrease when its virtual surface falls away, at first and at most [N/s], because
+#: 0.1 N a tick is felt; and by how much the surface may then fall faster from tick to tick [m/s].
 FALLS, MOST_FALLS, FASTER = 45.0, 60.0, 0.005
-#: How it brakes as it comes up to a finger that it may meet [m/s2], or else would push; below what speed it need not
-#: [m/s].
+#: Deceleration with which it comes up to a finger that it may meet [m/s2], so as not to push the finger; and
+#: the speed below which it need not brake [m/s].
 BRAKES, CALM = 3.0, 0.03
-#: How it slows down as it comes to where the virtual surface is, while it is felt [m/s2]: what stops at once is felt.
+#: Deceleration with which it arrives at the virtual surface while it is felt [m/s2]: an abrupt stop would be felt.
 EASES = 4.0
-#: How far a device may be behind as it goes up to a finger that is so near [m]: it would make up for it in a hurry.
+#: How far a device may be behind its command on the way up to a finger, and within what distance of the finger that
+#: matters [m]: it would rush to catch up.
 LEADS, NEAR = 1e-3, 0.02
-#: How far ahead its force is seen, for a device needs time [s].
+#: How far ahead the surface's force is predicted [s], because a device needs time to move.
 AHEAD = 0.008
-#: How fast it is learned how far the device gives way and how late it is [1/s], the most that is made good [m/N], [s],
-#: and what is another error than that [m].
+#: Learning rate of the device's compliance, lag and inertia [1/s]; the greatest compliance [m/N] and lag [s] that are
+#: compensated; and the error [m] above which something else is the cause, so that nothing is learned from it.
 LEARNS, MOST_GIVE, MOST_LAG, ASTRAY = 80.0, 1e-4, 0.005, 1e-4
-#: How far behind an axis is for each m/s2 if the bandwidth of its control is 40 Hz [s2], from where on it is learned;
-#: and the most that is made good, that of 22 Hz.
+#: How far an axis falls behind for each m/s2 of acceleration [s2]: 1/w2 of a control with a bandwidth of 40 Hz, with
+#: which learning begins; and the most that is compensated, that of 22 Hz.
 INERTIA_FIRST, MOST_INERTIA = 1.6e-5, 5e-5
-#: Damping ratio of such a control [1]; by how much it is sent higher or lower for that at most [m].
+#: Damping ratio of such a control [1]; and the most by which the surface is sent higher or lower for that [m].
 DAMPING_RATIO, MOST_SHIFT = 0.9, 3e-4
-#: How far ahead of the finger the framework looks at the slope [s].
+#: How far ahead of the finger, in time, the framework looks at the slope [s].
 SEEN_AHEAD = 0.003
-#: What is so far from where it was a tick ago [m] has not gone there: it is seen for the first time.
+#: A surface this far from where it was a tick ago [m] has not moved there: it is seen for the first time.
 ELSEWHERE = 5e-3
-#: How fast that speed may change [m/s2] well below which what a device misses is not by its inertia.
+#: Acceleration [m/s2] well below which a device's error is not due to its inertia.
 EVEN = 2.0
-#: Cosine of the angle of a face from which on it is no face for a finger.
+#: Least cosine of the face's tilt that is computed with: no finger rests on a steeper one.
 STEEPEST = 0.1
-#: Speed up or down [m/s] well below which what a device misses is by the force on it, and well above by its lag.
+#: Vertical speed [m/s] well below which a device's error is due to the force on it, and well above to its lag.
 STILL = 0.06
 
 
 class Numbers(NamedTuple):
-    """What never changes; lengths [m], forces [N].
+    """The constants of the motion; lengths [m], forces [N], ``period`` [s], ``stiffness`` of the finger's pad [N/m].
 
-    ``cosine`` and ``back``: of the steepest slope that it renders, and of that below which it takes a contact back;
-    ``most``: its greatest force beside the scene's limit; ``reach``: how far the device goes in a tick; ``early``: how
-    far below the finger it may be and still be too high; ``ahead``: how many ticks ahead of time it is seen how the
-    slope turns; ``x``, ``y``, ``z``: of its face on what the device carries; ``wire``: whether its readings come late,
-    and not in every tick.
+    ``cosine`` and ``back``: cosines of the steepest slope that the surface renders, and of the slope below which it
+    takes a contact back; ``limit``: its greatest force; ``most``: the same, lowered to what the arm's limit allows;
+    ``has_load``: whether the device measures force; ``reach``: how far the device goes in a tick; ``early``: how far
+    below the finger a surface that is in truth too high may seem to be; ``ahead``: how many ticks ahead the slope is
+    known; ``x``, ``y``, ``z``: position of the face in the frame whose pose the device reads; ``wire``: whether
+    readings come late, and not in every tick.
     """
 
     radius: float
@@ -126,13 +130,17 @@ class Numbers(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What it reads of State: arrays, of one number where no shape is given.
+    """What is read of State: arrays, of one number where no shape is given.
 
-    ``frame`` (12,): of the device; ``pose`` and ``sent`` (7,): where it is and was sent; ``load`` (6,): the force on
-    it; ``hip`` and ``normal`` (3,): of finger and touched surface; ``height``, ``upright``, ``climb``: of the virtual
-    surface below, and how fast ``climb`` changes, as that ``turns`` and as finger or object ``hastens``; how fast this
-    surface ``rises``; ``level``, ``sink``, ``off``: of the finger's lowest point; then what the framework makes of the
-    contact.
+    Of the device: ``frame`` (12,), ``pose`` (7,), the pose ``sent`` last (7,), and the force on it, ``load`` (6,).
+    ``hip`` (3,) of the finger; ``normal`` (3,) of the touched virtual surface.  Of the virtual surface below:
+    ``height``, ``upright`` (cosine of its tilt), ``climb`` (how fast the height changes [m/s]), ``turns`` and
+    ``hastens`` (how fast ``climb`` changes because the slope does, or because finger or object accelerate [m/s2]).
+    ``rises``: how fast the carried surface goes up [m/s].  ``level``, ``sink`` and ``off``: the height of the finger's
+    lowest point, its speed upwards, and how much deeper it seems to be in the carried surface than the force explains,
+    smoothed [m], [m/s], [m].  ``pressed``: how long the virtual contact has lasted [s]; ``present``: whether the
+    carried surface was at the finger a tick ago; ``object``: index of the touched object, -1: none; ``withdrawn``:
+    whether T4 keeps the surface away; ``ready``: 0 until a touch-off is done.
     """
 
     frame: Any
@@ -159,16 +167,16 @@ class Seen(NamedTuple):
 
 @kernel
 def _beside(c: Any, frame: Any) -> float:
-    """Return how much higher than the point of the face below a finger its lowest point is as they touch [m].
+    """Return how much higher than the face straight below it the finger's lowest point is when they touch [m].
 
-    0 on a level face; a ball rests on a face that is mounted at an angle beside that point.
+    It is 0 on a level face; on a face mounted at an angle a ball rests beside that point.
     """
     return float(c.radius * (1.0 / max(STEEPEST, frame[11]) - 1.0))
 
 
 @kernel
 def _top(c: Any, frame: Any, pose: Any) -> float:
-    """Return how high [m] in the world the lowest point of a finger on the face is, for a pose (7,) of the device."""
+    """Return the height in the world [m] of the lowest point of a finger on the face, for a pose (7,) of the device."""
     x, y, z = pose[0] + c.x, pose[1] + c.y, pose[2] + c.z
     return float(frame[9] * x + frame[10] * y + frame[11] * z + frame[2] + _beside(c, frame))
 
@@ -178,9 +186,10 @@ def _come(
     c: Any, own: Any, goal: float, climb: float, last: float, level: float, sink: float, depth: float, pressed: float,
     touching: bool, begins: bool,
 ) -> None:  # fmt: skip
-    """Bring it to the finger, until it is at its goal [m]; ``depth``: how far it is in the finger [m].
+    """Bring the surface to the finger until it is at its goal [m]; ``depth``: how far it is in the finger [m].
 
-    ``last`` is the height [m] to which it was sent last: what is in its way must not make it hurry later.
+    ``last`` is the height [m] to which it was sent last: PRESS runs ahead of it by SLACK at most, so that a surface
+    that was held up does not rush later.
     """
     felt = pressed > LEFT
     if not touching and not felt:
@@ -203,9 +212,10 @@ def _come(
 
 @kernel
 def _go(c: Any, own: Any, last: float, sink: float, pressed: float, touching: bool) -> None:
-    """Take it away from the finger, by the clearance, or further if it is still felt there.
+    """Take the surface away from the finger, to the clearance, or farther if it is too high and still felt there.
 
-    ``last`` is where it was sent last, less the height of the finger [m]; at that time, so that it goes with a finger.
+    ``last``: the height to which it was sent last, relative to the finger's height at that time [m], so that it moves
+    with the finger; relative to the finger's height now if the surface is too high.
     """
     full, felt, high = -c.clearance, pressed > LEFT, own[LOST] == HIGH
     if own[ARRIVED] > 0.0:
@@ -222,9 +232,11 @@ def _go(c: Any, own: Any, last: float, sink: float, pressed: float, touching: bo
 
 @kernel
 def _sink_below(c: Any, own: Any, surface: float, last: float, felt: bool) -> None:
-    """Go no higher than the virtual surface on the way from the finger, and stay as low as it came by that.
+    """Keep the surface no higher than the virtual one on its way from the finger; it does not come up again afterwards.
 
-    ``surface`` and ``last``, where it was sent last: heights [m] above the finger's lowest point.
+    While it is felt it goes down slowly even for that.
+
+    ``surface`` and ``last`` (where it was sent last): heights [m] above the finger's lowest point.
     """
     lowest = last - 2.0 * SOFTLY * c.period if felt else -np.inf
     own[PRESS] = min(own[PRESS], max(surface, lowest))
@@ -232,9 +244,9 @@ def _sink_below(c: Any, own: Any, surface: float, last: float, felt: bool) -> No
 
 @kernel
 def _smoothed(c: Any, own: Any, before: float, bends: float) -> float:
-    """Return an acceleration [m/s2] smoothed as a position control that follows it must be given more.
+    """Return an acceleration [m/s2] smoothed by the low-pass filter of a position control's feed-forward.
 
-    What keeps to a height x by a control of a bandwidth w [rad/s] and a damping ratio d must be sent u more, where
+    For a control of bandwidth w [rad/s] and damping ratio d to keep to a height x, it must be sent x + u, where
     2 d / w u' + u = x'' / w2.
     """
     return float(before + (bends - before) * c.period / (2.0 * DAMPING_RATIO * math.sqrt(own[INERTIA]) + c.period))
@@ -242,10 +254,11 @@ def _smoothed(c: Any, own: Any, before: float, bends: float) -> float:
 
 @kernel
 def _bend(c: Any, own: Any, turns: float, hastens: float, goes_on: bool) -> float:
-    """Follow how fast the speed of the virtual surface's height changes, in a contact that goes on.
+    """Follow the vertical acceleration of the virtual surface below the finger, in a contact that goes on.
 
-    No device changes its speed at once: a kink is rounded off, from as long before the finger is there as it is seen
-    ahead of time to as long after that.  Return how much higher than the virtual surface that is now [m].
+    No device changes its speed at once, so a kink is rounded off: from the tick in which it is seen, ``ahead`` ticks
+    before the finger is there, to as many ticks after that.  Return how much higher than the virtual surface the
+    rounded path is now [m].
     """
     ticks = 2 * c.ahead
     if not goes_on:
@@ -258,19 +271,21 @@ def _bend(c: Any, own: Any, turns: float, hastens: float, goes_on: bool) -> floa
         turned = own[KINKS + i - 1] if i > 0 else turns
         own[KINKS + i] = turned
         mean += turned / ticks
-        # So far it has gone with a speed that grows from tick to tick, and the surface since it turned, at once.
+        # The rounded path has changed its speed a little in each tick since then; the surface does so at once, when the
+        # finger is there.
         rounds += turned * (0.5 * i * (i + 1) / ticks - max(0.0, i - c.ahead + 0.5))
     slope = _smoothed(c, own, own[BENDS] - own[HASTE], mean)
-    own[HASTE] += 0.5 * (hastens - own[HASTE])  # what changes to and fro is noise; a finger's speed is smoothed already
+    own[HASTE] += 0.5 * (hastens - own[HASTE])  # changes to and fro are noise; a finger's speed is smoothed already
     own[BENDS] = slope + own[HASTE]
     return float(rounds * c.period * c.period)
 
 
 @kernel
 def _watch(c: Any, own: Any, here: float, climb: float) -> None:
-    """Follow how fast it rises by its own reading ``here`` [m], and how that changes.
+    """Follow how fast the surface rises by its own reading ``here`` [m], and how it accelerates.
 
-    Behind a wire readings come now and then: there it is taken to go as its virtual surface does, ``climb``.
+    Behind a wire, readings do not come in every tick: there its speed is taken to be that of the virtual surface,
+    ``climb`` [m/s].
     """
     if c.wire:
         own[HERE], own[SPEED], own[RUSHES] = here, climb, own[BENDS]
@@ -284,19 +299,19 @@ def _watch(c: Any, own: Any, here: float, climb: float) -> None:
 
 @kernel
 def _learn(c: Any, own: Any, last: float, here: float, pressed: float) -> None:
-    """Learn by how much the device misses its command.
+    """Learn by how much the device misses its command: its compliance, its lag and its inertia.
 
-    It misses it by so much for each newton on it, for each m/s up or down, and for each m/s2 by which that changes.
+    These are the error for each newton on it, for each m/s of vertical speed, and for each m/s2 of acceleration.
     """
     speed, rushes = own[SPEED], own[RUSHES]
     off = last - here - own[GIVE] * pressed - own[LAG] * speed - own[INERTIA] * rushes
     if abs(off) > ASTRAY:
         return
-    moves = speed * speed / (speed * speed + STILL * STILL)  # 1: what is seen is the lag, 0: it is the force
-    turns = rushes * rushes / (rushes * rushes + EVEN * EVEN)  # 1: what is seen is the inertia
+    moves = speed * speed / (speed * speed + STILL * STILL)  # 1: the error is due to the lag, 0: to the force
+    turns = rushes * rushes / (rushes * rushes + EVEN * EVEN)  # 1: the error is due to the inertia
     step = LEARNS * c.period * off
     lets = (1.0 - turns) * step
-    if pressed >= TOUCH:  # in the air it goes as fast as it can, and its control is at its limits
+    if pressed >= TOUCH:  # in the air the device goes as fast as it can: its control is saturated
         inertia = own[INERTIA] + turns * step * rushes / (rushes * rushes + EVEN * EVEN)
         own[INERTIA] = min(MOST_INERTIA, max(0.0, inertia))
         give = own[GIVE] + (1.0 - moves) * lets * pressed / (pressed * pressed + 0.01)
@@ -307,7 +322,7 @@ def _learn(c: Any, own: Any, last: float, here: float, pressed: float) -> None:
 
 @kernel
 def _give_way(c: Any, own: Any, pressed: float) -> float:
-    """Give way while it presses harder than it may."""
+    """Yield while the surface presses harder than it may, come back afterwards; return how far it yields [m]."""
     if pressed > c.limit:
         own[YIELDS] += YIELD_RATE * (pressed - c.limit) * c.period
     elif pressed < 0.9 * c.limit:
@@ -320,7 +335,7 @@ def _wanted(
     c: Any, own: Any, height: float, climb: float, level: float, sink: float, lowest: float, here: float, last: float,
     pressed: float, touching: bool, begins: bool, shift: float,
 ) -> float:  # fmt: skip
-    """Return the height [m] at which it is wanted, and say how far it is still to come or to go."""
+    """Return the height [m] at which the surface is wanted; note how far it has still to come or to go (COMING)."""
     away = lowest - c.clearance
     ahead = own[RISE] if c.wire else climb * (c.period + own[LAG])
     goal = height + ahead + shift + (own[GIVE] * pressed if touching else 0.0)
@@ -335,7 +350,7 @@ def _wanted(
         own[COMING] = max(0.0, own[PRESS] + c.clearance)
     if own[ARRIVED] > 0.0:
         return float(max(goal - _give_way(c, own, pressed), away))
-    own[YIELDS] = 0.0  # what it yielded is in how far it is in the finger
+    own[YIELDS] = 0.0  # PRESS, how far it is in the finger, includes what it yielded
     found = level + own[PRESS]
     comes = own[TAKES] > 0.0 and height > -np.inf
     return float(max(goal, away) if comes and found > goal else found)
@@ -343,11 +358,12 @@ def _wanted(
 
 @kernel
 def _fall(c: Any, own: Any, wanted: float, last: float, sink: float, pressed: float, touching: bool) -> float:
-    """Return how low it may be wanted [m]: what falls away under a finger leaves it no faster than the pad eases.
+    """Return the wanted height [m], raised so far that the force on the finger does not decrease too fast.
 
-    A finger that goes up by itself eases the pad already.  In a contact that goes on it follows what falls away under
-    it all the same, and what falls as fast already may fall a little faster, for the pad's damping feels how its speed
-    changes.  ``last``: the height it was sent to last [m].
+    The surface may leave a finger only as fast as the pad's force then decreases by FALLS; a finger that goes up by
+    itself already relieves the pad.  In a contact that goes on, the surface may nevertheless go down at SOFTLY, and one
+    that is falling may fall a little faster in each tick, up to MOST_FALLS: the pad's damping makes changes of speed
+    felt.  ``last``: the height to which it was sent last [m].
     """
     if pressed <= LEFT or own[LOST] == HIGH:
         return wanted
@@ -359,9 +375,11 @@ def _fall(c: Any, own: Any, wanted: float, last: float, sink: float, pressed: fl
 
 @kernel
 def _brake(c: Any, own: Any, wanted: float, climb: float, last: float, here: float, level: float, more: float) -> float:
-    """Return how high it may be wanted [m] as it comes up to a surface that a finger is near, or on; ``level`` [m].
+    """Return the wanted height [m], lowered so far that the surface brakes as it comes up to the finger.
 
-    What it is sent ``more`` than a tick ago, because the virtual surface bends, is not braked: it keeps to it by that.
+    While the device is too far behind its command near the finger, that is the height sent last.
+    ``level``: the height of the finger's lowest point [m].  ``more``, the increase of the feed-forward since the last
+    tick [m], is not braked: the surface needs it to keep to a virtual surface that bends.
     """
     way = wanted - last
     if way > 0.0 and (own[BEHIND] if c.wire else last - here) > LEADS and level - here < NEAR:
@@ -374,10 +392,10 @@ def _brake(c: Any, own: Any, wanted: float, climb: float, last: float, here: flo
 
 @kernel
 def _bearable(c: Any, own: Any, rises: float, level: float, sink: float, off: float) -> float:
-    """Return the greatest height [m] at which it presses no harder than it may.
+    """Return the greatest height [m] at which the surface presses no harder than it may.
 
-    A finger that comes down takes it along: the device is told ahead of time where it will be.  ``rises``: how fast it
-    goes up or down by itself [m/s].
+    A finger that comes down takes the surface with it: the device is told ahead of time where the finger will be.
+    ``rises``: how fast the surface goes up [m/s].
     """
     ahead = AHEAD + own[WAY] if c.wire else AHEAD
     soon = level + min(0.0, sink - min(0.0, rises)) * ahead
@@ -386,9 +404,10 @@ def _bearable(c: Any, own: Any, rises: float, level: float, sink: float, off: fl
 
 @kernel
 def _command(c: Any, frame: Any, sent: Any, hip: Any, goal: Any, height: float, felt: bool) -> None:
-    """Write the command (7,): the face so that a finger on it has its lowest point at a height [m].
+    """Write the command (7,): the pose at which a finger on the face has its lowest point at ``height`` [m].
 
-    Where it is felt it gives way first.
+    In a contact, or while it is felt, the surface gives way first: if it must go down and sideways and one tick is too
+    short for both, the sideways motion is shortened.
     """
     x, y, z = hip[0] - frame[0], hip[1] - frame[1], height - _beside(c, frame) - frame[2]
     goal[0] = frame[3] * x + frame[6] * y + frame[9] * z - c.x
@@ -405,7 +424,11 @@ def _command(c: Any, frame: Any, sent: Any, hip: Any, goal: Any, height: float, 
 
 @kernel
 def _there(own: Any, before: bool, depth: float, pressed: float) -> bool:
-    """Tell whether it is at the finger, or about to be; ``depth``: how far the finger seems to be in it [m]."""
+    """Tell whether the surface is at the finger, or about to be.
+
+    ``before``: whether it was a tick ago; ``depth``: how far the finger seems to be in it [m]; ``pressed``: the force
+    on it [N].
+    """
     if depth > -ABOUT or (own[TAKES] > 0.0 and (own[ARRIVED] > 0.0 or own[PRESS] > -HAND_OVER)):
         return True
     return bool(pressed > (LEFT if before else TOUCH))
@@ -413,10 +436,10 @@ def _there(own: Any, before: bool, depth: float, pressed: float) -> bool:
 
 @kernel
 def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
-    """Say who renders the virtual surface below the finger, and command the device; return 0.
+    """Decide who renders the virtual surface below the finger, and command the device; return 0.
 
-    ``c``: `Numbers`; ``seen``: `Seen`, taken apart here, for a tuple of many arrays is dear to hand on; ``goal`` (7,):
-    the command; ``own``: its own fields, (45,) without a wire.
+    ``c``: `Numbers`; ``seen``: `Seen`, unpacked here, because passing a tuple of many arrays on is costly; ``goal``
+    (7,): the command; ``own``: the modality's own fields, (45,) without a wire.
     """
     frame, sent, hip = seen.frame, seen.sent, seen.hip
     height, climb, level, sink = seen.height[0], seen.climb[0], seen.level[0], seen.sink[0]
@@ -428,7 +451,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     own[DISTANCE] = lowest - here
     if withdrawn:
         own[LOST] = 0.0
-    upright = seen.upright[0]  # of what it would go to; what the finger touches may be another face
+    upright = seen.upright[0]  # of the face below, where the surface would go; the finger may touch another one
     choose(c, own, min(upright, along(frame, seen.normal)) if touching else upright, touching, withdrawn)
     if seen.ready[0] != 0 and c.has_load and own[LOST] == 0.0 and not withdrawn:
         doubt(c, own, here - lowest, pressed, touching)
@@ -438,7 +461,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     _watch(c, own, here, climb)
     rounds = _bend(c, own, seen.turns[0], seen.hastens[0], touching and not begins)
     if c.wire:
-        rounds = 0.0  # it goes to where the surface is by then
+        rounds = 0.0  # the command already goes to where the virtual surface will be (RISE)
     shift = min(MOST_SHIFT, max(-MOST_SHIFT, rounds + own[BENDS] * own[INERTIA])) if own[TAKES] > 0.0 else 0.0
     more, own[SHIFT] = shift - own[SHIFT], shift
     wanted = _wanted(c, own, height, climb, level, sink, lowest, here, last, pressed, touching, begins, shift)

@@ -1,8 +1,8 @@
-"""Behind a wire: a command acts later, for some milliseconds, and what is read is older than that.
+"""The surface behind a wire, where a command acts late and for some milliseconds, and readings are older still.
 
-What is sent is where the virtual surface will be under the finger in the middle of the time in which the command acts.
-How late that is, is seen: when commands have left and readings were measured stands in State.  A reading is held
-against the command that acted when it was measured, and against how the virtual surface went then.
+The surface is sent to where the virtual surface will be under the finger in the middle of the time in which the command
+acts.  The delays are observed: State says when commands left and when readings were measured.  A reading is compared
+with the command that acted when it was measured, and with the motion of the virtual surface at that time.
 """
 
 from __future__ import annotations
@@ -37,39 +37,44 @@ from itouch_encountered.own import (
     WAY,
 )
 
-#: Time constant [s] of the fading memory by which the finger's place, speed and acceleration are followed
-#: (g-h-k filter, Benedict and Bordner 1962): an arm reads in steps.
+#: Time constant [s] of the fading memory of the filter that follows the finger's position, speed and acceleration
+#: (g-h-k filter, Benedict and Bordner 1962): an arm's readings are quantised.
 FADES = 4.5e-3
-#: A finger that is so far from where it was expected has not gone there [m].
+#: A finger this far from where it was expected has not moved there [m]: the filter begins anew.
 ELSEWHERE = 5e-3
-#: What the framework smooths the speed of an object by [s], and what is no change of speed but another object [m/s].
+#: Time constant with which the framework smooths the speed of an object [s], and the jump in that speed [m/s] that is
+#: no acceleration but another object.
 SMOOTHED, JUMPS = 5e-3, 0.1
-#: By what part an exchange moves what is thought of the wire; no command acts longer, or is longer on its way [s].
+#: Weight of an exchange in the running estimates of the wire's times [1]; and the longest time for which a command
+#: acts, or is on its way [s].
 LEARNT, LONGEST = 0.2, 0.1
-#: How fast it is learned how late the device is and how far it gives way [1/s], and what at most by one reading [1].
+#: Learning rate of the device's lag, compliance and inertia [1/s], and the greatest weight of one reading [1].
 LEARNS, MOST_LEARNT = 120.0, 0.6
-#: For how long it must have rested at the virtual surface [s], and over what time its commands' speed is taken [s].
+#: How long the surface must have rested at the virtual one before something is learned [s], and the least time over
+#: which the speed of its commands is taken [s].
 RESTED, SPAN = 0.015, 3e-3
-#: In what time a reading corrects where it is thought to be [s].
+#: Time constant with which readings correct the estimate of the surface's height [s].
 CORRECTS = 3e-3
-#: How late a drive is at first [s] whose goal goes in steps; it is not told how fast that goes between two of them.
+#: First guess of the lag of a drive [s] whose goal moves in steps: it is not told the speed between two of them.
 LAG_FIRST = 2e-3
-#: The most that is made good of its lag [s], and of how far it gives way [m/N].
+#: The greatest lag [s] and the greatest compliance [m/N] that are compensated.
 MOST_LAG, MOST_GIVE = 0.015, 1e-4
-#: What is another error than those [m].
+#: Error [m] above which something else is the cause, so that nothing is learned from it.
 ASTRAY = 1e-3
-#: Speed [m/s] well below which what it misses is by the force on it, and well above by its lag.
+#: Vertical speed [m/s] well below which the device's error is due to the force on it, and well above to its lag.
 STILL = 0.01
-#: How fast that speed may change [m/s2] well below which what it misses is not by its inertia; the most of that [s2].
+#: Acceleration [m/s2] well below which its error is not due to its inertia; and the most of that which is compensated
+#: [s2], the error for each m/s2.
 EVEN, MOST_INERTIA = 2.0, 1e-4
 
 
 class Wire(NamedTuple):
-    """What it reads of State behind a wire: arrays, of one number where no shape is given.
+    """What is read of State behind a wire: arrays, of one number where no shape is given.
 
-    ``tick``; ``measured`` (reads,): when the newest readings were; ``gone`` (GONE, 4): from when on the newest commands
-    have acted, and where they sent it; ``goings``: how many; ``pose`` (7,) and ``load`` (6,), ``frame`` (12,), ``hip``
-    (3,) as in `Seen`; ``slope_x``, ``slope_y`` and ``lifts`` of the virtual surface.
+    ``tick``; ``measured``: the tick in which the newest pose was measured; ``gone`` (GONE, 4): the ticks from which the
+    newest commands have acted, and the positions to which they sent the device [m]; ``goings``: how many commands have
+    left; ``pose`` (7,), ``load`` (6,), ``frame`` (12,) and ``hip`` (3,) as in `Seen`; ``slope_x``, ``slope_y`` [1]: the
+    slope of the virtual surface; ``lifts``: how fast its object lifts it [m/s].
     """
 
     tick: Any
@@ -87,13 +92,13 @@ class Wire(NamedTuple):
 
 @kernel
 def _height(frame: Any, x: float, y: float, z: float) -> float:
-    """Return how high [m] a place of the device is in the world."""
+    """Return the height in the world [m] of a position in the device's frame [m]."""
     return float(frame[9] * x + frame[10] * y + frame[11] * z + frame[2])
 
 
 @kernel
 def _follow(c: Any, own: Any, axis: int, place: float) -> None:
-    """Follow the finger along an axis, 0 or 1."""
+    """Update the g-h-k filter of the finger along an axis, 0: x or 1: y; ``place``: its position now [m]."""
     at, fades = GOES + 3 * axis, math.exp(-c.period / FADES)
     x = own[at] + c.period * (own[at + 1] + 0.5 * c.period * own[at + 2])
     speed = own[at + 1] + c.period * own[at + 2]
@@ -108,7 +113,10 @@ def _follow(c: Any, own: Any, axis: int, place: float) -> None:
 
 @kernel
 def _follow_lift(c: Any, own: Any, lifts: float) -> None:
-    """Follow how fast the object lifts the surface, of which ``lifts`` [m/s] is smoothed, and how that changes."""
+    """Follow how fast the object lifts the virtual surface, and how that changes; ``lifts``: the speed smoothed [m/s].
+
+    The smoothing is undone first.
+    """
     raw, fades = lifts + SMOOTHED / c.period * (lifts - own[LIFTED]), math.exp(-c.period / FADES)
     own[LIFTED] = lifts
     speed = own[LIFTS] + c.period * own[HOISTS]
@@ -122,7 +130,7 @@ def _follow_lift(c: Any, own: Any, lifts: float) -> None:
 
 @kernel
 def _watch_wire(c: Any, own: Any, w: Any) -> None:
-    """See for how long commands act, and how long after they were given."""
+    """Estimate for how long commands act (HOLD), and how long after they are given the middle of that is (WAY)."""
     count = w.goings[0]
     if count == own[COMMANDS]:
         return
@@ -144,9 +152,9 @@ def _watch_wire(c: Any, own: Any, w: Any) -> None:
 
 @kernel
 def _commanded(c: Any, own: Any, w: Any, tick: float) -> float:
-    """Return where the commands sent it [m] at a tick, between the middles of the times in which they act.
+    """Return the height to which the commands sent the surface at a tick [m]; NaN: not known.
 
-    Not a number: that is not known.
+    It is interpolated between commands, each taken at the middle of the time in which it acted.
     """
     size, count = w.gone.shape[0], w.goings[0]
     middle = 0.5 * (own[HOLD] / c.period - 1.0)
@@ -164,7 +172,12 @@ def _commanded(c: Any, own: Any, w: Any, tick: float) -> float:
 
 @kernel
 def _learn(c: Any, own: Any, w: Any, acted: float, here: float, rushes: float, speed: float, elapsed: float) -> None:
-    """Learn from a reading by how much the device missed what it was commanded then [m]."""
+    """Learn compliance, lag and inertia of the device from the error of a reading.
+
+    ``acted`` and ``here``: the commanded height when it was measured, and the height read [m]; ``speed``: of the
+    commands then [m/s]; ``rushes``: the acceleration of the virtual surface's height then [m/s2]; ``elapsed``: time
+    since the reading before [s].
+    """
     pressed = max(0.0, -w.load[2])
     off = acted - here - own[GIVE] * pressed - own[LAG] * speed - own[INERTIA] * rushes
     if not abs(off) <= ASTRAY or pressed < TOUCH:
@@ -182,9 +195,10 @@ def _learn(c: Any, own: Any, w: Any, acted: float, here: float, rushes: float, s
 
 @kernel
 def _since(c: Any, own: Any, here: float, then: float, now: float) -> float:
-    """Return how much higher it is now than it was read, ``here`` [m], by where its commands sent it then and now [m].
+    """Return how much higher the surface is now than its reading ``here`` [m].
 
-    What a reading corrects was no motion: it comes in smoothly, or the surface would seem to rush at the finger.
+    ``then`` and ``now``: the heights to which its commands sent it when that was measured, and now [m].  A correction
+    by a new reading is no motion: it enters smoothly, or the surface would seem to rush at the finger.
     """
     if math.isnan(then) or math.isnan(now):
         own[SENT_TO] = 0.0
@@ -198,25 +212,25 @@ def _since(c: Any, own: Any, here: float, then: float, now: float) -> float:
 
 @kernel
 def _pressed(c: Any, own: Any, w: Any, here: float, age: int) -> float:
-    """Return how hard the finger presses now [N]: as it did when that was read, and by how it came nearer since.
+    """Return how hard the finger presses now [N]: the force read, corrected for how much deeper it has come since.
 
-    ``here`` [m] is what was read, ``age`` ticks ago.
+    ``here``: the height read [m], which was measured ``age`` ticks ago.
     """
     then = max(0.0, -w.load[2])
     if not c.has_load or not 0 <= age < PAST:
         return float(then)
     before = here - own[GONE_BY + 3 * ((w.tick[0] - age) % PAST) + 2]
     now = here + own[SINCE] - (w.hip[2] - c.radius)
-    if then < LEFT:  # it did not touch, however deep it may have seemed
+    if then < LEFT:  # it did not touch then, however deep it seemed to be
         return float(max(0.0, c.stiffness * (now - max(0.0, before))))
     return float(max(0.0, then + c.stiffness * (now - before)))
 
 
 @kernel
 def look_over_wire(c: Any, w: Any, own: Any) -> int:
-    """Say where the virtual surface will be when a command acts, and where this one is now; return 0.
+    """Predict where the virtual surface will be when a command acts, and estimate where this one is now; return 0.
 
-    ``c``: `Numbers`; ``w``: `Wire`; ``own``: all of its own fields.
+    ``c``: `Numbers`; ``w``: `Wire`; ``own``: all fields of the modality, those behind a wire included.
     """
     tick = w.tick[0]
     was = GONE_BY + 3 * ((tick - 1) % PAST)

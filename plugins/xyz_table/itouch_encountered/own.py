@@ -1,4 +1,4 @@
-"""What the encountered surface says of itself and what it remembers: its fields, as kernels see them."""
+"""The State fields of the encountered surface, and their indices for kernels: what it reports and what it remembers."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from itouch.plugin import Field
 
-#: Of how many ticks it remembers at most how the slope turned: of 6 ms at 4 kHz.
+#: For how many ticks at most it is remembered how the slope changed: 6 ms at 4 kHz.
 MOST_KINKS = 24
-#: First what it says of the surface (`itouch.plugin.Carries`), then what it remembers.
+#: First what is reported of the surface (`itouch.plugin.Carries`), then what is remembered.
 FIELDS = tuple(
     Field(name, unit=unit, doc=doc, show="no")
     for name, unit, doc in (
@@ -39,9 +39,10 @@ FIELDS += (
     Field("kinks", "f8", MOST_KINKS, unit="m/s^2", doc="how fast a slope bends it, the newest tick first", show="no"),
 )
 
-#: Of how many ticks it remembers behind a wire how the virtual surface went: more than a reading gets old.
+#: For how many ticks the motion of the virtual surface is remembered behind a wire: older readings teach nothing.
 PAST = 128
-#: What it remembers behind a wire besides: finger, wire, and where device and virtual surface are when a command acts.
+#: What is also remembered behind a wire: the finger, the wire, and where device and virtual surface are when a command
+#: acts.
 OVER_WIRE: tuple[Field, ...] = (
     Field("goes", "f8", 6, unit="mixed", doc="place [m], speed [m/s] and acceleration [m/s2] of the finger, x and y"),
     Field("lifts_before", unit="m/s", doc="how fast the object lifted the virtual surface a tick ago, smoothed"),
@@ -66,16 +67,16 @@ OVER_WIRE = tuple(replace(field, show="no") for field in OVER_WIRE)
 TAKES, AT_FINGER, DISTANCE, GAP, COMING, LOST, YIELDS = range(7)
 ARRIVED, PRESS, FREE, UNFELT, GIVE, LAG, UNASKED, BENDS, HASTE, INERTIA = range(7, 17)
 HERE, SPEED, RUSHES, SHIFT, KINKS = range(17, 22)
-#: Where those begin that it has behind a wire only.
+#: Index of the first field that exists behind a wire only.
 _WIRED = KINKS + MOST_KINKS
 GOES = _WIRED
 LIFTED, LIFTS, HOISTS, WAY, HOLD, COMMANDS, READ_AT, RISE, SINCE, BEHIND, RESTS, PRESSES, PLACE, SENT_TO, GONE_BY = (
     range(_WIRED + 6, _WIRED + 21)
 )
 
-#: What `LOST` says: the surface is lower than its height says, or higher.
+#: Values of `LOST`: the surface is lower than its height says, or higher.
 LOW, HIGH = 1.0, 2.0
-#: Force [N] from which on a surface is felt, and below which it is left.
+#: Force [N] above which a surface is felt, and below which the finger has left it.
 TOUCH, LEFT = 0.05, 0.02
-#: A surface that is so near below the finger is as good as there [m].
+#: How near below the finger a surface is as good as there [m].
 ABOUT = 3e-4
