@@ -18,9 +18,6 @@ from itouch_evidence.surface.draw import draw
 from itouch_evidence.surface.laws import LAWS, LAWS_WIRED, VIRTUAL, Law, broken, judge
 from itouch_evidence.surface.wires import draw_wire
 
-#: How many scenes that break a law its line may name; not in use, because each has a line of its own.
-NAMED = 8
-
 
 def main(argv: Sequence[str]) -> int:
     """Draw random scenes, let a finger touch each, and judge every tick; exit code 1 if one breaks a law."""

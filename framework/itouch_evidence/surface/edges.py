@@ -31,7 +31,7 @@ def rim(seed: int) -> Slope:
     """Return a scene of a hand that presses deep and slips off the rim of a box or ball, made from a seed."""
     rng = random.Random(f"rim{seed}")
     deep, speed, tilt = rng.uniform(4, 20), rng.uniform(40, 140), rng.uniform(-20, 20)
-    shape, y = rng.choice(["box", "sphere", "cone"]), rng.uniform(-5, 5)
+    shape, y = rng.choice(["box", "sphere", "sphere"]), rng.uniform(-5, 5)
     if shape == "box":
         world = _block("l", "0 0 5", tilt, "40 60 14")
     else:
