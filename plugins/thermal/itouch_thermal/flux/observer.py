@@ -331,7 +331,7 @@ def _resisted_by(k: int, scale: float, closing: Closing, flux: float) -> float:
 
 @inlined
 def _relax_tissue(tissue: Any, row: Any, begin: float, skin: float) -> float:
-    """Advance the tissue's modes under the flux at the start of a step; return the skin temperature, at rest ``skin``."""
+    """Advance the tissue's modes under the flux at a step's start; return the skin temperature, ``skin`` at rest."""
     for i in range(tissue.shape[1]):
         row[i] = tissue[F_DECAY, i] * row[i] - tissue[F_BEGIN, i] * begin
         skin += tissue[F_PORT, i] * row[i]

@@ -2,7 +2,8 @@
 
 The estimated column is run ahead under the currents that are still on their way, and from there under the last plan,
 a sum of a few hat functions of the pumped flux.  The contact flux of this run is compared with the desired flux of the
-time to come; from the response to each hat, least squares gives the best change of the plan, of which the first value is sent.
+time to come; from the response to each hat, least squares gives the best change of the plan.  The plan's first value is
+sent.
 """
 
 from __future__ import annotations
