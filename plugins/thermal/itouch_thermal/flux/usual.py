@@ -457,7 +457,7 @@ def hear(event: Any, scene: Scene, own: Own, given: Given, figures: Figures, mem
 
 @kernel
 def _unusual(scene: Any, own: Any, given: Any, figures: Any) -> bool:
-    """Tell whether this tick is left to Python: readings or ticks are missing, or the flux of an object is not computed.
+    """Tell whether this tick is left to Python: readings or ticks are missing, or an object's flux is not computed.
 
     Such an object plays a curve, or nothing is known of its heat.  Where an update stands for several periods, ticks in
     which rendering begins or ends are left to Python, too, and so is a new aim where no sensor sees the skin.
