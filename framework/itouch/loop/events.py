@@ -42,7 +42,7 @@ class _Listener:
         self.call = None if bound is None else runner(self.calls)
 
     def _joins(self) -> bool:
-        """Tell whether the compiled call may replace ``on_contact``: no subclass, nor the instance, overrides it alone."""
+        """Tell whether a compiled call may replace ``on_contact``: no subclass, nor instance, overrides it alone."""
         instance = self.one.instance
         own = "on_contact" in getattr(instance, "__dict__", ())
         return not own and is_newest(type(instance), "bound_contact", "on_contact")

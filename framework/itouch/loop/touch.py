@@ -153,7 +153,7 @@ class Toucher:
         return tuple(found)
 
     def _bind_surface(self, model: Model, probe: ProbeModel, state: Record, table: Runner) -> None:
-        """Bind the calls that show the modality that carries a surface what it needs, and that take over what it says."""
+        """Bind the calls that show what the modality that carries a surface needs, and take over what it says."""
         one = model.carrier_to(probe.name)
         if one is None or one.carries is None:
             return

@@ -36,7 +36,8 @@ class Coming(NamedTuple):
 AT_ONCE = Coming()
 #: Length of the plan's coarse steps [s], as near as the period allows.
 COARSE = 5e-3
-#: How far a display may differ from its data sheet, as known before its first touch: each parameter's deviation.
+#: How far a display may differ from its data sheet, before its first touch shows it: the standard deviation of each
+#: parameter.
 PRIOR = (0.25, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 20.0, 0.7)
 #: The same, behind a wire, for the time at which the finger came, and for the delay [s].
 PRIOR_ONSET, PRIOR_DELAY = 4e-3, 4e-3
@@ -53,8 +54,8 @@ DEADBEAT = 0.012
 REFERENCE = 296.15
 #: How often the plan's responses are recomputed in a touch [s].
 REFRESH = 16e-3
-#: Greatest rate of the plate's temperature in a touch [K/s], the time over which it is a mean [s], and the share of it
-#: that is used.
+#: Greatest rate of the plate's temperature in a touch [K/s], the time over which it is averaged [s], and the share of
+#: it that is used.
 RATE, RATE_OVER, RATE_USED = 10.0, 0.5, 0.98
 #: A change of the contact resistance is acted upon as far as it exceeds this many standard deviations, and a standard
 #: deviation up to the second number is small enough to act upon any change.

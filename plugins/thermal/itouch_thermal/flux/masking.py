@@ -1,4 +1,4 @@
-"""Noise on the display's current before a touch, which masks the controller's own, as that differs with temperature.
+"""Noise on the display's current before a touch: it masks the controller's own, which differs with the temperature.
 
 It is for studies in which nothing but the touch may reveal the material.  It is white and a function of the tick alone,
 so that it is the same in every condition; the plate is too slow to follow it.

@@ -16,7 +16,7 @@ from itouch_thermal.flux.preview import Ahead, Preview, begin_ahead, first_steps
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.flux.usual import PRESS_FILTER, press_anew, press_on, scale_of
 
-#: Behind a wire, the greatest number of servo periods ago at which the finger may have come when it is set down.
+#: Behind a wire, how many servo periods ago at most the finger may have come when it is set down.
 EARLY = 50
 #: Measured force [N] below which the plate may be untouched.
 UNFELT = 0.01

@@ -25,8 +25,8 @@ from itouch_thermal.laws import press_factor
 STRIDE = 16
 #: Greatest number of steps that the preview advances in a tick while the resistance is constant, or after a gap.
 CATCH_UP = 64
-#: Shortest servo period [s] in which a touch begins with the whole horizon.  In shorter ones the preview takes as large
-#: a share of that tick, which has enough else to do, as in this one, and reaches its horizon in the next ticks.
+#: Shortest servo period [s] at which a touch begins with the whole horizon.  At a shorter one the preview takes no
+#: larger share of the first tick, which has enough else to do, and reaches its horizon in the next ticks.
 FIRST_PERIOD = 1e-3
 
 Numbers = NDArray[np.int64]

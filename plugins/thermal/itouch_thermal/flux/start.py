@@ -30,7 +30,7 @@ SKIN_EVER, SKIN_LATER, NOMINAL = 0.116, 0.0155, 3e-3
 NOISE, FALLS = 0.45, 3.0
 #: Allowed errors of the flux on a hard plant, relative rms, and there for effusivities below THIN [W s^1/2 / m2K].
 HARD, HARD_THIN, THIN = 5e-3, 13e-3, 300.0
-#: Extra cost of a flux error that exceeds the allowed one, times by what share of that it does.
+#: Extra cost of a flux error beyond the allowed one, per multiple of that by which it is beyond.
 FLUX_FIRST = 10.0
 #: How many start temperatures are tried first, how far they reach beyond the faces' temperatures [K], how far around a
 #: known one [K], and their distance at the end [K].
