@@ -1,8 +1,8 @@
 """``itouch-py bench tick``: what a tick in contact costs, how far that is from its compiled part, and how it grows.
 
-It also says what the dearest ticks cost in which a touch begins, ends or changes its object, beside the period of the
-loop.  All figures are of one process on twins; a busy machine shows in p99 first.  Compare two commits on one machine
-only, in turns.
+It also prints the cost of the dearest ticks in which a touch begins, ends or changes its object, to be compared with
+the period of the loop.  All figures are of one process on twins; a busy machine shows in p99 first.  Compare two
+commits only on the same machine, by running them in turns.
 """
 
 from __future__ import annotations
@@ -25,17 +25,18 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, loads
 from itouch.session import Session, build, load_scene
 
-#: How many probes, objects and devices are counted through.
+#: Numbers of probes, objects and devices for which growth is measured.
 PROBES, OBJECTS, DEVICES = (1, 2, 4, 8), (1, 10, 100, 1000), (1, 2, 5, 10)
-#: So many ticks are measured at once: no more than a busy machine leaves undisturbed, and at 1 kHz each look of a
-#: monitor that goes by time is in them once.
+#: How many ticks are measured together: few enough to be undisturbed on a busy machine, and so many that, at 1 kHz,
+#: each check that a monitor makes now and then is among them once.
 ROUND = 10
-#: A tick may cost so many times its compiled steps in one loop, and a step in plain Python so much more [us].
+#: Bounds: how many times its compiled steps in one loop a tick may cost, and what a step in plain Python may add [us].
 TIMES, SPLIT = 2.0, 10.0
 #: The longest search for a contact [simulated s].
 SEARCH = 60.0
-#: At which rates [Hz] touches are looked at, how many, for how many ticks from the one in which one turns (it may set
-#: the finger down, or add to the report, a moment later), and in how many runs: of each tick the least counts.
+#: The rates [Hz] at which touches are measured, how many touches, for how many ticks from the one with the event (the
+#: finger may be set down, or the report be added to, a moment later), and in how many runs: of each tick the least
+#: counts.
 RATES, TOUCHES, AFTER, RUNS = (1000.0, 4000.0), 2, 20, 3
 #: What a touch may do, by the kinds of its events in a tick.
 TURNS = {"begins": {Contact.BEGIN}, "ends": {Contact.END}, "changes": {Contact.BEGIN, Contact.END}}
@@ -52,7 +53,7 @@ _PROBE = (
 
 
 def scene_of(probes: int = 1, objects: int = 1, devices: int = 1) -> Scene:
-    """Return a scene of arms: so many lead fingers that rest on a box, the others idle; the other boxes stand by."""
+    """Return a scene with arms, of which the first ``probes`` lead fingers that rest on boxes; the others are idle."""
     aside = [(20.0 * (i % 32), 20.0 * (i // 32)) for i in range(objects)]
     boxes = "".join(_BOX.format(i, f"{x:g}", f"{y:g}") for i, (x, y) in enumerate(aside))
     arms = "".join(f'<device name="arm{i}" plugin="usb-arm"/>' for i in range(max(probes, devices)))
@@ -92,7 +93,7 @@ def in_contact(session: Session) -> bool:
 
 
 def durations(session: Session, ticks: int) -> NDArray[np.float64]:
-    """Return how long each of so many ticks took [s], shape (ticks,)."""
+    """Run a number of ticks; return how long each took [s], shape (ticks,)."""
     spent, tick = np.empty(ticks), session.tick
     for index in range(ticks):
         begin = now()
@@ -102,7 +103,7 @@ def durations(session: Session, ticks: int) -> NDArray[np.float64]:
 
 
 def _spent(plan: Plan, session: Session, ticks: int) -> NDArray[np.float64]:
-    """Return how long a plan took in each of so many ticks [s]; the State is put back."""
+    """Run a plan for a number of ticks; return how long it took in each [s].  The State is put back."""
     kept, spent = session.state.tobytes(), np.empty(ticks)
     for index in range(ticks):
         tick = int(session.state["tick"])
@@ -115,17 +116,17 @@ def _spent(plan: Plan, session: Session, ticks: int) -> NDArray[np.float64]:
 
 
 def beside_the_limit(session: Session, rounds: int) -> tuple[float, float, int]:
-    """Return what a tick takes, and its joined steps in one compiled loop [s]; and how many steps are missing in that.
+    """Return the times [s] of a tick and of its joined steps in one compiled loop, and how many steps the loop misses.
 
-    Both are means over short rounds, in turns, of which the medians are returned: what is done in every tenth tick is
-    in both.  What a step leaves to Python is missing in the loop: that is counted.
+    Both times are medians of the means over short rounds, which take turns; what is done in every tenth tick is in
+    both.  A step that is left to Python is missing in the loop, which is counted.
     """
     kept, tick, found, left = session.state.tobytes(), session.tick, np.empty((max(1, rounds), 2)), 0
     for chain in session.plan.chains:
         chain.repeat(0, session.state["tick"].reshape(1))  # compiled now
     for row in found:
         session.adopt(kept)
-        tick()  # what was adopted is looked at by Python first
+        tick()  # the first tick after that is Python's, which checks what was adopted
         begin = now()
         for _ in range(ROUND):
             tick()
@@ -142,7 +143,7 @@ def beside_the_limit(session: Session, rounds: int) -> tuple[float, float, int]:
 
 
 def cost_of_a_split(session: Session, ticks: int) -> float:
-    """Return what a step in plain Python that does nothing costs where it splits the plan [s], by medians in turns."""
+    """Return the cost [s] of a Python step that does nothing but split the plan: by medians, both plans in turns."""
     steps = list(session.plan.steps)
     inside = next((names for names in session.plan.pieces if len(names) > 1), None)
     at = session.plan.names.index(inside[1]) if inside is not None else len(steps)
@@ -153,9 +154,9 @@ def cost_of_a_split(session: Session, ticks: int) -> float:
 
 
 def turns(scene: Scene, rate: float) -> dict[str, float | None]:
-    """Return the processor time [s] of the dearest tick of a touch that turns, by how; None: none does.
+    """Return the processor time [s] of the dearest tick of touches that begin, end or change their object; None: none.
 
-    A touch that changes its object ends and begins in one tick.
+    The keys are those of TURNS.  A touch that changes its object ends and begins in one tick.
 
     Parameters
     ----------
@@ -179,7 +180,7 @@ def turns(scene: Scene, rate: float) -> dict[str, float | None]:
 
 
 def _passed(session: Session, most: int) -> tuple[list[float], dict[int, set[int]]]:
-    """Run until touches have ended; return the processor time of each tick [s], and which had what kinds of event."""
+    """Run until touches have ended; return the processor time of each tick [s], and the kinds of event by tick."""
     spent: list[float] = []
     kinds: dict[int, set[int]] = {}
     count, table, seen, rest = session.state["events.count"], session.state["events.table"], 0, most

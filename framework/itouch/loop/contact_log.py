@@ -1,4 +1,4 @@
-"""Notes of each contact from BEGIN to END, for the report's table; the figures of the open one are State."""
+"""Log of each contact from BEGIN to END, for the report's table; the figures of an open contact are in State."""
 
 from __future__ import annotations
 
@@ -26,17 +26,28 @@ def _note(
     current: Any, total: Any, touched: Any, figures: Any, top: Any, plate: Any, was_plate: Any, lasted: Any,
     missed: Any, memory: Any, push: Any, peak: Any, deepest: Any, widest: Any, physical: Any, worst: Any,
 ) -> int:  # fmt: skip
-    """Follow the open contact by one tick; return 0.
+    """Update the figures of the open contact by one tick; return 0.
 
-    All but ``figures`` (those of the probe) have shape (1,): what is touched, the force on the finger, when the plate
-    was touched first, its top, whether it is there now and was at any time, for how many ticks, whether it was missed
-    (1) or withdrawn (2), the memory of the carried surface (MEMORY,), and the plate's true force, 0 if none is known;
-    then what is kept: greatest force, depth and area, when the plate was touched first, and the greatest error of its
-    height.
+    All have shape (1,) but ``figures`` (FIGURES,), see `render`, and ``memory`` (MEMORY,), that of the carried surface.
+
+    Parameters
+    ----------
+    current, total, touched
+        The object whose contact is open, -1: none; the force on the finger [N]; when the plate was touched first, in
+        ticks, negative: not yet.
+    top, plate, push
+        Height of the plate's top [m], whether what touches the finger is the plate, and its true force [N], 0 if none
+        is known.
+    was_plate, lasted, missed
+        Whether the plate was there at any time, for how many ticks, and whether it was missed (1) or withdrawn (2);
+        written.
+    peak, deepest, widest, physical, worst
+        Greatest force [N], depth [m] and area [m2], when the plate was touched first, and the greatest error of its
+        height [m]; written.
     """
     if current[0] < 0:
         return 0
-    if total[0] > peak[0]:  # not so if it is no number
+    if total[0] > peak[0]:  # false if it is not a number
         peak[0] = total[0]
     if figures[render.PENETRATION] > deepest[0]:
         deepest[0] = figures[render.PENETRATION]
@@ -59,11 +70,11 @@ def _note(
 
 
 class _Entry(NamedTuple):
-    """What State keeps of the open contact for its entry, each of one number.
+    """State fields of the open contact from which its entry is made, of one number each.
 
-    The object, and when it began; whether the plate was there, for how many ticks, and whether it was missed; how far
-    its top was below the surface [m], NaN: not known; greatest force [N], depth [m] and area [m2], the speed of the
-    impact [m/s], and when the plate was touched first.
+    The object, and the tick in which the contact began; whether the plate was there, for how many ticks, and whether it
+    was missed; how far its top was below the surface [m], NaN: unknown; greatest force [N], depth [m] and area [m2],
+    the speed of the impact [m/s], and the tick in which the plate was touched first.
     """
 
     object: Any
@@ -85,7 +96,7 @@ class _Entry(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """What an entry is made of: views of State, and all of it for what modalities have measured."""
+    """What an entry is made of: the contact's fields of State, and all of State, from which modalities measure."""
 
     entry: _Entry
     seen: Record
@@ -95,8 +106,8 @@ class Kept(NamedTuple):
 def _begin(entry: Any, plate: Any, touched: Any, figures: Any, known: Any, event: Any) -> int:
     """Begin an entry if the event is BEGIN; return 0.
 
-    ``plate`` and ``touched`` (1,): whether the plate is there, and when it was touched first; ``known`` (1,): its top
-    [m], or (0,): there is none; ``event`` is the `HeardContact`.
+    ``plate`` and ``touched`` (1,): whether the plate is there, and the tick in which it was touched first; ``known``
+    (1,): height of its top [m], or (0,): there is no plate; ``event`` is the `HeardContact`.
     """
     if event.kind[0] != BEGIN:
         return 0
@@ -138,13 +149,13 @@ class ContactLog:
         )  # fmt: skip
         self.note.warm_up()
         self._top = known if table is not None else np.zeros(0)
-        #: What stands in an entry where nothing measures it, and who measures anything.
+        #: The keys of an entry with null, as where nothing measures them, and the modalities that measure anything.
         declared = (one.key for modality in model.modalities for one in modality.instance.measured)
         self._blank = dict.fromkeys((*_ALWAYS, *declared))
         self._measuring = [one for one in model.modalities if _measured(one.instance)]
 
     def begins(self, event: HeardContact) -> Bound:
-        """Return what begins an entry, at BEGIN with these numbers."""
+        """Return the call that begins an entry if ``event``, whose numbers are written later, is a BEGIN."""
         toucher, touched = self._toucher, self._coupling.touched
         return Bound(_begin, self._now.entry, toucher.plate, touched, toucher.figures, self._top, event)
 
@@ -157,11 +168,11 @@ class ContactLog:
         self._statistics.closed.append(self.entry(tick, then))
 
     def kept(self, state: Record, seen: Record) -> Kept:
-        """Return what an entry is made of, of a record like State, which is ``seen`` where nobody may write it."""
+        """Return what an entry is made of, from a record like State; ``seen`` is its write-protected view."""
         return Kept(_Entry.of(state, self._toucher.probe.name), seen)
 
     def _slid(self, met: float) -> bool:
-        """Tell whether the finger met the plate [s] in a contact before this one: it slid from object to object."""
+        """Tell whether the finger met the plate, at ``met`` [s], before this contact: it slid from object to object."""
         name = self._toucher.probe.name
         before = next((one for one in reversed(self._statistics.closed) if one["probe"] == name), None)
         return before is not None and before["end_s"] is not None and met < before["end_s"] - 0.5 * self._model.period
@@ -172,9 +183,9 @@ class ContactLog:
         return int(self._toucher.current) >= 0
 
     def entry(self, end: int | None, then: Kept | None = None) -> dict[str, Any]:
-        """Return the report's entry of the open contact, which ends at a tick or is still open.
+        """Return the report's entry of the open contact, which ends at a tick or, if that is None, is still open.
 
-        ``then``: of State as it was, if that was earlier.
+        ``then``: what the entry is made of, if from State as it was earlier.
         """
         name, period = self._toucher.probe.name, self._model.period
         kept, seen = then or self._now
@@ -204,14 +215,14 @@ class ContactLog:
         return entry
 
 
-#: Keys that every entry has had since the first version of the report, null where nothing measures them.  What reads
-#: reports counts on them, and to ask the plugin that declares them it would have to be loaded where no scene wants it.
-#: What is shown, and how, is never taken from here.
+#: Keys that every entry has had since the first version of the report, null where nothing measures them.  Programs that
+#: read reports rely on them; to take them from the plugin that declares them, it would have to be loaded even where no
+#: scene uses it.  What is shown, and how, is never taken from here.
 _ALWAYS = ("flux_source", "mean_flux_W_m2", "peak_flux_W_m2", "skin_drop_K", "flux_error_rms")
 
 
 def _measured(instance: Modality) -> bool:
-    """Tell whether a modality measures anything: it, or its class, has a method for that."""
+    """Tell whether a modality measures anything: it, or its class, overrides ``measures``."""
     return getattr(instance.measures, "__func__", None) is not Modality.measures
 
 
@@ -222,6 +233,6 @@ def _finite(value: float) -> float | None:
 def _measures(modality: ModalityModel, state: Record, probe: str, index: int) -> dict[str, Any]:
     try:
         measures = modality.instance.measures(modality.model, state, probe, index)
-    except Exception as error:  # the session goes on; what is missing says so itself
+    except Exception as error:  # the session goes on; the entry says what is missing
         return {f"{modality.name}_error": f"failed in measures: {said(error)}"}
     return {key: _finite(value) if isinstance(value, float) else value for key, value in measures.items()}

@@ -45,7 +45,7 @@ from itouch.world.bindings import blind
 from itouch.world.limits import HOLD
 from itouch.world.plugin_errors import failing
 
-#: On a virtual clock every so many ticks are timed part by part; in real time all are.
+#: On a virtual clock one tick in this many is timed step by step; in real time every tick is.
 _SAMPLED = 16
 _UNDER_WAY = (
     "this session runs already, in another thread or in whatever calls this from within a tick: "
@@ -60,8 +60,8 @@ class EngineError(ItouchError):
 class Engine:
     """Runs a compiled scene.
 
-    ``state`` is the one record of everything that changes; ``tick`` and ``run`` advance it.  On twins they enable by
-    themselves; with hardware in the rig they raise until ``enable`` was called.
+    ``state`` is the one record of everything that changes; ``tick`` and ``run`` advance it.  If all devices are twins
+    they enable these by themselves; with hardware in the rig they raise until ``enable`` has been called.
     """
 
     def __init__(self, model: Model, *, seed: int = 0, clock: Clock | None = None) -> None:
@@ -78,7 +78,7 @@ class Engine:
         self._twins = [runner for runner in self._all if runner.device is None]
         self._objects = Objects(model, self.state, self._runners, [rig.toucher for rig in self._rigs])
         self._hands = [rig.coupling.hand for rig in self._rigs if rig.coupling.hand is not None]
-        #: Whether an operator twin follows a motion.
+        #: Length of the longest motion of an operator twin [s], 0: none; and whether anything follows a script.
         self._length = max((device.duration for device in model.devices.values()), default=0.0)
         self.scripted = (
             any(hand.path.duration > 0 for hand in self._hands) or self._objects.scripted or self._length > 0
@@ -110,11 +110,11 @@ class Engine:
         self._pacing = Pacing(self)
         #: When somebody last said whether the dead-man's switch is held [host s].
         self._told = 0.0
-        #: Whether this is a process of which a guardian is known to make hardware safe if it dies (`itouch.launch`).
+        #: Whether a guardian is known to make hardware safe if this process dies (`itouch.launch`).
         self.guarded = False
         #: Host seconds at the start of the last tick, after its steps if they were timed, and at its end.
         self.stamps = np.zeros(1 + max(1, len(self.plan.steps)))
-        #: The thread in which a run is under way, 0: none; and whether a tick is.
+        #: The thread in which a run is under way, 0: none; and whether a tick is under way.
         self._runs_in, self._ticking = 0, False
         #: Called with the number of a tick when it is over, also in the safe sequence; they must not change the State.
         self.taps: list[Callable[[int], None]] = []
@@ -126,7 +126,10 @@ class Engine:
         warm_up(model, self.state, self._all)
 
     def _joined_tick(self) -> Callable[[], int] | None:
-        """Return what runs a whole tick as one call, where the plan is one: -1 is done, else PYTHON or STOPPED."""
+        """Return the call that runs a whole tick, None if the plan is no single chain.
+
+        The call returns -1 if the tick is done, else PYTHON or STOPPED.
+        """
         chain = self.plan.whole
         if chain is None:
             return None
@@ -199,14 +202,14 @@ class Engine:
         return now() - float(self.stamps[-1])
 
     def leave_out(self, seconds: float, *, running: bool = False) -> int:
-        """Let time go on that no tick stands for, as `left_out.leave_out` says; return how many periods that is.
+        """Account for time that no tick stands for, see `left_out.leave_out`; return how many periods that is.
 
         Parameters
         ----------
         seconds
             For how long nobody has read the hardware [s].
         running
-            Whether a loop that was late leaves it out, in which the monitors of twins count it as well.
+            Whether a loop that was late leaves it out: then the monitors of twins count it as well.
 
         Raises
         ------
@@ -224,7 +227,7 @@ class Engine:
         return self._runners[device].status
 
     def enable(self, *, opens: bool = True) -> None:
-        """Open and enable every device; all that fail are told together.
+        """Open and enable every device; all that fail are reported together.
 
         Parameters
         ----------
@@ -248,7 +251,7 @@ class Engine:
         self._enabled = True
 
     def latched(self) -> DeviceFaultError | None:
-        """Return the latched trip that keeps hardware from being enabled, as the fault that it was."""
+        """Return the latched trip that keeps hardware from being enabled, as the fault that it was, or None."""
         return next(iter(self._operator.latched_faults()), None)
 
     def _require_enabled(self) -> None:
@@ -323,9 +326,9 @@ class Engine:
         self._tell(tick)
 
     def _look_round(self, tick: int) -> None:
-        """Do what is done now and then: make the entry of a contact that has ended, and look at twins.
+        """Do what is not done in every tick: make the entry of a contact that has ended, and check the twins.
 
-        Stop if something has written over what a twin may do: what hardware may do is looked at before each command.
+        Stop if something has written over a twin's status; the status of hardware is checked before each command.
 
         Raises
         ------
@@ -358,7 +361,7 @@ class Engine:
             self.times.add_whole(stamps[-1].item() - stamps[0].item())
 
     def _tell(self, tick: int) -> None:
-        """Call the taps; hardware is made safe if one raises: whoever calls ``tick`` may never come back."""
+        """Call the taps; hardware is made safe if one raises, for the caller of ``tick`` may never call it again."""
         try:
             for tap in self.taps:
                 tap(tick)
@@ -372,12 +375,12 @@ class Engine:
             self.park()
 
     def _finish_stop(self) -> None:
-        """Carry out anew what a State was stored in the middle of: nobody has minded the surfaces since.
+        """Carry out anew the safe sequence in whose middle State was stored: nothing has minded the surfaces since.
 
         Raises
         ------
         DeviceFaultError
-            The fault that all was stopped for, if it was one.
+            The fault for which all was stopped, if it was one.
         """
         self._unfinished = False
         stopped = sorted((one for one in self._all if one.status is Status.FAULT), key=lambda one: one.tripped)
@@ -398,7 +401,7 @@ class Engine:
             runner.step_twin(tick)
 
     def step_twins(self, moving: bool) -> None:
-        """Advance the simulated world alone by one period, under what its devices were sent last."""
+        """Advance only the simulated world by one period, under the commands that its devices were sent last."""
         self._move(self.ticks, moving)
         self._tick[...] = int(self._tick) + 1
 
@@ -433,9 +436,10 @@ class Engine:
         self._operator.reconnect(device)
 
     def hold(self, held: bool = True, *, shared: bool = False) -> None:
-        """Say that somebody holds the dead-man's switch: good for 80 ms, so say it again and again; or has let go.
+        """Report that somebody holds the dead-man's switch or, with ``held`` false, has let it go.
 
-        Letting go stops what acts, also if somebody else holds on, which ``shared`` says.
+        That it is held counts for 80 ms, so report it again and again.  Letting go stops all that acts, even if
+        somebody else still holds the switch, which ``shared`` says.
         """
         self._told = now()
         self._operator.hold.press(self.ticks, held, shared=shared)
@@ -514,10 +518,10 @@ class Engine:
     ) -> None:
         self._require_enabled()
         if self._paced and now() - self._told > HOLD and self._operator.hold.word(self.ticks):
-            self._operator.hold.press(self.ticks, False)  # it was held before a pause in which no tick has counted
+            self._operator.hold.press(self.ticks, False)  # it was held before a pause, in which no ticks have run
         try:
             self._pacing.run(seconds, until, each, every)
-        except interpreter.ANY_ERROR as raised:  # nobody paces hardware any more
+        except interpreter.ANY_ERROR as raised:  # nothing paces the hardware any more
             replaced = interpreter.put_back()
             if replaced and self.fault is None and self._all and isinstance(raised, Exception):
                 self.make_safe(fault := broken_off(self.model, self.ticks, raised, replaced))
@@ -526,7 +530,7 @@ class Engine:
             raise
 
     def stop(self) -> None:
-        """Ask the run that is under way to end after its tick; may be called from a signal handler."""
+        """Ask the run that is under way to end after the current tick; may be called from a signal handler."""
         self._pacing.stop()
 
     @property
@@ -551,7 +555,7 @@ class Engine:
         raise EngineError(f"probe '{probe}' is not moved by an operator twin: it can't be steered from here")
 
     def park(self) -> Outcome:
-        """Make every device safe as after a fault, in the rig's order, because the session ends, or rests.
+        """Make every device safe as after a fault, in the rig's order, because the session ends or pauses.
 
         Returns
         -------
@@ -565,12 +569,12 @@ class Engine:
     def close(self) -> None:
         """Make every device safe and release it; the state stays readable.
 
-        While another error is under way, what a device raises here is a note of that one.
+        While another error is under way, what a device raises here becomes a note of that error.
 
         Raises
         ------
         DeviceError
-            Naming the first device that raised anything when it was released; all have been, then.
+            Naming the first device that raised anything when it was released; by then, all have been released.
         """
         hardware = [one for one in self._all if one.status is not Status.CLOSED and not one.model.twin]
         steps = [partial(released, runner) for runner in hardware]
@@ -604,7 +608,7 @@ class Engine:
             self.state[f"{runner.model.name}.status"] = Status.CLOSED
         for runner in self._all:
             runner.recall()
-        if hardware:  # whoever held the switch then holds nothing now
+        if hardware:  # whoever held the switch when it was stored does not now
             self.state["hold"] = min(self.state["hold"].item(), self.ticks)
         begun = int(self._tick) > 0  # a session that has run is not enabled a second time
         self._enabled = not hardware and (begun or any(r.status is Status.ENABLED for r in self._all))

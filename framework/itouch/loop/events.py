@@ -1,4 +1,7 @@
-"""Contact events: delivered to logs and modalities within the tick, in declared order, and remembered in State."""
+"""Contact events: delivered to logs and modalities within the tick, in declared order, and remembered in State.
+
+They are found and delivered in compiled code as far as listeners have compiled calls; Python delivers the rest.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.world import ModalityModel, Model
 from itouch.world.plugin_errors import failing
 
-#: How many calls tell a listener of an event: what its fence keeps, its own, and the look whether it has kept within.
+#: Calls per listener and event: its fence's copy of State, its own call, and the fence's comparison with the copy.
 _CALLS = 3
 
 
@@ -34,66 +37,66 @@ class _Listener:
             with failing(f"modality '{one.name}'", "bound_contact", model.place_of(one.name)):
                 bound = one.instance.bound_contact(one.model, view, event)
         asks = Bound(happening.asks, event, sum(1 << kind for kind in self.kinds))
-        #: What a chain tells it by: the second call stops it if Python is wanted, the third if it wrote elsewhere.
+        #: Its calls in a chain; the second stops the chain if Python is needed, the third if it wrote what is not its.
         self.calls = (self.fence.keep, asks if bound is None else bound, self.fence.look)
         self.call = None if bound is None else runner(self.calls)
 
     def _joins(self) -> bool:
-        """Tell whether the compiled call is what would run: neither an heir nor this one instance has another."""
+        """Tell whether a compiled call may replace ``on_contact``: no subclass, nor instance, overrides it alone."""
         instance = self.one.instance
         own = "on_contact" in getattr(instance, "__dict__", ())
         return not own and is_newest(type(instance), "bound_contact", "on_contact")
 
 
 class _Probe:
-    """A probe with what tells of its contacts."""
+    """A probe with the calls that find and deliver its contact events."""
 
     def __init__(self, rig: ProbeRig, moves: bool, event: HeardContact, ended: happening.Ended) -> None:
         self.rig, arguments = rig, rig.toucher.happens(moves, event)
         self.next = Bound(happening.next_told, *arguments, ended)
         self.begins, self.ends = rig.log.begins(event), Bound(happening.close, event, rig.toucher.current, ended)
-        #: What finds the next event, and what begins an entry of the log, from Python.
+        #: What finds the next event, and what begins an entry of the log, as called from Python.
         self.find, self.begin = runner((Bound(happening.happens, *arguments),)), runner((self.begins,))
-        #: Where the chain has stopped that tells of an event, shape (1,).
+        #: Where the chain that delivers an event has stopped, shape (1,).
         self.left = np.zeros(1, np.int64)
         self.chain: Chain | None = None
 
 
 def _ended(state: Record, kept: Record) -> happening.Ended:
-    """Return what keeps State for the entry of a contact that ends."""
+    """Return the memory in which State is kept for the log entry of a contact that ends."""
     kind = np.uint8 if state.nbytes % 8 else np.int64
     return happening.Ended(state.raw.view(kind), kept.raw.view(kind), *(np.zeros(1, np.int64) for _ in range(3)))
 
 
 class Events:
-    """Takes each event of a tick to all who hear it."""
+    """Delivers each contact event of a tick to all who hear it."""
 
     def __init__(
         self, model: Model, state: Record, rigs: Sequence[ProbeRig], views: Mapping[str, Record],
         statistics: RunStatistics,
     ) -> None:  # fmt: skip
         self._model = model
-        #: The numbers of the event that is told.
+        #: The numbers of the event that is being delivered.
         self._event = happening.silent()
         self._listeners = [_Listener(model, one, views[one.name], state, self._event) for one in model.modalities]
-        #: Whether any modality wants an event a tick while a contact lasts.
+        #: Whether any modality hears MOVE, an event in each tick of a contact.
         self._moves = any(Contact.MOVE in one.instance.hears for one in model.modalities)
         kept = state.copy()
         seen = WriteProtectedRecord(kept, ())
         self._ended = _ended(state, kept)
         self._probes = [_Probe(rig, self._moves, self._event, self._ended) for rig in rigs]
-        #: What the entry of each probe's contact is made of, of State as it was when it ended.
+        #: Per probe, what a contact's entry is made of, from State as it was when the contact ended.
         self._then = [rig.log.kept(kept, seen) for rig in rigs]
         statistics.settle = self.settle
         self._around: Fence | None = None
         self._carriers: list[ModalityModel] = []
-        #: One call for each probe, of which the first that has something to tell in Python says so.
+        #: One call per probe; the first one at which something is left to Python stops the tick with its number.
         self.bounds: tuple[Bound, ...] = ()
 
     def join(self, around: Fence | None, carriers: list[ModalityModel]) -> None:
-        """Put together what a tick runs.
+        """Put together the calls that a tick runs.
 
-        ``around``: a fence in the middle of which it is told, round modalities of which only the ``carriers`` have run.
+        ``around``: a fence within which events are delivered; of the modalities inside, only the ``carriers`` have run.
         """
         self._around, self._carriers = around, carriers
         self.bounds = tuple(self._bound(probe, number) for number, probe in enumerate(self._probes, 1))
@@ -109,14 +112,17 @@ class Events:
         return Bound(happening.tell, *stirring, self._moves, self._event, probe.chain.place, probe.left, number)
 
     def settle(self, before: float = math.inf) -> None:
-        """Make the entry of the contact that has ended last, if that was before a tick and is still to be done."""
+        """Make the entry of the contact that ended last, if that was before a tick and it is still to be made."""
         if self._ended.open[0] and self._ended.tick[0] < before:
             self._ended.open[0] = 0
             number = self._ended.probe[0]
             self._probes[number].rig.log.settle(int(self._ended.tick[0]), self._then[number])
 
     def answer(self, code: int, tick: int) -> None:
-        """Deliver in Python what a probe's call has left, and what has happened at the probes after it."""
+        """Deliver in Python what a probe's call has left, and the events of the probes after it.
+
+        ``code`` is what the call has returned: the number of the probe, from 1 on.
+        """
         first = code - 1 if self._probes[0].chain is not None else -1
         if first >= 0:
             self._go_on(self._probes[first], int(self._probes[first].left[0]), tick)
@@ -128,12 +134,12 @@ class Events:
             self._around.take()
 
     def _look(self, tick: int) -> None:
-        """See whether a modality that has run has written where it may not, before anything else writes there."""
+        """Check whether a modality that has run has written where it may not, before anything else writes there."""
         if self._around is not None and (changed := self._around.mend()):
             raise foreign_write(self._model, self._carriers, changed, tick)
 
     def _go_on(self, probe: _Probe, found: int, tick: int) -> None:
-        """Go on where the calls of a probe have stopped, as ``Chain.run`` says it."""
+        """Go on where the chain of a probe has stopped; ``found`` is what ``run_chain`` has returned."""
         call = (found >> 32) - (self._around is not None)
         hears, kind = [listener for listener in self._listeners if listener.kinds], int(self._event.kind[0])
         if call < 0:
@@ -160,7 +166,7 @@ class Events:
                 return
 
     def _deliver(self, probe: _Probe, kind: int, tick: int, hears: Sequence[_Listener]) -> None:
-        """Deliver an event; a log hears a contact begin before the modalities, and end after them."""
+        """Deliver an event; the log hears of BEGIN before the modalities, and of END after them."""
         if kind == happening.BEGIN:
             probe.begin()
         self._deliver_to(probe, kind, tick, hears)
@@ -185,7 +191,7 @@ class Events:
         raise foreign_write(self._model, [listener.one], listener.fence.mend(), tick)
 
     def left_out(self, seconds: float, tick: int) -> None:
-        """Let modalities know that so many seconds [s] were left out before a tick.
+        """Tell modalities that ``seconds`` [s] were left out before a tick.
 
         Raises
         ------
@@ -208,11 +214,11 @@ class Events:
         fence.take()
         try:
             call()
-        except KeyboardInterrupt as interrupted:  # Ctrl-C; whoever it was, it is told where it came
+        except KeyboardInterrupt as interrupted:  # Ctrl-C, or a plugin that raises it: the note says where
             interrupted.add_note(f"in {method} of modality '{one.name}'")
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            replaced = interpreter.put_back()  # first: all else needs it
+            replaced = interpreter.put_back()  # first: all else needs Python's functions
             fault = modality_fault(self._model, one.instance, method, tick, error)
             raise with_replaced(fault, replaced) from error
         finally:

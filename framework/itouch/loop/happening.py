@@ -1,4 +1,4 @@
-"""What happens at a probe in a tick, compiled: NEAR, then END and BEGIN, or MOVE; in numbers, remembered in State."""
+"""Contact events of a probe in a tick, found in compiled code: NEAR, then END and BEGIN, or MOVE; kept in State."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from itouch.plugin import Contact, HeardContact
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-#: The kinds of event, as compiled code compares them; a call returns the kind of what has happened and 1, or 0.
+#: The kinds of event, as numbers for compiled code; a call returns 1 + the kind of the event, or 0 for none.
 NEAR, BEGIN, MOVE, END = (int(kind) for kind in (Contact.NEAR, Contact.BEGIN, Contact.MOVE, Contact.END))
-#: The kind of no event.
+#: The kind that stands for no event.
 NOTHING = -1
 #: A contact has ended when the probe was this far away [m], for so long [s].
 SEPARATION, SEPARATION_TIME = 1e-4, 0.020
 
 
 class Seen(NamedTuple):
-    """What events follow from: scalars (1,).
+    """What events are found from; scalars have shape (1,).
 
     The nearest object, and the one that is touched, -1: none; the figures (FIGURES,) of `render` and the result of the
-    contact search; place (objects, 7) [m; quaternion] and twist (objects, 6) [m/s, rad/s] of the objects; the tick.
+    contact search; pose (objects, 7) [m; quaternion] and twist (objects, 6) [m/s, rad/s] of the objects; the tick.
     """
 
     nearest: Numbers
@@ -42,11 +42,11 @@ class Seen(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """What is remembered of it in State, scalars (1,).
+    """What State remembers of events; scalars have shape (1,).
 
-    The object that was near, and the one whose contact is open, -1: none; for how many ticks that is apart, and when it
-    began; how many events there were, and the last of them (n, words): the whole numbers and, in the same memory, the
-    others.
+    The object that was near, and the one whose contact is open, -1: none; for how many ticks probe and that object have
+    been apart, and the tick in which the contact began; how many events there were, and the table of the last ones
+    (n, words), as integers and, in the same memory, as floats.
     """
 
     near: Numbers
@@ -62,8 +62,8 @@ class Kept(NamedTuple):
 def happens(seen: Any, kept: Any, event: Any, probe: int, moving: bool, moves: bool, patience: int) -> int:
     """Return 1 + the kind of what happens next at a probe in this tick, with its numbers in ``event``; 0: nothing.
 
-    It is called until nothing more happens.  Whoever is told of END notes itself that the contact is not open any more,
-    for until then it is the one that ends; after MOVE nothing more happens.
+    Call it until nothing more happens; after MOVE nothing does.  At END the contact stays open, for whoever is told of
+    it, until the caller sets ``kept.current`` to -1.
 
     Parameters
     ----------
@@ -72,9 +72,9 @@ def happens(seen: Any, kept: Any, event: Any, probe: int, moving: bool, moves: b
     probe
         The number of the probe.
     moving, moves
-        Whether objects move, and whether anybody wants to hear of a contact that goes on.
+        Whether objects move, and whether anybody hears MOVE.
     patience
-        A contact ends after so many ticks apart.
+        After how many ticks apart a contact ends.
     """
     nearest, primary, current = seen.nearest[0], seen.primary[0], kept.current[0]
     if nearest != kept.near[0]:
@@ -115,7 +115,7 @@ def _touches(result: Any, index: int) -> bool:
 def _tell(
     seen: Any, kept: Any, event: Any, probe: int, moving: bool, kind: int, index: int, touching: bool
 ) -> int:  # fmt: skip
-    """Put an event into numbers, and remember it, but for MOVE; return 1 + its kind."""
+    """Write the numbers of an event and, unless it is MOVE, remember it; return 1 + its kind."""
     f, begin = seen.figures, at.RESULT_NEAREST_POINT
     event.kind[0], event.tick[0], event.probe[0], event.object[0] = kind, seen.tick[0], probe, index
     for i in range(3):
@@ -147,7 +147,7 @@ def _tell(
 
 @kernel
 def _remember(kept: Any, event: Any) -> None:
-    """Write an event into the table of the last ones."""
+    """Write an event into the table of the last events."""
     row = kept.told[0] % kept.table.shape[0]
     words, numbers = kept.table[row], kept.table_numbers[row]
     words[0], words[1], words[2], words[3] = event.kind[0], event.tick[0], event.probe[0], event.object[0]
@@ -162,10 +162,10 @@ def _remember(kept: Any, event: Any) -> None:
 
 
 class Ended(NamedTuple):
-    """The contact that has ended last, if its entry is still to be made: State as it was then.
+    """The contact that ended last, while its log entry is still to be made, with a copy of State as it was then.
 
-    State and its copy (n,), as whole words if it consists of such; ``open`` (1,): whether the entry is to be made, and
-    the tick and the number of the probe, (1,).
+    State and the copy (n,), in whole words if State consists of such, else in bytes; ``open`` (1,): whether the entry
+    is still to be made; the tick of END and the number of the probe, (1,) each.
     """
 
     state: NDArray[Any]
@@ -179,9 +179,10 @@ class Ended(NamedTuple):
 def next_told(
     seen: Any, kept: Any, event: Any, probe: int, moving: bool, moves: bool, patience: int, ended: Any
 ) -> int:  # fmt: skip
-    """Find what happens next, as `happens`; nothing is an event of the kind NOTHING.
+    """Find what happens next, as `happens` does; if nothing does, write the kind NOTHING.
 
-    Ask for Python, as `happens` returns it, where a contact ends and the entry of another one is still to be made.
+    Return 0, or what `happens` returns, to leave the event to Python, where a contact ends while the entry of an
+    earlier one is still to be made.
     """
     found = happens(seen, kept, event, probe, moving, moves, patience)
     if found == 0:
@@ -191,7 +192,7 @@ def next_told(
 
 @kernel
 def close(event: Any, current: Any, ended: Any) -> int:
-    """At END keep what the contact's entry is made of, and note that it is not open any more; return 0.
+    """At END keep a copy of State for the contact's log entry, and mark the contact as no longer open; return 0.
 
     ``current`` (1,): the object whose contact is open.
     """
@@ -204,7 +205,7 @@ def close(event: Any, current: Any, ended: Any) -> int:
 
 @kernel
 def asks(event: Any, kinds: int) -> int:
-    """Ask for Python at an event of these kinds, a bit for each."""
+    """Return 1, to leave the event to Python, if it is of one of these kinds, a bit for each; else 0."""
     kind = event.kind[0]
     return int(kind >= 0 and (kinds >> kind) & 1 != 0)
 
@@ -214,18 +215,18 @@ def tell(
     nearest: Any, near: Any, current: Any, primary: Any, separated: Any, moves: bool, event: Any, chain: int, left: Any,
     number: int,
 ) -> int:  # fmt: skip
-    """Let those hear who are to hear of what happens at a probe, if anything does.
+    """Deliver all that happens at a probe in this tick to those who hear it.
 
     Parameters
     ----------
     nearest, near, current, primary, separated, moves
         As in `carrying.quiet`.
     event
-        Its numbers, a `HeardContact`.
+        The numbers of the event, a `HeardContact`; written.
     chain
-        Where the calls stand by which they hear of one event.
+        Address of the chain that finds one event and delivers it (`Chain.place`).
     left
-        Where these have stopped, if one wants Python, shape (1,).
+        Where the chain has stopped, if a call has left something to Python, shape (1,); written.
     number
         What is returned then, 1 or more.
     """
@@ -241,6 +242,6 @@ def tell(
 
 
 def silent() -> HeardContact:
-    """Return the numbers of an event that has not happened yet."""
+    """Return the numbers of an event, all 0, into which events are written."""
     sizes = (3, 3, 1, 1, 3, 1, 1, 1, 1)
     return HeardContact._make([*(np.zeros(1, np.int64) for _ in range(4)), *(np.zeros(size) for size in sizes)])

@@ -30,7 +30,7 @@ VELOCITY_FILTER = 0.002
 
 
 class Over(NamedTuple):
-    """Place of a finger (3,) and of the top of a surface (1,) in the world [m]; numbers with the device's frame."""
+    """Position of a finger (3,), height of a surface's top (1,) in the world [m]; constants with the device's frame."""
 
     finger: render.Floats
     top: render.Floats
@@ -53,21 +53,21 @@ class Toucher:
         self.plate, self.below = state[f"{name}.plate"], state[f"{name}.below"]
         self.current, self.separated = state[f"{name}.contact.object"], state[f"{name}.contact.separated"]
         self.begin = state[f"{name}.contact.begin"]
-        #: The nearest object, -1: none; and 1 while the tracker's next place is taken without a velocity; shape (1,).
+        #: The nearest object, -1: none; and 1 while the tracker's next position is to give no velocity; shape (1,).
         self._nearest, self._afresh = np.full(1, -1, np.int64), np.zeros(1, np.int64)
-        #: How fast the surface rises [m/s], shape (1,); found anew in each tick.
+        #: How fast the surface rises [m/s], shape (1,); computed anew in each tick.
         self._rising = np.zeros(1)
         self._patience = round(happening.SEPARATION_TIME / model.period)
         self._tick, self._events, self._count = state["tick"], state["events.table"], state["events.count"]
         self._constants = _constants(model, probe, arm, table)
-        #: Where State has the frames of tracker, arm and table.
+        #: Views of State with the frames of tracker, arm and table.
         self._frames = {
             which: state[f"{runner.model.name}.frame"]
             for which, runner in ((render.TRACKER, tracker), (render.ARM, arm), (render.TABLE, table))
             if runner is not None
         }
         #: Stiffness [N/m] and damping [N s/m] of the coupling with each object, shape (objects,); behind a wire
-        #: found anew in each tick.
+        #: computed anew in each tick.
         self._stiffness = np.array([coupling.stiffness for coupling in probe.coupling], np.float64)
         self._damping = np.array([coupling.damping for coupling in probe.coupling], np.float64)
         self._bind(model, probe, state, tracker, arm, table)
@@ -91,8 +91,9 @@ class Toucher:
         )  # fmt: skip
         eased = self._bind_ease(model, probe, state, tracker, arm) if model.objects else ()
         touched = self._bind_touch(model, probe, state) if model.objects else ()
-        #: What follows the tracker and finds what it touches; what looks below the finger for the modality that carries
-        #: a surface to it; what takes over from that how it does; and what commands the arm's part of the force.
+        #: The calls that follow the tracker and find what it touches; that look below the finger for the modality that
+        #: carries a surface to it; that take over what it says of the surface; and that command the arm's part of the
+        #: force.
         self.finds = (follow, *eased, *touched)
         self.looks: tuple[Bound, ...] = ()
         self.carries: tuple[Bound, ...] = ()
@@ -110,7 +111,7 @@ class Toucher:
     def _bind_ease(
         self, model: Model, probe: ProbeModel, state: Record, tracker: Runner, arm: Runner | None
     ) -> tuple[Bound, ...]:
-        """Return what makes the coupling no stiffer than an arm behind a wire allows; nothing: there is no wire."""
+        """Return the call that keeps the coupling no stiffer than an arm behind a wire allows; empty: no wire."""
         if arm is None or probe.relied is None:
             return ()
         name, arm_name = f"{probe.name}.coupling", arm.model.name
@@ -127,7 +128,7 @@ class Toucher:
         )  # fmt: skip
 
     def _bind_touch(self, model: Model, probe: ProbeModel, state: Record) -> tuple[Bound, ...]:
-        """Return what finds the proxy, its force with the effects of surfaces, and what else is touched beside it."""
+        """Return the calls that find the proxy, its force with surface effects, and an object that begins beside it."""
         world, mesh, figures = model.geometry.world, model.geometry.mesh, self.figures
         stiffness, damping = self._stiffness, self._damping
         found = [
@@ -157,7 +158,7 @@ class Toucher:
         return tuple(found)
 
     def _bind_surface(self, model: Model, probe: ProbeModel, state: Record, table: Runner) -> None:
-        """Let the modality that carries a surface to the probe, if one does, be shown what it asks for and be heard."""
+        """Bind the calls that show what the modality that carries a surface needs, and take over what it says."""
         one = model.carrier_to(probe.name)
         if one is None or one.carries is None:
             return
@@ -183,7 +184,7 @@ class Toucher:
         )  # fmt: skip
         self.looks, self.carries = (look,), (taken,)
         nothing = np.zeros(7)
-        self.leave(nothing, nothing)  # so that no tick is the first to call what it calls
+        self.leave(nothing, nothing)  # called once now, so that no tick has to compile it
 
     def reset(self) -> None:
         """Begin without contact."""
@@ -194,7 +195,7 @@ class Toucher:
         self.surface[memory.RENDERS], self.surface[memory.SETTLED], self.surface[memory.SHARE] = 1.0, 1.0, -1.0
 
     def stay_away(self, withdrawn: bool) -> None:
-        """Say whether safety keeps the surface away (T4): then no contact is the surface's."""
+        """Note whether safety keeps the surface away (T4): then it renders no contact."""
         missed = self.surface[memory.MISSED]
         if withdrawn:
             self.surface[memory.MISSED] = memory.WITHDRAWN
@@ -204,25 +205,25 @@ class Toucher:
     def leave(self, target: render.Floats, sent: render.Floats) -> float:
         """Return how low [m] a surface that safety takes away may go in this tick; -inf: it is clear of the finger.
 
-        ``target`` and ``sent`` (7,) [m; quaternion]: its command, and where it was sent last.
+        ``target`` and ``sent`` (7,) [m; quaternion]: the pose that it is commanded, and the one that was sent last.
         """
         return plate.leave(self._constants, self.surface, target, sent, max(0.0, -self._load[2].item()))
 
     def gone(self) -> None:
-        """See that a surface which safety has taken away is not called present, whoever carries it otherwise."""
+        """Mark a surface that safety has taken away as not present, once it is clear of the finger."""
         away = self.figures[render.HIP + 2] - self._constants[render.RADIUS] - self.figures[render.PLATE_TOP]
         if away > (SOON if self._constants[render.HAS_LOAD] > 0.0 else memory.ABOUT) and -self._load[2] < memory.LEFT:
             self.surface[memory.PRESENT] = self.plate[...] = 0
 
     def restart(self) -> None:
-        """Forget how the tracker moved before: it stands where it reads now."""
+        """Forget how the tracker moved before: take the position that it reads now, without a velocity."""
         self._afresh[0] = 1
         self.finds[0].run()
         self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0
 
     @property
     def nearing(self) -> Nearing:
-        """Where the finger is over the surface."""
+        """Views of finger and surface from which follows how much the force between them may rise in a tick."""
         figures, surface = self.figures, self.model.surfaces[self.probe.name]
         return Nearing(
             figures[render.HIP : render.HIP + 3], figures[render.VELOCITY : render.VELOCITY + 3],
@@ -239,18 +240,18 @@ class Toucher:
         )  # fmt: skip
 
     def place(self, which: int, frame: Frame) -> None:
-        """Tell where tracker, arm or table stands in the world."""
+        """Set the frame in the world of tracker, arm or table, as ``which`` says: `render.TRACKER`, ARM or TABLE."""
         self._frames[which][:] = self._constants[which : which + 12] = (frame.x, frame.y, frame.z, *frame.r)
 
     @property
     def constants(self) -> render.Floats:
-        """What of the probe never changes but the frames of its devices, shape (CONSTANTS,); see `render`."""
+        """The probe's constants, of which only the frames of its devices may change, (CONSTANTS,); see `render`."""
         return self._constants
 
     def settle(self, *, moves: bool = False) -> None:
-        """Take the tracker's next place without a velocity: hardware may have moved while nothing ran.
+        """Take the tracker's next position without a velocity: hardware may have moved while nothing ran.
 
-        ``moves``: the finger is thought to move on as it did, for it was only a moment.
+        ``moves``: the pause was only a moment, so the finger's velocity is taken to be as before.
         """
         if not moves:
             self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0
@@ -261,7 +262,7 @@ class Toucher:
         self._found()
 
     def carry(self) -> None:
-        """Take over where the surface was brought, and say whether it renders the contact."""
+        """Take over where the surface was brought, and determine whether it renders the contact."""
         self._carried()
 
     def push(self) -> None:
@@ -270,11 +271,11 @@ class Toucher:
 
     @property
     def stirring(self) -> tuple[Any, ...]:
-        """What tells that there is an event in a tick: the first arguments of `carrying.quiet`."""
+        """The views that show whether there is an event in a tick: the first arguments of `carrying.quiet`."""
         return self._nearest, self.near_object, self.current, self.object, self.separated
 
     def happens(self, moves: bool, event: HeardContact) -> tuple[Any, ...]:
-        """Return the arguments of `happening.happens`; ``moves``: MOVE is told, too."""
+        """Return the arguments of `happening.happens`; ``moves``: MOVE is an event, too."""
         seen = happening.Seen(
             self._nearest, self.object, self.figures, self.result, self._poses, self._twists, self._tick
         )  # fmt: skip
@@ -285,7 +286,7 @@ class Toucher:
         return seen, kept, event, self.probe.index, self._moving, moves, self._patience
 
     def event(self, heard: HeardContact) -> ContactEvent:
-        """Return an event from its numbers, for who is told of it in Python."""
+        """Return an event from its numbers, for its delivery in Python."""
         kind, tick, _, index, point, normal, distance, speed, along, *rest = [part.tolist() for part in heard]
         return ContactEvent(
             Contact(kind[0]), tick[0], self.probe.name, self.model.objects[index[0]], index[0], tuple(point),

@@ -10,8 +10,9 @@ from itouch.plugin import Field, Measured, Record, Role
 from itouch_thermal.flux import onset
 from itouch_thermal.flux.usual import FLOOR, SCORED_FROM, enter
 
-#: Of an estimate: squares of the sensor's error and of its standard deviation, and how many; of what a virtual rig
-#: knows: squares of the true error and of the estimate's, and how many.
+#: Sums beside an estimate: squares of the sensor's relative error and of the estimate's standard deviation, and their
+#: number; where a virtual rig knows the true flux, squares of its relative error, their number, squares of the
+#: estimate's error against it, and their number.
 _RAW, _DEVIATION, _READ, _TRUE, _SEEN, _MISSED, _ASKED = range(7)
 
 FIELDS: tuple[Field, ...] = (
@@ -25,7 +26,7 @@ FIELDS: tuple[Field, ...] = (
     ),
 )
 
-#: What is known of each contact, or null; beside these there is what only some have.
+#: The figures of each contact, null where unknown; `_beside` adds those that only some contacts have.
 MEASURED: tuple[Measured, ...] = (
     Measured("flux_source", "1", "where the flux is known from: twin, estimate or sensor", show="no"),
     Measured(
@@ -54,16 +55,16 @@ MEASURED: tuple[Measured, ...] = (
 
 
 def begin(state: Record, name: str) -> None:
-    """Open the account of a contact, of which nothing is rendered yet."""
+    """Open the account of a contact that begins; the plate has rendered nothing of it yet."""
     state[f"{name}.account"] = 0.0
     state[f"{name}.beside"] = 0.0
 
 
 def render(state: Record, name: str, ready: bool, limited: bool, skin: float) -> bool:
-    """Note that the plate begins to render the contact; tell whether it has done so before in it.
+    """Note that the plate begins to render the contact; tell whether it had already rendered part of it before.
 
-    ``ready`` says whether it is at its start temperature, ``limited`` whether that was clipped to its band; ``skin``
-    [K] is the skin temperature before (NaN: unknown).
+    ``ready`` says whether the plate is at its start temperature, ``limited`` whether that was clipped to the plate's
+    band; ``skin`` [K] is the skin temperature before (NaN: unknown).
     """
     return bool(onset.render(state[f"{name}.account"], ready, limited, skin))
 
@@ -74,12 +75,12 @@ def add(state: Record, name: str, flux: float, desired: float, skin: float, peri
 
 
 def scored(state: Record, name: str, period: float) -> bool:
-    """Tell whether the flux of this tick counts: the touch is 0.1 s old."""
+    """Tell whether the flux error of this tick counts: it does from 0.1 s after the start of the touch on."""
     return bool(state[f"{name}.account"][onset.TICKS].item() * period >= SCORED_FROM)
 
 
 def compare(state: Record, name: str, sensor: float, deviation: float, desired: float) -> None:
-    """Take in, beside an estimate, what the sensor reads [W/m2], and the estimate's standard deviation [W/m2]."""
+    """Take in, beside an estimate, the sensor's reading [W/m2] and the estimate's standard deviation [W/m2]."""
     beside = state[f"{name}.beside"]
     beside[_RAW] += _relative(sensor - desired, desired)
     beside[_DEVIATION] += deviation * deviation
@@ -87,7 +88,7 @@ def compare(state: Record, name: str, sensor: float, deviation: float, desired: 
 
 
 def witness(state: Record, name: str, truth: float, estimate: float, desired: float) -> None:
-    """Take in what the flux truly was [W/m2], as a virtual rig knows it; ``estimate`` is NaN where it is an old one."""
+    """Take in the true flux [W/m2], which a virtual rig knows; ``estimate`` [W/m2], NaN in ticks without a new one."""
     beside = state[f"{name}.beside"]
     beside[_TRUE] += _relative(truth - desired, desired)
     beside[_SEEN] += 1.0
@@ -122,7 +123,7 @@ def measures(state: Record, name: str, source: str) -> dict[str, float | str | b
 
 
 def _beside(state: Record, name: str) -> dict[str, float | str | bool | None]:
-    """Return what is known beside the estimate: only where there is one, and the truth only in a virtual rig."""
+    """Return the figures that judge an estimate, where there is one; those of the true flux only in a virtual rig."""
     raw, deviation, read, true, seen, missed, asked = state[f"{name}.beside"].tolist()
     found: dict[str, float | str | bool | None] = {}
     if read:
@@ -133,13 +134,13 @@ def _beside(state: Record, name: str) -> dict[str, float | str | bool | None]:
 
 
 def ended(entry: Mapping[str, Any]) -> str:
-    """Return the few words of a contact that has ended."""
+    """Return a few words on a contact that has ended."""
     mean = entry.get("mean_flux_W_m2")
     return "no heat rendered" if mean is None else f"mean flux {mean:.0f} W/m2"
 
 
 def remarks(entry: Mapping[str, Any]) -> tuple[str, ...]:
-    """Say what a touch was not that it should have been, and how good its estimated flux is."""
+    """Say in which ways a touch was not as it should have been, and how good its estimated flux is."""
     found, where = [], f"{entry['object']} at {entry['begin_s']:.3f} s"
     if entry.get("plate_ready") is False:
         found.append(f"{where}: began before the plate was ready")
@@ -151,7 +152,7 @@ def remarks(entry: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _judged(entry: Mapping[str, Any]) -> str:
-    """Say how good the flux is: its deviation, the sensor's own comparison, and the truth of a virtual rig."""
+    """Say how far the flux is off: as estimated (with deviation), by the sensor alone, and truly in a virtual rig."""
     error, sensor = entry["flux_error_rms"] or 0.0, entry["sensor_error_rms"]
     line = f"{entry['object']}: flux off by {100.0 * error:.1f} % as estimated (+- "
     line += f"{entry['flux_deviation_W_m2']:.0f} W/m2), {100.0 * sensor:.1f} % by the sensor alone"

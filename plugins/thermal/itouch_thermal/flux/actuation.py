@@ -1,9 +1,9 @@
 """From the controller's current to the command of the display's driver: a current, or a temperature target.
 
-A driver of current is told the current.  A driver that holds a temperature has a proportional and integral law of its
-own, whose gains are in its data: it is told the temperature at which that law gives the wanted current on average
-until the next command.  What the plate's sensor will then read is extrapolated, and the driver's integral follows
-from the current that it reports and from the targets that are still on their way to it.
+A current driver is given the current.  A driver that holds a temperature has a PI controller of its own, whose gains
+are in its data: it is given the target at which this controller delivers the wanted current, on average until the next
+command.  To find that target, the readings of the plate's sensor are extrapolated, and the driver's integral is
+inferred from the current that it reports and from the targets that are still on their way to it.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from itouch.plugin import Field, Record
 from itouch.plugin.kernels import kernel
 from itouch_thermal.flux.setting import FluxModel
 
-#: Time constants [s] over which the plate's level and slope are taken, and the driver's integral.
+#: Time constants [s] of the filters of the plate's level and slope, and of the driver's integral.
 LEVEL, INTEGRAL = 0.03, 0.05
-#: Numbers of the memory: filtered reading of the plate and its slope, the driver's integral.
+#: Indices into the memory: filtered reading of the plate, its slope, the driver's integral; and its length.
 _PLATE, _SLOPE, _INTEGRAL, _MEMORY = range(4)
 
 
 def fields(model: FluxModel) -> tuple[Field, ...]:
-    """Return the State that a driver of temperature asks for."""
+    """Return the State fields that a temperature driver needs; a current driver needs none."""
     if model.display.command == "current":
         return ()
     delay = round(model.display.delay / model.period)
@@ -61,7 +61,7 @@ def issue(model: FluxModel, state: Record, current: float, hold: int) -> None:
         state[names.command] = current
         return
     display = model.display
-    flowing = state[names.actual or names.asked].item()  # a driver that reports none is taken at its word
+    flowing = state[names.actual or names.asked].item()  # one that reports no current is taken to give what was asked
     target, asked = target_for(
         state[names.driver], state[names.targets], state[names.plate_temperature].item(), flowing, current,
         display.target_gain, display.target_integral, model.current, model.band[0], model.band[1],
@@ -78,22 +78,25 @@ def target_for(
     driver: Any, targets: Any, plate: float, actual: float, current: float, gain: float, integral: float,
     ceiling: float, low: float, high: float, period: float, hold: int,
 ) -> tuple[float, float]:  # fmt: skip
-    """Return the temperature [K] to hold that gives a current [A] on average, and the current that it will give.
+    """Return the target [K] that gives a wanted mean current [A], and the current [A] that it will give.
 
     Parameters
     ----------
     driver
-        What is remembered of the driver, shape (3,); changed.
+        Memory of the driver, shape (3,): filtered plate reading [K], its slope [K/s], the driver's integral [A];
+        changed.
     targets
-        The targets of the last periods, oldest first: the one in force, then those on their way; changed.
+        The targets [K] of the last periods, oldest first: the one in force, then those on their way; changed.
     plate, actual
         Newest readings of plate [K] and current [A].
+    current
+        The wanted current [A].
     gain, integral, ceiling
-        The driver's law [A/K], [A/(K s)] and its greatest current [A].
+        The driver's proportional [A/K] and integral gain [A/(K s)], and its greatest current [A].
     low, high
-        What may be commanded [K].
+        Lowest and highest target that may be commanded [K].
     period, hold
-        Of the servo loop [s], and how many periods the target will stand.
+        Period of the servo loop [s], and for how many periods the target will stand.
     """
     _observe(driver, targets[0], plate, actual, gain, integral, ceiling, period * hold)
     level, slope, summed = driver[0], driver[1], driver[2]
@@ -115,7 +118,7 @@ def target_for(
 def _observe(
     driver: Any, target: float, plate: float, actual: float, gain: float, integral: float, ceiling: float, time: float
 ) -> None:
-    """Filter what the plate reads with its slope, and keep the driver's integral by what current it reports."""
+    """Filter the plate's reading and its slope, and update the driver's integral from the current that it reports."""
     part = min(1.0, time / LEVEL)
     driver[0] += driver[1] * time
     miss = plate - driver[0]

@@ -1,7 +1,7 @@
 """Before the touch: which object the finger approaches, the plate's start temperature for it, and when it is ready.
 
-With ``equalise`` readiness comes after the same time for every object, the longest switch included: neither a delay
-nor its absence tells which material is there.  (What the table does before a touch depends on finger and shape alone.)
+With ``equalise`` the plate is ready after the same time for every object, long enough for the longest switch: neither
+a delay nor its absence reveals the material.  (What the table does before a touch depends on finger and shape alone.)
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from itouch_thermal.flux.usual import READY, TOUCHED, aim_at, judged, neutral
 
 
 def coming(model: FluxModel, state: Record) -> int:
-    """Return the object that the plate will render, -1 for none: a taller neighbour may be nearer to the finger."""
+    """Return the object that the plate will render, -1: none; it is the one below, even if a taller one is nearer."""
     names = model.names
     near: int = state[names.near_object].item()
     below: int = state[names.below].item()
@@ -26,7 +26,7 @@ def coming(model: FluxModel, state: Record) -> int:
 
 
 def aim(model: FluxModel, state: Record, index: int, tick: int) -> None:
-    """Aim for the object that the finger approaches; where nothing is known of its heat the plate stays as it is."""
+    """Aim for the object that the finger approaches; if nothing is known of its heat, the start temperature stays."""
     names = model.names
     state[names.preset_begun] = tick
     if index < 0:
@@ -38,7 +38,7 @@ def aim(model: FluxModel, state: Record, index: int, tick: int) -> None:
 
 
 def equal(model: FluxModel, state: Record, period: float) -> None:
-    """Aim for the skin's temperature during calibration: a plate that is felt then does not cool the finger."""
+    """Aim for the skin's temperature during calibration, so that a plate that is felt then does not cool the finger."""
     names, valid = model.names, model.skin_valid
     seen = bool(model.skin_from) and (not valid or state[valid].item() >= 0.5)
     state[names.approached] = -1
@@ -58,7 +58,7 @@ def on_plate(model: FluxModel, state: Record) -> bool:
 
 
 def follow(model: FluxModel, state: Record, tick: int) -> None:
-    """Aim anew for what is near, now and then: object and skin recover from the last touch meanwhile."""
+    """Renew the start temperature for the near object now and then, as it and the skin recover from the last touch."""
     if tick % model.again >= model.hold:
         return
     wanted = _wanted(model, state, state[model.names.approached].item())
@@ -67,12 +67,12 @@ def follow(model: FluxModel, state: Record, tick: int) -> None:
 
 
 def _wanted(model: FluxModel, state: Record, index: int) -> float | None:
-    """Return the start temperature [K] that the object wants as it and the skin are now."""
+    """Return the start temperature [K] for an object, as warm as it and the skin are now; None: it is unknown."""
     return model.start(index, _skin(model, state), model.warmed(index, state))
 
 
 def _skin(model: FluxModel, state: Record) -> float:
-    """Return the skin's temperature [K]: what is seen of it, else that of the finger that is computed."""
+    """Return the skin's temperature [K]: as read, else that of the model finger, or without one that of the scene."""
     if model.skin_from and not (model.maybe_blind and state[model.skin_valid].item() < 0.5):
         return float(state[model.skin_from].item())
     if not model.heat or model.law is None or model.preview is None:
@@ -88,7 +88,7 @@ def _set(model: FluxModel, state: Record, wanted: float) -> None:
 
 
 def judge(model: FluxModel, state: Record, error: float, tick: int) -> None:
-    """Say how ready a plate is that differs from its start temperature by an error [K]."""
+    """Write the readiness of a plate that differs from its start temperature by an error [K]."""
     names = model.names
     passed = 1.0
     if model.preset_time > 0.0:

@@ -7,7 +7,7 @@ import math
 from itouch.plugin import ParameterError
 from itouch_thermal.display.params import DisplayParams
 
-#: How far above the dew point a plate is kept that shall stay dry [K].
+#: How far above the dew point a plate is kept if it is to stay dry [K].
 MARGIN = 1.0
 
 
@@ -37,7 +37,7 @@ def driest(band: tuple[float, float], dew: float) -> tuple[float, float]:
     Raises
     ------
     ValueError
-        If nothing is left of it.
+        If nothing is left of the band.
     """
     low = max(band[0], dew + MARGIN)
     if low >= band[1] - MARGIN:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import QuantityError, parse_quantity
 
-#: What a file may have at most: bytes, and the greatest flux [W/m2] and time [s] that are believed.
+#: Limits of a file: its size [bytes], the greatest flux [W/m2] and the latest time [s].
 LARGEST_FILE, LARGEST_FLUX, LONGEST = 32 << 20, 1e6, 86400.0
 
 Array = NDArray[np.float64]
@@ -72,14 +72,14 @@ def read_curve(folder: str, name: str) -> Curve:
     Parameters
     ----------
     folder
-        The folder, which the file must be in.
+        The folder, inside which the file must be.
     name
         Path of the file, relative to the folder.
 
     Raises
     ------
     ValueError
-        Naming the file, the row and what is wrong there.
+        Naming the file, what is wrong, and the line in which it is.
     """
     path = _inside(folder, name)
     try:
@@ -96,12 +96,12 @@ def read_curve(folder: str, name: str) -> Curve:
 
 
 def decode_curve(data: bytes, name: str) -> Curve:
-    """Return the curve that the content of a file holds.
+    """Return the curve that the content of a file holds; ``name`` is that of the file, for messages.
 
     Raises
     ------
     ValueError
-        Naming the file, the row and what is wrong there.
+        Naming the file, what is wrong, and the line in which it is.
     """
     try:
         return parse_curve(data.decode("utf-8-sig"))
@@ -155,7 +155,7 @@ def parse_curve(text: str) -> Curve:
 
 
 def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the rows that hold anything, with their line."""
+    """Yield line number and cells of each row that is neither empty nor a comment."""
     reader = csv.reader(io.StringIO(text, newline=""))
     try:
         for row in reader:

@@ -1,4 +1,4 @@
-"""What a recorded curve asks of the skin, and the start temperature from which the display can follow it."""
+"""The skin temperature under a recorded flux curve, and the start temperature from which a display can follow it."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from itouch_thermal.laws import press_factor
 
 
 def skin_under(column: Column, finger: Array, flux: Array) -> Array:
-    """Return the skin temperature [K] at the ends of steps at which a flux [W/m2] leaves the finger, same shape.
+    """Return the skin temperature [K] at the ends of steps, at which a flux [W/m2] out of the finger is given.
 
-    ``finger`` are the coordinates before the first step; the flux is linear within a step, constant in the first.
+    Flux and result have the shape (steps,); ``finger`` (modes,) are the coordinates of the finger [K] before the first
+    step.  The flux is linear within a step, constant in the first.
     """
     rows, state, before = column.tissue, finger.copy(), float(flux[0])
     found = np.empty(len(flux))

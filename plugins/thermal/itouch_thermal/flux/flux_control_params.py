@@ -1,4 +1,4 @@
-"""What ``<thermal:flux-control>`` may hold."""
+"""Attributes and child elements of ``<thermal:flux-control>``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from itouch.plugin import Role, schema
 
-#: What the display must read, whatever it calls it.
+#: Roles that readings of the display must have, whatever their names.
 READS = (Role.SKIN_CONTACT_TEMPERATURE, Role.HEAT_SINK_TEMPERATURE, Role.HEAT_FLUX)
 
 

@@ -15,12 +15,12 @@ from itouch_thermal.flux.preview import Preview, first_steps
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.heat import table_of
 
-#: Nothing is on its way over a wire.
+#: The ``out`` of `law.Coming` where no command is on its way over a wire.
 _NOTHING = (0.0, 0.0, 0.0)
 
 
 def joins(model: FluxModel, state: Record) -> bool:
-    """Tell whether ticks of a scene can join: the model, a current without a wire, and what is true."""
+    """Tell whether a scene's ticks can join: `model` commands a current without a wire, and a twin knows the truth."""
     known = model.law is not None and model.preview is not None and bool(model.heat)
     plain = not model.wire and model.display.command == "current"
     names = model.names
@@ -28,7 +28,7 @@ def joins(model: FluxModel, state: Record) -> bool:
 
 
 def bounds(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> tuple[Bound, ...]:
-    """Return an update on these views as compiled calls, of which the first leaves to Python what is unusual."""
+    """Return the update on these views of State as compiled calls; the first one leaves unusual ticks to Python."""
     scene, own, memory = _scene(model, state), _own(model, state), _memory(law, state)
     given, figures = _given(model, law, course), _figures(model, law, course)
     taken = usual.Taken(np.ones(1), np.zeros(1), np.ones(1), np.zeros(1, np.int64))
@@ -40,7 +40,7 @@ def bounds(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> t
 
 
 def heard(model: FluxModel, law: ModelLaw, course: Preview, state: Record, event: HeardContact) -> Bound:
-    """Return what is done with an event on these views as a compiled call, which leaves to Python what is unusual."""
+    """Return the handling of an event on these views as a compiled call, which leaves unusual ones to Python."""
     given, figures = _given(model, law, course), _figures(model, law, course)
     return Bound(usual.hear, event, _scene(model, state), _own(model, state), given, figures, _memory(law, state))
 
@@ -61,7 +61,7 @@ def _own(model: FluxModel, state: Record) -> usual.Own:
 
 
 def _memory(law: ModelLaw, state: Record) -> usual.Memory:
-    """Return the law's State; of the currents on their way those that are no whole coarse step, and the others."""
+    """Return the law's State, with the currents on their way cut to their number: single ones, and coarse steps."""
     single, queue = law.delay % law.coarse_ticks, law.delay // law.coarse_ticks
     views = {name: state[law.prefix + name] for name in usual.Memory._fields}
     return usual.Memory(**{**views, "single": views["single"][:single], "queue": views["queue"][:queue]})

@@ -1,8 +1,8 @@
-"""Readings that come late over a wire: what the estimator would have read, kept for some time, and its corrections.
+"""Readings that arrive late over a wire: the readings that were expected, kept for a while, and the corrections.
 
-All that the estimator does not know is in its parameters.  So a reading that was measured a while ago says the same of
-them whenever it comes: what was expected then and its derivatives are kept period by period, the parameters move by
-the difference, and with them the column of now, by its own derivatives.
+All that the estimator does not know is in its parameters, so a reading says the same about them whenever it arrives.
+Therefore the expected readings and their derivatives are kept for each period.  The difference of a late reading from
+the one expected at its time moves the parameters and, by its own present derivatives, the column.
 """
 
 from __future__ import annotations
@@ -13,24 +13,25 @@ from typing import Any
 from itouch.plugin.kernels import kernel
 from itouch_thermal.flux import observer as at
 
-#: What is kept beside it: the next row, how many hold what still counts, and whether the plate is disturbed.
+#: Indices of ``kept``: the row to write next, how many rows still count, whether the plate is disturbed; its length.
 NEXT, VALID, DISTURBED, KEPT = 0, 1, 2, 3
 
 
 @kernel
 def width(count: int) -> int:
-    """Return how many numbers a row of the past has, with so many parameters.
+    """Return how many numbers a row of ``past`` has, with ``count`` parameters.
 
-    They are what the flux sensor would have read and its derivatives, the film's, and the parameters then.
+    They are the expected reading of the flux sensor and its derivatives, the same of the film's temperature, and the
+    parameters at that time.
     """
     return 2 * (1 + count) + count
 
 
 @kernel
 def remember(x: Any, theta: Any, memory: Any, past: Any, kept: Any, column: int) -> None:
-    """Keep what would be read now; ``column`` is where the readings stand in a row of ``x``.
+    """Keep the readings that are expected now; ``column`` is the number of modes, which precede them in a row of ``x``.
 
-    A plate that begins to be disturbed, or is so no longer, begins anew: what was expected before says nothing now.
+    When a disturbance of the plate begins or ends, the earlier rows no longer count: they say nothing about it now.
     """
     row, film = past[int(kept[NEXT])], x.shape[0]
     for k in range(film):
@@ -45,7 +46,10 @@ def remember(x: Any, theta: Any, memory: Any, past: Any, kept: Any, column: int)
 
 @kernel
 def expected(theta: Any, past: Any, kept: Any, back: int, first: int) -> Any:
-    """Return the row of ``back`` periods ago and what it makes expected with the parameters of now."""
+    """Return the row of ``back`` periods ago, and the reading expected for then with the present parameters.
+
+    ``first`` is where the reading stands in the row: 0 for the flux sensor, 1 + the number of parameters for the film.
+    """
     row = past[(int(kept[NEXT]) - 1 - back) % past.shape[0]]
     found = row[first]
     parameters = 2 * (1 + theta.shape[0])
@@ -59,22 +63,22 @@ def recall(
     c: Any, plate: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any, past: Any, kept: Any, press: float,
     flux_back: int, flux: float, film_back: int, film: float, sink: float, since: float, column: int,
 ) -> None:  # fmt: skip
-    """Take in readings that were measured so many periods ago; what is too old, or NaN, is left out.
+    """Take in readings that were measured some periods ago; those that are too old, or NaN, are left out.
 
     Parameters
     ----------
     c, plate, x, theta, cover, gain, memory
-        Of the estimator, as it is now.
+        The estimator as it is now, see `observer.advance` and `observer.correct`.
     past, kept
-        What was expected, see `remember`.
+        The readings that were expected, see `remember`.
     press
-        How much the finger is being pressed on, see `observe`.
+        How strongly the finger is being pressed on, see `observer.observe`.
     flux_back, film_back
-        How many periods ago flux [W/m2] and film [K] were measured.
+        How many periods ago ``flux`` [W/m2] and ``film`` [K] were measured.
     sink, since
         Reading of the sink [K], and seconds since the one before.
     column
-        Where the readings stand in a row of ``x``.
+        The number of modes, which precede the readings in a row of ``x``.
     """
     if sink == sink:
         memory[at.M_SINK] += min(1.0, at.SINK_RATE * since) * (sink - memory[at.M_SINK_SEEN])
@@ -101,7 +105,7 @@ def recall(
 def _follow(
     c: Any, plate: Any, x: Any, theta: Any, memory: Any, past: Any, kept: Any, back: int, film: float, column: int
 ) -> None:
-    """Move a disturbed plate towards a late reading of its film, and with it what has been expected since."""
+    """Move a disturbed plate towards a late reading of its film, and all readings that were expected by as much."""
     if not (film == film and kept[DISTURBED] > 0.0 and back < kept[VALID]):
         return
     row = past[(int(kept[NEXT]) - 1 - back) % past.shape[0]]
@@ -114,7 +118,7 @@ def _follow(
 
 @kernel
 def estimate(x: Any, cover: Any, column: int) -> Any:
-    """Return the contact flux [W/m2] that is believed in, and its standard deviation by the parameters' covariance."""
+    """Return the estimated contact flux [W/m2], and its standard deviation by the parameters' covariance."""
     total = 0.0
     for a in range(cover.shape[0]):
         for b in range(cover.shape[0]):

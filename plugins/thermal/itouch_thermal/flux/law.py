@@ -21,10 +21,10 @@ from itouch_thermal.flux import observer as at
 
 
 class Coming(NamedTuple):
-    """What becomes of the current that is asked for now.
+    """What will become of the current that is asked for now.
 
-    It leaves in ``wait`` periods and is held for ``hold`` of them; ``out`` is the current [A] that leaves until, in
-    so many periods, that one leaves which was sent last: (until then, from then on, when).
+    It leaves in ``wait`` periods and is held for ``hold`` periods.  ``out`` says what leaves before it: one current
+    [A], then another [A], and in how many periods the second takes the place of the first.
     """
 
     hold: int = 1
@@ -32,35 +32,38 @@ class Coming(NamedTuple):
     out: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-#: Without a wire.
+#: A current that leaves at once and is held for one period, as without a wire.
 AT_ONCE = Coming()
 #: Length of the plan's coarse steps [s], as near as the period allows.
 COARSE = 5e-3
-#: How far a display may differ from its data sheet, before a first touch tells: a standard deviation of each parameter.
+#: How far a display may differ from its data sheet, before its first touch shows it: the standard deviation of each
+#: parameter.
 PRIOR = (0.25, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 20.0, 0.7)
-#: And behind a wire of when the finger came, and of the delay [s].
+#: The same, behind a wire, for the time at which the finger came, and for the delay [s].
 PRIOR_ONSET, PRIOR_DELAY = 4e-3, 4e-3
 #: Random walk of the unexplained flux [W/m2 per root second] and of the plate sensor's offset [K per root second].
 DRIFT_FLUX, DRIFT_OFFSET = 3.0, 1e-3
-#: Part by which the flux sensor of a rig that somebody has built may lag otherwise than its data say: what filters and
-#: converts there is no simple lag.  It counts while the reading is still on its way to the flux.
+#: Share of its remaining way to the flux by which the flux sensor's reading may be wrong on a rig of one's own: its
+#: filter and converter are no simple lag.  It counts as noise of the reading.
 LAGS = 0.1
-#: Part of the squared response below which a change of the plan is not worth its noise.
+#: Added to the squared response of the flux to a change of the plan: a change with less effect is not worth its noise.
 SMOOTH = 1e-5
-#: Time [s] in which an error of the plate's heat is made good before a touch.
+#: Time [s] in which an error of the plate's heat is corrected before a touch.
 DEADBEAT = 0.012
-#: The plate's modes count from here [K].
+#: Temperature [K] from which the plate's modes are counted.
 REFERENCE = 296.15
-#: Recompute the plan's responses after so many seconds of a touch.
+#: How often the plan's responses are recomputed in a touch [s].
 REFRESH = 16e-3
-#: Greatest rate of the plate in a touch [K/s], as a mean over so many seconds, and the part of it that is used.
+#: Greatest rate of the plate's temperature in a touch [K/s], the time over which it is averaged [s], and the share of
+#: it that is used.
 RATE, RATE_OVER, RATE_USED = 10.0, 0.5, 0.98
-#: A change of the contact resistance is acted upon from so many deviations on, while these are more than enough.
+#: A change of the contact resistance is acted upon as far as it exceeds this many standard deviations, and a standard
+#: deviation up to the second number is small enough to act upon any change.
 SURE, ENOUGH = 2.0, 0.015
-#: Time [s] that a pump is given to stop the face, and how far from the ends of its band [K].
+#: Time [s] in which the pump can stop the face at an end of its band, and how far inside that end it does so [K].
 STOPPING, SLACK = 0.05, 0.02
 
-#: Unit and meaning of each piece of its State, in order.
+#: Unit and meaning of each field of its State, in order.
 _MEANINGS = {
     "x": ("mixed", "the column of finger and plate, and its derivative with respect to each parameter"),
     "theta": ("mixed", "what the estimator has found of the parameters"),
@@ -81,14 +84,14 @@ _MEANINGS = {
     "past": ("mixed", "what was expected to be read in the last periods, with its derivatives"),
     "kept": ("1", "the next row of `past`, how many rows count, and whether the plate is disturbed"),
 }
-#: Pieces of its State by which a law tracks a plate, and which its plan needs beside them, as kernels take them.
+#: Fields of State with which a law tracks a plate, and those that planning needs besides, in the order of the kernels.
 _TRACKED = ("x", "theta", "cover", "gain", "memory", "line", "slots", "trace", "past", "kept")
 _RENDERING = ("wanted", "response", "knots", "work", "span")
 
 
 @kernel
 def _coming(line: Any, slot: int, delay: int, out: Any, i: int) -> float:
-    """Return the current that will act ``i`` periods from now, if no other leaves; ``out`` as in `Coming`."""
+    """Return the current [A] that will act ``i`` periods from now if no other leaves; ``out`` as in `Coming`."""
     if i < delay:
         return float(line[(slot + i) % delay])
     return float(out[0] if i - delay < out[2] else out[1])
@@ -98,9 +101,9 @@ def _coming(line: Any, slot: int, delay: int, out: Any, i: int) -> float:
 def _queue(
     line: Any, slot: int, delay: int, out: Any, size: int, fine: Any, coarse: Any, flows: float, most: float
 ) -> None:
-    """Sort the currents on their way, oldest first: one by one what is no whole coarse step, then means.
+    """Fill in the currents [A] on their way: the oldest, which make no whole coarse step, singly; then means per step.
 
-    ``flows`` is the current [A] that flows, ``most`` by how much it may change in a period; 0: as it will.
+    ``flows`` is the current [A] that flows now, ``most`` [A] by how much it may change in a period; 0: by any amount.
     """
     first = fine.shape[0]
     for i in range(first):
@@ -120,7 +123,7 @@ def _track(
     trace: Any, past: Any, kept: Any, size: int, sent: float, scale: float, press: float, flux: float, film: float,
     sink: float,
 ) -> None:  # fmt: skip
-    """Take in what was sent and read, in one call a tick."""
+    """Take in the current that was sent and the readings, in one call per period; see `ModelLaw.track`."""
     delay = int(slots[1])
     current = sent
     if delay > 0:
@@ -143,9 +146,9 @@ def _pass(
     trace: Any, past: Any, kept: Any, size: int, count: int, before: float, after: float, change: int, scale: float,
     press: float,
 ) -> None:  # fmt: skip
-    """Let ``count`` periods pass without readings; in period ``change``, counted from 0, another current has left.
+    """Let ``count`` periods pass without readings; from period ``change`` on, counted from 0, ``after`` [A] leaves.
 
-    A negative ``change`` says that it has left so many periods ago already: what is on its way is put right.
+    A negative ``change`` says that it left so many periods ago already: the currents on their way are corrected.
     """
     delay = int(slots[1])
     for i in range(min(-change, delay)):
@@ -174,7 +177,7 @@ def _begin(
 
 @kernel
 def _limits(band: Any, trace: Any, first: int, allowed: float, out: Any) -> None:
-    """Fill the face's band at the ends of the horizon's steps: the plate's, and what its rate permits."""
+    """Fill the band (2, steps) of the face [K] at the ends of the horizon's steps, by the plate's band and its rate."""
     for i in range(out.shape[1]):
         before = trace[(first + i) % trace.shape[0]]
         out[0, i] = max(band[0], before - allowed)
@@ -186,7 +189,7 @@ def _approach(
     c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, line: Any, slots: Any, out: Any, wait: int,
     target: float, capacity: float, limit: float, ceiling: float, within: float,
 ) -> Any:  # fmt: skip
-    """Return the current [A] that brings the plate's heat to a target [K], the flux behind it and the error [K]."""
+    """Return the current [A] that brings the plate to a target [K], its flux [W/m2], and the error [K] as it acts."""
     n, m = tissue.shape[1], plate.shape[1]
     gp = 1.0 / (1.0 + theta[at.PLATE])
     seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
@@ -195,7 +198,7 @@ def _approach(
     shift, most = planner.later(theta) / c[at.O_PERIOD], c[at.O_SLEW] * c[at.O_PERIOD]
     if shift != 0.0 or most > 0.0:
         before = memory[at.M_BEFORE]
-    # Where an earlier touch has left the plate warmer or colder under the finger than beside it, that fades by itself.
+    # If an earlier touch has left the plate warmer or colder under the finger than beside it, this fades by itself.
     mean, excess, soon = c[at.O_REFERENCE], 0.0, delay + wait + within / c[at.O_PERIOD]
     for i in range(m):
         mean += plate[P_MEAN, i] * x[0, n + i]
@@ -219,7 +222,7 @@ def _approach(
 
 @kernel
 def _pumped(c: Any, theta: Any, current: float, back: float, hot: float) -> float:
-    """Return the flux [W/m2] that is believed to be pumped under a current [A]."""
+    """Return the flux [W/m2] that is pumped at a current [A], as estimated; ``back`` of plate and ``hot`` sink [K]."""
     seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
     ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])
     pumped = seebeck * back * current - 0.5 * current * current * ohmic - legs * (hot - back)
@@ -233,7 +236,7 @@ def _follow(
     trace: Any, span: Any, limit: float, ceiling: float, band: Any, heat: float, doubt: float, size: int, hold: int,
     every: int, out: Any, wait: int,
 ) -> Any:  # fmt: skip
-    """Return the current [A] that follows the plan, and the flux behind it."""
+    """Return the current [A] that follows the plan, and the pumped flux [W/m2] that it is for."""
     n, m = tissue.shape[1], plate.shape[1]
     o = n + m
     above, below, rest = work[:n], work[n:o], work[o:]
@@ -266,7 +269,7 @@ def _follow(
     coming, step = flux + spill, size * period
     for i in range(m):
         face += plate[P_PORT, i] * below[i]
-        # What keeps the face where it is: less than the contact's flux, by what flows on to the plate beside it.
+        # The pumped flux that holds the face's temperature: the contact's, less what spreads into the plate beside it.
         coming -= heat / gp * plate[P_EXCESS, i] * (1.0 - plate[P_DECAY, i]) / step * below[i]
     first = int(memory[at.M_AGE] / size) + single.shape[0] // size + queue.shape[0] + 1
     _limits(band, trace, first, RATE * RATE_OVER * RATE_USED, span)
@@ -275,9 +278,9 @@ def _follow(
         (ticks + slots[1] + wait) * period, step, spill,
         _pumped(c, theta, before, back, hot),
     )  # fmt: skip
-    # A current that is held for long carries the plan's mean over that time.
+    # A current that is held for long gives the plan's mean over that time.
     flux = last[0] + 0.5 * min(1.0, hold * period / planner.KNOTS[1]) * (last[1] - last[0])
-    # Towards an end of its band the pump may at most carry what keeps the plate there.
+    # Near an end of the face's band, no more flux is pumped than stops the face there.
     heat /= gp
     flux = min(flux, coming + heat * (face - span[0, 0] - SLACK) / STOPPING)
     flux = max(flux, coming - heat * (span[1, 0] - SLACK - face) / STOPPING)
@@ -294,7 +297,7 @@ def _rendered(
     offsets: Any, press: Any, hats: Any, limit: float, ceiling: float, band: Any, heat: float, size: int, hold: int,
     out: Any, found: Any, fingers: Any,
 ) -> None:  # fmt: skip
-    """Let a law render a contact on a plant, a call a period, see `ModelLaw.rendered`."""
+    """Let a law render a contact on a plant, one call per period; see `ModelLaw.rendered`."""
     x, theta, cover, _, memory, line, slots, trace, _, _ = own
     single, queue, wanted, response, knots, work, span = rendering
     n, o = fine.shape[1], fine.shape[1] + below_fine.shape[1]
@@ -307,7 +310,7 @@ def _rendered(
             response, hats, knots, work, trace, span, limit, ceiling, band, heat, doubt, size, hold, 1, out, 0,
         )  # fmt: skip
         read, film = math.nan, math.nan
-        for who in range(2):  # the plant first, whose readings the law takes in; one call in the code is compiled once
+        for who in range(2):  # the plant first: the law takes in its readings; one call site is compiled only once
             some = plant if who == 0 else own
             _track(
                 c, fine, below_fine, some[0], some[1], some[2], some[3], some[4], some[5], some[6], some[7], some[8],
@@ -319,7 +322,7 @@ def _rendered(
 
 
 class ModelLaw:
-    """The `model` controller on a record of State; it keeps only constants.
+    """The `model` controller: all that changes is in a record of State, the object keeps only constants.
 
     Parameters
     ----------
@@ -330,17 +333,17 @@ class ModelLaw:
     resistance
         Contact resistance [K m2/W] that is expected.
     ambient
-        Room [K].
+        Room temperature [K].
     period
         Seconds between two calls.
     band, ceiling
         Lowest and highest plate temperature [K]; greatest current [A].
     prefix
-        Of its fields' names in the State.
+        Prefix of its fields' names in State.
     longest
-        For how many periods it keeps what it expected to read: readings may come so late.
+        By how many periods a reading may be late; for so long the expected readings are kept.
     wait
-        Most periods for which a command may wait until it leaves, beside the display's delay.
+        Greatest number of periods for which a command may wait until it leaves, in addition to the display's delay.
     """
 
     def __init__(
@@ -364,19 +367,19 @@ class ModelLaw:
         self.pad = np.array((*display.pad, display.area, display.sensor_area))
         self.band = np.array(band)
         self.constants = _constants(display, self.fine.rest, resistance, ambient, period)
-        #: Behind a wire nobody knows to some milliseconds when a command acts: then the delay is a parameter.  Not on a
-        #: rig that somebody has built: its filters and slow thermistors are no simple lags, and look like a delay.
+        #: Behind a wire it is uncertain by some milliseconds when a command acts, so the delay is a parameter.  Not on
+        #: a rig of one's own: its filters and slow thermistors are no simple lags, and would be taken for a delay.
         of_wire = (PRIOR_ONSET, PRIOR_DELAY) if display.line is None else (PRIOR_ONSET,)
         self.prior = np.array((*PRIOR, *of_wire) if longest > 0 else PRIOR)
-        #: Behind a wire readings are so few that the resistance stays uncertain for a whole touch: what is found of it
-        #: is acted upon at once, else a weak flux stays off by as much.  Not on a rig of one's own, whose estimate
-        #: moves more with each reading.
+        #: Behind a wire readings are so few that the resistance stays uncertain for a whole touch: its estimate is
+        #: acted upon at once, or else a weak flux would stay wrong by as much.  Not on a rig of one's own, where the
+        #: estimate moves more with each reading.
         self.believes = longest > 0 and display.line is None
-        #: Where in the future, counted in periods from the last end of a step, the plan looks.
+        #: The future times at which the plan looks, in periods from the end of the last step.
         self.offsets = self.delay + np.arange(1, self.steps + 1) * self.coarse_ticks - 1
 
     def coarser(self) -> ModelLaw:
-        """Return the same law called once in a coarse step, with readings that are means over it."""
+        """Return the same law with the coarse step as its period, and with readings that are means over it."""
         band = float(self.band[0]), float(self.band[1])
         calmer = 1.0 / math.sqrt(self.coarse_ticks)
         noise, film_noise = self.display.flux_noise * calmer, self.display.plate_noise * calmer
@@ -384,7 +387,7 @@ class ModelLaw:
         return ModelLaw(display, *self.given, self.step, band=band, ceiling=self.ceiling)
 
     def fields(self) -> tuple[Field, ...]:
-        """Return its State."""
+        """Return the fields of its State."""
         n, m = self.fine.tissue.shape[1], self.fine.plate.shape[1]
         wide, count = n + m + at.X_TAIL, len(self.prior)
         size: dict[str, int | tuple[int, ...]] = {
@@ -408,7 +411,7 @@ class ModelLaw:
         )  # fmt: skip
 
     def reset(self, state: Record) -> None:
-        """Begin with an even plate at the room's temperature and the data sheets' values."""
+        """Begin with a plate uniformly at the room's temperature, and with the data sheets' values."""
         p = self.prefix
         n, m = self.fine.tissue.shape[1], self.fine.plate.shape[1]
         for field in self.fields():
@@ -424,16 +427,16 @@ class ModelLaw:
         state[p + "slots"][1] = self.delay
 
     def feel(self, state: Record, force: float | None) -> None:
-        """Say with what force [N] the finger presses (None: not at all); the part over the sensor follows from it."""
+        """Set how much of the sensor the finger covers, by the force [N] with which it presses (None: not at all)."""
         state[self.prefix + "memory"][at.M_PART] = 1.0 if force is None else at.seen(self.pad, force)
 
     def track(
         self, state: Record, sent: float, flux: float, film: float, sink: float, scale: float = 1.0, press: float = -1.0
     ) -> None:
-        """Take in the current [A] sent a tick ago and the newest readings.
+        """Take in the current [A] sent a tick ago and the newest readings, of flux [W/m2], film and sink [K].
 
-        ``scale`` is the resistance that the force explains, as a multiple of the expected one, and ``press`` how much
-        the finger is being pressed on (below 0: as much as the scale is above 1, as in a press of 50 ms).
+        ``scale`` is the resistance that the force explains, as a multiple of the expected one, and ``press`` how
+        strongly the finger is being pressed on (below 0: by as much as the scale exceeds 1, as in a press of 50 ms).
         """
         s, p = state, self.prefix
         _track(
@@ -446,9 +449,10 @@ class ModelLaw:
         self, state: Record, count: int, before: float, after: float, change: int, scale: float = 1.0,
         press: float = -1.0,
     ) -> None:  # fmt: skip
-        """Let ``count`` periods pass without readings, in which the current [A] that has left changed once.
+        """Let ``count`` periods pass without readings, in which the current [A] that leaves changed once.
 
-        In period ``change``, counted from 0, ``after`` left; negative: so many periods ago.
+        Until period ``change``, counted from 0, ``before`` left, from it on ``after``; negative: from so many periods
+        ago on.
         """
         s, p = state, self.prefix
         _pass(
@@ -461,9 +465,10 @@ class ModelLaw:
         self, state: Record, flux: float, flux_back: int, film: float, film_back: int, sink: float, since: float,
         press: float = 0.0,
     ) -> None:  # fmt: skip
-        """Take in readings of flux, film and sink; flux and film were measured so many periods ago.
+        """Take in late readings of flux [W/m2], film and sink [K].
 
-        ``since`` is the time [s] since the readings before, ``press`` as in `track`.
+        Flux and film were measured ``flux_back`` and ``film_back`` periods ago; ``since`` is the time [s] since the
+        readings before, ``press`` as in `track`.
         """
         s, p = state, self.prefix
         late.recall(
@@ -473,13 +478,13 @@ class ModelLaw:
         )  # fmt: skip
 
     def estimate(self, state: Record) -> tuple[float, float]:
-        """Return the contact flux [W/m2] that it believes in, and its standard deviation."""
+        """Return the estimated contact flux [W/m2], and its standard deviation."""
         column = self.fine.tissue.shape[1] + self.fine.plate.shape[1]
         found: tuple[float, float] = late.estimate(state[self.prefix + "x"], state[self.prefix + "cover"], column)
         return found
 
     def approach(self, state: Record, target: float, coming: Coming = AT_ONCE) -> tuple[float, float, float]:
-        """Return current [A] and flux [W/m2] that bring the plate to ``target`` [K], and how far it is [K]."""
+        """Return current [A] and flux [W/m2] that bring the plate to ``target`` [K], and its error [K] as they act."""
         s, p = state, self.prefix
         found: tuple[float, float, float] = _approach(
             self.constants, self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "memory"],
@@ -489,17 +494,17 @@ class ModelLaw:
         return found
 
     def disturb(self, state: Record) -> None:
-        """Say that something else than air is on the plate."""
+        """Note that something other than air touches the plate: for a while nothing is learnt from its readings."""
         state[self.prefix + "memory"][at.M_QUIET] = at.QUIET
 
     def place(self, state: Record, finger: Array) -> None:
-        """Say what finger is about to touch, by its coordinates (modes,) [K], the modes of ``fine``."""
+        """Set the finger that is about to touch, by its coordinates (modes,) [K] in the modes of ``fine``."""
         state[self.prefix + "x"][0, : len(finger)] = finger
 
     def begin(self, state: Record, flux: float, scale: float = 1.0, onset: float = PRIOR_ONSET) -> None:
         """Set the finger on the plate; ``flux`` [W/m2] is the last one pumped, ``scale`` as in `track`.
 
-        ``onset`` is the standard deviation [s] of when it came, which counts behind a wire.
+        ``onset`` is the standard deviation [s] of the time at which it came; it is used only behind a wire.
         """
         s, p = state, self.prefix
         _begin(
@@ -508,7 +513,7 @@ class ModelLaw:
         )  # fmt: skip
 
     def end(self, state: Record) -> None:
-        """Take the finger off."""
+        """Take the finger off the plate."""
         s, p = state, self.prefix
         at.end_touch(self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "memory"])
 
@@ -517,7 +522,7 @@ class ModelLaw:
     ) -> tuple[float, float]:
         """Return current [A] and flux [W/m2] that make the contact flux follow the field ``wanted``.
 
-        It is called every so many periods.
+        It is called once in ``every`` periods; ``scale`` as in `track`.
         """
         s, p, ahead = state, self.prefix, self.delay + coming.wait
         doubt = 0.0 if self.believes else s[p + "cover"][at.RESISTANCE, at.RESISTANCE].item()
@@ -534,7 +539,7 @@ class ModelLaw:
     def rendered(self, own: Record, plant: Record, flux: Array, press: Array, steps: int) -> tuple[Array, Array]:
         """Render a contact on a plant that is this law's own model, with readings that come at once.
 
-        The law must not believe at once in what it finds of the resistance (``believes``).
+        Only for a law that weighs its doubt about the resistance, that is, whose ``believes`` is false.
 
         Parameters
         ----------
@@ -542,7 +547,7 @@ class ModelLaw:
             State of the law and of the plant, as their touch begins.
         flux, press
             Desired flux [W/m2] and the resistance as a multiple of the expected one, at the ends of the periods; longer
-            than ``steps`` by what is planned ahead.
+            than ``steps`` by the horizon of the plan.
 
         Returns
         -------
@@ -567,10 +572,10 @@ class ModelLaw:
 
 
 def _of_mean(p: DisplayParams, period: float) -> float:
-    """Return by what part of its way to the flux a mean may differ from a sample in its middle.
+    """Return by what share of its remaining way to the flux a mean may differ from a sample in its middle.
 
-    That is known to a period.  Of what falls off with the sensor's lag a mean is more than the middle, by the square of
-    its length over 24 of that of the lag.
+    The time of the middle is known to a period.  The mean of an exponential decay with the sensor's lag exceeds its
+    value in the middle by the share (window / lag)**2 / 24.
     """
     if p.flux_samples == 1:
         return 0.0

@@ -1,7 +1,7 @@
-"""Noise on the display's current before a touch: its own, which differs with the plate's temperature, is under it.
+"""Noise on the display's current before a touch: it masks the controller's own, which differs with the temperature.
 
-A study in which nothing but the touch may tell the material asks for it.  It is white and a function of the tick alone,
-so that it is the same for every condition, and a plate is too slow to feel it.
+It is for studies in which nothing but the touch may reveal the material.  It is white and a function of the tick alone,
+so that it is the same in every condition; the plate is too slow to follow it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from itouch.plugin.kernels import kernel
 
 @kernel
 def masked(current: float, amplitude: float, most: float, tick: int) -> float:
-    """Return a current [A] with uniform noise of an amplitude [A] on it; what may flow [A] holds for both together."""
+    """Return a current [A] with uniform noise of an amplitude [A] added; their sum stays within ``most`` [A]."""
     if amplitude <= 0.0:
         return current
     current = min(most - amplitude, max(amplitude - most, current))

@@ -17,7 +17,7 @@ from itouch_thermal.flux.masking import masked
 from itouch_thermal.flux.setting import FluxModel, setting
 from itouch_thermal.flux.start import within
 
-#: Of the controller's State, what it keeps of the flux and of the approach,
+#: State fields of flux, approach and calibration.
 _APPROACH = (
     Field("readiness", unit="1", doc="1 when the plate is at the start temperature within 0.1 K, falls to 0 at 0.2 K"),
     Field("plate_ready", "i8", unit="1", doc="1 when `readiness` is", role=Role.READY),
@@ -37,13 +37,13 @@ _APPROACH = (
     Field("calm", unit="K", doc="mean of the skin's readings while the rig is calibrated, 0: none", show="no"),
     Field("looked", unit="s", doc="over how long that mean is", show="no"),
 )  # fmt: skip
-#: of the moment at which it begins,
+#: State fields of when the approach began, and whether a contact is open and rendered.
 _BEGIN = (
     Field("preset_begun", "i8", unit="tick", doc="when the approach to the start temperature began"),
     Field("open", "i8", unit="1", doc="1 in contact with an object"),
     Field("touching", "i8", unit="1", doc="1 while the plate renders a contact with an object that has a flux"),
 )
-#: and of the touch.
+#: State fields of the touch, and of condensation.
 _TOUCH = (
     Field("begun", "i8", unit="tick", doc="when the contact began"),
     Field("fresh", "i8", unit="1", doc="1 in the first update in which the plate renders"),
@@ -66,7 +66,8 @@ class FluxControl(Modality):
 
     Params = FluxControlParams
     hears = frozenset({Contact.NEAR, Contact.BEGIN, Contact.END})
-    #: What is known of the plant and on its way to it; without it a new scene's first touches are 15 to 25 % off.
+    #: What has been learnt of the plant, and what is on its way to it: without these a new scene's first touches would
+    #: be 15 to 25 % off.
     goes_on = (
         "calm", "looked", "tracked", "x", "theta", "queue", "line", "slots", "departed", "gain", "memory", "cover",
         "single", "condensation_time", "sent_log", "before", "waited", "interval",
@@ -95,15 +96,15 @@ class FluxControl(Modality):
         return own + account.FIELDS + actuation.fields(model) + memory
 
     def commands(self, model: FluxModel) -> tuple[str, ...]:
-        """Return what the display obeys: a current, or a temperature and whether its output is on."""
+        """Return the display's channels that it commands: a current, or a temperature and whether the output is on."""
         return actuation.channels(model)
 
     def attends(self, model: FluxModel) -> bool:
-        """Behind a wire the newest command counts whenever the next exchange begins, and readings come at any time."""
+        """Tell whether every tick counts: behind a wire the newest command leaves, and readings come, at any time."""
         return model.wire and model.law is not None
 
     def between(self, model: FluxModel, state: Record) -> None:
-        """Do as in an update."""
+        """Do the same as in an update."""
         self.update(model, state, model.period)
 
     def reset(self, model: FluxModel, state: Record) -> None:
@@ -138,7 +139,7 @@ class FluxControl(Modality):
     def _meet(self, model: FluxModel, state: Record, tick: int) -> None:
         """Render the heat of the open contact as long as the plate is what touches the finger, and only then."""
         names, index = model.names, state[model.names.object].item()
-        if model.starts[index] is None or state[names.met].item() < 0:  # a finger that lifts for a moment: as it was
+        if model.starts[index] is None or state[names.met].item() < 0:  # a finger lifts for a moment: no change
             return
         there, touching = bool(state[names.plate].item()), bool(state[names.touching].item())
         if touching and not there:
@@ -154,9 +155,9 @@ class FluxControl(Modality):
                 state[names.unready] += 1
 
     def _part(self, model: FluxModel, state: Record, tick: int) -> None:
-        """Let go of a finger that the plate is no longer with, and aim for what comes next.
+        """End the touch of a finger that the plate no longer touches, and aim for the next object.
 
-        It may be there already: then the plate is as ready for it as it is near that start temperature.
+        The finger may be on that already, so readiness is judged at once, by how near its start temperature is.
         """
         names, touched = model.names, bool(state[model.names.touching].item())
         predictive.take_off(model, state, tick)
@@ -191,7 +192,7 @@ class FluxControl(Modality):
         actuation.issue(model, state, current, model.hold)
 
     def left_out(self, model: FluxModel, state: Record, seconds: float) -> None:
-        """Let the law go on under the current that has left last; the touch is older by so much."""
+        """Let the law go on under the current that left last; the touch is older by the time left out."""
         if model.truth:  # a simulated display, and the finger on it, have stood still
             return
         names, periods = model.names, round(seconds / model.period)
@@ -201,19 +202,19 @@ class FluxControl(Modality):
             state[moment] -= periods
 
     def bound_update(self, model: FluxModel, state: Record, period: float) -> tuple[Bound, ...]:
-        """Return the update of these views as compiled calls, which leave to Python what begins or ends."""
+        """Return the update of these views as compiled calls, which leave unusual ticks to Python; empty: none can."""
         if model.law is None or model.preview is None or not joined.joins(model, state):
             return ()
         return joined.bounds(model, model.law, model.preview, state)
 
     def bound_contact(self, model: FluxModel, state: Record, event: HeardContact) -> Bound | None:
-        """Return what is done with an event as one compiled call, which leaves to Python what is unusual."""
+        """Return the handling of an event as one compiled call, which leaves unusual ones to Python; None: all are."""
         if model.law is None or model.preview is None or not joined.joins(model, state):
             return None
         return joined.heard(model, model.law, model.preview, state, event)
 
     def _look(self, model: FluxModel, state: Record, tick: int, period: float) -> None:
-        """Between touches: see what is near, and whether water may condense."""
+        """Aim, between touches, for the object that is near, and count the time in which water may condense."""
         names = model.names
         near = approach.coming(model, state)
         if not state["ready"].item():
@@ -228,7 +229,7 @@ class FluxControl(Modality):
             state[names.condensation_time] += period
 
     def _desire(self, model: FluxModel, state: Record, tick: int) -> None:
-        """Write the flux that is desired now."""
+        """Write the flux that is desired in this tick."""
         names = model.names
         curve = model.curves[state[names.object].item()]
         if curve is not None:
@@ -237,7 +238,7 @@ class FluxControl(Modality):
             state[names.desired] = state[names.heat_desired]
 
     def _note(self, model: FluxModel, state: Record, period: float, pressing: bool) -> None:
-        """Enter the last update into the account: the one in which the finger lifts is no part of the touch."""
+        """Enter the last update into the account, but not one in which the finger lifts: it is no part of the touch."""
         names = model.names
         flux, skin = self._obtained(model, state)
         if pressing and state[names.pressing].item():
@@ -250,7 +251,7 @@ class FluxControl(Modality):
         state[names.pressing] = int(pressing)
 
     def _obtained(self, model: FluxModel, state: Record) -> tuple[float, float]:
-        """Return the flux that the finger feels [W/m2] and its skin temperature [K], as far as they are known."""
+        """Return the flux out of the finger [W/m2] as best known, and its skin temperature [K]; NaN: unknown."""
         names = model.names
         if model.estimates:
             return state[names.obtained].item(), math.nan
@@ -261,7 +262,7 @@ class FluxControl(Modality):
         return state[names.heat_flux].item() / part, math.nan
 
     def witness(self, model: FluxModel, state: Record, twins: Mapping[str, Record]) -> None:
-        """Take in what the twin behind the display's emulator knows of the flux."""
+        """Take in the true flux, which the twin behind the display's emulator knows."""
         names, twin = model.names, twins.get(model.params.display)
         if twin is None or names.truth not in twin or not state[names.touching].item():
             return
@@ -279,7 +280,7 @@ class FluxControl(Modality):
     def measures(
         self, model: FluxModel, state: Record, probe: str, object_index: int
     ) -> dict[str, float | str | bool | None]:
-        """Return the flux obtained in the contact that has just ended, or is open."""
+        """Return the figures of the contact that has just ended, or is open."""
         if probe != model.probe:
             return {}
         truth = model.truth and model.names.true_flux in state
@@ -287,17 +288,17 @@ class FluxControl(Modality):
         return account.measures(state, model.name, source)
 
     def ended(self, model: FluxModel, entry: Mapping[str, Any]) -> str:
-        """Return the mean flux of the contact."""
+        """Return a few words on the contact: its mean flux."""
         return account.ended(entry) if entry["probe"] == model.probe else ""
 
     def remarks(self, model: FluxModel, entry: Mapping[str, Any]) -> tuple[str, ...]:
-        """Return whether the plate was ready, and how good an estimated flux is."""
+        """Return remarks on a plate that was not ready, or limited, and on how good an estimated flux is."""
         return account.remarks(entry) if entry["probe"] == model.probe else ()
 
     def status(self, model: FluxModel, state: Record) -> str:
-        """Return the plate's temperature and readiness."""
+        """Return the plate's temperature, with its readiness or, in a touch, the desired flux."""
         return telling.status(model, state)
 
     def report(self, model: FluxModel, state: Record) -> dict[str, Any]:
-        """Return switching times, readiness and condensation."""
+        """Return the modality's part of the report: settings, switching times, readiness and condensation."""
         return telling.report(model, state)

@@ -1,4 +1,4 @@
-"""State fields that a tick of `flux-control` reads and writes, by name; put together once."""
+"""Names of the State fields that a tick of `flux-control` reads and writes, put together once."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass, fields
 from itouch.plugin import Role, WorldDevice
 from itouch_thermal.flux.flux_control_params import FluxControlParams
 
-#: What the framework keeps of every device, and of the finger.
+#: Fields that the framework keeps of every device.
 _DEVICE = ("age", "sequence", "measured", "left")
-#: What the display reads and obeys: by role, whatever it calls it.
+#: Readings and commands of the display, by role, whatever their names.
 _READS = {
     "sink": Role.HEAT_SINK_TEMPERATURE,
     "heat_flux": Role.HEAT_FLUX,
@@ -17,18 +17,20 @@ _READS = {
     "actual": Role.DELIVERED_DRIVE,
 }
 _OBEYS = {"target": Role.TEMPERATURE_TARGET, "output": Role.OUTPUT_SWITCH}
-#: What is true of its twin.
+#: True values that its twin knows, by role.
 _TRUTHS = {"true_flux": Role.HEAT_FLUX, "true_skin": Role.SKIN_TEMPERATURE}
+#: Fields that the framework keeps of every probe.
 _FINGER = ("near_object", "below", "normal_force", "felt_force", "plate")
+#: Fields of the modality that computes the desired flux.
 _HEAT = {"heat_desired": "desired", "resistance": "resistance", "finger": "finger", "bodies": "objects"}
 
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """Names of State fields: the modality's own, the display's, the finger's, those of the modality that is followed.
+    """Names of State fields: the modality's own, the display's, the finger's, those of what computes the desired flux.
 
-    ``sent`` is the current that was sent last: the display's, or where it holds a temperature, what was asked of it.
-    What the display does not have is empty; ``truth`` is ``true_flux`` in the State of the twin alone.
+    ``sent`` is the current that was sent last: to the display or, where that holds a temperature, what was asked of it.
+    What the display does not have is empty; ``truth`` is the name of ``true_flux`` in the twin's own State.
     """
 
     open: str
@@ -107,7 +109,7 @@ class Names:
 
     @classmethod
     def of(cls, name: str, params: FluxControlParams, probe: str, display: WorldDevice) -> Names:
-        """Return the names for a modality, its finger, and its display, of which it finds everything by its role."""
+        """Return the names for a modality, its finger, and its display, whose channels are found by their roles."""
         heat = params.desired_from
         found = {field.name: f"{name}.{field.name}" for field in fields(cls)}
         found |= {key: f"{display.name}.{key}" for key in _DEVICE}
@@ -129,6 +131,6 @@ class Names:
 
 
 def driven(display: WorldDevice) -> str:
-    """Return the command by which a display is told a current [A]; empty: it obeys none."""
+    """Return the name of the command by which a display is told a current [A]; empty: it has none."""
     channel = display.command(Role.DRIVE, "A")
     return channel.name if channel is not None else ""

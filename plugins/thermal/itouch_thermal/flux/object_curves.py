@@ -1,4 +1,4 @@
-"""Which recorded flux curve is played for each object, and in whose place."""
+"""Which recorded flux curve is played for each object, and which modality's computed flux it replaces."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ def _read(world: World, name: str, what: str) -> Curve:
 
 
 def played_curves(name: str, world: World) -> tuple[Curve | None, ...]:
-    """Return the recorded curve that is played for each object in place of what modality ``name`` computes, or None."""
+    """Return the recorded curve that replaces, for each object, the flux that modality ``name`` computes, or None."""
     for params in world.modalities.values():
         if isinstance(params, FluxControlParams) and params.desired_from == name and params.target == "file":
             try:
                 return curves_of(params, world)
             except ValueError:
-                break  # the controller itself says so, at its place
+                break  # reported for the controller, at its place in the scene
     return (None,) * len(world.objects)

@@ -1,10 +1,11 @@
 """The estimator (Kalman filter) of the controller `model`: what plate and finger are really like, learnt in touch.
 
 The model is the display's column itself.  Everything that may differ is a parameter: contact resistance, Seebeck
-coefficient, legs, electrical resistance, plate, finger, sensor lag, an offset and an unexplained flux.  The column is
-driven by the currents that were sent; its derivatives with respect to the parameters run beside it, and each reading
-corrects the parameters by recursive Gauss-Newton (an extended Kalman filter whose state covariance is that of the
-parameters).  A correction moves the column to where it would be had the parameters been so all the time.
+coefficient, legs, electrical resistance, plate, finger, sensor lag, the effect of a press, an offset and an unexplained
+flux.  The column is driven by the currents that were sent; its derivatives with respect to the parameters run beside
+it, and each reading corrects the parameters by recursive Gauss-Newton (an extended Kalman filter whose state covariance
+is that of the parameters).  A correction moves the column to where it would be if the parameters had always had their
+new values.
 """
 
 from __future__ import annotations
@@ -31,29 +32,31 @@ from itouch_thermal.display.column import (
     P_SPILL,
 )
 
-#: Parameters: logarithms of contact resistance, sensor lag and press, relative changes, offset [K], flux [W/m2].
+#: Indices of the parameters: logarithms for contact resistance, sensor lag and press, offset [K], flux [W/m2], relative
+#: changes for the others; and their number.
 RESISTANCE, SEEBECK, LEGS, OHMIC, PLATE, TISSUE, LAG, OFFSET, FLUX, PRESS, COUNT = range(11)
-#: Behind a wire two more: by how much later the finger came, and a command acts, than is thought [s].
+#: Behind a wire two more: by how much later than assumed the finger came, and a command acts [s].
 ONSET, DELAY = COUNT, COUNT + 1
-#: How far each parameter may be moved: what is beyond is no tolerance but a fault.
+#: How far each parameter may be moved: beyond that it would be a fault, not a tolerance.
 AUTHORITY = (1.2, 0.3, 0.4, 0.4, 0.3, 0.5, 0.6, 0.3, 300.0, 1.5, 0.012, 0.015)
-#: Part of the flux by which the press may be misjudged.
+#: Share of the flux by which a reading may be off while the finger is pressed on, as the law of the press is not exact.
 DOUBT = 0.3
 #: Random walk of the logarithm of the resistance during a press [per root second].
 DRIFT_PRESS = 1.0
-#: Numbers behind the modes in each row of the column's memory.
+#: Offsets of the numbers that follow the modes in each row of ``x``: contact flux, temperatures of the plate's back and
+#: face, what the sensors of flux and film show, drift; and their number.
 X_FLUX, X_BACK, X_FACE, X_SEEN, X_FILM, X_DRIFT, X_TAIL = range(7)
-#: Constants.
+#: Indices of the constants.
 (
     O_PERIOD, O_REST, O_REFERENCE, O_CONTACT, O_SEEBECK, O_RESISTANCE, O_CONDUCTANCE, O_AREA, O_FLUX_LAG, O_PLATE_LAG,
     O_FLUX_NOISE, O_PLATE_NOISE, O_SINK_CAPACITY, O_SINK_RESISTANCE, O_SINK_LAG, O_AIR, O_COVER, O_AMBIENT,
     O_DRIFT_FLUX, O_DRIFT_OFFSET, O_CEILING, O_LAGS, O_SLEW, O_CONSTANTS,
 ) = range(24)  # fmt: skip
-#: Numbers of the scalar memory; M_PART: of the flux out of the finger, what crosses the sensor under it.
+#: Indices into the scalar memory; M_PART: the part of the sensor that the finger covers.
 M_TOUCHING, M_SINK, M_SINK_SEEN, M_CONTACT, M_TICKS, M_QUIET, M_AGE, M_UNSEEN, M_PART, M_TAIL = range(10)
-#: Where the delay is a parameter, or the current takes its time, one more: the current [A] of the period before.
+#: One more, where the delay is a parameter or the driver's slew rate is limited: the current [A] of the period before.
 M_BEFORE = M_TAIL
-#: Seconds without corrections after a flux that air cannot explain: something touches the plate that should not.
+#: For how long [s] nothing is learnt after a flux that air cannot explain: something touches the plate.
 QUIET = 0.2
 #: Rates [1/s] at which the sink follows its sensor, and a disturbed plate its own.
 SINK_RATE, PLATE_RATE = 2.0, 20.0
@@ -63,7 +66,7 @@ _contact_area = kernel(contact_area)
 
 @kernel
 def seen(pad: Any, force: float) -> float:
-    """Return the part of the flux out of a finger that a sensor under its middle reads, at a force [N].
+    """Return the part of a sensor under the middle of a finger that the finger covers, at a force [N].
 
     ``pad`` (4,): contact area at 1 N [m2], the exponent of the force in it, areas of plate and sensor [m2].
     """
@@ -72,10 +75,10 @@ def seen(pad: Any, force: float) -> float:
 
 @kernel
 def shifted(current: float, before: float, periods: float) -> Any:
-    """Return the mean current [A] and its mean square of a period, if both act so many periods later than is thought.
+    """Return mean current [A] and mean square [A2] of a period, if they act ``periods`` later than is assumed.
 
-    All of what is late of a change of the current counts in the period of the change: heat is what tells after some
-    milliseconds, and its sum is right.
+    The whole effect of the lateness of a change is put into the period of the change: after some milliseconds only the
+    sum of the heat matters, and that is right.
     """
     square = current * current
     return current - periods * (current - before), square - periods * (square - before * before)
@@ -83,12 +86,12 @@ def shifted(current: float, before: float, periods: float) -> Any:
 
 @kernel
 def slewed(current: float, before: float, most: float) -> float:
-    """Return the current [A] that flows where it may change by ``most`` from the one before; 0: as it will."""
+    """Return the current [A] that flows where it may differ by ``most`` [A] from the one before; 0: by any amount."""
     return float(current if most <= 0.0 else min(before + most, max(before - most, current)))
 
 
 class Flowing(NamedTuple):
-    """The current of a step, as far as heat tells: its mean and mean square, and how much of both a second is worth."""
+    """The current of a step: mean [A] and mean square [A2], and by how much a second of delay would lower them."""
 
     acting: float
     square: float
@@ -97,7 +100,7 @@ class Flowing(NamedTuple):
 
 
 class Pumping(NamedTuple):
-    """The flux that is pumped out of the plate, its slope over the plate's back, and what both are made of."""
+    """The flux pumped out of the plate, its derivative with respect to the back's temperature, and what gives them."""
 
     flux: float
     slope: float
@@ -108,7 +111,10 @@ class Pumping(NamedTuple):
 
 
 class Closing(NamedTuple):
-    """Gains of both halves, resistance and parts of the plate in a step, and what closes the contact at its end."""
+    """What gives the contact flux at the end of a step: gains of both halves, resistance, covered parts, denominator.
+
+    ``cover`` and ``covered`` are the parts of plate and sensor that the finger covers; ``whole`` is the denominator.
+    """
 
     tissue_gain: float
     plate_gain: float
@@ -122,7 +128,7 @@ class Closing(NamedTuple):
 
 
 class Lags(NamedTuple):
-    """What sensors of flux and film keep over a step, and the derivatives of that by the logarithm of their lag."""
+    """The share of their reading that the sensors of flux and film keep over a step, and its derivatives by LAG."""
 
     keep_flux: float
     keep_film: float
@@ -145,20 +151,21 @@ class Stepped(NamedTuple):
 
 @kernel
 def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, current: float, scale: float) -> None:
-    """Advance column and derivatives by one period; docs/explanation/thermal-estimator.md derives what is done.
+    """Advance column and derivatives by one period; docs/explanation/thermal-estimator.md derives the equations.
 
     Parameters
     ----------
     c
         Constants, shape (O_CONSTANTS,).
     tissue, plate
-        Packed column, shapes (4, n) and (P_ROWS, m); the plate's is that of a finger that covers O_COVER of it.
+        Packed column, shapes (4, n) and (P_ROWS, m); the plate's is for a finger that covers O_COVER of it.
     x
         Row 0 the column, row 1 + k its derivative with respect to parameter k; shape (1 + p, n + m + X_TAIL).
     theta, memory
-        Parameters (p,), COUNT or with onset and delay more, and scalar memory (M_TAIL,), with delay or slew one more.
+        Parameters (p,): COUNT, or more with onset and delay; and scalar memory (M_TAIL,), or one more with delay or
+        slew.
     current
-        Current [A] that was asked for in this period; it flows as far as the driver's slew lets it.
+        Current [A] that was asked for in this period; the driver's slew rate may limit what flows.
     scale
         Contact resistance that the force explains, as a multiple of the nominal one.
     """
@@ -173,7 +180,7 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
 
 @inlined
 def _flowing(c: Any, theta: Any, memory: Any, current: float) -> Flowing:
-    """Return the current that flows in a step, behind the driver's slew and the unknown part of the delay."""
+    """Return the current that flows in a step, after the driver's slew rate and the unknown part of the delay."""
     dt = c[O_PERIOD]
     if c[O_SLEW] > 0.0:
         current = slewed(current, memory[M_BEFORE], c[O_SLEW] * dt)
@@ -188,7 +195,7 @@ def _flowing(c: Any, theta: Any, memory: Any, current: float) -> Flowing:
 
 @inlined
 def _pumping(c: Any, row: Any, o: int, theta: Any, memory: Any, flowing: Flowing) -> Pumping:
-    """Return what the module pumps in a step, and warm the sink by it; ``row`` is the column, ``o`` where modes end."""
+    """Return what the module pumps in a step, and warm the sink by it; ``row``: the column, ``o``: number of modes."""
     dt = c[O_PERIOD]
     cold, hot = row[o + X_BACK], memory[M_SINK]
     seebeck, legs = c[O_SEEBECK] * (1.0 + theta[SEEBECK]), c[O_CONDUCTANCE] * (1.0 + theta[LEGS])
@@ -222,7 +229,7 @@ def _closing(c: Any, tissue: Any, plate: Any, theta: Any, memory: Any, scale: fl
 
 @inlined
 def _lags(c: Any, theta: Any) -> Lags:
-    """Return what the sensors keep over a step."""
+    """Return what the sensors keep of their reading over a step."""
     dt = c[O_PERIOD]
     flux_lag, film_lag = c[O_FLUX_LAG] * math.exp(theta[LAG]), c[O_PLATE_LAG] * math.exp(theta[LAG])
     keep_flux, keep_film = math.exp(-dt / flux_lag), math.exp(-dt / film_lag)
@@ -264,7 +271,7 @@ def _step_derivative(
     """Advance the column's derivative with respect to parameter ``k``, with what the column did in this step."""
     n, o = tissue.shape[1], tissue.shape[1] + plate.shape[1]
     gain, begin, end, skin = closing.plate_gain, row[o + X_FLUX], 0.0, 0.0
-    # A gain's derivative acts on what the column took in: its fluxes at begin and end, and the pumped one.
+    # A gain's derivative acts on what the column took in: its fluxes at start and end, and the pumped one.
     of_tissue = -closing.tissue_gain * closing.tissue_gain if k == TISSUE else 0.0
     of_plate = -gain * gain if k == PLATE else 0.0
     air = -c[O_AIR] * row[o + X_FACE]
@@ -297,7 +304,7 @@ def _step_derivative(
 
 @inlined
 def _pumped_by(c: Any, k: int, flowing: Flowing, pumping: Pumping) -> float:
-    """Return how the pumped flux [W/m2] depends on parameter ``k`` itself, the column being what it is."""
+    """Return the partial derivative of the pumped flux [W/m2] with respect to parameter ``k``, for a given column."""
     if k == SEEBECK:
         return float(c[O_SEEBECK] * pumping.cold * flowing.acting / c[O_AREA])
     if k == LEGS:
@@ -314,7 +321,7 @@ def _pumped_by(c: Any, k: int, flowing: Flowing, pumping: Pumping) -> float:
 
 @inlined
 def _resisted_by(k: int, scale: float, closing: Closing, flux: float) -> float:
-    """Return how the drop [K] at the resistance depends on parameter ``k`` itself, at a flux [W/m2]."""
+    """Return the partial derivative of the drop [K] at the contact resistance by parameter ``k``, at a flux [W/m2]."""
     if k == RESISTANCE:
         return float(closing.resistance * flux)
     if k == PRESS and scale > 1.0:
@@ -324,7 +331,7 @@ def _resisted_by(k: int, scale: float, closing: Closing, flux: float) -> float:
 
 @inlined
 def _relax_tissue(tissue: Any, row: Any, begin: float, skin: float) -> float:
-    """Advance the tissue's modes under the flux at the begin of a step; return the skin, which is ``skin`` at rest."""
+    """Advance the tissue's modes under the flux at a step's start; return the skin temperature, ``skin`` at rest."""
     for i in range(tissue.shape[1]):
         row[i] = tissue[F_DECAY, i] * row[i] - tissue[F_BEGIN, i] * begin
         skin += tissue[F_PORT, i] * row[i]
@@ -342,9 +349,10 @@ def _end_tissue(tissue: Any, row: Any, end: float) -> None:
 def _relax_plate(
     plate: Any, row: Any, n: int, begin: float, end: float, beside: float, push: float, face: float
 ) -> tuple[float, float]:
-    """Advance the plate's modes, from ``n`` on, under what is known of a step; ``face`` is its face at rest.
+    """Advance the plate's modes, from ``n`` on, under all of a step that is known before the flux at its end is.
 
-    Return the heat in the upper half of the film at the begin of the step, and the face.
+    Return the heat in the upper half of the film at the start of the step, and the temperature of the face, which is
+    ``face`` at rest.
     """
     before = 0.0
     for i in range(plate.shape[1]):
@@ -362,9 +370,10 @@ def _relax_plate(
 
 @inlined
 def _end_plate(plate: Any, row: Any, n: int, end: float, rest: float) -> tuple[float, float, float, float]:
-    """Add what the flux at the end of a step does to the plate's modes, which are ``rest`` at rest.
+    """Add what the flux at the end of a step does to the plate's modes.
 
-    Return face, back and film, and the heat in the upper half of the film.
+    Return the temperatures of face, back and film, which are ``rest`` at rest, and the heat in the upper half of the
+    film.
     """
     face, back, film, heat = rest, rest, rest, 0.0
     for i in range(plate.shape[1]):
@@ -382,12 +391,14 @@ def correct(
 ) -> None:
     """Take in one reading: move parameters and column; ``cover`` is the parameters' covariance (p, p).
 
-    ``slopes`` (p,) are the reading's derivatives with respect to the parameters, as of when it was measured.
+    ``slopes`` (p,) are the reading's derivatives with respect to the parameters, as of when it was measured;
+    ``explicit`` is a parameter that is itself added to the reading, negative: none.  ``innovation`` is the reading
+    minus the expected one, ``noise`` its standard deviation.
 
-    A parameter that would pass its authority goes to its end, the others to where they most likely are with it there
-    (projection of the estimate, Simon 2006, section 7.5), and it gets no more certain.  Were it only held back, what
-    the others do to make up for its way would stay: a resistance that grew with an effusivity at its end took the
-    estimate away from the readings for seconds.
+    A parameter that would pass the end of its authority is set to that end, the others to their most likely values
+    given that (projection of the estimate, Simon 2006, section 7.5), and its variance stays.  If it were only clipped,
+    the changes by which the others make up for its full step would remain: a resistance that grew while an effusivity
+    was at its end once led the estimate away from the readings for seconds.
     """
     held, count = -1, theta.shape[0]
     total = _gains(cover, gain, slopes, explicit, held, innovation, noise)
@@ -411,7 +422,7 @@ def correct(
 
 @inlined
 def _move(x: Any, theta: Any, a: int, step: float) -> None:
-    """Move a parameter, not beyond its authority, and the column with it."""
+    """Move parameter ``a`` by a step, not beyond its authority, and the column with it."""
     step = min(AUTHORITY[a] - theta[a], max(-AUTHORITY[a] - theta[a], step))
     theta[a] += step
     for i in range(x.shape[1]):
@@ -420,7 +431,7 @@ def _move(x: Any, theta: Any, a: int, step: float) -> None:
 
 @kernel
 def _gains(cover: Any, gain: Any, slopes: Any, explicit: int, held: int, innovation: float, noise: float) -> float:
-    """Fill in what a reading tells of each parameter (p,), and return the variance of its innovation.
+    """Fill ``gain`` (p,), the covariance of each parameter with a reading; return the variance of its innovation.
 
     ``held`` is a parameter that is taken as known; negative: none.
     """
@@ -438,7 +449,7 @@ def _gains(cover: Any, gain: Any, slopes: Any, explicit: int, held: int, innovat
             gain[a] = 0.0 if a == held else gain[a] - cover[a, held] * known
     for a in range(count):
         total += (slopes[a] + (1.0 if a == explicit else 0.0)) * gain[a]
-    # What is beyond three deviations is the model's fault: it moves less and makes nothing more certain.
+    # An innovation of more than three deviations is the model's fault: it moves the parameters less, and teaches less.
     return float(max(total, innovation * innovation / 9.0))
 
 
@@ -449,7 +460,7 @@ def observe(
 ) -> None:  # fmt: skip
     """Advance by one period under ``current`` [A] and take in the readings of flux, film and sink; NaN: none.
 
-    ``press`` says how much the finger is being pressed on now: 0 not, 1 or more very much.
+    ``press`` says how strongly the finger is being pressed on now: 0 not at all, 1 or more very strongly.
     """
     advance(c, tissue, plate, x, theta, memory, current, scale)
     if sink == sink:
@@ -463,9 +474,9 @@ def observe(
     cover[FLUX, FLUX] += c[O_DRIFT_FLUX]
     cover[OFFSET, OFFSET] += c[O_DRIFT_OFFSET]
     cover[RESISTANCE, RESISTANCE] += DRIFT_PRESS * DRIFT_PRESS * math.sqrt(min(1.0, press)) * c[O_PERIOD]
-    # A reading at the end of the scale says nothing but that.
+    # A reading at the end of the sensor's scale says nothing about the flux beyond it.
     if abs(flux) < c[O_CEILING] and abs(x[0, o + X_SEEN]) < c[O_CEILING]:
-        # While the finger is being pressed on, the law of the press is not believed to the last watt.
+        # While the finger is being pressed on, the law of the press is not trusted to the last watt.
         doubt = DOUBT * math.sqrt(min(1.0, press)) * abs(x[0, o + X_FLUX])
         noise = math.sqrt(c[O_FLUX_NOISE] ** 2 + doubt * doubt)
         correct(x, theta, cover, gain, x[1:, o + X_SEEN], -1, flux - x[0, o + X_SEEN], noise)
@@ -476,7 +487,7 @@ def observe(
 
 @kernel
 def _disturbed(c: Any, x: Any, memory: Any, flux: float, o: int) -> bool:
-    """Tell whether the flux on the bare plate was, not long ago, none that air explains."""
+    """Tell whether the bare plate has just had, or had not long ago, a flux that air does not explain."""
     if abs(flux - x[0, o + X_SEEN]) > 6.0 * c[O_FLUX_NOISE] + 0.3 * abs(x[0, o + X_SEEN]):
         memory[M_QUIET] = QUIET
     if memory[M_QUIET] > 0.0:
@@ -489,7 +500,7 @@ def _disturbed(c: Any, x: Any, memory: Any, flux: float, o: int) -> bool:
 def _resume(c: Any, plate: Any, x: Any, theta: Any, memory: Any, film: float, o: int) -> None:
     """Follow the readings without learning from them.
 
-    A reading is compared with what is expected in its own period, and counts for all periods since the one before.
+    A reading is compared with what is expected in its own period, and counts for all periods since the last reading.
     """
     memory[M_UNSEEN] += 1.0
     if film == film:
@@ -500,7 +511,7 @@ def _resume(c: Any, plate: Any, x: Any, theta: Any, memory: Any, film: float, o:
 
 @kernel
 def missed(k: int, film: float, theta: Any, expected: float) -> float:
-    """Return by how much a reading of the film misses what is expected in row ``k``: the column, or a derivative."""
+    """Return the difference of a film reading from what row ``k`` expects; row 0 is the column, others derivatives."""
     if k == 0:
         return float(film - theta[OFFSET] - expected)
     return -expected - (1.0 if k - 1 == OFFSET else 0.0)
@@ -508,10 +519,11 @@ def missed(k: int, film: float, theta: Any, expected: float) -> float:
 
 @kernel
 def follow(c: Any, plate: Any, row: Any, periods: float, miss: float, o: int) -> float:
-    """Move the plate of a row towards a reading that it misses by ``miss``, and its drift, too; return by how much.
+    """Move plate and drift of a row towards a reading that differs by ``miss``; return by how much the plate moved.
 
-    The drift is the flux [W/m2] that makes the plate go another way than it should, of whatever cause: without it
-    the plate would stay behind its sensor by as much as it goes astray in the time of following.
+    The drift is a flux [W/m2] of unknown cause that takes the plate away from the model: without it the plate would lag
+    behind its sensor by as much as it departs within the time constant of following.  ``periods`` have passed since the
+    last reading.
     """
     m = plate.shape[1]
     n, time, square, rise = o - m, c[O_PERIOD] * periods, 0.0, 0.0
@@ -533,9 +545,9 @@ def follow(c: Any, plate: Any, row: Any, periods: float, miss: float, o: int) ->
 def begin_touch(
     c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, memory: Any, prior: Any, onset: float
 ) -> None:  # fmt: skip
-    """Set the finger, whose modes stand in row 0, on the plate: resistance and finger are unknown again.
+    """Set the finger, whose modes are in row 0 already, on the plate: resistance and finger are unknown again.
 
-    ``onset`` is the standard deviation [s] of when it came, where that is a parameter.
+    ``onset`` is the standard deviation [s] of the time at which it came, where that is a parameter.
     """
     n, m = tissue.shape[1], plate.shape[1]
     o = n + m
@@ -564,7 +576,7 @@ def begin_touch(
     x[1 + RESISTANCE, o + X_FLUX] = -flux
     x[1 + PRESS, o + X_FLUX] = -flux * max(0.0, memory[M_CONTACT] - 1.0) / memory[M_CONTACT]
     if theta.shape[0] > ONSET:
-        # What the bare plate could not explain is partly what a wire hides, a delay that differs for one: under the
+        # The unexplained flux of the bare plate comes partly from what a wire hides, such as another delay: under the
         # finger it may be gone.
         cover[FLUX, FLUX] += prior[FLUX] * prior[FLUX]
         _come_later(c, tissue, plate, x, theta, memory, contact)
@@ -572,10 +584,10 @@ def begin_touch(
 
 @kernel
 def _come_later(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, contact: float) -> None:
-    """Fill the column's derivative with respect to when the finger came, by what it does in a period of contact.
+    """Fill the column's derivative with respect to the time at which the finger came, by the difference of a period.
 
-    Had it come a period later, the column would be as without it, and the contact begin there.  What the module pumps
-    is the same in both.
+    If it had come one period later, the column would first have gone on for a period without it, and the contact would
+    begin there.  What the module pumps is the same in both cases.
     """
     n, o = tissue.shape[1], tissue.shape[1] + plate.shape[1]
     pumping, lags = Pumping(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), _lags(c, theta)
@@ -594,7 +606,7 @@ def _come_later(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any
 
 @kernel
 def end_touch(tissue: Any, plate: Any, x: Any, memory: Any) -> None:
-    """Take the finger off."""
+    """Take the finger off the plate."""
     memory[M_TOUCHING] = 0.0
     o = tissue.shape[1] + plate.shape[1]
     for k in range(x.shape[0]):

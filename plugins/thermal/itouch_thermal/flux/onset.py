@@ -1,4 +1,4 @@
-"""What the beginning of a touch is reckoned with, compiled: called from Python, and in the kernels of the tick."""
+"""Computations at the beginning of a touch, compiled: called from Python, and by the kernels of the tick."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from itouch.plugin.kernels import fused, kernel
 
 Floats = NDArray[np.float64]
 
-#: The numbers of the account of a contact, in their order.
+#: Indices into the account of a contact.
 RENDERED, READY, TICKS, SUM, PEAK, SKIN_BEGIN, SKIN_EXTREME, SQUARES, SCORED = range(9)
-#: What the first of them says of a plate whose start temperature was clipped to its band; else 1, 0: not rendered.
+#: Value of RENDERED if the start temperature was clipped to the plate's band; else it is 1, or 0: nothing was rendered.
 CLIPPED = 2.0
-#: Most servo periods that a touch may have begun before the force was measured in which it is seen.
+#: Greatest number of servo periods between the start of a touch and the force reading that first shows it.
 LATE = 6
-#: Between skin temperatures so far apart [K] a start temperature is linear.
+#: Distance [K] of the skin temperatures between which start temperatures are interpolated linearly.
 SKIN_STEP = 2.0
-#: How far from the scene's skin temperature starts go on in a line, in steps of those that are known.
+#: How far from the scene's skin temperature these lines are continued, in multiples of that distance.
 FAR = 1.5
-#: What an object that was never touched may seem to differ from its temperature by rounding [K].
+#: By how much an object that was never touched may seem to differ from its temperature because of rounding [K].
 UNTOUCHED = 1e-6
 
 
@@ -30,8 +30,9 @@ UNTOUCHED = 1e-6
 def converted(matrix: Floats, modes: Floats, out: Floats) -> None:
     """Fill ``out`` (m,) with a matrix (m, n) times the first n of the modes.
 
-    The products are summed in the order in which OpenBLAS sums them on a processor with AVX2, where NumPy calls it: so
-    sessions go on as they were, and to fetch that library's code for the first time in seconds takes longer than this.
+    The products are summed in the same order as by OpenBLAS, which NumPy would call, on a processor with AVX2, so that
+    stored sessions go on to the same bits.  A call of that library would take longer than this, because its code has to
+    be fetched into the cache after seconds without use.
     """
     rows, columns = matrix.shape
     lanes, even = columns - columns % 4, rows - rows % 4
@@ -77,14 +78,15 @@ def start_for(
     Parameters
     ----------
     low, middle, high
-        Start temperatures [K] at SKIN_STEP below the scene's skin temperature, at it, and above.
+        Start temperatures [K] for a skin at SKIN_STEP below the scene's skin temperature, at it, and as much above.
     scene_skin, temperature
         The scene's skin temperature and the object's [K].
     goes_on
-        Whether starts go on beyond FAR steps in a line.
+        Whether start temperatures are extrapolated beyond FAR steps, towards a plate that is as warm as finger and
+        object where these are equally warm.
     warmed
-        By how much [K] earlier touches have warmed the object.  Finger and object both warmer by the same is the same
-        touch, warmer by that; and one as warm as the other needs a plate that is so, too.
+        By how much [K] earlier touches have warmed the object.  If finger and object are both warmer by the same
+        amount, the plate must be, too.
     """
     like = skin - warmed
     away = (like - scene_skin) / SKIN_STEP
@@ -113,20 +115,23 @@ def warmth(body: Floats, modes: Floats, temperature: float) -> float:
 
 @kernel
 def grown_for(force: float, before: float) -> int:
-    """Return how many servo periods ago the finger came whose force [N] has grown from the one ``before``."""
+    """Return how many servo periods ago the finger came, if its force [N] has grown evenly, as from ``before`` [N] on.
+
+    ``before`` is the force of the period before.
+    """
     grown = force - before
     return min(LATE, max(1, int(force / grown + 0.5))) if grown > 0.0 else 1
 
 
 @kernel
 def render(account: Floats, ready: bool, limited: bool, skin: float) -> bool:
-    """Note that the plate begins to render the contact; tell whether it has done so before in it.
+    """Note that the plate begins to render the contact; tell whether it had already rendered part of it before.
 
     ``account`` (9,) is the contact's; ``ready`` says whether the plate is at its start temperature, ``limited`` whether
-    that was clipped to its band; ``skin`` [K] is the skin temperature before (NaN: unknown).
+    that was clipped to the plate's band; ``skin`` [K] is the skin temperature before (NaN: unknown).
     """
     again = account[RENDERED] != 0.0
-    if limited or not again:  # what it aims for next is not of this contact
+    if limited or not again:  # else it stays: the plate may have aimed for the next object
         account[RENDERED] = CLIPPED if limited else 1.0
     if again:
         account[READY] = 1.0 if ready and account[READY] != 0.0 else 0.0

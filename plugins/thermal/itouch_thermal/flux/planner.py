@@ -1,8 +1,9 @@
 """The predictive part of the `model` controller: which flux to pump so that the finger's will be the desired one.
 
-The estimated column is run ahead under the currents that are still on their way, and on from there.  What it would
-do by itself and what each of a few hat functions of the pumped flux would add are compared with the desired flux of
-the time to come; least squares gives the plan, of which the first value is sent.
+The estimated column is run ahead under the currents that are still on their way, and from there under the last plan,
+a sum of a few hat functions of the pumped flux.  The contact flux of this run is compared with the desired flux of the
+time to come; from the response to each hat, least squares gives the best change of the plan.  The plan's first value is
+sent.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ from itouch_thermal.display.column import (
 )
 from itouch_thermal.flux import observer as at
 
-#: Seconds that are planned after the delay, and the plan's knots in them.
+#: Length of the plan, which begins after the delay, and the times of its knots [s].
 HORIZON, KNOTS = 0.12, (0.0, 0.02, 0.055, 0.12)
 HATS = len(KNOTS)
-#: Fewest steps of the horizon.
+#: Least number of steps of the horizon.
 FEWEST = 6
-#: Before this [s] the flux counts less: no pump reaches the finger so soon.
+#: Before this time of a touch [s] the flux counts less: no pump acts on the finger so soon.
 EARLY = 0.1
 
 
@@ -50,7 +51,7 @@ def shapes(step: float) -> NDArray[np.float64]:
 
 @kernel
 def _weight(age: float) -> float:
-    """Return how much the flux counts at a time [s] after the begin: at first the stored heat alone acts."""
+    """Return the weight of the flux at a time [s] after the start of the touch: at first only the stored heat acts."""
     return 1.0 if age >= EARLY else (age / EARLY) ** 4
 
 
@@ -80,14 +81,14 @@ def ahead(
 
 @kernel
 def resistance(c: Any, theta: Any, scale: float) -> float:
-    """Return the contact resistance [K m2/W] that is believed in."""
+    """Return the estimated contact resistance [K m2/W]; ``scale`` as in `observer.advance`."""
     pressing = scale - 1.0 if scale < 1.0 else (scale - 1.0) * math.exp(theta[at.PRESS])
     return float(c[at.O_CONTACT] * math.exp(theta[at.RESISTANCE]) * (1.0 + pressing))
 
 
 @kernel
 def later(theta: Any) -> float:
-    """Return by how much later a command is believed to act than the data sheets say [s]."""
+    """Return by how much later [s] a command acts than the data sheets say, as estimated."""
     return float(theta[at.DELAY]) if theta.shape[0] > at.DELAY else 0.0
 
 
@@ -114,7 +115,7 @@ def respond(
 
 @kernel
 def selves(tissue: Any, plate: Any) -> Any:
-    """Return what each surface gains over a step from the end value of the flux."""
+    """Return by how much the flux at the end of a step changes the temperature of each surface [K m2/W]."""
     tissue_self = plate_self = 0.0
     for i in range(tissue.shape[1]):
         tissue_self += tissue[F_PORT, i] * tissue[F_END, i]
@@ -128,9 +129,10 @@ def arrive(
     c: Any, tissue: Any, plate: Any, theta: Any, hot: float, scale: float, currents: Any, above: Any, below: Any,
     flux: float, back: float, spill: float, before: float, step_time: float,
 ) -> Any:  # fmt: skip
-    """Run the column ahead over the ``currents`` [A] on their way, one a step; return contact flux and base [K].
+    """Run the column ahead over the ``currents`` [A] on their way, one per step; return contact flux and plate's back.
 
-    ``spill`` is what air gives to the plate beside the finger [W/m2 of the plate], ``before`` the current before.
+    These are in [W/m2] and [K]; ``spill`` is what air gives to the plate beside the finger [W/m2 of the plate],
+    ``before`` the current [A] before the first one.
     """
     contact = resistance(c, theta, scale)
     gp, gf = 1.0 / (1.0 + theta[at.PLATE]), 1.0 / (1.0 + theta[at.TISSUE])
@@ -165,9 +167,9 @@ def plan(
         Desired flux at the ends of the horizon's steps, shape (steps,), and the temperatures [K] that the plate's
         face must not pass then, shape (2, steps).
     response, hats
-        Of the flux to the knots, and the knots' shapes, both (HATS, steps).
+        Response of the contact flux to each knot, and the knots' hat functions, both (HATS, steps).
     last
-        The plan's knots of the last time, shape (HATS,); changed.
+        The knots of the last plan, shape (HATS,); changed.
     above, below, flux
         The column and its contact flux where the plan begins; the column is run on.
     spill

@@ -1,4 +1,4 @@
-"""The controller `model` in a scene: its law fed with what is read, and the desired flux of the time to come."""
+"""The controller `model` in a scene: its law, fed with the readings and with the desired flux of the time to come."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from itouch_thermal.flux.preview import Ahead, Preview, begin_ahead, first_steps
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.flux.usual import PRESS_FILTER, press_anew, press_on, scale_of
 
-#: Most servo periods that a touch may have begun before the virtual contact, behind a wire.
+#: Behind a wire, how many servo periods ago at most the finger may have come when it is set down.
 EARLY = 50
-#: A measured force [N] below which nothing may be on the plate.
+#: Measured force [N] below which the plate may be untouched.
 UNFELT = 0.01
 
 
 def memory(model: FluxModel) -> tuple[Field, ...]:
-    """Return the State of `model`: its law and the contact that runs ahead; names without the modality's own."""
+    """Return the State of `model`: its law and the contact that runs ahead; names without that of the modality."""
     if model.law is None or model.preview is None:
         return ()
     cut = len(model.name) + 1
@@ -61,7 +61,7 @@ def memory(model: FluxModel) -> tuple[Field, ...]:
 def control(
     model: FluxModel, law: ModelLaw, course: Preview, state: Record, touching: bool, tick: int
 ) -> tuple[float, float]:
-    """Return current [A] and pumped flux [W/m2]; slower than the servo, the periods between are caught up with."""
+    """Return current [A] and pumped flux [W/m2]; all servo periods since the last update are caught up with."""
     names = model.names
     pressed = approach.on_plate(model, state)
     if model.wire and model.force_from and not state[names.on_plate].item():
@@ -107,7 +107,7 @@ def set_down(model: FluxModel, state: Record, tick: int) -> None:
 
 
 def _set(model: FluxModel, law: ModelLaw, state: Record, scale: float) -> None:
-    """Set the finger down, as long ago as the force says: a reading is of the period before, and it had to grow."""
+    """Set the finger down as of when, by the force, it came: a reading is a period old, and the force had to grow."""
     names = model.names
     ago, doubt = _late(model, state) if model.force_from else (0, PRIOR_ONSET)
     law.begin(state, state[names.flux].item(), scale, doubt)
@@ -121,7 +121,7 @@ def _set(model: FluxModel, law: ModelLaw, state: Record, scale: float) -> None:
 
 
 def _late(model: FluxModel, state: Record) -> tuple[int, float]:
-    """Return how many servo periods ago the finger came to the plate, and how well that is known [s]."""
+    """Return how many servo periods ago the finger came to the plate, and the standard deviation of that [s]."""
     names, tick = model.names, int(state["tick"].item())
     if model.hold > 1:  # it was not there when the touch began, else it would have been set down then
         return max(1, min(model.hold, tick - int(state[names.begun].item()))), PRIOR_ONSET
@@ -131,9 +131,9 @@ def _late(model: FluxModel, state: Record) -> tuple[int, float]:
 
 
 def _feel(model: FluxModel, state: Record, pressed: bool) -> None:
-    """Behind a wire, note the force as long as there is none, and when the finger came in the first reading with one.
+    """Behind a wire, note the last reading of the force without a finger, and by the first one with it, when it came.
 
-    It came after the reading before, or, if there was some force in that, as much before as the force has grown since.
+    It came between the two readings or, if there was some force in the earlier one, where a line through both is zero.
     """
     names, (field, at) = model.names, model.force_at
     force, measured = abs(state[model.force_from][2].item()), int(state[field][at].item())
@@ -149,7 +149,7 @@ def _feel(model: FluxModel, state: Record, pressed: bool) -> None:
 
 
 def leave_out(model: FluxModel, state: Record, periods: int) -> None:
-    """Count so many periods in which no tick was run among those that are caught up with in the next one.
+    """Add ``periods`` in which no tick was run to those that are caught up with in the next tick.
 
     Only then is it known which current has left in them.
     """
@@ -159,17 +159,17 @@ def leave_out(model: FluxModel, state: Record, periods: int) -> None:
 
 
 def take_off(model: FluxModel, state: Record, tick: int) -> None:
-    """End a touch, between two updates if it must be."""
+    """End a touch, if need be between two updates."""
     if model.law is not None and state[model.names.on_plate].item():
         _pass(model, model.law, state, tick, 1.0)
         model.law.end(state)
         state[model.names.on_plate] = 0
-        if model.wire:  # one that slides on to another object is on the plate already as the next touch begins
+        if model.wire:  # a finger that slides to another object is on the plate already when the next touch begins
             state[model.names.came], state[model.names.came_doubt] = tick, 0.5 * model.period
 
 
 def _want(model: FluxModel, law: ModelLaw, state: Record, ticks: int, wait: int) -> None:
-    """Fill the plan's desired flux, of a command that leaves in ``wait`` periods."""
+    """Fill in the plan's desired flux [W/m2], for a command that leaves in ``wait`` periods."""
     names, offsets = model.names, law.offsets + wait if wait else law.offsets
     curve = model.curves[state[names.object].item()]
     if curve is None:
@@ -179,7 +179,7 @@ def _want(model: FluxModel, law: ModelLaw, state: Record, ticks: int, wait: int)
 
 
 def _pass(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: float, press: float = 0.0) -> None:
-    """Let the periods before this one pass in which nothing was taken in, as far as they matter."""
+    """Let the periods before this one in which nothing was taken in pass without readings; too many are cut short."""
     names = model.names
     if model.wire:
         wires.pass_by(model, law, state, tick - 1, scale)
@@ -193,7 +193,7 @@ def _pass(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: floa
 def _take(
     model: FluxModel, law: ModelLaw, state: Record, hovering: bool, tick: int, scale: float, press: float
 ) -> None:
-    """Let the law take in what was sent and read; what is old or unclear it does not see."""
+    """Let the law take in what was sent and read, but no readings that are old or of a finger that hovers."""
     names = model.names
     if model.wire:
         wires.take(model, law, state, hovering, tick, scale, press)
@@ -214,7 +214,7 @@ def _take(
 
 
 def _correct(model: FluxModel, law: ModelLaw, state: Record) -> None:
-    """Put what current a driver of temperature reports in the place of what was asked of it."""
+    """Replace the current that was asked of a temperature driver by the one that it reports."""
     if law.delay > 0 and model.names.actual:
         slot = int(state[f"{model.name}.slots"][0])
         state[f"{model.name}.line"][slot] = state[model.names.actual].item()
@@ -228,16 +228,16 @@ def _force(model: FluxModel, state: Record) -> float:
 
 
 def _scale(model: FluxModel, state: Record, ticks: int) -> float:
-    """Return the contact resistance that the measured force explains, as a multiple of the expected one.
+    """Return the contact resistance that the force explains, as a multiple of the expected one.
 
-    ``ticks`` is when: servo periods since the touch began.
+    ``ticks`` is the time for which it is asked, in servo periods since the touch began.
     """
     time = (ticks + 1) * model.period
     return scale_of(model.numbers, _force(model, state), model.expected, time, model.press)
 
 
 def _press(model: FluxModel, state: Record, scale: float) -> float:
-    """Return how much the finger is being pressed on, by how fast the resistance changes that the force explains."""
+    """Return how strongly the finger is being pressed on: how fast the resistance that the force explains changes."""
     now, before = math.log(scale), state[model.names.scale_before].reshape(1)
     if state[model.names.fresh].item():  # a finger that has just come is being pressed on
         return press_anew(before, now)
@@ -245,7 +245,7 @@ def _press(model: FluxModel, state: Record, scale: float) -> float:
 
 
 def part(model: FluxModel) -> float:
-    """Return what part of its way the filter of a press goes in an update: PRESS_FILTER behind a steady change."""
+    """Return by what share the filter of a press approaches its input in an update; it lags by PRESS_FILTER [s]."""
     time = model.hold * model.period
     return time / (PRESS_FILTER + time)
 
@@ -262,7 +262,7 @@ def _begin(model: FluxModel, law: ModelLaw, course: Preview, state: Record, tick
 
 
 def _place(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> None:
-    """Tell the law what finger is about to touch."""
+    """Tell the law which finger is about to touch: the model finger as it is now or, without one, a resting one."""
     if model.heat:
         converted(course.into, state[model.names.finger], state[model.names.x][0])
     else:
@@ -271,7 +271,7 @@ def _place(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> N
 
 
 def _ahead(model: FluxModel, course: Preview, state: Record) -> Ahead | None:
-    """Return the contact that runs ahead on State; None: of its object nothing is known."""
+    """Return the contact that runs ahead, on State; None: nothing is known of its object."""
     names, body = model.names, course.bodies[state[model.names.preview_index].item()]
     if body is None:
         return None
@@ -297,7 +297,7 @@ def _restart(model: FluxModel, course: Preview, state: Record, ticks: int, count
 
 
 def _coming(model: FluxModel, course: Preview, state: Record) -> float:
-    """Return the resistance, but for the press, that the contact, as it is felt, is thought to keep."""
+    """Return the resistance [K m2/W] that is expected to last at the felt force, without the effect of a press."""
     if model.steady:
         return course.resistance
     return model.resistance.at(state[model.names.felt_force].item())

@@ -1,4 +1,4 @@
-"""The desired flux of the time to come: the model finger on the virtual object, run ahead of the real time."""
+"""The desired flux of the time to come: the model finger on the virtual object, simulated ahead of real time."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from itouch_thermal.flux.start import Touched, Trial, outer_effusivity, start_te
 from itouch_thermal.heat import FINGER, HeatParams, finger_side, object_side
 from itouch_thermal.laws import press_factor
 
-#: Steps of the preview that are computed anew in a tick while the resistance changes.
+#: How many steps of the preview are computed anew in a tick while the contact resistance changes.
 STRIDE = 16
-#: Steps at most by which it comes nearer to its horizon in a tick, where it does not.
+#: Greatest number of steps that the preview advances in a tick while the resistance is constant, or after a gap.
 CATCH_UP = 64
-#: Servo period [s] from which on a touch begins with the whole horizon.  In a shorter one as large a part of the tick
-#: is spent on it, and it comes to its horizon tick by tick: the one in which a finger is set down has enough to do.
+#: Shortest servo period [s] at which a touch begins with the whole horizon.  At a shorter one the preview takes no
+#: larger share of the first tick, which has enough else to do, and reaches its horizon in the next ticks.
 FIRST_PERIOD = 1e-3
 
 Numbers = NDArray[np.int64]
@@ -36,7 +36,7 @@ Numbers = NDArray[np.int64]
 def run_ahead(
     finger: Any, above: Any, body: Any, below: Any, resistance: float, press: float, out: Any, first: int, count: int
 ) -> None:
-    """Step the contact ``count`` times into the ring ``out`` from index ``first`` on.
+    """Step the contact ``count`` times; write the flux [W/m2] to the ring buffer ``out`` from index ``first`` on.
 
     Index k is the end of step k of the touch; ``press`` is the time constant, in steps, of a resistance that is still
     falling, 0 if it is not.
@@ -50,7 +50,7 @@ def run_ahead(
 
 
 class Ahead(NamedTuple):
-    """A contact that runs ahead of the touch: finger and object, packed and their modes; the flux of its steps, a ring.
+    """A contact that runs ahead of the touch: finger and object, packed, their modes, and a ring buffer of the flux.
 
     ``reached`` (1,): up to which tick of the touch it has come.
     """
@@ -65,7 +65,10 @@ class Ahead(NamedTuple):
 
 @kernel
 def go_on(ahead: Any, resistance: float, press: float, count: int) -> None:
-    """Run ahead by so many steps more; a resistance that is not finite is no contact.  ``press`` as in `run_ahead`."""
+    """Run ahead by ``count`` more steps; a resistance that is not finite is no contact, and nothing is done.
+
+    ``press`` as in `run_ahead`.
+    """
     if math.isfinite(resistance):
         reached = ahead.reached[0]
         run_ahead(
@@ -76,7 +79,7 @@ def go_on(ahead: Any, resistance: float, press: float, count: int) -> None:
 
 @kernel
 def stay(ahead: Any, until: int) -> None:
-    """Let the flux from where the contact has come up to tick ``until`` of the touch be what it was there."""
+    """Hold the last flux from where the contact has come up to tick ``until`` of the touch."""
     size, reached = ahead.future.shape[0], ahead.reached[0]
     for k in range(reached + 1, until + 1):
         ahead.future[k % size] = ahead.future[reached % size]
@@ -84,7 +87,7 @@ def stay(ahead: Any, until: int) -> None:
 
 @kernel
 def begin_at(ahead: Any, finger: Any, below: Any, desired: float, ticks: int) -> None:
-    """Take the modes of finger and object as they are after step ``ticks``, whose flux was ``desired`` [W/m2]."""
+    """Begin anew with the modes of finger and object after step ``ticks``, in which the flux was ``desired`` [W/m2]."""
     for i in range(ahead.above.shape[0]):
         ahead.above[i] = finger[i]
     for i in range(ahead.below.shape[0]):
@@ -98,7 +101,7 @@ def begin_ahead(
     ahead: Any, finger: Any, below: Any, desired: float, resistance: float, press: float, ticks: int, first: int,
     horizon: int,
 ) -> None:  # fmt: skip
-    """Run ahead by ``first`` steps from what is at step ``ticks`` of the touch, as in `begin_at`; then it stays so."""
+    """Begin at step ``ticks`` of the touch as in `begin_at`, run ``first`` steps ahead, and then hold the last flux."""
     begin_at(ahead, finger, below, desired, ticks)
     go_on(ahead, resistance, press, first)
     stay(ahead, ticks + horizon)
@@ -116,8 +119,9 @@ def keep_ahead(
 ) -> None:  # fmt: skip
     """Keep the contact a horizon ahead of tick ``ticks`` of the touch.
 
-    Where the resistance is not ``steady`` it begins anew again and again, as far as it comes in an update, which is
-    every ``hold`` ticks.  ``finger``, ``below`` and ``desired`` are those of now, as in `begin_at`.
+    Where the resistance is not ``steady`` it begins anew from now whenever it has reached its horizon.  An update,
+    every ``hold`` ticks, advances it by a limited number of steps.  ``finger``, ``below`` and ``desired`` are those of
+    now, as in `begin_at`.
     """
     reached, wanted = ahead.reached[0], ticks + horizon
     if reached < ticks:  # periods were left out
@@ -135,7 +139,7 @@ def keep_ahead(
 
 @kernel
 def look_ahead(future: Any, ticks: int, offsets: Any, desired: float, wanted: Any) -> None:
-    """Fill the desired flux at ``offsets`` ticks from now; what it is now beside its preview, it stays later too."""
+    """Fill in the desired flux at ``offsets`` ticks from now; its present difference from the preview is kept."""
     size = future.shape[0]
     lift = desired - future[ticks % size]
     for k in range(offsets.shape[0]):
@@ -144,9 +148,10 @@ def look_ahead(future: Any, ticks: int, offsets: Any, desired: float, wanted: An
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Preview:
-    """Packed models of the desired contact, what takes the model finger into the controller's modes, and starts.
+    """Packed models of the desired contact, the matrix from the model finger's modes to the controller's, and starts.
 
-    ``starts`` holds per object the start temperatures [K] at three skin temperatures, None without a material.
+    The matrix is ``into``; ``starts`` holds per object the start temperatures [K] at three skin temperatures, None
+    without a thermal material.
     """
 
     finger: Array
@@ -179,7 +184,7 @@ def preview(heat: HeatParams, world: World, law: ModelLaw) -> Preview:
 
 
 def conversion(side: Side, layers: tuple[Layer, ...], core: float, period: float) -> Array:
-    """Return the matrix that takes the solver's finger coordinates into those of the controller's column."""
+    """Return the matrix that converts the solver's finger coordinates to those of the controller's column."""
     ours = layer_modes(layers, tissue_side(layers, core, core).back, REACH / 1e-3)
     theirs = side_modes(side, period)
     shape = (len(ours.rates), len(theirs.rates))
@@ -202,7 +207,7 @@ def _fits(arrays: tuple[Array, ...], shape: tuple[int, ...]) -> Array:
 def _starts(
     layers: tuple[Layer, ...], heat: HeatParams, body: Side, skins: list[float], law: ModelLaw, trial: Trial
 ) -> tuple[float, float, float]:
-    """Return the start temperatures [K] for three skin temperatures; they come from trials."""
+    """Return the start temperatures [K] for three skin temperatures [K]; they are found by trials."""
 
     def make() -> Array:
         middle = _start(layers, heat, body, skins[1], law, trial)

@@ -1,4 +1,4 @@
-"""The paper's controller: proportional and integral action on the measured flux, beginning bumplessly.
+"""The paper's controller: proportional and integral action on the measured flux, with a bumpless start.
 
 The integral stops while the command is at a limit and the error would drive it further (conditional anti-windup).
 """

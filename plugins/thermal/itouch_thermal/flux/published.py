@@ -1,6 +1,6 @@
-"""The controllers `paper` and `hold` in a scene: equation 3 before the touch, PI or nothing in it.
+"""The controllers `paper` and `hold` in a scene: equation 3 before the touch, PI or a constant temperature in it.
 
-In the touch both stay inside the plate's band and its greatest rate, as `model` does.
+In the touch both keep within the plate's band and its greatest rate, as `model` does.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from itouch_thermal.flux.proportional import proportional_integral
 from itouch_thermal.flux.setting import APPROACH, FluxModel
 from itouch_thermal.flux.start import MARGIN
 
-#: Greatest rate of the plate in a touch [K/s] as a mean over so many seconds, and the part of it that is used.
+#: Greatest rate of the plate's temperature in a touch [K/s], the time over which it is averaged [s], and the share of
+#: it that is used.
 RATE, RATE_OVER, RATE_USED = 10.0, 0.5, 0.9
-#: In how many pieces that time is remembered, and the time [s] in which the plate is stopped at a limit.
+#: How many temperatures of that time are remembered, and the time [s] in which the plate is stopped at a limit.
 PIECES, STOPPING = 50, 0.1
 
 
 def memory(model: FluxModel) -> tuple[Field, ...]:
-    """Return the State of `paper` and `hold`: where the plate was in the last half second."""
+    """Return the State fields of `paper` and `hold`: the plate's temperatures in the last half second."""
     return (
         ()
         if model.law is not None
@@ -57,7 +58,7 @@ def _touch(model: FluxModel, state: Record, plate: float, period: float) -> floa
 
 
 def _bounded(model: FluxModel, state: Record, flux: float, plate: float, tick: int, period: float) -> float:
-    """Return the flux that neither takes the plate out of its band nor past its greatest rate."""
+    """Return a flux [W/m2], limited so that the plate neither leaves its band nor exceeds its greatest rate."""
     passed, since = state[f"{model.name}.passed"], tick - state[model.names.begun].item()
     length = max(RATE_OVER / PIECES, period)
     piece, pieces = int(since * model.period / length), int(RATE_OVER / length)
@@ -68,6 +69,6 @@ def _bounded(model: FluxModel, state: Record, flux: float, plate: float, tick: i
     swing = RATE * RATE_OVER * RATE_USED
     low, high = max(model.band[0] + MARGIN, before - swing), min(model.band[1] - MARGIN, before + swing)
     capacity = plate_capacity(model.display.plate) / max(STOPPING, 2.0 * period)
-    # What the pump must carry at least to keep the plate where it is: the finger's heat, when it has spread.
+    # What must at least be pumped to keep the plate's temperature: the finger's heat, spread over the plate.
     resting = model.display.cover * float(state[model.names.heat_flux].item())
     return min(resting + capacity * (plate - low), max(resting + capacity * (plate - high), flux))

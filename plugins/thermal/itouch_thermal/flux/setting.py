@@ -24,18 +24,18 @@ from itouch_thermal.flux.preview import Preview, preview
 from itouch_thermal.flux.start import equation_three, outer_effusivity, within
 from itouch_thermal.heat import FINGER, HeatParams, ThermalMaterial
 
-#: Least contact resistance [K m2/W] that the finger on the plate is thought to have.
+#: Least contact resistance [K m2/W] that is expected between finger and plate.
 LEAST = 1e-5
-#: Plate temperatures [K] where no limits are known.
+#: The plate's band [K] where no limits are known.
 BAND = (288.15, 313.15)
 
 #: Time constant [s] with which `paper` and `hold` approach the start temperature.
 APPROACH = 0.25
-#: Seconds after which the start temperature is found anew.
+#: How often the start temperature is found anew [s].
 AGAIN = 0.25
-#: For how long a reading may be on its way over a wire [s].
+#: Longest time that a reading may be on its way over a wire [s].
 LONGEST = 0.25
-#: For how long a command may wait until it leaves [s].
+#: Longest time that a command may wait until it leaves [s].
 WAIT = 0.05
 
 Starts = tuple[float, float, float]
@@ -45,16 +45,15 @@ Starts = tuple[float, float, float]
 class FluxModel:
     """What the modality knows of the scene.
 
-    ``heat`` is the modality that it follows, empty where curves say all; ``starts`` (start temperatures [K] at three
-    skin temperatures), ``temperatures`` [K] before anything was touched, ``curves``, ``objects`` and ``materials``
-    (names) are per object; ``dew`` [K] is the room's dew point; ``steady`` says that the contact resistance is the
-    same at any force and time; ``preset_time`` [s] is what ``equalise`` makes every approach take, 0 without it;
-    ``preset_noise`` [A] is what lies on the current before a touch;
-    ``wire`` says that readings and currents are late, and ``at`` at which places the display reads flux and plate;
-    ``finger`` is that at rest, in steps of an update; ``lead`` is how long [s] the plate takes to where it is sent;
-    ``finger_number`` is that of the probe;
-    ``hold`` is how many servo periods an update stands for, ``again`` after how many the start temperature is found
-    anew.
+    ``heat`` is the modality that computes the desired flux, empty where recorded curves give all of it.  Per object
+    there are ``starts`` (start temperatures [K] at three skin temperatures), ``temperatures`` [K] before anything was
+    touched, ``curves``, and the names ``objects`` and ``materials``.  ``dew`` [K] is the room's dew point.  ``steady``
+    says that the contact resistance is the same at any force and time.  ``preset_time`` [s] is how long ``equalise``
+    makes every approach take, 0 without it; ``preset_noise`` [A] is the noise on the current before a touch.
+    ``wire`` says that readings and currents are late, ``at`` which of the display's readings are those of flux and
+    plate.  ``finger`` is the column of the finger at rest, in steps of an update; ``finger_number`` is the probe's
+    number.  ``lead`` [s] is how long the plate takes to reach its target.  ``hold`` is how many servo periods an update
+    stands for, ``again`` after how many of them the start temperature is found anew.
     """
 
     name: str
@@ -98,7 +97,7 @@ class FluxModel:
 
     @property
     def maybe_blind(self) -> bool:
-        """Whether only its readings tell if anything looks at the skin: so it is with a rig of one's own."""
+        """Whether only the readings tell if a sensor sees the skin, as on a rig of one's own."""
         line = self.display.line
         return not self.truth and line is not None and line.firmware == "own" and bool(self.skin_valid)
 
@@ -109,7 +108,7 @@ class FluxModel:
 
     @property
     def estimates(self) -> bool:
-        """Whether the flux obtained is the law's own estimate: where nothing knows the true one."""
+        """Whether the obtained flux is the law's own estimate, as no twin knows the true one."""
         return self.law is not None and not self.truth
 
     def start(self, index: int, skin: float, warmed: float = 0.0) -> float | None:
@@ -118,8 +117,8 @@ class FluxModel:
         Parameters
         ----------
         warmed
-            By how much [K] earlier touches have warmed the object.  Finger and object both warmer by the same is the
-            same touch, warmer by that; and one as warm as the other needs a plate that is so, too.
+            By how much [K] earlier touches have warmed the object.  If finger and object are both warmer by the same
+            amount, the plate must be, too.
         """
         found = self.starts[index]
         if found is None:
@@ -127,7 +126,7 @@ class FluxModel:
         return start_for(*found, self.skin, self.temperatures[index], self.curves[index] is None, skin, warmed)
 
     def warmed(self, index: int, state: Record) -> float:
-        """Return by how much [K] earlier touches have warmed an object, as the modality that is followed has it."""
+        """Return by how much [K] earlier touches have warmed an object, as known to what computes the desired flux."""
         body = None if self.preview is None or not self.heat else self.preview.bodies[index]
         if body is None or self.curves[index] is not None:
             return 0.0
@@ -146,7 +145,7 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
     Raises
     ------
     ValueError
-        If the display obeys nothing that is known, nothing computes the desired flux, or a curve can't be read.
+        If the display obeys no command that is known, nothing computes the desired flux, or a curve can't be read.
     """
     device = world.devices[params.display]
     display = _display(device)
@@ -211,14 +210,14 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
 
 
 def _wire(device: WorldDevice, display: DisplayParams) -> bool:
-    """Tell whether readings of the display come late, and commands leave late, over a wire that says when."""
+    """Tell whether readings of the display come late, and commands leave late, over a wire that tells the times."""
     return device.wire and display.command == "current"
 
 
 def _skin_from(device: WorldDevice, display: DisplayParams) -> str:
-    """Return the State field of the skin's temperature; empty: nothing looks at the skin, and what is read is no skin.
+    """Return the State field of the skin's temperature; empty: no sensor sees the skin, whatever is read.
 
-    Our own program for a rig has no thermometer for it, and a controller has one at a LabJack or none.
+    The reference firmware has no thermometer for it; with a TEC controller, the only one can be at a LabJack.
     """
     eyes = display.labjack is not None and display.labjack.infrared is not None
     ours = display.line is not None and display.line.firmware == "reference"
@@ -227,7 +226,7 @@ def _skin_from(device: WorldDevice, display: DisplayParams) -> str:
 
 
 def _display(device: WorldDevice) -> DisplayParams:
-    """Return what is known of the display, told by current or by temperature as its commands say.
+    """Return the parameters of the display, with ``command`` (current or temperature) by the commands that it obeys.
 
     Raises
     ------
@@ -245,7 +244,7 @@ def _display(device: WorldDevice) -> DisplayParams:
 
 
 def _heat(params: FluxControlParams, world: World) -> HeatParams:
-    """Return the modality that is followed; where curves say all, a finger like it."""
+    """Return the parameters of the modality that computes the desired flux; where curves give all, the usual ones."""
     if not params.desired_from:
         if len(world.probes) != 1:
             raise ValueError(f"desired-from must say which of {len(world.probes)} fingers touches the display")
@@ -265,9 +264,9 @@ def _limits(device: WorldDevice, display: DisplayParams) -> tuple[tuple[float, f
 
 
 def _force(params: FluxControlParams, world: World) -> tuple[str, str, int]:
-    """Return the State field of the measured force on the plate, and where it stands when that was measured.
+    """Return the State field of the measured force on the plate, and field and index of when it was measured.
 
-    That is a field and an index in it; all is empty if nothing measures it.
+    Both fields are empty if nothing measures the force.
     """
     for device in world.devices.values():
         if params.force_from in ("", device.name) and (channel := device.reading(Role.CONTACT_FORCE)):
@@ -279,7 +278,7 @@ def _model(
     name: str, display: DisplayParams, heat: HeatParams, world: World, band: tuple[float, float], ceiling: float,
     wire: bool,
 ) -> tuple[ModelLaw, Preview]:  # fmt: skip
-    """Build the constants of `model`; what is on its way is always known from what was sent."""
+    """Build law and preview of `model`; the currents on their way are always known from what was sent."""
     law = ModelLaw(
         display, heat.layers or FINGER, heat.arterial, world.skin_temperature, max(heat.expected_resistance, LEAST),
         world.ambient, world.servo_period, band=band, ceiling=ceiling, prefix=f"{name}.",
@@ -298,7 +297,7 @@ def _starts(
     law: ModelLaw | None,
     course: Preview | None,
 ) -> tuple[Starts | None, ...]:
-    """Return the start temperatures [K] per object: those of the curve, of the model, or of equation 3."""
+    """Return the start temperatures [K] per object: by the curve, by the model, or by equation 3; None: unknown."""
     skins = [world.skin_temperature + away for away in (-SKIN_STEP, 0.0, SKIN_STEP)]
     found: list[Starts | None] = []
     for element, curve in zip(world.objects, curves, strict=True):
@@ -322,7 +321,7 @@ def _preset_time(
     starts: tuple[Starts | None, ...],
     band: tuple[float, float],
 ) -> float:
-    """Return the time [s] from approach to readiness that is the same for every object; 0: as fast as each can."""
+    """Return the time [s] from approach to readiness that is the same for every object; 0: each as fast as it can."""
     if not params.equalise:
         return 0.0
     from itouch_thermal.display.switching import least_time, strongest
@@ -340,5 +339,5 @@ def _preset_time(
     return params.preset_time
 
 
-#: How much longer than the least time a switch may take on a plant that differs, and until the sensors have seen it.
+#: Factor on the least time of a switch, for plants that differ from the model, and the time until sensors show it [s].
 MARGIN, SETTLED = 1.25, 0.3

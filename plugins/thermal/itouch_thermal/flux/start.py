@@ -1,7 +1,7 @@
-"""The start temperature of the plate: what it must have when the finger arrives.
+"""The start temperature of the plate: the temperature that it must have when the finger arrives.
 
-It is found by trying: the controller renders the first moments on plants of its own making, the one of the data
-sheets and two that are hard, and the start temperature is taken with which most is left of what may go wrong.
+It is found by trials: the controller renders the first moments of the contact on simulated plants, that of the data
+sheets and two hard ones, and the start temperature with the greatest margin to the allowed errors is taken.
 """
 
 from __future__ import annotations
@@ -18,26 +18,31 @@ from itouch_thermal.display.column import F_PORT, Array
 from itouch_thermal.flux import observer as at
 from itouch_thermal.flux.law import REFERENCE, ModelLaw
 
-#: Seconds that are tried, seconds from which flux and late skin count, and over which the flux error is a mean.
+#: Length of a trial, times from which flux and later skin temperature count, and time over which the flux error is a
+#: mean [s].
 TRIED, COUNTED_FROM, LATER, SCORED = 0.4, 0.1, 0.3, 9.9
 #: Errors are relative to at least this flux [W/m2].
 FLOOR = 200.0
-#: What the skin may be off on the plant of the data sheets [K], ever and later, and the flux there, relative rms.
+#: Allowed errors on the plant of the data sheets: of the skin temperature [K], at any time and later, and of the flux,
+#: relative rms.
 SKIN_EVER, SKIN_LATER, NOMINAL = 0.116, 0.0155, 3e-3
-#: What the sensor's noise leaves of the flux error [W/m2], and by how much the flux falls from the trial's end on.
+#: Flux error [W/m2] that comes from the sensor's noise, and the factor by which the flux falls after the trial's end.
 NOISE, FALLS = 0.45, 3.0
-#: What the flux may be off on a hard plant, and on it for materials below THIN [W s^1/2 / m2K], relative rms.
+#: Allowed errors of the flux on a hard plant, relative rms, and there for effusivities below THIN [W s^1/2 / m2K].
 HARD, HARD_THIN, THIN = 5e-3, 13e-3, 300.0
-#: How much worse than the skin's it is to miss the flux.
+#: Extra cost of a flux error beyond the allowed one, per multiple of that by which it is beyond.
 FLUX_FIRST = 10.0
-#: Start temperatures tried at first, how far aside they begin [K], also near a known one, and how close they end.
+#: How many start temperatures are tried first, how far they reach beyond the faces' temperatures [K], how far around a
+#: known one [K], and their distance at the end [K].
 FIRST, ASIDE, NEAR, CLOSE = 6, 1.5, 0.5, 0.01
 #: How far start temperatures stay from the ends of the band [K].
 MARGIN = 0.1
 
-#: What is not known before the touch, and the part of the doubt about the rest that the way to the start leaves.
+#: Parameters that are unknown before the touch, and the share of the others' standard deviations that the approach
+#: leaves.
 UNKNOWN, FOUND = frozenset({at.RESISTANCE, at.TISSUE, at.PRESS}), 0.1
-#: The hard plants: all that slows the plate down, and a contact that is 10 % better or worse than expected.
+#: The plants: that of the data sheets, and the hard ones, with all that slows the plate down and a contact that is 10 %
+#: better or worse than expected.
 _SLOW = {at.SEEBECK: -0.1, at.LEGS: 0.1, at.OHMIC: 0.1, at.PLATE: 0.1, at.LAG: math.log(0.9)}
 PLANTS: tuple[dict[int, float], ...] = (
     {},
@@ -61,7 +66,7 @@ def equation_three(material: float, plate: float, tissue: float, object_temperat
 
 
 def within(band: tuple[float, float], wanted: float) -> float:
-    """Return the nearest start temperature [K] that stays inside the band by what the sensor may be off."""
+    """Return the nearest start temperature [K] that is inside the band by as much as the sensor may be off (MARGIN)."""
     return min(band[1] - MARGIN, max(band[0] + MARGIN, wanted))
 
 
@@ -71,10 +76,10 @@ def outer_effusivity(layers: Sequence[Layer]) -> float:
 
 
 class Touched(NamedTuple):
-    """The contact that is to be rendered, at the ends of a trial's steps; longer than it by what is planned ahead.
+    """The contact that is to be rendered, at the ends of a trial's steps, and beyond by the horizon of the plan.
 
-    ``flux`` [W/m2] and ``skin`` [K] of the ideal contact, by how much the resistance is still higher (``press``), and
-    the effusivity of the object.
+    ``flux`` [W/m2] and ``skin`` [K] of the ideal contact, ``press``: the resistance as a multiple of the expected one,
+    and the effusivity of the object [W s^1/2 / m2K].
     """
 
     flux: Array
@@ -84,7 +89,7 @@ class Touched(NamedTuple):
 
 
 class Trial:
-    """Contacts of the controller with plants of its own making, at coarse steps and without noise."""
+    """Simulated contacts of the controller with plants made of its own model, in coarse steps and without noise."""
 
     def __init__(self, law: ModelLaw) -> None:
         self.law = law.coarser()
@@ -103,7 +108,7 @@ class Trial:
         finger
             Coordinates of the finger at the start, shape (n,).
         differs
-            By how much the plant's parameters differ, as the observer counts them.
+            By how much the plant's parameters differ, by their indices in `observer`.
         """
         law, own, plant = self.law, self.own, self.plant
         n, m = len(finger), law.fine.plate.shape[1]
@@ -125,10 +130,10 @@ class Trial:
         return law.rendered(own, plant, touched.flux, touched.press, self.steps)
 
     def cost(self, start: float, finger: Array, touched: Touched, best: float = math.inf) -> float:
-        """Return how near the worst of what may be off comes to what is allowed: below 1 all is well.
+        """Return the greatest error as a multiple of what is allowed: up to 1 all is well, more costs extra.
 
-        ``start`` is a temperature [K], ``finger`` (modes,) are coordinates of the tissue [K].  What is more than
-        ``best`` already on the first plants is not tried on the others.
+        ``start`` is a temperature [K], ``finger`` (modes,) are coordinates of the tissue [K].  If the cost is above
+        ``best`` already on the first plants, the others are not tried.
         """
         steps = self.steps
         times = np.arange(1, steps + 1) * self.law.period
@@ -153,16 +158,16 @@ class Trial:
 
 
 def start_temperature(trial: Trial, finger: Array, touched: Touched, near: float | None = None) -> float:
-    """Return the start temperature [K] with which most is left of what may go wrong.
+    """Return the start temperature [K] of least cost, that is, with the greatest margin to the allowed errors.
 
     Parameters
     ----------
     finger
         Coordinates of the finger at the start, shape (n,).
     touched
-        What is to be rendered; shape (trial.needed,) each.
+        The contact to be rendered; arrays of shape (trial.needed,).
     near
-        Where to look [K], if that is known.
+        A start temperature [K] near which to look, if one is known.
     """
 
     def cost(start: float, best: float) -> float:
@@ -177,7 +182,7 @@ def start_temperature(trial: Trial, finger: Array, touched: Touched, near: float
 
 
 def _least(cost: Callable[[float, float], float], low: float, high: float, first: int) -> float:
-    """Return where a cost with few valleys is least: some places first, then between the best one's neighbours."""
+    """Return where a cost with few minima is least: first on a coarse grid, then ever closer around the best point."""
     known: dict[float, float] = {}
     for place in np.linspace(low, high, first).tolist():
         known[place] = cost(place, min(known.values(), default=math.inf))

@@ -1,4 +1,4 @@
-"""The live line's words of `flux-control`, and its part of the report."""
+"""What `flux-control` shows on the live line, and its part of the report."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from itouch_thermal.flux.observer import DELAY
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.flux.start import within
 
-#: A report is asked for again and again: of each run of a sweep, of each cell of a matrix of faults.
+#: Cached, for reports are made again and again: for each run of a sweep, and for each cell of a matrix of faults.
 _least_time = lru_cache(maxsize=256)(least_time)
 
-#: Most materials whose switches the report lists.
+#: Greatest number of materials between which the report lists the times of switches.
 LISTED = 16
 
 
@@ -50,7 +50,7 @@ def report(model: FluxModel, state: Record) -> dict[str, Any]:
 
 
 def _delay(model: FluxModel, state: Record) -> float | None:
-    """Return after what time commands act, as it is believed [s]; None where the delay is not looked for."""
+    """Return the time [s] after which commands act, as estimated; None where it is no parameter of the estimator."""
     if not model.wire or len(state[model.names.theta]) <= DELAY:
         return None
     return model.display.delay + float(state[model.names.theta][DELAY])
@@ -59,7 +59,7 @@ def _delay(model: FluxModel, state: Record) -> float | None:
 def switches(model: FluxModel) -> list[dict[str, Any]]:
     """Return the least time [s] of a switch between any two materials, the driver's delay included.
 
-    Of objects of one material the first one's temperature counts.
+    If several objects are of one material, the temperature of the first one counts.
     """
     starts: dict[str, float] = {}
     for name, start in zip(model.materials, model.starts, strict=True):

@@ -1,7 +1,7 @@
-"""A tick of the controller `model`, compiled: three calls that leave to Python what is unusual.
+"""A tick of the controller `model`, compiled: three calls, of which the first leaves unusual ticks to Python.
 
-``prepare`` says what the law takes in, ``track`` lets it, ``command`` asks it for the next current.  ``hear`` is told
-what contacts begin and end.
+``prepare`` determines what the law takes in, ``track`` lets it do so, ``command`` asks it for the next current.
+``hear`` is called with contact events.
 """
 
 from __future__ import annotations
@@ -26,23 +26,24 @@ from itouch_thermal.laws import press_factor
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-#: Leaves the tick to Python.
+#: Code that leaves the tick or event to Python.
 PYTHON = 1
-#: The kinds of event that it hears, as compiled code compares them.
+#: The kinds of event that are heard, as numbers for compiled code.
 _NEAR, _BEGIN, _END = int(Contact.NEAR), int(Contact.BEGIN), int(Contact.END)
-#: Force [N] on the plate that means a finger.
+#: Force [N] on the plate above which a finger is on it.
 TOUCHED = 0.03
-#: Over how long the infrared readings of the skin are averaged while the rig is calibrated [s], and the most heat that
-#: the plate then takes from the finger in place of the air [W/m2]: without it covered skin warms up.
+#: Over how long the infrared readings of the skin are averaged while the rig is calibrated [s], and the greatest flux
+#: [W/m2] that the plate then takes from the finger in place of the air: without it, covered skin warms up.
 AVERAGED, DRAWN = 1.0, 45.0
 #: The plate is ready within this of its start temperature [K].
 READY = 0.1
-#: How far the contact resistance that the force explains may be from the expected one, as a multiple of it.
+#: Least and greatest contact resistance that the force may explain, as multiples of the expected one.
 SCALE = (0.02, 50.0)
-#: As Python hands numbers over.  A plain constant of a kernel is a type of its own, for which all that it is passed to
-#: would be compiled once more.
+#: Zero, in the type in which Python passes numbers.  A literal in a kernel has a type of its own, for which every
+#: function that it is passed to would be compiled once more.
 _NOTHING: Any = np.int64(0)
-#: Time constant of a press [s] that is as doubtful as its scale is above 1; filter of its rate [s]; what is noise.
+#: Time constant [s] of the press for which the strength of pressing equals by how much the scale exceeds 1, time
+#: constant [s] of the filter that gives the resistance's rate of change, and the strength that is noise.
 PRESSING, PRESS_FILTER, STILL = 0.05, 0.02, 0.1
 #: Seconds after the start from which the flux error counts, and the least flux [W/m2] it is relative to.
 SCORED_FROM, FLOOR = 0.1, 50.0
@@ -51,7 +52,10 @@ _resistance_at, _press_factor = kernel(resistance_at), kernel(press_factor)
 
 
 class Scene(NamedTuple):
-    """What of State is the scene's, scalars as (1,); ``load``: the wrench on the plate, or nothing measures it (0,)."""
+    """Views of State fields that are not the modality's, scalars as (1,).
+
+    ``load`` is the wrench on the plate, ``skin`` and ``skin_valid`` are the skin's reading; (0,): it is not measured.
+    """
 
     tick: Numbers
     ready: Numbers
@@ -79,7 +83,7 @@ class Scene(NamedTuple):
 
 
 class Own(NamedTuple):
-    """What of State is the modality's, scalars as (1,)."""
+    """Views of the modality's own State fields, scalars as (1,)."""
 
     open: Numbers
     touching: Numbers
@@ -115,7 +119,7 @@ class Own(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """The law's State; see `ModelLaw`."""
+    """Views of the law's State fields; see `ModelLaw`."""
 
     x: Floats
     theta: Floats
@@ -138,9 +142,10 @@ class Memory(NamedTuple):
 
 
 class Given(NamedTuple):
-    """What never changes: constants of law and preview, and per object whether it has a start and plays a curve.
+    """Arrays that never change: constants of law and preview, and what is known of each object.
 
-    ``start`` has per object the start temperatures [K] at three skin temperatures, and its own temperature [K].
+    Per object, ``known`` says whether its heat is, ``starts`` whether it has start temperatures, ``played`` whether it
+    plays a curve; ``start`` has its start temperatures [K] at three skin temperatures, and its own temperature [K].
     """
 
     c: Floats
@@ -165,11 +170,11 @@ class Given(NamedTuple):
 
 
 class Figures(NamedTuple):
-    """Numbers that never change: sizes in periods, limits, and what is known of skin and room, SI.
+    """Numbers that never change: sizes in periods, limits, and what is known of skin and room, in SI.
 
     An update stands for ``hold`` servo periods, which are ``update`` [s] together.  ``probe`` is the number of the
     finger, ``first`` how many steps a contact is run ahead in the tick in which it begins, and ``sees`` says whether
-    anything reads the skin's temperature.
+    the skin's temperature is read.
     """
 
     size: int
@@ -204,9 +209,11 @@ class Figures(NamedTuple):
 
 
 class Taken(NamedTuple):
-    """What ``prepare`` has found for the law: how the resistance is, how much is pressed on, and what the sensor sees.
+    """What ``prepare`` has found for the law, each of shape (1,).
 
-    Each of shape (1,); the third is a part of the flux out of the finger, the last 1 where the readings are unclear.
+    ``scale`` is the contact resistance as a multiple of the expected one, ``press`` how strongly the finger is being
+    pressed on, ``part`` the part of the sensor that the finger covers; ``unclear`` is 1 where the readings are
+    ambiguous, because the finger hovers.
     """
 
     scale: Floats
@@ -231,23 +238,24 @@ def in_contact(scene: Any, heat: bool) -> bool:
 
 @kernel
 def scale_of(law: Any, force: float, expected: float, time: float, press: float) -> float:
-    """Return the contact resistance at a force [N], so long [s] after the start, as a multiple of the expected."""
+    """Return the contact resistance at a force [N], ``time`` [s] after the start, as a multiple of the expected one."""
     found = _resistance_at(law, force) / expected * _press_factor(time, press)
     return float(min(SCALE[1], max(SCALE[0], found)))
 
 
 @kernel
 def judged(error: float, passed: float) -> float:
-    """Return how ready a plate is that differs from its start temperature by an error [K]: 0 to 1.
+    """Return the readiness, 0 to 1, of a plate that differs from its start temperature by an error [K].
 
-    ``passed`` is the part that is over of the time that every approach takes; 1 or more if there is none.
+    ``passed`` is the share that is over of the time that every approach takes, and is the readiness until it is 1; 1 or
+    more if no such time is set.
     """
     return max(0.0, passed) if passed < 1.0 else max(0.0, min(1.0, 2.0 - abs(error) / READY))
 
 
 @kernel
 def enter(account: Floats, flux: float, desired: float, skin: float, period: float) -> None:
-    """Take one tick into the account (9,): obtained and desired flux [W/m2], skin temperature [K] (NaN: unknown)."""
+    """Enter one tick into the account (9,): obtained and desired flux [W/m2], skin temperature [K] (NaN: unknown)."""
     ticks, first = account[2], account[5]
     if abs(flux) > abs(account[4]):
         account[4] = flux
@@ -263,7 +271,7 @@ def enter(account: Floats, flux: float, desired: float, skin: float, period: flo
 
 @kernel
 def _equal(scene: Any, own: Any, given: Any, figures: Any) -> None:
-    """Aim for the skin's temperature during calibration."""
+    """Aim for the skin's temperature during calibration; see `approach.equal`."""
     seen = scene.skin.shape[0] > 0 and (scene.skin_valid.shape[0] == 0 or scene.skin_valid[0] >= 0.5)
     own.approached[0] = -1
     wanted = neutral(
@@ -278,17 +286,17 @@ def neutral(
     calm: Floats, looked: Floats, covered: Floats, tissue: Floats, resting: float, measured: float, rest: float,
     touched: bool, resistance: float, period: float, lead: float,
 ) -> float:  # fmt: skip
-    """Return the plate's temperature [K] with which a finger that is felt in a calibration keeps its own.
+    """Return the plate temperature [K] with which a finger that touches the plate in a calibration keeps its own.
 
-    Skin at rest gives heat to the air.  Under the plate it gives it to the plate, as far as that may take any; what is
-    left warms the skin, and the plate follows it.  When it is felt next nobody knows: it is always ready for that.
+    Skin at rest gives heat to the air.  On the plate it gives it to the plate, up to what that may take; the rest warms
+    the skin, and the plate follows it.  Nobody knows when it will be touched next, so it is always prepared for that.
 
     Parameters
     ----------
     calm, looked
         Mean of the resting skin's readings [K], 0 before the first, and over how long it is [s], shape (1,) each.
     covered
-        Modes of what the plate has done to the skin so far, shape (n,).
+        Modes of the skin's warming by the plate so far, shape (n,); changed.
     tissue
         Packed finger, shape (4, n); see `itouch_thermal.display.column`.
     resting, rest
@@ -298,7 +306,7 @@ def neutral(
     touched, resistance
         Whether the finger is on the plate, and with what contact resistance [K m2/W].
     period, lead
-        Since the last call, and from now until the plate is where it is asked to be [s].
+        Time since the last call, and time from now until the plate reaches its target [s].
     """
     drawn = min(DRAWN, max(-DRAWN, resting))
     kept, warmer, soon, steps = resting - drawn, 0.0, 0.0, lead / period
@@ -319,9 +327,10 @@ def neutral(
 
 @kernel
 def aim_at(start: Floats, limited: Any, wanted: float, low: float, high: float) -> None:
-    """Take a start temperature [K], as far as the plate's band goes.
+    """Set the start temperature [K], clipped to the plate's band less MARGIN.
 
-    ``start`` (1,) and ``limited`` (1,) are written; ``wanted``, ``low`` and ``high`` [K].
+    ``start`` (1,) and ``limited`` (1,), whether ``wanted`` is outside the band, are written; ``wanted``, ``low`` and
+    ``high`` [K].
     """
     start[0] = min(high - MARGIN, max(low + MARGIN, wanted))
     limited[0] = int(not low <= wanted <= high)
@@ -329,14 +338,14 @@ def aim_at(start: Floats, limited: Any, wanted: float, low: float, high: float) 
 
 @kernel
 def _coming(scene: Any) -> int:
-    """Return the object that the plate will render, -1 for none: a taller neighbour may be nearer to the finger."""
+    """Return the object that the plate will render, -1: none; it is the one below, even if a taller one is nearer."""
     near, below = scene.near_object[0], scene.below[0]
     return int(below if near >= 0 and below >= 0 else near)
 
 
 @kernel
 def _wanted(scene: Any, given: Any, figures: Any, index: int) -> float:
-    """Return the start temperature [K] that an object wants as it and the skin, which is seen, are now."""
+    """Return the start temperature [K] for an object, as warm as it and the skin, which must be seen, are now."""
     goes_on, warmed, row = given.played[index] == 0, 0.0, given.start[index]
     if goes_on and given.known[index] != 0:
         warmed = onset.warmth(given.bodies[index], scene.bodies[index], row[3])
@@ -347,7 +356,7 @@ def _wanted(scene: Any, given: Any, figures: Any, index: int) -> float:
 
 @kernel
 def _aim(scene: Any, own: Any, given: Any, figures: Any, index: int, tick: int) -> None:
-    """Aim for the object that the finger approaches; where nothing is known of its heat the plate stays as it is."""
+    """Aim for the object that the finger approaches; if nothing is known of its heat, the start temperature stays."""
     own.preset_begun[0] = tick
     if index >= 0:
         own.approached[0] = index
@@ -358,7 +367,7 @@ def _aim(scene: Any, own: Any, given: Any, figures: Any, index: int, tick: int) 
 
 @kernel
 def _look(scene: Any, own: Any, given: Any, figures: Any) -> None:
-    """Between touches: aim for what is near, and now and then anew, as object and skin recover from the last touch."""
+    """Aim, between touches, for the near object, anew now and then, as it and the skin recover from the last touch."""
     near, tick = _coming(scene), scene.tick[0]
     if near < 0:
         return
@@ -372,7 +381,7 @@ def _look(scene: Any, own: Any, given: Any, figures: Any) -> None:
 
 @kernel
 def _judge(scene: Any, own: Any, figures: Any, error: float) -> None:
-    """Say how ready a plate is that differs from its start temperature by an error [K]."""
+    """Write the readiness of a plate that differs from its start temperature by an error [K]."""
     passed = 1.0
     if figures.preset_time > 0.0:
         passed = (scene.tick[0] - own.preset_begun[0]) * figures.period / figures.preset_time
@@ -382,15 +391,15 @@ def _judge(scene: Any, own: Any, figures: Any, error: float) -> None:
 
 @kernel
 def _turns(scene: Any, own: Any, given: Any, index: int) -> bool:
-    """Tell whether the plate begins to render the contact with an object that is open, or ends it."""
-    if given.starts[index] == 0 or scene.met[0] < 0:  # a finger that lifts for a moment: as it was
+    """Tell whether the plate begins, or ceases, to render the open contact with an object."""
+    if given.starts[index] == 0 or scene.met[0] < 0:  # a finger lifts for a moment: no change
         return False
     return bool((own.touching[0] != 0) != (scene.plate[0] != 0))
 
 
 @kernel
 def _meet(scene: Any, own: Any) -> None:
-    """Begin to render the contact that is open: the plate is what touches the finger."""
+    """Begin to render the open contact: what touches the finger is now the plate."""
     aimed = own.approached[0] == own.object[0]
     ready, limited = aimed and own.plate_ready[0] != 0, aimed and own.plate_limited[0] != 0
     again = onset.render(own.account, ready, limited, scene.true_skin[0])
@@ -403,9 +412,9 @@ def _meet(scene: Any, own: Any) -> None:
 
 @kernel
 def _part(scene: Any, own: Any, given: Any, figures: Any, memory: Any) -> None:
-    """Let go of a finger that the plate is no longer with, and aim for what comes next.
+    """End the touch of a finger that the plate no longer touches, and aim for the next object.
 
-    It may be there already: then the plate is as ready for it as it is near that start temperature.
+    The finger may be on that already, so readiness is judged at once, by how near its start temperature is.
     """
     tick, touched = scene.tick[0], own.touching[0] != 0
     if own.on_plate[0] != 0:
@@ -419,7 +428,10 @@ def _part(scene: Any, own: Any, given: Any, figures: Any, memory: Any) -> None:
 
 @kernel
 def hear(event: Any, scene: Scene, own: Own, given: Given, figures: Figures, memory: Memory) -> int:
-    """Aim for the object that comes near; begin and end the touch.  ``event``: a `HeardContact`."""
+    """Aim for the object that comes near; begin and end the touch.
+
+    ``event`` is a `HeardContact`.  Return PYTHON, with nothing changed, to leave the event to Python, else 0.
+    """
     if event.probe[0] != figures.probe:
         return 0
     kind, tick, index = event.kind[0], event.tick[0], event.object[0]
@@ -445,9 +457,10 @@ def hear(event: Any, scene: Scene, own: Own, given: Given, figures: Figures, mem
 
 @kernel
 def _unusual(scene: Any, own: Any, given: Any, figures: Any) -> bool:
-    """Tell whether this tick is Python's: readings or ticks are missing, or an object is not rendered by its heat.
+    """Tell whether this tick is left to Python: readings or ticks are missing, or an object's flux is not computed.
 
-    Where an update stands for several periods, what begins or ends is Python's, too.
+    Such an object plays a curve, or nothing is known of its heat.  Where an update stands for several periods, ticks in
+    which rendering begins or ends are left to Python, too, and so is a new aim where no sensor sees the skin.
     """
     tick, index = scene.tick[0], own.object[0]
     if own.tracked[0] != tick - figures.hold or scene.age[0] != 0:
@@ -473,10 +486,13 @@ def _unusual(scene: Any, own: Any, given: Any, figures: Any) -> bool:
 def prepare(
     scene: Scene, own: Own, given: Given, figures: Figures, memory: Memory, taken: Taken
 ) -> int:  # fmt: skip
-    """Begin and end what the plate renders, note what was obtained, and say what the law takes in."""
+    """Begin and end what the plate renders, note what was obtained, and determine what the law takes in.
+
+    Return PYTHON, with nothing changed, to leave the tick to Python, else 0.
+    """
     if _unusual(scene, own, given, figures):
         return PYTHON
-    # Each anew: what is kept here is not in State.
+    # All are set anew in each tick, as these arrays are not in State.
     taken.scale[0], taken.press[0], taken.part[0], taken.unclear[0] = 1.0, 0.0, 1.0, 0
     if own.open[0] != 0 and _turns(scene, own, given, own.object[0]):
         if own.touching[0] != 0:
@@ -515,11 +531,10 @@ def prepare(
 
 @kernel
 def press_on(before: Floats, now: float, part: float) -> float:
-    """Return how much the finger is being pressed on, by how fast the logarithm of the resistance changes.
+    """Return how strongly the finger is being pressed on, by how fast the logarithm of the resistance changes.
 
-    ``before`` (1,) is that logarithm, filtered; ``part`` of the way to what it is now is gone in a tick.
-
-    The resistance is in [K m2/W], its logarithm without a unit.
+    ``now`` is the logarithm of the contact resistance as a multiple of the expected one, without a unit; ``before``
+    (1,) is the same filtered, and is moved towards it by the share ``part``.
     """
     followed = before[0] + part * (now - before[0])
     before[0] = followed
@@ -528,9 +543,9 @@ def press_on(before: Floats, now: float, part: float) -> float:
 
 @kernel
 def press_anew(before: Floats, now: float) -> float:
-    """Return how much a finger is being pressed on that has just come; as in `press_on`.
+    """Return how strongly a finger that has just come is being pressed on.
 
-    ``before`` (1,) is written; ``now`` is the logarithm of the resistance, which is in [K m2/W].
+    ``before`` (1,) is written; it and ``now`` are as in `press_on`, without a unit.
     """
     before[0] = now + PRESS_FILTER / PRESSING
     return float(press_on(before, now, 0.0))
@@ -544,14 +559,14 @@ def _force(scene: Any) -> float:
 
 @kernel
 def _scale(scene: Any, own: Any, given: Any, figures: Any, later: int) -> float:
-    """Return the resistance that the force explains so many periods from now, as a multiple of the expected one."""
+    """Return the resistance that the force explains ``later`` periods from now, as a multiple of the expected one."""
     time = (scene.tick[0] - own.begun[0] + later + 1) * figures.period
     return float(scale_of(given.law, _force(scene), figures.expected, time, figures.press))
 
 
 @kernel
 def track(scene: Scene, given: Given, memory: Memory, taken: Taken, size: int, passed: int) -> int:
-    """Let the law take in what was sent and read, after so many periods that have ``passed`` without."""
+    """Let the law take in what was sent and read, after ``passed`` periods without readings."""
     memory.memory[observer.M_PART] = taken.part[0]
     for k in range(passed + 1):
         last = k == passed and taken.unclear[0] == 0
@@ -566,7 +581,7 @@ def track(scene: Scene, given: Given, memory: Memory, taken: Taken, size: int, p
 
 @kernel
 def _look_on(scene: Any, own: Any, given: Any, figures: Any, future: Floats, ticks: int) -> None:
-    """Keep the preview a horizon ahead, with the resistance that the contact, as it is felt, is thought to keep."""
+    """Keep the preview a horizon ahead, with the resistance that is expected to last at the felt force."""
     index = own.preview_index[0]
     ahead = Ahead(
         given.finger, own.preview_finger, given.bodies[index], own.preview_object, future, own.reached
@@ -587,7 +602,7 @@ def _look_on(scene: Any, own: Any, given: Any, figures: Any, future: Floats, tic
 
 @kernel
 def _set_down(scene: Any, own: Any, given: Any, memory: Any, scale: float) -> None:
-    """Set the finger down, as long ago as the force says: a reading is of the period before, and it had to grow."""
+    """Set the finger down as of when, by the force, it came: a reading is a period old, and the force had to grow."""
     ago = 0
     if scene.load.shape[0] > 0:
         ago = onset.grown_for(abs(scene.load[2]), own.force_before[0])
@@ -606,9 +621,9 @@ def _set_down(scene: Any, own: Any, given: Any, memory: Any, scale: float) -> No
 def command(
     scene: Scene, own: Own, given: Given, figures: Figures, memory: Memory, taken: Taken, out: Any
 ) -> int:  # fmt: skip
-    """Ask the law for the current [A] that follows the plan, or brings the plate to its start temperature.
+    """Command the current [A] by which the law follows the plan, or brings the plate to its start temperature.
 
-    ``out``: what is on its way over a wire, see `Coming`.
+    ``out``: the currents on their way over a wire, see `Coming`.
     """
     touching, ticks = own.touching[0] != 0, scene.tick[0] - own.begun[0]
     comes = own.on_plate[0] == 0 and pressed(scene, figures.heat)

@@ -1,8 +1,8 @@
-"""`model` behind a wire: readings are taken at the tick of their measurement, currents at that in which they left.
+"""`model` behind a wire: readings count as of the tick of their measurement, currents from that in which they left.
 
-Between two exchanges nothing is known of the plate; the law runs on under the current that has left last, and what
-comes later is put right then.  A command is computed in every tick, of which the newest leaves with the next exchange:
-how long that takes, and for how long it will stand then, is learnt from the last ones.
+Between two exchanges nothing is known of the plate: the law runs on under the current that left last, and is corrected
+by what arrives later.  A command is computed in every tick, and the newest one leaves with the next exchange.  How long
+it will wait for that, and for how long it will stand then, is learnt from the last ones.
 """
 
 from __future__ import annotations
@@ -11,15 +11,17 @@ from itouch.plugin import Field, Record
 from itouch_thermal.flux.law import Coming, ModelLaw
 from itouch_thermal.flux.setting import FluxModel
 
-#: Servo periods without news that are caught up with; after more the plate is where its sensors say.
+#: Greatest number of servo periods without news that are caught up with; after more, the plate is as its sensors say.
 MISSED = 250
-#: By what part a departure moves what is thought of the next one; most periods that a current is thought to stand.
+#: Weight of the newest departure in the estimate for the next one (exponential smoothing), and the greatest number of
+#: periods for which a current is expected to stand.
 LEARNT, LONG = 0.3, 50.0
-#: How many currents are remembered that were sent.
+#: How many of the currents that were sent are remembered.
 LOG = 64
 
-#: Sequence number and tick of the reading taken last; the current that has left last and when; how many periods it had
-#: waited for that, and how many there are between two such; the currents that were sent, by tick.
+#: Sequence number and tick of the reading taken in last; the current that left last, when it left, and the current
+#: before it; how many periods a current waits until it leaves, and how many pass between two that leave; the currents
+#: that were sent, by tick.
 FIELDS = (
     Field("taken", "i8", unit="1", doc="number of the reading that was taken in last"),
     Field("taken_at", "i8", unit="tick", doc="when it was measured"),
@@ -50,7 +52,7 @@ def flowing(law: ModelLaw, state: Record) -> float:
 
 
 def take(model: FluxModel, law: ModelLaw, state: Record, hovering: bool, tick: int, scale: float, press: float) -> None:
-    """Go on to this tick, and take in a reading that has come; one of a finger that hovers is unclear."""
+    """Go on to this tick, and take in a reading that has arrived, unless it is ambiguous because the finger hovers."""
     names = model.names
     state[names.sent_log][(tick - 1) % LOG] = state[names.sent].item()  # what was sent in the tick before
     pass_by(model, law, state, tick, scale, press)
@@ -69,18 +71,18 @@ def take(model: FluxModel, law: ModelLaw, state: Record, hovering: bool, tick: i
 
 
 def pass_by(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: float, press: float = 0.0) -> None:
-    """Let the periods pass up to a tick, under the currents that had left by then."""
+    """Let the periods up to a tick pass, under the currents that had left by then."""
     names = model.names
     tracked, left = state[names.tracked].item(), state[names.left].item()
     count = max(0, min(MISSED, tick - tracked))
     first, departed = tick - count, state[names.departed].item()
     change = max(0, departed - first)
     acting, out = state[names.acting].item(), state[names.out].item()
-    # Another has left, maybe before what was tracked already; after time left out its tick may be that of the last.
+    # Another current has left, maybe in a tick that was tracked already; after a gap its tick may equal the last one's.
     if left != departed or out != acting:
         if count <= 1:
             _learn(model, state, left, departed)
-        elif out not in state[names.sent_log]:  # what a wire sends by itself in a gap; before it the newest has left
+        elif out not in state[names.sent_log]:  # the wire has sent this by itself in a gap; the newest left before it
             acting = state[names.sent].item()
         state[names.before] = acting
         state[names.acting], state[names.departed] = out, left
@@ -90,16 +92,16 @@ def pass_by(model: FluxModel, law: ModelLaw, state: Record, tick: int, scale: fl
 
 
 def leave_out(model: FluxModel, state: Record, periods: int) -> None:
-    """Date what is remembered back by so many periods, in which no tick was run."""
+    """Shift the times that are remembered back by ``periods``, in which no tick was run."""
     names = model.names
     state[names.taken_at] -= periods
     for moment in (names.force_before_at, names.came):
         state[moment] -= periods
-    state[names.before] = state[names.acting].item()  # it flows until another is told of
+    state[names.before] = state[names.acting].item()  # it flows until another is known to have left
 
 
 def _learn(model: FluxModel, state: Record, left: int, last: int) -> None:
-    """Note how long a current had waited that left in this tick, and how long the one before had stood."""
+    """Learn how long the current that has now left had waited, and how long the one before it had stood."""
     names = model.names
     log, out = state[names.sent_log], state[names.out].item()
     found = next((float(ago) for ago in range(LOG) if log[(left - ago) % LOG] == out), None)
