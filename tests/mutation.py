@@ -8,6 +8,10 @@ process forked from one that has imported all else.  A mutant that none of them 
 seen by coverage: their mutants meet all tests of the room.  What is compiled is kept by its fingerprint in a folder that
 goes with the campaign, so that of a changed kernel only it and its callers are compiled anew.
 
+``--reach FOLDER`` lets each mutant meet the tests of the whole tree instead that reach its line, up to a budget of
+processor time (``whole_tree.py``); ``--results FILE.jsonl`` notes each outcome, to go on after a stop, and to meet what has
+lived ``--again`` after tests were written.
+
 Tests that a whole run of the short form leaves out (``long_form.txt``) meet what the others have let live: two scores, and
 the test that alone notices is named, which is a reason to put it into ``short_form.txt``.
 

@@ -40,7 +40,7 @@ from mutants import HERE, ROOMS, TREE, Changed, Mutant, is_compiled
 #: How pytest is asked; a whole run of the short form leaves out more.
 OPTIONS = ("-q", "-p", "no:cacheprovider", "--no-header", "--tb=no", "-o", "filterwarnings=ignore", "-m", "not long")
 ROOTS = ("framework", "plugins")
-#: How long [s] a test may say nothing, beyond ten times what it costs; thrice that where kernels are compiled anew.
+#: How much processor time [s] a test may take, beyond ten times what it costs; thrice that where kernels are compiled anew.
 PATIENCE = 60.0
 #: How many tests a process is given, of each mutant the first, the second ...; then all that are left.
 PARTS = (12, 60, 300)
@@ -447,17 +447,19 @@ class Meeting:
             os.setsid()
             os._exit(guarded(lambda: _run(mutant, tests, log, budget)))
         code: int | None = None
-        size, begin, allowed = -1, time.monotonic(), patience
-        while code is None and time.monotonic() - begin < allowed:
+        size, silent, used, allowed = -1, time.monotonic(), _used(child), patience
+        while True:
             ended, status = os.waitpid(child, os.WNOHANG)
             if ended:
                 code = os.waitstatus_to_exitcode(status)
                 break
-            time.sleep(0.005)
             if log.stat().st_size != size:
-                size, begin = log.stat().st_size, time.monotonic()
+                size, silent, used = log.stat().st_size, time.monotonic(), _used(child)
                 told = _told(log)
                 allowed = patience + 10.0 * self.tests.cost.get(told[-1][1] if told else "", 0.0)
+            if hangs(time.monotonic() - silent, _used(child) - used, allowed):
+                break
+            time.sleep(0.005)
         with contextlib.suppress(ProcessLookupError):
             os.killpg(child, signal.SIGKILL)  # also what it has started and not ended
         if code is None:
@@ -493,6 +495,25 @@ class Meeting:
                 part = [test for test in part if test not in gone]
             left = part + left
         return Outcome(spent=spent, cut=bool(left))
+
+
+def hangs(silent: float, used: float, allowed: float) -> bool:
+    """Tell whether a process that was silent for a time [s] hangs, by what it has used of a processor [s] meanwhile.
+
+    One that waits may wait for others that have to share the processors with yet others.
+    """
+    busy = os.getloadavg()[0] / (os.cpu_count() or 1)
+    waits = used < 0.02 * silent
+    return used > allowed or (waits and silent > allowed * max(1.0, 2.0 * busy))
+
+
+def _used(process: int) -> float:
+    """Return the processor time [s] of a process and of its children that have ended; where nobody tells, any time."""
+    try:
+        stat = Path(f"/proc/{process}/stat").read_text(encoding="utf-8")
+    except OSError:
+        return time.monotonic()
+    return sum(map(int, stat.rpartition(")")[2].split()[11:15])) / os.sysconf("SC_CLK_TCK")
 
 
 def _run(mutant: Mutant | None, tests: Sequence[str], log: Path, budget: float) -> int:
