@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import itertools
 import json
 import os
 import shutil
@@ -306,10 +307,12 @@ def of_the_tree(mutants: dict[Mutant, int], rooms: Sequence[str], meeting: Meeti
     def note(mutant: Mutant, tests: int, outcome: Outcome, late: bool) -> None:
         results.note(mutant, tests, outcome, late, mutants[mutant])
 
-    for room in rooms:
-        chosen = [mutant for mutant in mutants if mutant.room == room]
-        if chosen:
-            print(told(room, of_a_room(chosen, meeting.tests.of, meeting.meet, note)), flush=True)
+    by_room = {room: [mutant for mutant in mutants if mutant.room == room] for room in rooms}
+    for row in itertools.zip_longest(*by_room.values()):  # a run that is stopped has met as many of each room
+        for mutant in filter(None, row):
+            of_a_room([mutant], meeting.tests.of, meeting.meet, note)
+            if mutant is by_room[mutant.room][-1]:
+                print(told(mutant.room, results.met()[mutant.room]), flush=True)
 
 
 def score(found: dict[str, Met]) -> int:
@@ -378,7 +381,10 @@ def main(argv: Sequence[str] | None = None) -> int:
                 for mutant in drawn
             }
             mutants = {mutant: mutant.line for mutant in drawn if keys[mutant] not in known}
-        of_the_tree(mutants, rooms, meeting, results)
+        try:
+            of_the_tree(mutants, rooms, meeting, results)
+        except KeyboardInterrupt:
+            print("stopped: what follows is of those that were met", flush=True)
         return score(results.met())
     finally:
         shutil.rmtree(work, ignore_errors=True)
