@@ -79,6 +79,10 @@ OF_IT = {
         "import program, time\ndef test_it():\n    while time.process_time() < 0.5: pass\n"
         "def test_more(): assert program.answer() == 42"
     ),
+    "test_apart.py": (
+        "import subprocess, sys\ndef test_it():\n    words = [sys.executable, '-c', 'import program; print(program.answer())']\n"
+        "    done = subprocess.run(words, cwd='tests', capture_output=True, text=True)\n    assert done.stdout.strip() == '42'"
+    ),
     "test_bare.py": "import program\ndef test_it(): program.answer()",
 }
 MEETINGS = """
@@ -88,10 +92,11 @@ from pathlib import Path
 import mutants, whole_tree
 whole_tree.PATIENCE = 1.0
 folder = Path.cwd()
+(folder / "work").mkdir()
 
 def meet(line, tests, budget=60.0, control=None):
     changed = mutants.Mutant("", folder / "tests" / "program.py", 2, "", "def answer() -> int:\\n    " + line + "\\n")
-    meeting = whole_tree.Meeting(whole_tree.Tests(whole_tree.Reached(), {{}}), folder, budget)
+    meeting = whole_tree.Meeting(whole_tree.Tests(whole_tree.Reached(), {{}}), folder / "work", budget)
     found = meeting.meet(changed, ["tests/test_" + test for test in tests])
     return found.by.removeprefix("tests/test_"), found.how, found.cut
 
@@ -100,6 +105,7 @@ print(json.dumps([meet(*case) for case in json.loads(sys.argv[1])]))
 NOTICED = [
     (("return 43", ["bare.py::test_it", "plain.py::test_it"]), ["plain.py::test_it", "fails", False]),
     (("return 41", ["bare.py::test_it"]), ["", "", False]),
+    (("return 41", ["apart.py::test_it"]), ["apart.py::test_it", "fails", False]),
     # it fails as the program is, too
     (("return 41", ["broken.py::test_it", "plain.py::test_it"]), ["plain.py::test_it", "fails", False]),
     # it fails for what another has left

@@ -9,6 +9,8 @@ The order: one case of each test function before further cases, of these the tes
 cheapest first.  A mutant that all of them let live until they have used up its budget of processor time counts as one
 that lives; how many did so is told, as the score is a lower bound by these.
 
+Processes that a test starts find the mutant, too, unless they are started without the environment.
+
 A test that fails counts if it fails alone, too, and passes alone without the mutant, in the same kind of process: one
 that can't run like that notices nothing.
 """
@@ -337,8 +339,8 @@ class Tests:
                 self.cost[test] = max(self.cost[test], self.reached.cost[maker])
 
     def of_room(self, room: str) -> set[str]:
-        """Return the tests of a room."""
-        names = tuple(f"tests/{name}" for name in ROOMS[room][1])
+        """Return the tests of a room, also those in its folder that start processes."""
+        names = (f"tests/{room}", *(f"tests/{name}" for name in ROOMS[room][1]))
         return {test for test in self.cost if any(_below(test, name) for name in names)}
 
     def of(self, mutant: Mutant) -> list[str]:
@@ -516,7 +518,43 @@ def _used(process: int) -> float:
     return sum(map(int, stat.rpartition(")")[2].split()[11:15])) / os.sysconf("SC_CLK_TCK")
 
 
+#: What a Python that a test starts does first: it finds the mutant, too.
+ELSEWHERE = """
+import importlib.abc, importlib.util, sys
+
+class Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    def find_spec(self, name, path, target=None):
+        if name != {name!r}:
+            return None
+        places = [{folder!r}] if {path!r}.endswith("__init__.py") else None
+        return importlib.util.spec_from_file_location(name, {path!r}, loader=self, submodule_search_locations=places)
+
+    def exec_module(self, module):
+        with open({source!r}, encoding="utf-8") as file:
+            exec(compile(file.read(), {path!r}, "exec"), module.__dict__)
+
+sys.meta_path.insert(0, Changed())
+"""
+
+
+def _elsewhere(mutant: Mutant | None, folder: Path) -> None:
+    """Let processes that start from here find a mutant, or none: they look at ``sitecustomize`` in a folder of its own."""
+    shutil.rmtree(folder, ignore_errors=True)  # with what was compiled of the last one
+    folder.mkdir()
+    text = ""
+    if mutant is not None:
+        (folder / "changed.txt").write_text(mutant.source, encoding="utf-8")
+        text = ELSEWHERE.format(
+            name=Changed(mutant).name, folder=str(mutant.path.parent), path=str(mutant.path),
+            source=str(folder / "changed.txt"),
+        )  # fmt: skip
+    (folder / "sitecustomize.py").write_text(text, encoding="utf-8")
+    before = os.environ.get("PYTHONPATH", "")
+    os.environ["PYTHONPATH"] = f"{folder}{os.pathsep}{before}" if before else str(folder)
+
+
 def _run(mutant: Mutant | None, tests: Sequence[str], log: Path, budget: float) -> int:
+    _elsewhere(mutant, log.parent / "start")
     if mutant is not None:
         sys.meta_path.insert(0, Changed(mutant))
     files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
