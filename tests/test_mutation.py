@@ -205,6 +205,22 @@ def test_the_order_is_one_case_of_each_then_the_room_then_what_it_costs() -> Non
     cost = {"r.py::a[1]": 0.2, "r.py::a[2]": 0.1, "o.py::b": 0.01, "o.py::c": 5.0, "r.py::d": 0.5}
     found = whole_tree.in_order(cost, {"r.py::a[1]", "r.py::a[2]", "r.py::d"}, cost)
     assert found == ["r.py::a[2]", "r.py::d", "o.py::b", "o.py::c", "r.py::a[1]"]
+    found = whole_tree.in_order(cost, {"r.py::a[1]", "r.py::a[2]", "r.py::d"}, cost, {"o.py"})
+    assert found == ["o.py::b", "o.py::c", "r.py::a[2]", "r.py::d", "r.py::a[1]"]
+
+
+@pytest.mark.parametrize(
+    ("text", "does"),
+    [
+        ("import itouch.loop.run_statistics as s", True), ("from itouch.loop.run_statistics import Histogram", True),
+        ("from itouch.loop import frames, run_statistics", True), ("from itouch.loop import frames", False),
+        ("from itouch.loop.run_statistics_of import Histogram", False),
+    ],
+)  # fmt: skip
+def test_a_test_that_imports_what_is_changed_is_known(text: str, does: bool, tmp_path: Path) -> None:
+    path = tmp_path / "test_it.py"
+    path.write_text(text, encoding="utf-8")
+    assert whole_tree.names(path, "itouch.loop.run_statistics") == does
 
 
 def test_results_keep_the_last_word_on_each(tmp_path: Path) -> None:

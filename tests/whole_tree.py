@@ -5,8 +5,8 @@ a fixture that it shares with others, and that is made for the first of them, ea
 no test is seen to reach itself, as it is compiled or runs when a module is imported, the lines count that use it by its
 name, with the tests of the room after them.
 
-The order: one case of each test function before further cases, of these the tests of the room before others, and the
-cheapest first.  A mutant that all of them let live until they have used up its budget of processor time counts as one
+The order: one case of each test function before further cases, of these those of files that import the changed module,
+then the tests of the room before others, and the cheapest first.  A mutant that all of them let live until they have used up its budget of processor time counts as one
 that lives; how many did so is told, as the score is a lower bound by these.
 
 Processes that a test starts find the mutant, too, unless they are started without the environment.
@@ -348,22 +348,41 @@ class Tests:
         seen, with_room = self.reached.of(mutant)
         seen |= {heir for test in seen for heir in self.heirs.get(test, ())}
         seen &= set(self.cost)
-        own = self.of_room(mutant.room)
-        found = in_order(seen, own, self.cost)
-        return found + in_order(own - seen, own, self.cost) if with_room else found
+        own, name = self.of_room(mutant.room), Changed(mutant).name
+        files = {test.partition("::")[0] for test in self.cost}
+        near = {file for file in files if (TREE / file).is_file() and names(TREE / file, name)}
+        found = in_order(seen, own, self.cost, near)
+        return found + in_order(own - seen, own, self.cost, near) if with_room else found
 
 
 def _below(test: str, name: str) -> bool:
     return test == name or test.startswith((f"{name}/", f"{name}::", f"{name}["))
 
 
-def in_order(tests: Iterable[str], own: set[str], cost: dict[str, float]) -> list[str]:
-    """Return tests in order: a case of each before further ones, those of the room, then about what they cost, by file."""
+@cache
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def names(path: Path, module: str) -> bool:
+    """Tell whether a file imports from a module by its name."""
+    package, _, last = module.rpartition(".")
+    parts = rf"\b{re.escape(module)}\b|from {re.escape(package)} import [^\n]*\b{last}\b"
+    return re.search(parts if package else rf"\bimport {last}\b", _text(path)) is not None
+
+
+def in_order(
+    tests: Iterable[str], own: set[str], cost: dict[str, float], near: frozenset[str] | set[str] = frozenset()
+) -> list[str]:
+    """Return tests in order: a case of each before further ones, then those of files that import what is changed.
+
+    Then those of the room, then about what they cost, by file.
+    """
     cases, keyed = defaultdict[str, int](int), list[tuple[Any, str]]()
     for test in sorted(tests, key=lambda test: (cost[test], test)):
         function, file = test.partition("[")[0], test.partition("::")[0]
         step = sum(cost[test] > bound for bound in (0.03, 0.1, 0.3, 1.0, 3.0, 10.0))
-        keyed.append(((cases[function] > 0, test not in own, step, file, cost[test], test), test))
+        keyed.append(((cases[function] > 0, file not in near, test not in own, step, file, cost[test], test), test))
         cases[function] += 1
     return [test for _, test in sorted(keyed)]
 
