@@ -12,7 +12,7 @@ that lives; how many did so is told, as the score is a lower bound by these.
 Processes that a test starts find the mutant, too, unless they are started without the environment.
 
 A test that fails counts if it fails alone, too, and passes alone without the mutant, in the same kind of process: one
-that can't run like that notices nothing.
+that can't run like that notices nothing.  One that hangs is not asked to do so twice.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from mutants import HERE, ROOMS, TREE, Changed, Mutant, is_compiled
 OPTIONS = ("-q", "-p", "no:cacheprovider", "--no-header", "--tb=no", "-o", "filterwarnings=ignore", "-m", "not long")
 ROOTS = ("framework", "plugins")
 #: How much processor time [s] a test may take, beyond ten times what it costs; thrice that where kernels are compiled anew.
-PATIENCE = 60.0
+PATIENCE = 20.0
 #: How many tests a process is given, of each mutant the first, the second ...; then all that are left.
 PARTS = (12, 60, 300)
 #: A mutant's line is that of a kernel, or of a name: how many names that are made of it are looked for.
@@ -504,7 +504,7 @@ class Meeting:
                 ran = self.run(mutant, part, self.budget - spent)
                 spent += ran.spent
                 if ran.suspect and self.stands(ran.suspect):
-                    alone = ran if not ran.done else self.run(mutant, [ran.suspect], 1e9)
+                    alone = ran if not ran.done or ran.how == "hangs" else self.run(mutant, [ran.suspect], 1e9)
                     if alone.suspect:
                         return Outcome(ran.suspect, alone.how, spent)
                 gone = ran.done | {ran.suspect}
