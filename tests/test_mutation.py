@@ -188,17 +188,22 @@ def test_a_mutant_meets_who_reaches_it_and_who_shares_a_fixture_with_those(small
     lines = {("framework/room/python.py", 7): array("i", [0]), ("framework/room/python.py", 9): array("i", [1, 2, 4])}
     reached = whole_tree.Reached([maker, other, room, heir, "tests/gone.py::test"], cost, lines)
     fixture = ["tests/a/test_a.py:made"]
-    tests = whole_tree.Tests(reached, {maker: fixture, heir: fixture, other: [], room: []})
+    for name, text in (("d/test_d.py", "from room.python import call"), ("room/test_e.py", "")):
+        (small.parents[1] / "tests" / name).parent.mkdir(parents=True, exist_ok=True)
+        (small.parents[1] / "tests" / name).write_text(text, encoding="utf-8")
+    (small / "__init__.py").touch()
+    near, new = "tests/d/test_d.py::test_5", "tests/room/test_e.py::test_6"
+    tests = whole_tree.Tests(reached, {maker: fixture, heir: fixture, other: [], room: [], near: [], new: []})
 
     def met(name: str, line: int) -> list[str]:
         return tests.of(mutation.Mutant("room", small / name, line, "", ""))
 
-    assert met("python.py", 8) == [maker, heir]
-    assert met("python.py", 9) == [room, other]
-    assert met("python.py", 10) == [room, other, maker, heir], "a line that nobody reaches: its function"
-    assert met("kernels.py", 6) == [maker, heir, room], "a kernel: who calls it, then the room"
-    assert met("kernels.py", 1) == [room, other]
-    assert met("apart.py", 2) == [room]
+    assert met("python.py", 8) == [near, maker, heir, new]
+    assert met("python.py", 9) == [near, room, other, new]
+    assert met("python.py", 10) == [near, room, other, maker, heir, new], "a line that nobody reaches: its function"
+    assert met("kernels.py", 6) == [maker, heir, new, room], "a kernel: who calls it, then the room"
+    assert met("kernels.py", 1) == [room, other, new]
+    assert met("apart.py", 2) == [new, room]
 
 
 def test_the_order_is_one_case_of_each_then_the_room_then_what_it_costs() -> None:

@@ -30,7 +30,7 @@ import sys
 import time
 from array import array
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -46,6 +46,8 @@ ROOTS = ("framework", "plugins")
 PATIENCE = 20.0
 #: How many tests a process is given, of each mutant the first, the second ...; then all that are left.
 PARTS = (12, 60, 300)
+#: What a test may cost [s] of which nobody knows it.
+UNKNOWN = 0.3
 #: A mutant's line is that of a kernel, or of a name: how many names that are made of it are looked for.
 NAMES = 40
 
@@ -317,7 +319,11 @@ def guarded(work: Callable[[], int]) -> int:
 
 @dataclass(slots=True)
 class Tests:
-    """All tests that are there and of which is known what they reach, in the order in which mutants meet them."""
+    """All tests that are there, and the order in which mutants meet them.
+
+    One of which is not known what it reaches is met if its file imports what is changed, before the others, or if it is
+    of the room, after them.
+    """
 
     reached: Reached
     #: Each test's fixtures that it shares.
@@ -325,6 +331,8 @@ class Tests:
     #: Of each test those whose fixtures it has, too: what they reach, it reaches.
     heirs: dict[str, set[str]] = field(default_factory=dict)
     cost: dict[str, float] = field(default_factory=dict)
+    #: Those that are newer than what is known, or waited for the long form then: nobody knows what they reach.
+    new: Set[str] = frozenset()
 
     def __post_init__(self) -> None:
         first = dict[str, str]()
@@ -338,6 +346,9 @@ class Tests:
             for test in heirs:
                 self.cost[test] = max(self.cost[test], self.reached.cost[maker])
 
+        self.new = self.there.keys() - self.cost.keys()
+        self.cost |= dict.fromkeys(self.new, UNKNOWN)
+
     def of_room(self, room: str) -> set[str]:
         """Return the tests of a room, also those in its folder that start processes."""
         names = (f"tests/{room}", *(f"tests/{name}" for name in ROOMS[room][1]))
@@ -347,12 +358,13 @@ class Tests:
         """Return the tests that a mutant meets, in order."""
         seen, with_room = self.reached.of(mutant)
         seen |= {heir for test in seen for heir in self.heirs.get(test, ())}
-        seen &= set(self.cost)
+        seen &= self.there.keys()
         own, name = self.of_room(mutant.room), Changed(mutant).name
         files = {test.partition("::")[0] for test in self.cost}
         near = {file for file in files if (TREE / file).is_file() and names(TREE / file, name)}
-        found = in_order(seen, own, self.cost, near)
-        return found + in_order(own - seen, own, self.cost, near) if with_room else found
+        first = {test for test in self.new if test.partition("::")[0] in near}
+        last = (own - seen if with_room else own & self.new) - first
+        return [test for part in (first, seen, last) for test in in_order(part, own, self.cost, near)]
 
 
 def _below(test: str, name: str) -> bool:
