@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import itouch
 from itouch.plugin import poses
 from itouch.recording import read, views
-from itouch.recording.wellknown import decode
+from itouch.recording.wellknown import MESSAGES, decode
 from itouch.session.outputs import Outputs, open_outputs
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
@@ -197,3 +197,9 @@ def test_a_temperature_stands_above_its_frame_while_it_is_one() -> None:
     assert [place.get(axis, 0.0) for axis in "xyz"] == [0.0, 0.0, 0.012]
     assert told[0][1]["entities"][0]["frame_id"] == "plate"
     assert (told[2][0], gone["id"]) == (2, "plate/temperature")
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_each_field_of_a_message_has_a_number_of_its_own(name: str) -> None:
+    names, numbers, _ = zip(*MESSAGES[name], strict=True)
+    assert len(set(names)) == len(set(numbers)) == len(MESSAGES[name])
