@@ -186,6 +186,12 @@ def test_a_device_in_fault_gives_the_warning_tone(track):
     synth.hear(state)
     synth.render(RATE // 10)
     assert np.abs(synth.render(480)).max() < 1e-3
+    state["arm.status"] = 3
+    try:
+        synth.hear(state)
+        np.testing.assert_allclose(synth.render(RATE), samples, atol=1e-3)  # from its beginning
+    finally:
+        state["arm.status"] = before
 
 
 def test_the_file_holds_the_samples(tmp_path):
