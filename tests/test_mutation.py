@@ -212,13 +212,15 @@ def test_the_order_is_one_case_of_each_then_the_room_then_what_it_costs() -> Non
     assert found == ["r.py::a[2]", "r.py::d", "o.py::b", "o.py::c", "r.py::a[1]"]
     found = whole_tree.in_order(cost, {"r.py::a[1]", "r.py::a[2]", "r.py::d"}, cost, {"o.py"})
     assert found == ["o.py::b", "o.py::c", "r.py::a[2]", "r.py::d", "r.py::a[1]"]
+    found = whole_tree.in_order(cost, set(), cost, {"r.py"})
+    assert found == ["r.py::a[2]", "r.py::d", "r.py::a[1]", "o.py::b", "o.py::c"]
 
 
 @pytest.mark.parametrize(
     ("text", "does"),
     [
         ("import itouch.loop.run_statistics as s", True), ("from itouch.loop.run_statistics import Histogram", True),
-        ("from itouch.loop import frames, run_statistics", True), ("from itouch.loop import frames", False),
+        ("from itouch.loop import (", True), ("from itouch.loop.frames import Frame", False),
         ("from itouch.loop.run_statistics_of import Histogram", False),
     ],
 )  # fmt: skip

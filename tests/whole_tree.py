@@ -5,8 +5,8 @@ a fixture that it shares with others, and that is made for the first of them, ea
 no test is seen to reach itself, as it is compiled or runs when a module is imported, the lines count that use it by its
 name, with the tests of the room after them.
 
-The order: one case of each test function before further cases, of these those of files that import the changed module,
-then the tests of the room before others, and the cheapest first.  A mutant that all of them let live until they have used up its budget of processor time counts as one
+The order: the tests of files that import the changed module or its package, then others; of each one case of a test
+function before further cases, the tests of the room before others, and the cheapest first.  A mutant that all of them let live until they have used up its budget of processor time counts as one
 that lives; how many did so is told, as the score is a lower bound by these.
 
 Processes that a test starts find the mutant, too, unless they are started without the environment.
@@ -377,24 +377,25 @@ def _text(path: Path) -> str:
 
 
 def names(path: Path, module: str) -> bool:
-    """Tell whether a file imports from a module by its name."""
+    """Tell whether a file imports from a module by its name, or from its package, which may hand on what is in it."""
     package, _, last = module.rpartition(".")
-    parts = rf"\b{re.escape(module)}\b|from {re.escape(package)} import [^\n]*\b{last}\b"
+    parts = rf"\b{re.escape(module)}\b|from {re.escape(package)} import "
     return re.search(parts if package else rf"\bimport {last}\b", _text(path)) is not None
 
 
 def in_order(
     tests: Iterable[str], own: set[str], cost: dict[str, float], near: frozenset[str] | set[str] = frozenset()
 ) -> list[str]:
-    """Return tests in order: a case of each before further ones, then those of files that import what is changed.
+    """Return tests in order: those of files that import what is changed first, of these and then of others by cases.
 
-    Then those of the room, then about what they cost, by file.
+    That is a case of each before further ones, then those of the room, then about what they cost, by file.
     """
     cases, keyed = defaultdict[str, int](int), list[tuple[Any, str]]()
     for test in sorted(tests, key=lambda test: (cost[test], test)):
         function, file = test.partition("[")[0], test.partition("::")[0]
         step = sum(cost[test] > bound for bound in (0.03, 0.1, 0.3, 1.0, 3.0, 10.0))
-        keyed.append(((cases[function] > 0, file not in near, test not in own, step, file, cost[test], test), test))
+        further, far = cases[function] > 0, file not in near
+        keyed.append(((far, further, test not in own, step, file, cost[test], test), test))
         cases[function] += 1
     return [test for _, test in sorted(keyed)]
 
