@@ -8,6 +8,10 @@ process forked from one that has imported all else.  A mutant that none of them 
 seen by coverage: their mutants meet all tests of the room.  What is compiled is kept by its fingerprint in a folder that
 goes with the campaign, so that of a changed kernel only it and its callers are compiled anew.
 
+``--reach FOLDER`` lets each mutant meet the tests of the whole tree instead that reach its line, up to a budget of
+processor time (``whole_tree.py``); ``--results FILE.jsonl`` notes each outcome, to go on after a stop, and to meet what has
+lived ``--again`` after tests were written.
+
 Tests that a whole run of the short form leaves out (``long_form.txt``) meet what the others have let live: two scores, and
 the test that alone notices is named, which is a reason to put it into ``short_form.txt``.
 
@@ -18,137 +22,40 @@ stand in ``equivalent_mutants.toml``; the score is printed raw, which is the one
 from __future__ import annotations
 
 import argparse
-import ast
-import difflib
 import importlib
-import importlib.abc
-import importlib.util
+import itertools
 import json
 import os
-import random
 import shutil
 import signal
 import sys
 import tempfile
 import time
-import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from forms import KEPT, LIST, read_list, stands_in
+from mutants import HERE, ROOMS, SAFETY, TREE, Changed, Mutant, draw, equivalents, find, is_compiled
+from whole_tree import OPTIONS, Meeting, Outcome, Reached, Tests, collected, guarded, keep_kernels
 
-HERE = Path(__file__).resolve().parent
-TREE = HERE.parent
-#: Tests of the supervisor that need no scene and no compiler; those that do.
-SAFETY = (
-    "guard", "readings", "heat", "carrier", "finger", "monitors", "supervisor", "hold_connect", "sequence", "blind_retreat",
-    "joined_steps", "edges", "check_warm_up", "at_the_limits", "blind_legs",
-)  # fmt: skip
-SCENES = (
-    "two_on_one_finger", "laws", "phases", "unknown_devices", "attack_findings", "exchanged", "late_in_a_stop",
-    "several_of_a_kind", "torque",
-)  # fmt: skip
-#: Tests of what goes between processes, in one; those that start and kill some are left out, but for the launch.
-SERVO = ("memory", "watchdogs", "launch", "both_ends", "deadman_holders")
-#: The page of all attributes, which says the bounds and the default of each.
-PAGE = "docs/test_reference_pages.py"
-#: Room -> the folder of its modules and the tests that answer for it, if they are not those in the folder of its name.
-ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "safety": ("framework/itouch/safety", tuple(f"safety/test_{name}.py" for name in (*SAFETY, *SCENES))),
-    "monitors": ("framework/itouch/monitors", tuple(f"safety/test_{name}.py" for name in (*SAFETY, *SCENES))),
-    **{name: (f"framework/itouch/{name}", (name,)) for name in (
-        "exchange", "loop", "recording", "session", "arms", "dynamics", "world",
-    )},
-    **{name: (f"framework/itouch_tools/{name}", (name,)) for name in ("report", "sound", "study")},
-    "export": ("framework/itouch_tools/export", ("recording", "cli/test_session_commands.py")),
-    "authoring": ("framework/itouch_tools/authoring", ("scene",)),
-    "scene": ("framework/itouch/scene", ("scene", "meaning", "loop/test_waits.py", PAGE)),
-    "schema": ("framework/itouch/schema", ("schema", "scene", PAGE)),
-    "faults": ("framework/itouch/faults", ("safety/test_faults.py",)),
-    "servo": ("framework/itouch/servo", (
-        *(f"servo/test_{name}.py" for name in SERVO),
-        "servo/test_hanging_process.py::test_a_silent_process_has_its_time_by_what_it_gets_of_a_processor",
-    )),
-    "cli": ("framework/itouch_tools/cli", (
-        "cli", "scene/test_problems.py", "docs/test_codes.py", "session/test_triggers.py",
-        "study/test_power_and_exports.py", "study/test_report_intervals.py",
-    )),
-    "plugin": ("framework/itouch/plugin", (
-        "plugins/test_result_cache.py", "plugins/test_poses_and_fits.py", "world", "loop/test_engine.py",
-        "loop/test_one_writer_of_commands.py", "compiling/test_plugin_noise.py",
-    )),
-    "twin": ("framework/itouch/twin", ("loop/test_engine.py", "world/test_coupling.py")),
-    "viewer": ("framework/itouch_tools/viewer", ("viewer/test_picture_content.py", "viewer/test_recording_seek.py")),
-    "contact": ("framework/itouch/contact", ("contact",)),
-    "thermal": ("plugins/thermal/contact_heat", ("plugins/thermal",)),
-    "thermal-display": ("plugins/thermal/itouch_thermal/display", ("plugins/thermal_display", PAGE)),
-    "thermal-flux": ("plugins/thermal/itouch_thermal/flux", ("plugins/thermal_display", PAGE)),
-    "thermal-drivers": ("plugins/thermal/itouch_thermal/drivers", ("plugins/thermal_drivers", PAGE)),
-    "xyz-table": ("plugins/xyz_table/itouch_xyz_table", ("plugins/xyz_table", PAGE)),
-    "encountered": (
-        "plugins/xyz_table/itouch_encountered", ("integration/test_encountered_surface.py", "loop/test_missing_plate.py"),
-    ),
-    "usb-arm": ("plugins/usb_arm/itouch_usb_arm", ("plugins/usb_arm", PAGE)),
-}  # fmt: skip
+__all__ = [
+    "HERE",
+    "ROOMS",
+    "SAFETY",
+    "TREE",
+    "Meeting",
+    "Mutant",
+    "Outcome",
+    "Reach",
+    "equivalents",
+    "notices",
+    "prepare",
+]
+
 #: How long [s] the tests of a mutant may take beyond thrice what they take without it; one that hangs is noticed.
 PATIENCE = 60.0
-_OPTIONS = ("-q", "-p", "no:cacheprovider", "--no-header", "--tb=no", "-o", "filterwarnings=ignore", "-m", "not long")
-_FAMILIES = ("ReplaceBinaryOperator_Add_Sub", "ReplaceBinaryOperator_Sub_Add", "ReplaceBinaryOperator_Mul_Div",
-             "ReplaceBinaryOperator_Div_Mul", "ReplaceBinaryOperator_FloorDiv_Mul", "ReplaceBinaryOperator_Mod_Mul",
-             "ReplaceBinaryOperator_Pow_Mul", "ReplaceBinaryOperator_BitAnd_BitOr",
-             "ReplaceBinaryOperator_BitOr_BitAnd", "ReplaceComparisonOperator_Lt_LtE",
-             "ReplaceComparisonOperator_LtE_Lt", "ReplaceComparisonOperator_Gt_GtE", "ReplaceComparisonOperator_GtE_Gt",
-             "ReplaceComparisonOperator_Lt_Gt", "ReplaceComparisonOperator_LtE_GtE", "ReplaceComparisonOperator_Gt_Lt",
-             "ReplaceComparisonOperator_GtE_LtE", "ReplaceComparisonOperator_Eq_NotEq",
-             "ReplaceComparisonOperator_NotEq_Eq", "ReplaceComparisonOperator_Is_IsNot",
-             "ReplaceComparisonOperator_IsNot_Is", "ReplaceUnaryOperator_Delete_USub",
-             "ReplaceUnaryOperator_Delete_Not", "AddNot", "ReplaceTrueWithFalse", "ReplaceFalseWithTrue",
-             "ReplaceAndWithOr", "ReplaceOrWithAnd", "ReplaceBreakWithContinue", "ReplaceContinueWithBreak",
-             "ExceptionReplacer", "NumberReplacer", "ZeroIterationForLoop")  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class Mutant:
-    """One change of one module: the file, the line, the operator that made it, and the changed source."""
-
-    room: str
-    path: Path
-    line: int
-    operator: str
-    source: str
-
-    @property
-    def name(self) -> str:
-        """File, line and operator."""
-        return f"{self.path.relative_to(TREE)}:{self.line}: {self.operator}"
-
-    @property
-    def change(self) -> tuple[str, str, str]:
-        """The file, the lines that are changed as they stand, and as they are changed; blanks do not count."""
-        before, after = self.path.read_text(encoding="utf-8").splitlines(), self.source.splitlines()
-        codes = difflib.SequenceMatcher(None, before, after, autojunk=False).get_opcodes()
-        spans = [span for span in codes if span[0] != "equal"]
-        old = [line for _, first, last, _, _ in spans for line in before[first:last]]
-        new = [line for _, _, _, first, last in spans for line in after[first:last]]
-        return str(self.path.relative_to(TREE)), bare("\n".join(old)), bare("\n".join(new))
-
-
-def bare(text: str) -> str:
-    """Return a text without blanks."""
-    return "".join(text.split())
-
-
-def equivalents() -> dict[tuple[str, str, str], str]:
-    """Return the changes that change nothing, with the reason: file, line as it stands, line as it is changed."""
-    content = tomllib.loads((HERE / "equivalent_mutants.toml").read_text(encoding="utf-8"))
-    return {
-        (entry["file"], bare(entry["line"]), bare(changed)): entry["reason"]
-        for entry in content["mutant"]
-        for changed in entry["changed"]
-    }
 
 
 @dataclass(slots=True)
@@ -162,121 +69,9 @@ class Reach:
     def of(self, mutant: Mutant) -> list[str]:
         """Return the tests for a mutant, quickest first: those that reach its line, else all."""
         lines = self.lines.get(str(mutant.path), {})
-        found = set(lines.get(mutant.line, ())) if not _compiled(mutant.path) else set[str]()
+        found = set(lines.get(mutant.line, ())) if not is_compiled(mutant.path) else set[str]()
         found = found or set(self.took)  # what runs at import is in nobody's reach, and in everybody's
         return sorted(found, key=lambda test: self.took.get(test, 0.0))
-
-
-def modules(room: str, name: str = "") -> list[Path]:
-    """Return the modules of a room, or those of this name."""
-    found = sorted(path for path in (TREE / ROOMS[room][0]).rglob("*.py") if path.stat().st_size > 200)
-    return [path for path in found if name in ("", path.stem)]
-
-
-def _compiled(path: Path) -> bool:
-    text = path.read_text(encoding="utf-8")
-    return any(word in text for word in ("@kernel", "@nogil_kernel", "@entry", "@inner", "@flat", "@making", "@njit"))
-
-
-def draw(rooms: Sequence[str], count: int, seed: int, module: str = "") -> list[Mutant]:
-    """Draw mutants at random: of each room as many, within it each place of each module, or of one, alike."""
-    dice, found = random.Random(seed), list[Mutant]()
-    share = -(-count // len(rooms))
-    for room in rooms:
-        places = [(path, place) for path in modules(room, module) for place in _places(path)]
-        dice.shuffle(places)
-        taken = 0
-        for path, place in places:
-            if taken == share or len(found) == count:
-                break
-            mutant = _mutant(room, path, *place)
-            if mutant is not None:
-                found.append(mutant)
-                taken += 1
-    return found
-
-
-def _places(path: Path) -> Iterator[tuple[int, str, int]]:
-    """Yield line, operator and occurrence of each place of a file where an operator has something to change."""
-    import parso  # noqa: F401  - first: the next import would go round in a circle
-    from cosmic_ray.ast import ast_nodes, get_ast
-    from cosmic_ray.plugins import get_operator
-
-    nodes = list(ast_nodes(get_ast(path.read_text(encoding="utf-8"))))
-    for name in _FAMILIES:
-        operator, occurrence = get_operator(f"core/{name}")(), 0
-        for node in nodes:
-            for (line, _), _ in operator.mutation_positions(node):
-                yield line, name, occurrence
-                occurrence += 1
-
-
-def _mutant(room: str, path: Path, line: int, name: str, occurrence: int) -> Mutant | None:
-    """Return a mutant, or None if it says the same: in an annotation, or not at all."""
-    from cosmic_ray.mutating import mutate_code
-    from cosmic_ray.plugins import get_operator
-
-    before = path.read_text(encoding="utf-8")
-    after = mutate_code(before, get_operator(f"core/{name}")(), occurrence)
-    try:
-        if after is None or _meaning(after) == _meaning(before):
-            return None
-    except SyntaxError:
-        return None
-    return Mutant(room, path, line, name, after)
-
-
-class _Bare(ast.NodeTransformer):
-    """Leaves out what has no effect when the program runs: annotations, ``TYPE_CHECKING``, names of slots."""
-
-    def visit_arguments(self, node: ast.arguments) -> ast.AST:
-        """Take no notice of the bare ``*`` or ``/`` of a signature: it is no operator, and computes nothing."""
-        node.args, node.posonlyargs = [*node.posonlyargs, *node.args, *node.kwonlyargs], []
-        node.defaults += [default for default in node.kw_defaults if default is not None]
-        node.kwonlyargs, node.kw_defaults = [], []
-        return self.generic_visit(node)
-
-    def visit_arg(self, node: ast.arg) -> ast.arg:
-        node.annotation = None
-        return node
-
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
-        node.returns = None
-        return self.generic_visit(node)
-
-    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:
-        node.annotation = ast.Constant(None)
-        return self.generic_visit(node)
-
-    def visit_If(self, node: ast.If) -> ast.AST | None:
-        return None if "TYPE_CHECKING" in ast.unparse(node.test) else self.generic_visit(node)
-
-
-def _meaning(source: str) -> str:
-    return ast.dump(_Bare().visit(ast.parse(source)))
-
-
-class Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Offers a mutant in the place of its module."""
-
-    def __init__(self, mutant: Mutant) -> None:
-        self.mutant = mutant
-        root = next(p for p in mutant.path.parents if not (p / "__init__.py").exists())
-        self.name = ".".join(mutant.path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
-
-    def find_spec(self, name: str, path: object, target: object = None) -> Any:
-        """Answer for the one module."""
-        if name != self.name:
-            return None
-        package = self.mutant.path.name == "__init__.py"
-        return importlib.util.spec_from_file_location(
-            name, self.mutant.path, loader=self,
-            submodule_search_locations=[str(self.mutant.path.parent)] if package else None,
-        )  # fmt: skip
-
-    def exec_module(self, module: ModuleType) -> None:
-        """Run the changed code."""
-        exec(compile(self.mutant.source, str(self.mutant.path), "exec"), module.__dict__)
 
 
 class _Watch:
@@ -297,7 +92,7 @@ def learn(room: str, work: Path) -> Reach:
     out = work / f"{room}.json"
     child = os.fork()
     if child == 0:
-        os._exit(_guarded(lambda: _learn(room, work, out)))
+        os._exit(guarded(lambda: _learn(room, work, out)))
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     if not out.exists():
         return Reach(passed=False)
@@ -313,7 +108,7 @@ def _learn(room: str, work: Path, out: Path) -> int:
     watched = coverage.Coverage(data_file=str(work / f"{room}.cov"), source=[str(TREE / ROOMS[room][0])])
     watch = _Watch(watched)
     watched.start()
-    code = int(pytest.main([*_OPTIONS, *_tests(room)], plugins=[watch]))
+    code = int(pytest.main([*OPTIONS, *_tests(room)], plugins=[watch]))
     watched.stop()
     data, lines = watched.get_data(), {}
     for path in data.measured_files():
@@ -337,7 +132,7 @@ def notices(mutant: Mutant, reach: Reach, tests: Sequence[str], work: Path) -> s
     child = os.fork()
     if child == 0:
         os.setsid()
-        os._exit(_guarded(lambda: _meet(mutant, tests, first)))
+        os._exit(guarded(lambda: _meet(mutant, tests, first)))
     deadline = time.monotonic() + patience
     while time.monotonic() < deadline:
         ended, status = os.waitpid(child, os.WNOHANG)
@@ -354,7 +149,7 @@ def _meet(mutant: Mutant, tests: Sequence[str], noticed: Path) -> int:
     import pytest
 
     sys.meta_path.insert(0, Changed(mutant))
-    return int(pytest.main(["-x", *_OPTIONS, *tests], plugins=[_First(noticed)]))
+    return int(pytest.main(["-x", *OPTIONS, *tests], plugins=[_First(noticed)]))
 
 
 class _First:
@@ -368,20 +163,10 @@ class _First:
             self.path.write_text(report.nodeid, encoding="utf-8")
 
 
-def _guarded(work: Any) -> int:
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
-    os.dup2(nowhere, 2)
-    try:
-        return int(work())
-    except BaseException:
-        return 99
-
-
 def prepare(work: Path) -> None:
     """Import all that is slow to import, but nothing that is mutated; keep no results of mutants, and no kernels of theirs."""
-    import scipy.linalg  # noqa: F401
-
+    for name in ("pytest", "hypothesis", "scipy.linalg", "scipy.optimize", "scipy.spatial"):
+        importlib.import_module(name)
     os.environ |= {"ITOUCH_KEPT": "off", "ITOUCH_KERNELS": str(work / "kernels")}
     os.environ.pop("NUMBA_CACHE_DIR", None)
     os.chdir(TREE)
@@ -393,39 +178,162 @@ class Met:
     """What became of the mutants of a room: how many there were, which lived, and which only the long form noticed."""
 
     count: int = 0
-    alive: list[Mutant] = field(default_factory=list)
-    late: list[Mutant] = field(default_factory=list)
+    alive: list[tuple[str, str, str]] = field(default_factory=list)
+    late: int = 0
+    #: How many live that more tests would have met, had their budget been larger.
+    cut: int = 0
+
+
+#: What tells which of some tests notices a mutant, if any does, and whether all of them have met it.
+Meet = Callable[[Mutant, Sequence[str]], Outcome]
+
+
+def of_a_room(
+    chosen: Sequence[Mutant],
+    tests_of: Callable[[Mutant], list[str]],
+    meet: Meet,
+    note: Callable[..., None] | None = None,
+) -> Met:
+    """Let tests meet the mutants of a room: the short form first, then what only the long one has; note each outcome."""
+    listed, kept, met, known = read_list(LIST), read_list(KEPT), Met(len(chosen)), equivalents()
+    for mutant in chosen:
+        tests = tests_of(mutant)
+        later = {test for test in tests if stands_in(test, listed) and not stands_in(test, kept)}
+        outcome, late, same = Outcome(), False, note is not None and mutant.change in known
+        if not same:  # nobody could notice it
+            outcome = meet(mutant, [test for test in tests if test not in later])
+        if not outcome.by and later and not same:
+            more = meet(mutant, [test for test in tests if test in later])
+            late = bool(more.by)
+            outcome = Outcome(more.by, more.how, outcome.spent + more.spent, outcome.cut or more.cut)
+        change = f"{mutant.name}: {' -> '.join(mutant.change[1:])}"
+        if not outcome.by:
+            met.alive.append(mutant.change)
+            met.cut += outcome.cut
+            print(f"survived{' its budget' * outcome.cut}: {change}", flush=True)
+        elif late:
+            met.late += 1
+            print(f"noticed by the long form alone, {outcome.by}: {change}", flush=True)
+        if note:
+            note(mutant, len(tests), outcome, late)
+    return met
+
+
+def told(room: str, met: Met) -> str:
+    """Return what became of the mutants of a room, in a line."""
+    text = f"{room}: {met.count - len(met.alive)} of {met.count} noticed, {met.late} by the long form alone"
+    return text + (f"; {met.cut} lived until their budget was used up" if met.cut else "")
 
 
 def campaign(rooms: Sequence[str], count: int, seed: int, work: Path, module: str = "") -> dict[str, Met]:
-    """Draw mutants of some rooms, let the tests meet them, and return what became of them, by room."""
-    drawn, found, listed, kept = draw(rooms, count, seed, module), dict[str, Met](), read_list(LIST), read_list(KEPT)
+    """Draw mutants of some rooms, let the tests of the room meet them, and return what became of them, by room."""
+    drawn, found = draw(rooms, count, seed, module), dict[str, Met]()
     for room in rooms:
         chosen = [mutant for mutant in drawn if mutant.room == room]
         reach = learn(room, work)
         if not reach.passed:
             print(f"{room}: its tests fail as it is: left out", flush=True)
             continue
-        met = found[room] = Met(len(chosen))
-        for mutant in chosen:
-            tests = reach.of(mutant)
-            later = [test for test in tests if stands_in(test, listed) and not stands_in(test, kept)]
-            if notices(mutant, reach, [test for test in tests if test not in later], work):
-                continue
-            by = notices(mutant, reach, later, work)
-            _, before, after = mutant.change
-            change = f"{mutant.name}: {before} -> {after}"
-            if by:
-                met.late.append(mutant)
-                print(f"noticed by the long form alone, {by}: {change}", flush=True)
-            else:
-                met.alive.append(mutant)
-                print(f"survived: {change}", flush=True)
-        print(
-            f"{room}: {met.count - len(met.alive)} of {met.count} noticed, {len(met.late)} by the long form alone",
-            flush=True,
-        )
+
+        def meet(mutant: Mutant, tests: Sequence[str], reach: Reach = reach) -> Outcome:
+            return Outcome(notices(mutant, reach, tests, work))
+
+        found[room] = of_a_room(chosen, reach.of, meet)
+        print(told(room, found[room]), flush=True)
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class Results:
+    """A file that holds what became of mutants, a line each; the last word on each counts."""
+
+    path: Path
+
+    def read(self) -> dict[tuple[object, ...], dict[str, Any]]:
+        """Return what became of each mutant, by what it is."""
+        found = dict[tuple[object, ...], dict[str, Any]]()
+        for line in self.path.read_text(encoding="utf-8").splitlines() if self.path.exists() else ():
+            entry = json.loads(line)
+            file, change = TREE / entry["file"], (entry["before"], entry["after"])
+            found.pop(_key(file, entry["was"], entry["operator"], *change), None)
+            found[_key(file, entry["line"], entry["operator"], *change)] = entry
+        return found
+
+    def note(self, mutant: Mutant, tests: int, outcome: Outcome, late: bool, was: int = 0) -> None:
+        """Write what became of a mutant that so many tests reach; ``was``: the line that it had when it was met before."""
+        file, before, after = mutant.change
+        entry = {
+            "room": mutant.room, "file": file, "line": mutant.line, "was": was or mutant.line,
+            "operator": mutant.operator, "before": before, "after": after, "tests": tests, "by": outcome.by,
+            "how": outcome.how, "late": late, "spent": round(outcome.spent, 1), "cut": outcome.cut,
+        }  # fmt: skip
+        with self.path.open("a", encoding="utf-8") as stream:
+            stream.write(json.dumps(entry) + "\n")
+
+    def survivors(self) -> dict[Mutant, int]:
+        """Return the mutants that have lived and can still be made, with the line that each had."""
+        alive = dict[Mutant, int]()
+        for entry in self.read().values():
+            if entry["by"] and not entry["late"]:
+                continue
+            change = entry["before"], entry["after"]
+            mutant = find(entry["room"], entry["file"], entry["operator"], change, entry["line"])
+            if mutant is None:
+                print(f"not there any more, and still counted: {entry['file']}:{entry['line']}: {' -> '.join(change)}")
+            else:
+                alive[mutant] = entry["line"]
+        return alive
+
+    def met(self) -> dict[str, Met]:
+        """Return what became of all, by room."""
+        found = dict[str, Met]()
+        for entry in self.read().values():
+            met = found.setdefault(entry["room"], Met())
+            met.count += 1
+            met.late += entry["late"]
+            if not entry["by"]:
+                met.alive.append((entry["file"], entry["before"], entry["after"]))
+                met.cut += entry["cut"]
+        return found
+
+
+def _key(path: Path, line: int, operator: str, before: str, after: str) -> tuple[object, ...]:
+    return str(path.relative_to(TREE)), line, operator, before, after
+
+
+def of_the_tree(mutants: dict[Mutant, int], rooms: Sequence[str], meeting: Meeting, results: Results) -> None:
+    """Let the tests of the whole tree meet mutants, of which each had a line when it was met before, and note it."""
+
+    def note(mutant: Mutant, tests: int, outcome: Outcome, late: bool) -> None:
+        results.note(mutant, tests, outcome, late, mutants[mutant])
+
+    by_room = {room: [mutant for mutant in mutants if mutant.room == room] for room in rooms}
+    for row in itertools.zip_longest(*by_room.values()):  # a run that is stopped has met as many of each room
+        for mutant in filter(None, row):
+            of_a_room([mutant], meeting.tests.of, meeting.meet, note)
+            if mutant is by_room[mutant.room][-1]:
+                print(told(mutant.room, results.met()[mutant.room]), flush=True)
+
+
+def score(found: dict[str, Met]) -> int:
+    """Print the score; return the exit code."""
+    count, alive = sum(met.count for met in found.values()), sum(len(met.alive) for met in found.values())
+    late, cut = sum(met.late for met in found.values()), sum(met.cut for met in found.values())
+    if not count:
+        return 2
+    part = 1.0 - (alive + late) / count
+    print(f"{count} mutants, {count - alive} noticed, {alive} survived: {100 - 100 * alive / count:.1f} %")
+    if cut:
+        print(f"{cut} of them had not met all tests when their budget was used up: at least so many are noticed")
+    print(f"by a whole run of the short form: {count - alive - late}: {100 * part:.1f} %")
+    known = equivalents()
+    same = sum(change in known for met in found.values() for change in met.alive)
+    if same and count > same:
+        print(
+            f"without {same} that change nothing (equivalent_mutants.toml): {100 * (count - alive) / (count - same):.1f} %"
+        )
+    safety = found.get("safety", Met())
+    return 0 if part >= 0.8 and len(safety.alive) + safety.late <= 0.1 * safety.count else 1
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -435,28 +343,51 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--sample", type=int, default=300, metavar="N", help="how many, over all rooms (default 300)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--module", default="", metavar="NAME", help="of the modules of this name alone")
+    whole = parser.add_argument_group("with the tests of the whole tree, by what reach.py wrote")
+    whole.add_argument(
+        "--reach", action="append", metavar="FOLDER[@COMMIT]",
+        help="the newest first; the commit it was made at, if it does not say",
+    )  # fmt: skip
+    whole.add_argument("--budget", type=float, metavar="S", help="processor time of a mutant's tests [s] (default 60)")
+    whole.add_argument(
+        "--results", type=Path, metavar="FILE.jsonl", help="note each outcome there; what stands there is not met again"
+    )
+    whole.add_argument(
+        "--again", action="store_true", help="meet only those that have lived, by the results, once more"
+    )
     options = parser.parse_args(argv)
+    if not options.reach and (options.budget or options.results or options.again):
+        parser.error("--budget, --results and --again go with --reach FOLDER: give it, or leave these out")
+    if options.again and not (options.results and options.results.exists()):
+        parser.error("--again meets what has lived by the results: give the file, --results FILE.jsonl")
     rooms = options.rooms or list(ROOMS)
     work = Path(tempfile.mkdtemp(prefix="itouch-mutation-"))
     try:
         prepare(work)
-        found = campaign(rooms, options.sample, options.seed, work, options.module)
+        if not options.reach:
+            return score(campaign(rooms, options.sample, options.seed, work, options.module))
+        keep_kernels(work)
+        reached, results = Reached(), Results(options.results or work / "results.jsonl")
+        for given in options.reach:
+            folder, _, commit = given.partition("@")
+            reached.add(Path(folder), commit)
+        meeting = Meeting(Tests(reached, collected(work)), work, options.budget or 60.0)
+        if options.again:
+            mutants = results.survivors()
+        else:
+            drawn, known = draw(rooms, options.sample, options.seed, options.module), results.read()
+            keys = {
+                mutant: _key(TREE / mutant.change[0], mutant.line, mutant.operator, *mutant.change[1:])
+                for mutant in drawn
+            }
+            mutants = {mutant: mutant.line for mutant in drawn if keys[mutant] not in known}
+        try:
+            of_the_tree(mutants, rooms, meeting, results)
+        except KeyboardInterrupt:
+            print("stopped: what follows is of those that were met", flush=True)
+        return score(results.met())
     finally:
         shutil.rmtree(work, ignore_errors=True)
-    count, alive = sum(met.count for met in found.values()), sum(len(met.alive) for met in found.values())
-    late = sum(len(met.late) for met in found.values())
-    if not count:
-        return 2
-    score = 1.0 - (alive + late) / count
-    print(f"{count} mutants, {count - alive} noticed, {alive} survived: {100 - 100 * alive / count:.1f} %")
-    print(f"by a whole run of the short form: {count - alive - late}: {100 * score:.1f} %")
-    known = equivalents()
-    same = sum(mutant.change in known for met in found.values() for mutant in met.alive)
-    if same and count > same:
-        part = (count - alive) / (count - same)
-        print(f"without {same} that change nothing (equivalent_mutants.toml): {100 * part:.1f} %")
-    safety = found.get("safety", Met())
-    return 0 if score >= 0.8 and len(safety.alive) + len(safety.late) <= 0.1 * safety.count else 1
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from __future__ import annotations
 import heapq
 import json
 import os
+import subprocess
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -68,7 +69,10 @@ class _Watch:
             for line, tests in data.contexts_by_lineno(path).items():
                 for test in filter(None, tests):
                     reached.setdefault(test, []).append(f"{Path(path).relative_to(TREE)}:{line}")
-        self.out.write_text(json.dumps({"cost": self.cost, "reached": reached}), encoding="utf-8")
+        words = ["git", "-C", str(TREE), "rev-parse", "HEAD"]  # where lines have moved since, mutation.py follows them
+        commit = subprocess.run(words, capture_output=True, text=True, check=False).stdout.strip()
+        content = {"commit": commit, "cost": self.cost, "reached": reached}
+        self.out.write_text(json.dumps(content), encoding="utf-8")
 
 
 def read(folder: Path) -> tuple[dict[str, float], dict[str, frozenset[str]]]:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
+from array import array
 from pathlib import Path
 
+import mutants
 import mutation
 import pytest
+import whole_tree
 from shipped import REPOSITORY
 
 HERE = Path(__file__).parent
@@ -15,6 +19,7 @@ HERE = Path(__file__).parent
 BY_HAND = """
 import sys
 sys.path.insert(0, {here!r})
+import mutants
 import mutation
 work = mutation.Path(sys.argv[1])
 mutation.prepare(work)
@@ -42,7 +47,7 @@ def test_a_guard_that_clamps_the_wrong_way_is_noticed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("entry", sorted(mutation.equivalents()), ids=lambda entry: "")
 def test_what_is_said_to_change_nothing_is_one_line_that_is_still_there(entry: tuple[str, str, str]) -> None:
     file, line, changed = entry
-    lines = [mutation.bare(one) for one in (REPOSITORY / file).read_text(encoding="utf-8").splitlines()]
+    lines = [mutants.bare(one) for one in (REPOSITORY / file).read_text(encoding="utf-8").splitlines()]
     assert lines.count(line) == 1, f"{line!r} stands in {file} {lines.count(line)} times: it would hide another"
     assert line != changed
 
@@ -58,6 +63,200 @@ def test_a_change_that_is_listed_hides_no_other() -> None:
     assert change("total = 0.0", "total = 2.0") not in mutation.equivalents()
     assert change("if apart >", "if apart >=") not in mutation.equivalents()
     assert change("if apart >", "if apart >=")[1:] == ("ifapart>able.apart[0]:", "ifapart>=able.apart[0]:")
+
+
+#: A program of one line, and tests of which not each is to be believed.
+PROGRAM = "def answer() -> int:\n    return 42\n"
+OF_IT = {
+    "test_plain.py": "import program\ndef test_it(): assert program.answer() == 42",
+    "test_broken.py": "import program\ndef test_it(): assert program.answer() == 43",
+    "test_leaves.py": (
+        "import program, os\ndef test_first(): os.environ['LEFT'] = str(program.answer())\n"
+        "def test_second(): assert os.environ.get('LEFT', '42') == '42'"
+    ),
+    "test_imports.py": "import program\nassert program.answer() == 42\ndef test_it(): pass",
+    "test_busy.py": (
+        "import program, time\ndef test_it():\n    while time.process_time() < 0.5: pass\n"
+        "def test_more(): assert program.answer() == 42"
+    ),
+    "test_apart.py": (
+        "import subprocess, sys\ndef test_it():\n    words = [sys.executable, '-c', 'import program; print(program.answer())']\n"
+        "    done = subprocess.run(words, cwd='tests', capture_output=True, text=True)\n    assert done.stdout.strip() == '42'"
+    ),
+    "test_bare.py": "import program\ndef test_it(): program.answer()",
+}
+MEETINGS = """
+import json, os, sys
+sys.path.insert(0, {here!r})
+from pathlib import Path
+import mutants, whole_tree
+whole_tree.PATIENCE = 1.0
+folder = Path.cwd()
+(folder / "work").mkdir()
+
+def meet(line, tests, budget=60.0, control=None):
+    changed = mutants.Mutant("", folder / "tests" / "program.py", 2, "", "def answer() -> int:\\n    " + line + "\\n")
+    meeting = whole_tree.Meeting(whole_tree.Tests(whole_tree.Reached(), {{}}), folder / "work", budget)
+    found = meeting.meet(changed, ["tests/test_" + test for test in tests])
+    return found.by.removeprefix("tests/test_"), found.how, found.cut
+
+print(json.dumps([meet(*case) for case in json.loads(sys.argv[1])]))
+"""
+NOTICED = [
+    (("return 43", ["bare.py::test_it", "plain.py::test_it"]), ["plain.py::test_it", "fails", False]),
+    (("return 41", ["bare.py::test_it"]), ["", "", False]),
+    (("return 41", ["apart.py::test_it"]), ["apart.py::test_it", "fails", False]),
+    # it fails as the program is, too
+    (("return 41", ["broken.py::test_it", "plain.py::test_it"]), ["plain.py::test_it", "fails", False]),
+    # it fails for what another has left
+    (("return 41", ["leaves.py::test_first", "leaves.py::test_second"]), ["", "", False]),
+    (("return 41", ["imports.py::test_it"]), ["imports.py::test_it", "is not collected", False]),
+    (("__import__('os')._exit(3)", ["bare.py::test_it"]), ["bare.py::test_it", "ends with exit code 3", False]),
+    (("exec('while True: pass')", ["bare.py::test_it"]), ["bare.py::test_it", "hangs", False]),
+    (("return 41", ["busy.py::test_it", "busy.py::test_more"], 0.3), ["", "", True]),
+    (("return 41", ["busy.py::test_it", "busy.py::test_more"], 60.0), ["busy.py::test_more", "fails", False]),
+]  # fmt: skip
+
+
+def test_a_mutant_is_noticed_by_who_passes_alone_without_it(tmp_path: Path) -> None:
+    tests = tmp_path / "tests"
+    tests.mkdir()
+    for name, text in {**OF_IT, "program.py": PROGRAM}.items():
+        (tests / name).write_text(text, encoding="utf-8")
+    words = [sys.executable, "-c", MEETINGS.format(here=str(HERE)), json.dumps([case for case, _ in NOTICED])]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == [expected for _, expected in NOTICED]
+
+
+def test_who_waits_on_a_busy_machine_does_not_hang(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    monkeypatch.setattr("os.getloadavg", lambda: (0.1, 0.1, 0.1))
+    assert whole_tree.hangs(61.0, 0.0, allowed=60.0)
+    assert not whole_tree.hangs(59.0, 0.0, allowed=60.0)
+    assert not whole_tree.hangs(200.0, 30.0, allowed=60.0), "it runs, slowly"
+    assert whole_tree.hangs(100.0, 61.0, allowed=60.0)
+    monkeypatch.setattr("os.getloadavg", lambda: (8.0, 8.0, 8.0))
+    assert not whole_tree.hangs(200.0, 0.0, allowed=60.0), "whom it waits for has to wait"
+    assert whole_tree.hangs(500.0, 0.0, allowed=60.0)
+
+
+def test_lines_are_found_where_they_stand_by_now() -> None:
+    assert whole_tree.moved("a\nb\nc\nd\n", "new\na\nB\nB2\nd\n") == {1: [2], 2: [3, 4], 3: [3, 4], 4: [5]}
+
+
+MODULES = {
+    "framework/room/kernels.py": (
+        "LIMIT = 3.0\n\n\n@kernel\ndef inner_part(x):\n    return x + 1\n\n\n"
+        "@kernel\ndef whole(x):\n    return inner_part(x)\n"
+    ),
+    "framework/room/python.py": (
+        "from .kernels import LIMIT, whole\n\nBOUND = whole\n\n\ndef call(x):\n    y = BOUND(\n        x)\n"
+        "    if y > LIMIT: return 1\n    return y\n"
+    ),
+    "framework/room/apart.py": "def inner_part(x):\n    return inner_part(x)\n",
+}  # fmt: skip
+
+
+@pytest.fixture
+def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the room of a tree of three modules."""
+    for name, text in MODULES.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    monkeypatch.setattr(whole_tree, "TREE", tmp_path)
+    monkeypatch.setitem(mutation.ROOMS, "room", ("framework/room", ("room",)))
+    whole_tree._uses.cache_clear()
+    return tmp_path / "framework/room"
+
+
+def test_who_calls_a_kernel_or_reads_a_constant_reaches_it(small: Path) -> None:
+    python, kernels = small / "python.py", small / "kernels.py"
+    assert set(whole_tree.users(kernels, ["inner_part"])) == {(python, 7), (python, 8)}
+    assert set(whole_tree.users(kernels, ["LIMIT"])) == {(python, 9)}
+    assert whole_tree.place(python, 8).statement == range(7, 9)
+    assert whole_tree.place(python, 8).function == range(6, 11)
+    assert whole_tree.place(kernels, 6) == whole_tree.Place(range(6, 7), range(0), frozenset({"inner_part"}), True)
+    assert whole_tree.place(kernels, 1).names == {"LIMIT"}
+
+
+def test_a_mutant_meets_who_reaches_it_and_who_shares_a_fixture_with_those(small: Path) -> None:
+    maker, heir, other, room = (
+        "tests/a/test_a.py::test_1", "tests/a/test_a.py::test_2", "tests/b/test_b.py::test_3", "tests/room/test_c.py::test_4"
+    )  # fmt: skip
+    cost = {maker: 2.0, heir: 0.01, other: 0.5, room: 1.0, "tests/gone.py::test": 0.1}
+    lines = {("framework/room/python.py", 7): array("i", [0]), ("framework/room/python.py", 9): array("i", [1, 2, 4])}
+    reached = whole_tree.Reached([maker, other, room, heir, "tests/gone.py::test"], cost, lines)
+    fixture = ["tests/a/test_a.py:made"]
+    for name, text in (("d/test_d.py", "from room.python import call"), ("room/test_e.py", "")):
+        (small.parents[1] / "tests" / name).parent.mkdir(parents=True, exist_ok=True)
+        (small.parents[1] / "tests" / name).write_text(text, encoding="utf-8")
+    (small / "__init__.py").touch()
+    near, new = "tests/d/test_d.py::test_5", "tests/room/test_e.py::test_6"
+    tests = whole_tree.Tests(reached, {maker: fixture, heir: fixture, other: [], room: [], near: [], new: []})
+
+    def met(name: str, line: int) -> list[str]:
+        return tests.of(mutation.Mutant("room", small / name, line, "", ""))
+
+    assert met("python.py", 8) == [near, maker, heir, new]
+    assert met("python.py", 9) == [near, room, other, new]
+    assert met("python.py", 10) == [near, room, other, maker, heir, new], "a line that nobody reaches: its function"
+    assert met("kernels.py", 6) == [maker, heir, new, room], "a kernel: who calls it, then the room"
+    assert met("kernels.py", 1) == [room, other, new]
+    assert met("apart.py", 2) == [new, room]
+
+
+def test_the_order_is_one_case_of_each_then_the_room_then_what_it_costs() -> None:
+    cost = {"r.py::a[1]": 0.2, "r.py::a[2]": 0.1, "o.py::b": 0.01, "o.py::c": 5.0, "r.py::d": 0.5}
+    found = whole_tree.in_order(cost, {"r.py::a[1]", "r.py::a[2]", "r.py::d"}, cost)
+    assert found == ["r.py::a[2]", "r.py::d", "o.py::b", "o.py::c", "r.py::a[1]"]
+    found = whole_tree.in_order(cost, {"r.py::a[1]", "r.py::a[2]", "r.py::d"}, cost, {"o.py"})
+    assert found == ["o.py::b", "o.py::c", "r.py::a[2]", "r.py::d", "r.py::a[1]"]
+    found = whole_tree.in_order(cost, set(), cost, {"r.py"})
+    assert found == ["r.py::a[2]", "r.py::d", "r.py::a[1]", "o.py::b", "o.py::c"]
+
+
+@pytest.mark.parametrize(
+    ("text", "does"),
+    [
+        ("import itouch.loop.run_statistics as s", True), ("from itouch.loop.run_statistics import Histogram", True),
+        ("from itouch.loop import (", True), ("from itouch.loop.frames import Frame", False),
+        ("from itouch.loop.run_statistics_of import Histogram", False),
+    ],
+)  # fmt: skip
+def test_a_test_that_imports_what_is_changed_is_known(text: str, does: bool, tmp_path: Path) -> None:
+    path = tmp_path / "test_it.py"
+    path.write_text(text, encoding="utf-8")
+    assert whole_tree.names(path, "itouch.loop.run_statistics") == does
+
+
+def test_results_keep_the_last_word_on_each(tmp_path: Path) -> None:
+    results = mutation.Results(tmp_path / "results.jsonl")
+    path = mutation.TREE / "framework/itouch/safety/limiting.py"
+    text = path.read_text(encoding="utf-8")
+    line = next(n for n, one in enumerate(text.splitlines(), 1) if "kept = min(max(values[i], low), high)" in one)
+    lives = mutation.Mutant("safety", path, line, "by hand", text.replace("max(values[i], low)", "max(values[i], 0)"))
+    noticed = mutation.Mutant("safety", path, line, "by hand", text.replace("max(values[i], low)", "max(values[i], 1)"))
+    results.note(lives, 7, mutation.Outcome(cut=True), late=False)
+    results.note(noticed, 7, mutation.Outcome("tests/a.py::b", "fails", 1.0), late=False)
+    met = results.met()["safety"]
+    assert (met.count, met.alive, met.cut) == (2, [lives.change], 1)
+    assert results.survivors() == {}, "an operator of which there is nothing in the file"
+    moved = mutation.Mutant("safety", path, line + 1, "by hand", lives.source)
+    results.note(moved, 7, mutation.Outcome("tests/a.py::b", "fails", 1.0), late=True, was=line)
+    met = results.met()["safety"]
+    assert (met.count, met.alive, met.late) == (2, [], 1)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [(["--again"], "go with --reach FOLDER"), (["--reach", ".", "--again"], "give the file, --results FILE.jsonl")],
+)
+def test_what_goes_together_is_asked_for(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        mutation.main(words)
+    assert stopped.value.code == 2
+    assert says in capsys.readouterr().err
 
 
 @pytest.mark.long

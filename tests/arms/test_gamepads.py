@@ -171,6 +171,23 @@ def test_the_kernels_bits_are_numbered_from_the_lowest_of_each_byte() -> None:
     assert evdev._bits(bytes((0b101, 0, 0x80))) == {0, 2, 23}
 
 
+def test_the_kernel_is_asked_by_its_own_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The numbers of EVIOCGNAME(256), EVIOCGBIT and EVIOCGABS as its headers make them."""
+    keys, axes = bytearray(96), bytearray(8)
+    keys[evdev.GAMEPAD // 8], axes[0] = 1 << evdev.GAMEPAD % 8, 0b10011
+    answers = {0x81004506: b"Mock Pad".ljust(256, b"\0"), 0x80604521: keys, 0x80084523: axes}
+    answers |= {0x80184540 + code: struct.pack("6i", 0, -code, 100 + code, 0, 0, 0) for code in (0, 1, 4)}
+
+    def ioctl(descriptor: int, request: int, buffer: bytearray) -> None:
+        assert descriptor == 9
+        buffer[:] = answers.pop(request)
+
+    monkeypatch.setattr("fcntl.ioctl", ioctl)
+    ranges = {0: (0, 100), 1: (-1, 101), 4: (-4, 104)}
+    assert evdev.describe(9) == Description("Mock Pad", frozenset({evdev.GAMEPAD}), ranges)
+    assert not answers
+
+
 def test_pyglet_without_any_or_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     def fails() -> Any:
         raise RuntimeError("no such thing here")

@@ -88,6 +88,18 @@ def test_a_push_acts_along_its_axis_and_damping_is_the_same_about_each(axis: int
     np.testing.assert_allclose(world.twists[0], start * np.exp(-1.0), rtol=0.01, atol=1e-12)
 
 
+def test_a_push_at_the_centre_of_mass_turns_nothing_wherever_the_frame_is() -> None:
+    corners, faces = icosphere(2, 0.02)
+    away, push = np.array((0.01, 0.02, 0.03)), np.array((1.0, -2.0, 0.5))
+    world = World(free(Mesh(Surface(corners + away, faces)), damping=5.0), gravity=(0, 0, 0))
+    world.forces[0] = (*push, *np.cross(away, push))
+    world.run(1)
+    np.testing.assert_allclose(world.twists[0], (*(push * T / 0.2), 0, 0, 0), rtol=1e-6, atol=1e-6)
+    world.forces[:] = 0
+    world.run(200)
+    np.testing.assert_allclose(world.twists[0], (*(push * T / 0.2 * np.exp(-1.0)), 0, 0, 0), rtol=0.01, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("shape", "height"),
     [

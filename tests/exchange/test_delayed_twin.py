@@ -103,7 +103,7 @@ def test_readings_and_commands_carry_the_ticks_at_which_they_were(period: float,
     told: list[tuple[int, float]] = []
     acting = {}
     for tick in range(60):
-        if tick % polled == 0 and twin.read(state, reading) and tick:
+        if tick % polled == 0 and twin.read(state, reading):  # the first one, too, before anything is on the wire
             twin.measured(state, tick, measured)
             assert measured[0] == reading["temperature"][0]  # the integrator reads in how many steps it stood
         left = twin.departed(state, tick, out) if tick % polled == 0 else None
@@ -112,6 +112,7 @@ def test_readings_and_commands_carry_the_ticks_at_which_they_were(period: float,
         before = float(state["sum"])
         command["current"] = tick + 1
         twin.step(state, command, TwinInputs(), 1e-3)
+        assert state["line.left"].item() >= -1  # none is on its way
         acting[tick] = float(state["sum"]) - before
     assert len(told) > 4
     for left, value in told:

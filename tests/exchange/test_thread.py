@@ -194,6 +194,11 @@ def test_figures_are_of_the_latest_exchanges() -> None:
     assert threaded.figures() == pytest.approx(
         {"count": 300, "rate_hz": 100.0, "p50_ms": 101.0, "p99_ms": 199.0, "max_ms": 700.0}
     )
+    threaded._latest.clear()
+    threaded._latest.extend(((5.0, 1e-3), (5.0, 1e-3)))  # a clock that stands, or is coarse
+    assert threaded.figures() == pytest.approx(
+        {"count": 300, "rate_hz": 0.0, "p50_ms": 1.0, "p99_ms": 1.0, "max_ms": 700.0}
+    )
 
 
 def test_a_device_that_refuses_to_open_says_why(device: _Slow) -> None:

@@ -80,3 +80,15 @@ def test_the_share_of_an_arm_goes_on_from_what_the_plate_leaves_it() -> None:
     assert part(0.9, 1.0, 0.62, renders=True) == pytest.approx(0.4)
     assert part(0.9, 1.0, 0.0, renders=True) == pytest.approx(0.9 - force.HAND_STEP)
     assert part(0.9, 1.0, 0.62) == pytest.approx(0.9 + force.HAND_STEP)  # it is to take over all of it
+
+
+@pytest.mark.parametrize(
+    ("left", "before", "most"),
+    [(0.5, 0.0, 0.5), (2.0, 0.0, 2.0), (-1.0, 0.0, 0.0), (9.0, 2.5, 0.5 + 2.0 * force.HAND_STEP)],
+)  # fmt: skip
+def test_an_arm_gives_what_a_plate_leaves_of_the_limit(left: float, before: float, most: float) -> None:
+    """``before``: what it was cut by a tick ago [N]; the limit of 3 N comes back in small steps."""
+    c, kept, given = np.zeros(render.CONSTANTS), np.zeros(memory.MEMORY), np.array([3.0, 4.0, 0.0])
+    c[render.FORCE_LIMIT], kept[memory.CUT] = 3.0, before
+    force._within(c, kept, given, left)
+    assert given == pytest.approx([0.6 * most, 0.8 * most, 0.0])

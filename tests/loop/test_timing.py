@@ -12,6 +12,7 @@ import pytest
 from shipped import SCENES
 
 import itouch
+from itouch.loop.run_statistics import Histogram
 from itouch.loop.timing import BETWEEN, BINS, TAKEN, WAKE_UP, Timing, edges, percentile
 
 
@@ -169,3 +170,11 @@ def test_hours_need_no_more_memory_than_seconds() -> None:
     for _ in range(5000):
         times.add([0.0, 1e-5, 3e-5])
     assert times.record.nbytes == size < 10_000
+
+
+def test_a_histogram_tells_percentiles_to_a_bin() -> None:
+    counted = Histogram(0.5)
+    for value in (0.1, 0.6, 0.7, 3.2):
+        counted.add(value)
+    assert counted.summary(2.0) == {"p50": 2.0, "p99": 6.4, "max": 6.4}
+    assert counted.dump()["counts"] == {"0": 1, "1": 2, "6": 1}

@@ -44,6 +44,8 @@ def stream(monkeypatch: pytest.MonkeyPatch) -> Stream:
         Cylinders3D=taken, Boxes3D=taken, Ellipsoids3D=taken,
         components=SimpleNamespace(FillMode=SimpleNamespace(Solid="solid")),
         SeriesLines=SimpleNamespace(from_fields=lambda names: names),
+        Points3D=SimpleNamespace(from_fields=taken, columns=lambda labels: [labels]),
+        Arrows3D=SimpleNamespace(from_fields=taken, columns=lambda vectors: [vectors]),
         Scalars=SimpleNamespace(columns=lambda scalars: Parts(scalars.tolist())),
     )  # fmt: skip
     monkeypatch.setitem(sys.modules, "rerun", rerun)
@@ -80,6 +82,28 @@ def test_a_solid_has_its_size_place_and_colour(stream: Stream, kind: str, form: 
     ours.Scene(stream).put([(0.0, "SceneUpdate", {"entities": [entity], "deletions": []})])
     where = {"centers": [[1.0, 2.0, 3.0]], "quaternions": [[0.1, 0.2, 0.3, 0.9]], "colors": [[255, 128, 0, 255]]}
     assert stream.sent == {"world/it": [form | where | {"fill_mode": "solid"}]}
+
+
+@pytest.mark.parametrize(
+    ("kind", "mark", "shown"),
+    [
+        ("texts", {"text": "27.0 °C", "pose": {"position": {"x": 0.0, "y": 0.0, "z": 0.012}}}, ["27.0 °C", ""]),
+        ("arrows", {"pose": {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": {"w": 1.0}},
+                    "shaft_length": 0.03, "head_length": 0.01, "color": {"r": 1.0, "g": 0.5, "b": 0.0, "a": 1.0}},
+         [[0.04, 0.0, 0.0], [0.0, 0.0, 0.0]]),
+    ],
+)  # fmt: skip
+def test_what_comes_and_goes_is_shown_while_it_is_there(
+    stream: Stream, kind: str, mark: dict[str, Any], shown: list[Any]
+) -> None:
+    entity = {"id": "it", "frame_id": "world", "arrows": [], "texts": []} | {kind: [mark]}
+    ours.Scene(stream).put([
+        (0.0, "SceneUpdate", {"entities": [entity], "deletions": []}),
+        (0.5, "SceneUpdate", {"entities": [], "deletions": [{"id": "it"}]}),
+    ])  # fmt: skip
+    assert stream.sent["world/it"][-1] == ([0.0, 0.5], [shown])
+    if kind == "texts":
+        assert stream.sent["world/it"][0]["positions"] == [[0.0, 0.0, 0.012]]
 
 
 def test_curves_go_by_unit_with_temperatures_in_degrees_celsius(stream: Stream) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 import itouch
 from itouch.plugin import poses
 from itouch.recording import read, views
+from itouch.recording.wellknown import MESSAGES, decode
 from itouch.session.outputs import Outputs, open_outputs
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
@@ -175,3 +176,30 @@ def test_a_mesh_keeps_its_corners_and_a_huge_one_becomes_a_box() -> None:
     assert len(skins) == len([m for m in meshes if len(m.surface.vertices) <= 60_000]) > 0
     assert type(view).load(view.dump()) == view
     engine.close()
+
+
+def test_a_temperature_stands_above_its_frame_while_it_is_one() -> None:
+    view = views.View(
+        frames=(views.Frame("plate", "world", "pose", 0, 3),),
+        warmths=(views.TemperatureLabel("plate/temperature", "plate", "plate"),),
+    )
+    drawing = views.Drawing(view, {"pose": 0, "plate": 24}, period=0.1, start_ns=0)
+    rows = np.array([(0.1, 0.2, 0.3, kelvin) for kelvin in (300.15, 310.65, math.nan, 0.0)]).view(np.uint8)
+    told = [
+        (tick, decode("SceneUpdate", data)) for topic, tick, data in drawing.messages(np.arange(4), rows)
+        if topic == "/view/scene"
+    ]  # fmt: skip
+    assert [[entity["texts"][0]["text"] for entity in content["entities"]] for _, content in told] == [
+        ["27.0 °C"], ["37.5 °C"], [],
+    ]  # fmt: skip
+    (text,), (gone,) = told[0][1]["entities"][0]["texts"], told[2][1]["deletions"]
+    place = text["pose"]["position"]
+    assert [place.get(axis, 0.0) for axis in "xyz"] == [0.0, 0.0, 0.012]
+    assert told[0][1]["entities"][0]["frame_id"] == "plate"
+    assert (told[2][0], gone["id"]) == (2, "plate/temperature")
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_each_field_of_a_message_has_a_number_of_its_own(name: str) -> None:
+    names, numbers, _ = zip(*MESSAGES[name], strict=True)
+    assert len(set(names)) == len(set(numbers)) == len(MESSAGES[name])

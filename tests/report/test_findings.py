@@ -219,3 +219,20 @@ def test_what_a_contact_was_not_stands_below_the_table(monkeypatch: pytest.Monke
         "finger waited for its skin: 3.2 s (not back)",
         "1.000 s simulated in 0.0 s (0.0 x real time); 0 faults",
     ]
+
+
+def test_contacts_are_told_as_they_end_unless_only_results_are_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(screen, "_noted", lambda engine: ())
+    entry = {"probe": "finger", "object": "pad", "material": "foam", "begin_s": 1.0, "end_s": 2.0}
+    engine = SimpleNamespace(
+        statistics=SimpleNamespace(contacts=[]), model=SimpleNamespace(modalities=(), probes=("finger",))
+    )
+    for quiet, told in ((False, True), (True, False)):
+        monkeypatch.setattr(screen.MANNER, "quiet", quiet)
+        engine.statistics.contacts = []
+        out = io.StringIO()
+        shown = screen.Screen(engine, out)
+        engine.statistics.contacts = [entry]
+        shown.show()
+        assert out.getvalue().startswith("   2.000 s  finger left pad") == told
+        assert bool(out.getvalue()) == told

@@ -6,6 +6,7 @@ import base64
 import html
 import re
 import shutil
+import struct
 import subprocess
 import zlib
 from importlib.resources import files
@@ -190,6 +191,7 @@ def test_texts_and_picture_take_a_third_of_a_megabyte(recorded):
     png = scene_picture(findings)
     if png is None:
         return  # no OpenGL; where CI is set the tests of pictures fail for that
+    assert struct.unpack(">II", png[16:24]) == (960, 540)
     findings.curves = None
     assert len(page(findings, picture=png)) < 300_000
 

@@ -353,6 +353,17 @@ def test_faults_from_python(write: Write) -> None:
         itouch.build(FIRST).inject("arm", "nan")
 
 
+def test_a_fault_from_python_lasts_a_tick_at_least(write: Write) -> None:
+    engine = itouch.build(faulty(write, '<fault device="arm" kind="nan" at="100 s"/>'))
+    engine.run(0.1)
+    engine.inject("arm", "bias", at=engine.seconds + 0.005, duration=1e-6, channel="pose", amount=0.001)
+    heights: list[float] = []
+    engine.run(0.02, each=lambda: heights.append(float(engine.state["arm.pose"][0])))
+    assert sum(abs(step) > 5e-4 for step in np.diff(heights)) == 2
+    shown = [n for n, step in enumerate(np.diff(heights)) if abs(step) > 5e-4]
+    assert shown[1] - shown[0] == 1
+
+
 class Compiled(Steady):
     """A twin of calls that are bound once; every third leaves its tick to Python."""
 

@@ -85,6 +85,19 @@ def assert_no_looser(found: DeviceLimits, before: dict[str, tuple[object, str]])
     assert math.isfinite(found.ramp)
 
 
+@pytest.mark.parametrize("file", ["four_materials.xml", "four_materials_diy.xml"])
+@pytest.mark.parametrize("asked", [None, 0.0, 0.3, default.RAMP, 2.0])
+def test_hardware_ramps_in_for_as_long_as_by_default_or_longer(scenes: Path, file: str, asked: float | None) -> None:
+    if asked is not None:
+        text = (scenes / file).read_text(encoding="utf-8")
+        assert text.count("<safety ") == 1
+        (scenes / file).write_text(text.replace("<safety ", f'<safety ramp="{asked} s" '), encoding="utf-8")
+    found = in_force(scenes / file)
+    assert found
+    least = default.RAMP if file == "four_materials_diy.xml" else 0.0
+    assert {name: limits.ramp for name, limits in found.items()} == dict.fromkeys(found, max(asked or 0.0, least))
+
+
 def changed(folder: Path, file: str, first: int, last: int, text: str) -> Path:
     """Put another text into a copy of the scenes, and return the scene that holds the file."""
     path = folder / file

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 
+import numpy as np
 import pytest
 from shipped import SCENES
 
@@ -120,3 +121,21 @@ def test_without_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pylsl", None)
     with pytest.raises(itouch.SessionError, match=r"pip install 'itouch-py\[lsl\]'"):
         Streams(itouch.build(SCENES / "first_touch.xml"))
+
+
+def test_samples_go_out_at_the_rate_of_their_stream() -> None:
+    class Outlet:
+        sent: list[list[float]] = []
+
+        def push_sample(self, sample: object) -> None:
+            self.sent.append(list(sample))  # type: ignore[call-overload]
+
+    session = itouch.build(SCENES / "first_touch.xml")
+    streams = Streams.__new__(Streams)
+    streams._session, streams._told, streams._every = session, 0, 4
+    value = np.zeros(2)
+    streams._outlets = [(Outlet(), [value, np.array(7)])]
+    for tick in range(10):
+        value[:] = tick, -tick
+        streams._tap(tick)
+    assert Outlet.sent == [[0.0, 0.0, 7.0], [4.0, -4.0, 7.0], [8.0, -8.0, 7.0]]

@@ -185,6 +185,14 @@ def test_sync_sets_marks_whose_codes_are_those_of_a_byte(monkeypatch: pytest.Mon
     assert asked == [*range(1, 256), *range(1, 46)]  # 0 is the line at rest
 
 
+def test_the_figures_of_delays_are_in_milliseconds() -> None:
+    figures = sync.Delays("asked", (1e-3, 2e-3, 6e-3), 1).figures()
+    assert figures == pytest.approx(
+        {"way": "asked", "marks": 4, "lost": 1, "min_ms": 1.0, "p50_ms": 2.0, "p95_ms": 5.6, "p99_ms": 5.92,
+         "max_ms": 6.0, "sd_ms": 14.0**0.5 / 3.0**0.5}
+    )  # fmt: skip
+
+
 @pytest.mark.long
 def test_sync_tells_the_distribution() -> None:
     done = program("sync", "--marks", "40", "--json")

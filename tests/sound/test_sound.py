@@ -119,6 +119,8 @@ def test_sliding_is_pitched_by_speed_over_grain_and_silent_at_rest():
     still = Sliding()
     assert not still.render(480, 0.0, 1.0, grain=5e-4, level=0.2).any()
     assert not still.render(480, float("nan"), float("nan"), grain=5e-4, level=0.2).any()
+    for force in (0.0, -1.0, float("nan")):  # nothing presses
+        assert not still.render(480, 0.1, force, grain=5e-4, level=0.2).any()
 
 
 @settings(max_examples=40, deadline=None)
@@ -184,6 +186,12 @@ def test_a_device_in_fault_gives_the_warning_tone(track):
     synth.hear(state)
     synth.render(RATE // 10)
     assert np.abs(synth.render(480)).max() < 1e-3
+    state["arm.status"] = 3
+    try:
+        synth.hear(state)
+        np.testing.assert_allclose(synth.render(RATE), samples, atol=1e-3)  # from its beginning
+    finally:
+        state["arm.status"] = before
 
 
 def test_the_file_holds_the_samples(tmp_path):

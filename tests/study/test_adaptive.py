@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import SweetSpot
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from itouch_tools.study.adaptive import Procedure, Running, Staircase
+from itouch_tools.study.adaptive import MissingLibraryError, Procedure, Running, Staircase
 
 RULES = {
     "up-down": Staircase("up-down", 0.0, 2.0, 1.5, step=0.1, reversals=12, trials=80),
@@ -110,3 +111,9 @@ def test_levels_stay_in_their_range(answers: list[bool]) -> None:
             break
         assert 0.0 <= running.level() <= 2.0
         running.answer(answer)
+
+
+def test_without_the_library_is_said_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "SweetSpot", None)
+    with pytest.raises(MissingLibraryError, match=r"pip install 'itouch-py\[study\]'"):
+        Running.begin(RULES["quest"]).level()

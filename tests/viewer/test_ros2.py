@@ -182,6 +182,8 @@ def test_tokens_are_as_the_design_of_rmw_zenoh_has_them(told: Any) -> None:
         (("--rate", "10"), "go with --ros2"),
         (("--to", "x"), "goes with --rerun"),
         (("--ros2", "--router", "here:x"), "write HOST or HOST:PORT"),
+        (("--ros2", "--router", "here:0"), "a port of 1 to 65535"),
+        (("--ros2", "--router", "here:65536"), "a port of 1 to 65535"),
         (("--ros2", "--domain", "999"), "0 to 232"),
         (("none-of-this-name", "--ros2"), "no running session named"),
     ],

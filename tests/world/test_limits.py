@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import itouch
+from itouch.plugin import wrench
 from itouch.world import limits as default
+from itouch.world.limits import ceilings
 
 LIMITS = re.compile(r"<(limits|safety)\b([^>]*)/>")
 
@@ -55,3 +58,11 @@ def test_a_loosened_or_broken_limit_is_refused(scenes: Path, before: str, after:
     rig.write_text(rig.read_text().replace(before, after, 1))
     with pytest.raises(itouch.SceneError):
         itouch.build(scenes / "four_materials.xml")
+
+
+def test_only_axes_that_turn_and_that_there_are_have_a_torque() -> None:
+    strong = wrench(force=8.0, torque=0.03)
+    one = replace(strong, low=(*strong.low[:3], -0.05, -0.03, -0.03), high=(*strong.high[:3], 0.05, 0.03, 0.03))
+    assert ceilings((), (one,))["torque"][0] == 0.05
+    assert ceilings((), (replace(one, locked=(3,)),))["torque"][0] == 0.03
+    assert "torque" not in ceilings((), (replace(one, locked=(3, 4, 5)),))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -54,3 +55,9 @@ def test_an_overlap_is_told(objects: tuple[Any, Any]) -> None:
 )
 def test_what_does_not_overlap_is_not_told(objects: tuple[Any, Any]) -> None:
     assert not told(*objects)
+
+
+@pytest.mark.parametrize("moves", [{"motion": object()}, {"pose_from": "arm"}, {"dynamics": object()}])
+def test_what_moves_is_not_told(moves: dict[str, Any]) -> None:
+    assert told(box("left", 0.0, "wood"), box("right", 0.015, "steel"))
+    assert not told(box("left", 0.0, "wood"), replace(box("right", 0.015, "steel"), **moves))
