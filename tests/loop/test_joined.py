@@ -140,6 +140,27 @@ def test_a_modality_hears_of_contacts_compiled_and_leaves_to_python_what_it_will
     assert int(found.state["hum.count"]) == found.ticks + sum(1000 + 100 * kind for kind in table)
 
 
+def test_an_heir_that_hears_of_less_is_not_told_of_more(tmp_path: Path) -> None:
+
+    class Quick(Hum):
+        hears = frozenset({Contact.NEAR, Contact.BEGIN, Contact.END})
+
+        def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:
+            state["hum.count"][...] += 1000 + 100 * event.kind
+
+        def bound_contact(self, model: Any, state: Record, event: HeardContact) -> Bound:
+            return Bound(_hear, event, state["hum.count"].reshape(1), 9)
+
+    class Few(Quick):
+        hears = frozenset({Contact.BEGIN})
+
+    found = engine(tmp_path, Few)
+    found.run(0.35)
+    table = found.state["events.table"]["kind"][: int(found.state["events.count"])].tolist()
+    assert Contact.END in table and table.count(Contact.BEGIN) == 1
+    assert int(found.state["hum.count"]) == found.ticks + 1000 + 100 * Contact.BEGIN
+
+
 def test_a_compiled_listener_that_writes_elsewhere_is_told_by_name(tmp_path: Path) -> None:
     found = _hearing(tmp_path, 9, "events.count")
     with pytest.raises(DeviceFaultError, match=r"hum.*events\.count"):

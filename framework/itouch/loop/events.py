@@ -39,10 +39,13 @@ class _Listener:
         self.call = None if bound is None else runner(self.calls)
 
     def _joins(self) -> bool:
-        """Tell whether the compiled call is what would run: neither an heir nor this one instance has another."""
+        """Tell whether the compiled call is what would run: neither an heir nor this one instance has another.
+
+        Nor has an heir another choice of what it hears, since compiled code itself leaves out what it does not hear.
+        """
         instance = self.one.instance
-        own = "on_contact" in getattr(instance, "__dict__", ())
-        return not own and is_newest(type(instance), "bound_contact", "on_contact")
+        own = {"on_contact", "hears"} & set(getattr(instance, "__dict__", ()))
+        return not own and all(is_newest(type(instance), "bound_contact", alone) for alone in ("on_contact", "hears"))
 
 
 class _Probe:
@@ -113,7 +116,11 @@ class Events:
         if self._ended.open[0] and self._ended.tick[0] < before:
             self._ended.open[0] = 0
             number = self._ended.probe[0]
-            self._probes[number].rig.log.settle(int(self._ended.tick[0]), self._then[number])
+            try:
+                self._probes[number].rig.log.settle(int(self._ended.tick[0]), self._then[number])
+            except KeyboardInterrupt:  # the report that follows still has it
+                self._ended.open[0] = 1
+                raise
 
     def answer(self, code: int, tick: int) -> None:
         """Deliver in Python what a probe's call has left, and what has happened at the probes after it."""
