@@ -17,7 +17,7 @@ from test_failing_plugins import Hum, engine
 import itouch
 from itouch.loop import Engine
 from itouch.loop.runner import DeviceFaultError
-from itouch.plugin import Bound, Contact, ContactEvent, Device, HeardContact, Record, TwinInputs
+from itouch.plugin import Bound, Contact, ContactEvent, Device, Field, HeardContact, Record, TwinInputs
 from itouch.plugin.kernels import kernel
 from itouch.testing import joined
 from itouch.testing.checks import CheckError, NotApplicableError
@@ -138,6 +138,38 @@ def test_a_modality_hears_of_contacts_compiled_and_leaves_to_python_what_it_will
     table = found.state["events.table"]["kind"][: int(found.state["events.count"])].tolist()
     assert {Contact.NEAR, Contact.BEGIN, Contact.END} <= set(table)
     assert int(found.state["hum.count"]) == found.ticks + sum(1000 + 100 * kind for kind in table)
+
+
+@kernel
+def _note(event: Any, count: Any, begun: Any) -> int:
+    if event.kind[0] == 1:
+        begun[0] = event.tick[0]
+    elif event.kind[0] == 2:
+        count[0] += 1000000 if event.tick[0] == begun[0] else 1000
+    return 0
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_the_first_move_comes_in_the_tick_after_the_beginning(tmp_path: Path, compiled: bool) -> None:
+    class Follower(Hum):
+        hears = frozenset({Contact.BEGIN, Contact.MOVE})
+
+        def fields(self, model: Any) -> tuple[Field, ...]:
+            return Field("count", "i8"), Field("begun", "i8")
+
+        def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:
+            numbers = HeardContact.of(event, 0)
+            Bound(_note, numbers, state["hum.count"].reshape(1), state["hum.begun"].reshape(1)).run()
+
+        def bound_contact(self, model: Any, state: Record, event: HeardContact) -> Bound | None:
+            own = state["hum.count"].reshape(1), state["hum.begun"].reshape(1)
+            return Bound(_note, event, *own) if compiled else None
+
+    found = engine(tmp_path, Follower)
+    found.run(0.35)
+    table = found.state["events.table"][: int(found.state["events.count"])]
+    (begin,), (end,) = ([int(one["tick"]) for one in table if one["kind"] == kind] for kind in (1, Contact.END))
+    assert int(found.state["hum.count"]) == found.ticks + 1000 * (end - begin - 1)
 
 
 def test_an_heir_that_hears_of_less_is_not_told_of_more(tmp_path: Path) -> None:

@@ -21,6 +21,8 @@ from itouch.world.plugin_errors import failing
 
 #: How many calls tell a listener of an event: what its fence keeps, its own, and the look whether it has kept within.
 _CALLS = 3
+#: After one of these nothing more happens at a probe in a tick: the first MOVE comes in the tick after BEGIN.
+_LAST = frozenset({happening.BEGIN, happening.MOVE})
 
 
 class _Listener:
@@ -155,7 +157,7 @@ class Events:
                 self._tell(probe, hears[number])
             self._deliver_to(probe, kind, tick, hears[number + 1 :])
             self._close(probe, kind, tick)
-        if kind != happening.MOVE:
+        if kind not in _LAST:
             self._update(probe, tick)
 
     def _update(self, probe: _Probe, tick: int) -> None:
@@ -163,7 +165,7 @@ class Events:
         hears = [listener for listener in self._listeners if listener.kinds]
         while (code := probe.find()) >= 0:
             self._deliver(probe, code - 1, tick, hears)
-            if code - 1 == happening.MOVE:
+            if code - 1 in _LAST:
                 return
 
     def _deliver(self, probe: _Probe, kind: int, tick: int, hears: Sequence[_Listener]) -> None:

@@ -63,7 +63,7 @@ def happens(seen: Any, kept: Any, event: Any, probe: int, moving: bool, moves: b
     """Return 1 + the kind of what happens next at a probe in this tick, with its numbers in ``event``; 0: nothing.
 
     It is called until nothing more happens.  Whoever is told of END notes itself that the contact is not open any more,
-    for until then it is the one that ends; after MOVE nothing more happens.
+    for until then it is the one that ends; after BEGIN or MOVE nothing more happens, and it is not called again.
 
     Parameters
     ----------
