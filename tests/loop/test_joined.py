@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import importlib.util
+import os
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from shipped import SCENES
-from test_failing_plugins import Hum, engine
+from test_failing_plugins import SCENE, Hum, engine
 
 import itouch
 from itouch.loop import Engine
@@ -244,3 +246,28 @@ def test_python_has_nothing_to_do_while_a_touch_off_goes_on(monkeypatch: pytest.
     session.run(until=lambda: bool(session.state["ready"]))
     assert session.ticks > 1000
     assert called in ([], ["contact"])  # the calibration has moved the table's frame
+
+
+#: Prints what tells the State of a short run with a touch; the first argument: a scene.
+_RUN = """
+import hashlib, sys
+import itouch
+session = itouch.build(sys.argv[1], seed=1)
+session.records = False
+session.run(0.35)
+kinds = session.state["events.table"]["kind"][: int(session.state["events.count"])].tolist()
+print(kinds, hashlib.sha256(session.state.tobytes()).hexdigest())
+"""
+
+
+def test_a_session_is_the_same_with_the_compiler_off(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_text(SCENE.format(plugin="usb-arm", modality="", force='force-to="arm"'), encoding="utf-8")
+    said = [
+        subprocess.run([sys.executable, "-c", _RUN, str(path)], env={**os.environ, "NUMBA_DISABLE_JIT": off},
+                       capture_output=True, text=True, check=False)
+        for off in ("0", "1")
+    ]  # fmt: skip
+    assert [one.returncode for one in said] == [0, 0], said[1].stderr[-2000:]
+    assert said[0].stdout.startswith("[0, 1, 3] ")
+    assert said[0].stdout == said[1].stdout
