@@ -193,6 +193,23 @@ def test_what_only_tells_of_a_run_does_not_end_it(tmp_path: Path) -> None:
     assert "ZeroDivisionError: of nothing" in report["modalities"]["hum"]["error"]
 
 
+def test_ctrl_c_while_the_entry_of_a_contact_is_made_does_not_lose_it(tmp_path: Path) -> None:
+    pressed: list[int] = []
+
+    def act(self: Any, model: Any, state: Record, *rest: Any) -> dict[str, Any]:
+        if state["events.count"].item() >= 3 and not pressed:  # near, begin, end
+            pressed.append(1)
+            raise KeyboardInterrupt
+        return {}
+
+    session = engine(tmp_path, type("Deaf", (Hum,), {"measures": act, "hears": frozenset()}))
+    with pytest.raises(KeyboardInterrupt):
+        session.run()
+    (contact,) = session.report()["contacts"]
+    assert contact["end_s"] is not None
+    assert session.report()["contacts"] == [contact]
+
+
 def test_a_twin_that_raises_is_a_lost_device(tmp_path: Path) -> None:
     def act(self: Any, state: Record, *rest: Any) -> None:
         state["place"][0] += 1.0  # a twin knows no tick

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import importlib.util
+import os
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -12,12 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 from shipped import SCENES
-from test_failing_plugins import Hum, engine
+from test_failing_plugins import SCENE, Hum, engine
 
 import itouch
 from itouch.loop import Engine
 from itouch.loop.runner import DeviceFaultError
-from itouch.plugin import Bound, Contact, ContactEvent, Device, HeardContact, Record, TwinInputs
+from itouch.plugin import Bound, Contact, ContactEvent, Device, Field, HeardContact, Record, TwinInputs
 from itouch.plugin.kernels import kernel
 from itouch.testing import joined
 from itouch.testing.checks import CheckError, NotApplicableError
@@ -140,6 +142,59 @@ def test_a_modality_hears_of_contacts_compiled_and_leaves_to_python_what_it_will
     assert int(found.state["hum.count"]) == found.ticks + sum(1000 + 100 * kind for kind in table)
 
 
+@kernel
+def _note(event: Any, count: Any, begun: Any) -> int:
+    if event.kind[0] == 1:
+        begun[0] = event.tick[0]
+    elif event.kind[0] == 2:
+        count[0] += 1000000 if event.tick[0] == begun[0] else 1000
+    return 0
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_the_first_move_comes_in_the_tick_after_the_beginning(tmp_path: Path, compiled: bool) -> None:
+    class Follower(Hum):
+        hears = frozenset({Contact.BEGIN, Contact.MOVE})
+
+        def fields(self, model: Any) -> tuple[Field, ...]:
+            return Field("count", "i8"), Field("begun", "i8")
+
+        def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:
+            numbers = HeardContact.of(event, 0)
+            Bound(_note, numbers, state["hum.count"].reshape(1), state["hum.begun"].reshape(1)).run()
+
+        def bound_contact(self, model: Any, state: Record, event: HeardContact) -> Bound | None:
+            own = state["hum.count"].reshape(1), state["hum.begun"].reshape(1)
+            return Bound(_note, event, *own) if compiled else None
+
+    found = engine(tmp_path, Follower)
+    found.run(0.35)
+    table = found.state["events.table"][: int(found.state["events.count"])]
+    (begin,), (end,) = ([int(one["tick"]) for one in table if one["kind"] == kind] for kind in (1, Contact.END))
+    assert int(found.state["hum.count"]) == found.ticks + 1000 * (end - begin - 1)
+
+
+def test_an_heir_that_hears_of_less_is_not_told_of_more(tmp_path: Path) -> None:
+
+    class Quick(Hum):
+        hears = frozenset({Contact.NEAR, Contact.BEGIN, Contact.END})
+
+        def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:
+            state["hum.count"][...] += 1000 + 100 * event.kind
+
+        def bound_contact(self, model: Any, state: Record, event: HeardContact) -> Bound:
+            return Bound(_hear, event, state["hum.count"].reshape(1), 9)
+
+    class Few(Quick):
+        hears = frozenset({Contact.BEGIN})
+
+    found = engine(tmp_path, Few)
+    found.run(0.35)
+    table = found.state["events.table"]["kind"][: int(found.state["events.count"])].tolist()
+    assert Contact.END in table and table.count(Contact.BEGIN) == 1
+    assert int(found.state["hum.count"]) == found.ticks + 1000 + 100 * Contact.BEGIN
+
+
 def test_a_compiled_listener_that_writes_elsewhere_is_told_by_name(tmp_path: Path) -> None:
     found = _hearing(tmp_path, 9, "events.count")
     with pytest.raises(DeviceFaultError, match=r"hum.*events\.count"):
@@ -191,3 +246,28 @@ def test_python_has_nothing_to_do_while_a_touch_off_goes_on(monkeypatch: pytest.
     session.run(until=lambda: bool(session.state["ready"]))
     assert session.ticks > 1000
     assert called in ([], ["contact"])  # the calibration has moved the table's frame
+
+
+#: Prints what tells the State of a short run with a touch; the first argument: a scene.
+_RUN = """
+import hashlib, sys
+import itouch
+session = itouch.build(sys.argv[1], seed=1)
+session.records = False
+session.run(0.35)
+kinds = session.state["events.table"]["kind"][: int(session.state["events.count"])].tolist()
+print(kinds, hashlib.sha256(session.state.tobytes()).hexdigest())
+"""
+
+
+def test_a_session_is_the_same_with_the_compiler_off(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_text(SCENE.format(plugin="usb-arm", modality="", force='force-to="arm"'), encoding="utf-8")
+    said = [
+        subprocess.run([sys.executable, "-c", _RUN, str(path)], env={**os.environ, "NUMBA_DISABLE_JIT": off},
+                       capture_output=True, text=True, check=False)
+        for off in ("0", "1")
+    ]  # fmt: skip
+    assert [one.returncode for one in said] == [0, 0], said[1].stderr[-2000:]
+    assert said[0].stdout.startswith("[0, 1, 3] ")
+    assert said[0].stdout == said[1].stdout

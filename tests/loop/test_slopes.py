@@ -298,6 +298,14 @@ def test_behind_a_wire_the_force_is_that_of_the_surface(folder: Path, world: str
     assert not broken(figures)
 
 
+def test_what_a_sensor_reads_of_a_plate_that_is_away_takes_nothing_from_the_arm(folder: Path) -> None:
+    """The noise of one reading, and how far the plate came since, were 1.5 N of a plate that was 10 mm away."""
+    slope = Slope(*ball([12.0, -12.0, 12.0], 0.25))
+    course = follow(slope.build(folder, catalog=Wire(0.010, 0.010).catalog()))
+    assert (course.touching & (course.pad == 0.0)).sum() > 200  # it is not there in time
+    assert np.linalg.norm(np.diff(course.arm, axis=0), axis=1).max() < 0.2  # that of the first touch
+
+
 def test_behind_a_wire_a_session_goes_on_from_its_state_alone(folder: Path) -> None:
     """Where the finger goes, how late the wire is and what was learned of it: all of that is State."""
     slope, wire = Slope(*ball([12.0, -12.0], 0.25)), Wire(0.007, 0.003)

@@ -7,7 +7,7 @@ step runs, so inside it they can do without a count.
 
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from numba import types
+from numba import config, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
@@ -39,7 +39,7 @@ def _borrowed(typing_context: Any, thing: Any) -> Any:
     return thing(thing), nothing if isinstance(thing, types.NoneType) else array_or_tuple
 
 
-if TYPE_CHECKING:
+if TYPE_CHECKING or config.DISABLE_JIT:  # what runs as Python counts as Python does
 
     def borrowed(thing: Thing) -> Thing:
         """Return an array, or a tuple of arrays, or None, without its reference count; valid while the owner lives."""

@@ -626,4 +626,5 @@ class Engine:
         """Return the report; see ``itouch_tools.report`` for its keys."""
         from itouch.loop.summary import summary
 
+        self._events.settle()  # the entry of an open contact depends on the one before it
         return summary(self, [rig.log.entry(None) for rig in self._rigs if rig.log.open], self._pacing.wall)

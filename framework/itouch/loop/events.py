@@ -24,6 +24,8 @@ from itouch.world.plugin_errors import failing
 
 #: Calls per listener and event: its fence's copy of State, its own call, and the fence's comparison with the copy.
 _CALLS = 3
+#: After one of these nothing more happens at a probe in a tick: the first MOVE comes in the tick after BEGIN.
+_LAST = frozenset({happening.BEGIN, happening.MOVE})
 
 
 class _Listener:
@@ -42,10 +44,13 @@ class _Listener:
         self.call = None if bound is None else runner(self.calls)
 
     def _joins(self) -> bool:
-        """Tell whether a compiled call may replace ``on_contact``: no subclass, nor instance, overrides it alone."""
+        """Tell whether a compiled call may replace ``on_contact``: no subclass, nor instance, overrides it alone.
+
+        Nor may one override ``hears`` alone, because compiled code itself leaves out what it does not hear.
+        """
         instance = self.one.instance
-        own = "on_contact" in getattr(instance, "__dict__", ())
-        return not own and is_newest(type(instance), "bound_contact", "on_contact")
+        own = {"on_contact", "hears"} & set(getattr(instance, "__dict__", ()))
+        return not own and all(is_newest(type(instance), "bound_contact", alone) for alone in ("on_contact", "hears"))
 
 
 class _Probe:
@@ -116,7 +121,11 @@ class Events:
         if self._ended.open[0] and self._ended.tick[0] < before:
             self._ended.open[0] = 0
             number = self._ended.probe[0]
-            self._probes[number].rig.log.settle(int(self._ended.tick[0]), self._then[number])
+            try:
+                self._probes[number].rig.log.settle(int(self._ended.tick[0]), self._then[number])
+            except KeyboardInterrupt:  # the report that follows still has it
+                self._ended.open[0] = 1
+                raise
 
     def answer(self, code: int, tick: int) -> None:
         """Deliver in Python what a probe's call has left, and the events of the probes after it.
@@ -154,7 +163,7 @@ class Events:
                 self._tell(probe, hears[number])
             self._deliver_to(probe, kind, tick, hears[number + 1 :])
             self._close(probe, kind, tick)
-        if kind != happening.MOVE:
+        if kind not in _LAST:
             self._update(probe, tick)
 
     def _update(self, probe: _Probe, tick: int) -> None:
@@ -162,7 +171,7 @@ class Events:
         hears = [listener for listener in self._listeners if listener.kinds]
         while (code := probe.find()) >= 0:
             self._deliver(probe, code - 1, tick, hears)
-            if code - 1 == happening.MOVE:
+            if code - 1 in _LAST:
                 return
 
     def _deliver(self, probe: _Probe, kind: int, tick: int, hears: Sequence[_Listener]) -> None:

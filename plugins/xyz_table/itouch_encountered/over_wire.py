@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from itouch.plugin.kernels import kernel
 from itouch_encountered.own import (
+    ABOUT,
     BEHIND,
     BENDS,
     COMMANDS,
@@ -221,7 +222,7 @@ def _pressed(c: Any, own: Any, w: Any, here: float, age: int) -> float:
         return float(then)
     before = here - own[GONE_BY + 3 * ((w.tick[0] - age) % PAST) + 2]
     now = here + own[SINCE] - (w.hip[2] - c.radius)
-    if then < LEFT:  # it did not touch then, however deep it seemed to be
+    if then < LEFT or (then < TOUCH and before < -ABOUT):  # it did not touch, whatever a sensor reads without a touch
         return float(max(0.0, c.stiffness * (now - max(0.0, before))))
     return float(max(0.0, then + c.stiffness * (now - before)))
 

@@ -141,3 +141,15 @@ def test_the_report_of_a_touch_is_the_same_at_once_and_later() -> None:
     assert (contact["object"], contact["plate"], contact["plate_missed"]) == ("aluminium", True, False)
     assert 5.0 < contact["plate_s"] < contact["end_s"] - contact["begin_s"] + 0.1
     assert 0.5 < contact["peak_force_N"] < 3.0 and contact["mean_flux_W_m2"] > 100.0
+
+
+def test_a_report_in_the_tick_of_a_slide_says_what_a_later_one_says(tmp_path: Path) -> None:
+    """The plate was met in the contact before, of which the entry was still to be made: it did not lead by that."""
+    session = itouch.build(scene(tmp_path, "as it is"), seed=1)
+    session.records = False
+    kinds = session.state["events.table"]["kind"]
+    session.run(until=lambda: bool((kinds == Contact.END).any()))
+    at_once = session.report()["contacts"]
+    assert [contact["end_s"] is None for contact in at_once] == [False, True]
+    assert at_once[1]["plate"] and at_once[1]["plate_lead_ms"] is None
+    session.close()
