@@ -346,7 +346,13 @@ class Tests:
             for test in heirs:
                 self.cost[test] = max(self.cost[test], self.reached.cost[maker])
 
+        cases = defaultdict[str, list[str]](list)
+        for test in self.cost:
+            cases[test.partition("[")[0]].append(test)
         self.new = self.there.keys() - self.cost.keys()
+        for test in self.new:  # a new case reaches what any other of its function does
+            for case in cases.get(test.partition("[")[0], ()):
+                self.heirs.setdefault(case, set()).add(test)
         self.cost |= dict.fromkeys(self.new, UNKNOWN)
 
     def of_room(self, room: str) -> set[str]:
