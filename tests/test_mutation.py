@@ -206,10 +206,19 @@ def test_a_mutant_meets_who_reaches_it_and_who_shares_a_fixture_with_those(small
     assert met("apart.py", 2) == [new, room]
 
 
+def test_a_new_case_reaches_what_the_others_of_its_function_do(small: Path) -> None:
+    cases = [f"tests/a/test_a.py::test[{n}]" for n in range(3)]
+    reached = whole_tree.Reached(
+        cases[:2], dict.fromkeys(cases[:2], 0.1), {("framework/room/python.py", 9): array("i", [1])}
+    )
+    tests = whole_tree.Tests(reached, {case: [] for case in cases})
+    assert set(tests.of(mutation.Mutant("room", small / "python.py", 9, "", ""))) == {cases[1], cases[2]}
+
+
 def test_the_order_is_one_case_of_each_then_the_room_then_what_it_costs() -> None:
     cost = {"r.py::a[1]": 0.2, "r.py::a[2]": 0.1, "o.py::b": 0.01, "o.py::c": 5.0, "r.py::d": 0.5}
     found = whole_tree.in_order(cost, {"r.py::a[1]", "r.py::a[2]", "r.py::d"}, cost)
-    assert found == ["r.py::a[2]", "r.py::d", "o.py::b", "o.py::c", "r.py::a[1]"]
+    assert found == ["r.py::a[2]", "r.py::d", "o.py::b", "r.py::a[1]", "o.py::c"]
     found = whole_tree.in_order(cost, {"r.py::a[1]", "r.py::a[2]", "r.py::d"}, cost, {"o.py"})
     assert found == ["o.py::b", "o.py::c", "r.py::a[2]", "r.py::d", "r.py::a[1]"]
     found = whole_tree.in_order(cost, set(), cost, {"r.py"})

@@ -6,7 +6,7 @@ no test is seen to reach itself, as it is compiled or runs when a module is impo
 name, with the tests of the room after them.
 
 The order: the tests of files that import the changed module or its package, then others; of each one case of a test
-function before further cases, the tests of the room before others, and the cheapest first.  A mutant that all of them let live until they have used up its budget of processor time counts as one
+function before further cases, the tests of the room before others, and the cheapest first; costly ones after these.  A mutant that all of them let live until they have used up its budget of processor time counts as one
 that lives; how many did so is told, as the score is a lower bound by these.
 
 Processes that a test starts find the mutant, too, unless they are started without the environment.
@@ -46,8 +46,8 @@ ROOTS = ("framework", "plugins")
 PATIENCE = 20.0
 #: How many tests a process is given, of each mutant the first, the second ...; then all that are left.
 PARTS = (12, 60, 300)
-#: What a test may cost [s] of which nobody knows it.
-UNKNOWN = 0.3
+#: What a test may cost [s] of which nobody knows it; what costs more comes later.
+UNKNOWN, COSTLY = 0.3, 1.0
 #: A mutant's line is that of a kernel, or of a name: how many names that are made of it are looked for.
 NAMES = 40
 
@@ -346,7 +346,13 @@ class Tests:
             for test in heirs:
                 self.cost[test] = max(self.cost[test], self.reached.cost[maker])
 
+        cases = defaultdict[str, list[str]](list)
+        for test in self.cost:
+            cases[test.partition("[")[0]].append(test)
         self.new = self.there.keys() - self.cost.keys()
+        for test in self.new:  # a new case reaches what any other of its function does
+            for case in cases.get(test.partition("[")[0], ()):
+                self.heirs.setdefault(case, set()).add(test)
         self.cost |= dict.fromkeys(self.new, UNKNOWN)
 
     def of_room(self, room: str) -> set[str]:
@@ -388,14 +394,15 @@ def in_order(
 ) -> list[str]:
     """Return tests in order: those of files that import what is changed first, of these and then of others by cases.
 
-    That is a case of each before further ones, then those of the room, then about what they cost, by file.
+    That is a case of each before further ones, then those of the room, then about what they cost, by file; what is
+    costly comes after all of these: one such test may use up what a mutant has.
     """
     cases, keyed = defaultdict[str, int](int), list[tuple[Any, str]]()
     for test in sorted(tests, key=lambda test: (cost[test], test)):
         function, file = test.partition("[")[0], test.partition("::")[0]
         step = sum(cost[test] > bound for bound in (0.03, 0.1, 0.3, 1.0, 3.0, 10.0))
         further, far = cases[function] > 0, file not in near
-        keyed.append(((far, further, test not in own, step, file, cost[test], test), test))
+        keyed.append(((far, cost[test] > COSTLY, further, test not in own, step, file, cost[test], test), test))
         cases[function] += 1
     return [test for _, test in sorted(keyed)]
 
