@@ -62,8 +62,8 @@ class Kept(NamedTuple):
 def happens(seen: Any, kept: Any, event: Any, probe: int, moving: bool, moves: bool, patience: int) -> int:
     """Return 1 + the kind of what happens next at a probe in this tick, with its numbers in ``event``; 0: nothing.
 
-    Call it until nothing more happens; after BEGIN or MOVE nothing does, and it is not called again.  At END the contact
-    stays open, for whoever is told of it, until the caller sets ``kept.current`` to -1.
+    Call it until nothing more happens; after BEGIN or MOVE nothing does, and it is not called again.  At END the
+    contact stays open, for whoever is told of it, until the caller sets ``kept.current`` to -1.
 
     Parameters
     ----------
