@@ -10,7 +10,8 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch.loop import Status
+from itouch.loop import DeviceFaultError, Status
+from itouch.monitors import Trip
 
 Write = Callable[[str, str], Path]
 FIRST, FOUR = SCENES / "first_touch.xml", SCENES / "four_materials_hurried.xml"
@@ -63,6 +64,18 @@ def test_re_arming_what_is_not_stopped_changes_nothing_but_the_ramp() -> None:
     engine.run(0.3)
     engine.rearm()
     engine.run(0.1)
+    assert engine.status("arm") is Status.ENABLED
+
+
+def test_a_finger_that_sank_during_a_stop_is_not_called_quick_when_all_is_re_armed_at_once(scenes: Path) -> None:
+    engine = itouch.build(scenes / "four_materials_hurried.xml")
+    engine.run(20.0, until=lambda: engine.state["finger.contact.object"].item() >= 0)
+    engine.run(0.6)
+    before = engine.state["finger.hip"][..., 2].item()
+    engine.make_safe(DeviceFaultError("peltier", engine.ticks, Trip.DEVICE_ERROR, "failed"))
+    assert before - engine.state["arm.pose"][..., 2].item() > 1e-3
+    engine.rearm()
+    engine.run(0.3)
     assert engine.status("arm") is Status.ENABLED
 
 

@@ -110,6 +110,7 @@ class OperatorCommands:
             With everything that still stands in the way; nothing is enabled then.
         """
         tick = self._tick.item()
+        stopped = any(runner.status is Status.FAULT for runner in self._runners.values())
         self._require_sight(self._runners.values())
         failures = self._open_latched(tick)
         self.hold.ask(tick)
@@ -122,7 +123,8 @@ class OperatorCommands:
         if failures:
             raise DeviceError("\n".join(failures))
         for rig in self._rigs:
-            rig.rearm()
+            if stopped or not rig.tracker.model.twin:  # a twin moves unfollowed in a stop only
+                rig.rearm()
         for runner in self._runners.values():
             if runner.status is Status.OPEN:
                 runner.enable()

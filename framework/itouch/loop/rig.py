@@ -132,9 +132,9 @@ class ProbeRig:
         self._fixed[0] = 0
 
     def rearm(self) -> None:
-        """Take the place of a real tracker anew after a fault: it may have been moved meanwhile."""
-        if not self.tracker.model.twin:
-            self.toucher.restart()
+        """Take the tracker's place anew after a fault: no tick has followed it through the stop, in which it moved."""
+        self._place()  # in a restored session no tick has done so yet
+        self.toucher.restart()
 
     def restore(self) -> None:
         """Tell the twins where the finger is, from State; the frames of devices are found anew."""
@@ -163,12 +163,16 @@ class ProbeRig:
         """Find what the finger touches, from this tick's readings."""
         if not self._fixed[0]:  # a calibration, or the motion of a carrier, may move frames
             self._fixed[0] = (ready or self._alone) and not self._moves
-            for which, runner in self._stands:
-                frame = self.frame_of(runner)
-                if self._placed.get(which) is not frame:
-                    self._placed[which] = frame
-                    self.toucher.place(which, frame)
+            self._place()
         self.toucher.update()
+
+    def _place(self) -> None:
+        """Set the frames of the devices in the world as they are now."""
+        for which, runner in self._stands:
+            frame = self.frame_of(runner)
+            if self._placed.get(which) is not frame:
+                self._placed[which] = frame
+                self.toucher.place(which, frame)
 
     @property
     def bound_contact(self) -> tuple[Bound, ...]:
