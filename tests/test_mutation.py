@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import subprocess
 import sys
@@ -250,7 +251,8 @@ def test_results_keep_the_last_word_on_each(tmp_path: Path) -> None:
     results.note(noticed, 7, mutation.Outcome("tests/a.py::b", "fails", 1.0), late=False)
     met = results.met()["safety"]
     assert (met.count, met.alive, met.cut) == (2, [lives.change], 1)
-    assert results.survivors() == {}, "an operator of which there is nothing in the file"
+    if importlib.util.find_spec("parso"):  # the extra "mutation", without which nothing is changed again
+        assert results.survivors() == {}, "an operator of which there is nothing in the file"
     moved = mutation.Mutant("safety", path, line + 1, "by hand", lives.source)
     results.note(moved, 7, mutation.Outcome("tests/a.py::b", "fails", 1.0), late=True, was=line)
     met = results.met()["safety"]

@@ -31,7 +31,7 @@ LINUX_ONLY = {
     signal: ["pidfd_send_signal", "sigtimedwait", "sigwaitinfo", "SIGRTMIN", "SIGRTMAX"],
     select: ["epoll"],
     socket: ["SOCK_SEQPACKET", "SO_PEERCRED", "AF_NETLINK", "AF_PACKET", "AF_CAN", "SOCK_CLOEXEC", "SOCK_NONBLOCK"],
-    time: ["clock_nanosleep"],
+    time: ["clock_nanosleep", "CLOCK_BOOTTIME"],
 }  # fmt: skip
 POSIX_ONLY = {
     os: ["fork", "forkpty", "killpg", "getuid", "geteuid", "getgid", "getegid", "nice", "getpgid",

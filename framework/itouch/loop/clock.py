@@ -71,7 +71,7 @@ def asleep() -> float:
 
     0 where the system does not tell.
     """
-    boot = getattr(time, "CLOCK_BOOTTIME", None)
+    boot = getattr(time, "CLOCK_BOOTTIME", None)  # of Linux alone
     if boot is None:
         return 0.0
     found = 0.0

@@ -101,7 +101,7 @@ class Encountered(Modality):
 
     def carries(self, model: EncounteredModel) -> Carries:
         """Declare that it brings the device's surface, and which of its fields report on that."""
-        late = ("presses", "since") if model.numbers.wire else ()
+        late = ("pressed_now", "since") if model.numbers.wire else ()
         return Carries(
             model.probe, model.device, "takes", "at_finger", "distance", "gap", "coming", "lost", "yields", *late
         )

@@ -52,11 +52,11 @@ OVER_WIRE: tuple[Field, ...] = (
     Field("hold", unit="s", doc="for how long a command acts, as observed"),
     Field("commands", unit="1", doc="how many commands had left"),
     Field("read_at", unit="tick", doc="when the newest reading was measured"),
-    Field("rise", unit="m", doc="how much higher the virtual surface will be under the finger when its command acts"),
+    Field("climbs_by", unit="m", doc="how much higher the virtual surface will be when its command acts"),
     Field("since", unit="m", doc="how much higher it is by its commands than when it was read last"),
     Field("behind", unit="m", doc="how far it is below the command that acts"),
     Field("rests", unit="s", doc="for how long it has rested at the virtual surface with a finger on it"),
-    Field("presses", unit="N", doc="how hard the finger presses on it now, by the last reading and what went on since"),
+    Field("pressed_now", unit="N", doc="how hard the finger presses on it now, by the last reading and since"),
     Field("place", unit="m", doc="how high it was a tick ago, by readings and commands"),
     Field("sent_to", unit="m", doc="how high its commands had sent it then"),
     Field("past", "f8", (PAST, 3), unit="mixed", doc="of each tick: how long it had rested [s], how fast the speed of "
