@@ -11,6 +11,7 @@ import builtins
 import importlib.abc
 import io
 import multiprocessing
+import multiprocessing.connection  # before it looks for what only a real Windows has
 import multiprocessing.context
 import os
 import pathlib
