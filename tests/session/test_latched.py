@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
-from test_hardware import Params, catalog
+from test_hardware import SCENE as STICK
+from test_hardware import Params, catalog, stick
 
 import itouch
 from itouch.plugin import Device, DeviceError, Record, Role, current, deadman, temperature
@@ -167,3 +168,21 @@ def test_how_often_a_device_was_re_armed_counts_after_a_restore(scene: Path, for
         restored.enable()
     assert restored.status("pad").name != "ENABLED"
     restored.close()
+
+
+def test_an_arm_of_a_restored_session_is_where_it_reads_when_it_is_re_armed(tmp_path: Path) -> None:
+    """Before its first tick nothing knew where its base is, and its way from the origin was called a speed (K2)."""
+    path = tmp_path / "scene.xml"
+    mounted = STICK.replace('twin="no"/>', 'twin="no"><mount pos="0 0 30 mm"/></device>')
+    path.write_text(mounted, encoding="utf-8")
+    cls = stick(fails_at=100)
+    with itouch.build(path, catalog=catalog(cls)) as session:
+        session.enable()
+        with pytest.raises(itouch.DeviceFaultError):
+            session.run(1.0)
+        session.save(tmp_path / "s.itouch")
+    with itouch.restore(tmp_path / "s.itouch", catalog=catalog(stick())) as again:
+        again.rearm()
+        assert again.state["finger.hip"].ravel()[2] == pytest.approx(0.06, abs=1e-3)
+        again.run(0.05)
+        assert again.status("stick").name == "ENABLED"
