@@ -12,9 +12,9 @@ import numpy as np
 
 from itouch.plugin import Record
 from itouch_thermal.display.column import F_PORT
+from itouch_thermal.flux.aiming import READY, TOUCHED, aim_at, judged, neutral
 from itouch_thermal.flux.onset import converted
 from itouch_thermal.flux.setting import FluxModel
-from itouch_thermal.flux.usual import READY, TOUCHED, aim_at, judged, neutral
 
 
 def coming(model: FluxModel, state: Record) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from itouch.plugin import Bound, HeardContact, Record
-from itouch_thermal.flux import usual, wires
+from itouch_thermal.flux import contact_events, usual, views, wires
 from itouch_thermal.flux.law import DEADBEAT, ModelLaw
 from itouch_thermal.flux.predictive import part
 from itouch_thermal.flux.preview import Preview, first_steps
@@ -31,7 +31,7 @@ def bounds(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> t
     """Return the update on these views of State as compiled calls; the first one leaves unusual ticks to Python."""
     scene, own, memory = _scene(model, state), _own(model, state), _memory(law, state)
     given, figures = _given(model, law, course), _figures(model, law, course)
-    taken = usual.Taken(np.ones(1), np.zeros(1), np.ones(1), np.zeros(1, np.int64))
+    taken = views.Taken(np.ones(1), np.zeros(1), np.ones(1), np.zeros(1, np.int64))
     return (
         Bound(usual.prepare, scene, own, given, figures, memory, taken),
         Bound(usual.track, scene, given, memory, taken, law.coarse_ticks, min(wires.MISSED, model.hold - 1)),
@@ -42,32 +42,34 @@ def bounds(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> t
 def heard(model: FluxModel, law: ModelLaw, course: Preview, state: Record, event: HeardContact) -> Bound:
     """Return the handling of an event on these views as a compiled call, which leaves unusual ones to Python."""
     given, figures = _given(model, law, course), _figures(model, law, course)
-    return Bound(usual.hear, event, _scene(model, state), _own(model, state), given, figures, _memory(law, state))
+    return Bound(
+        contact_events.hear, event, _scene(model, state), _own(model, state), given, figures, _memory(law, state)
+    )
 
 
-def _scene(model: FluxModel, state: Record) -> usual.Scene:
+def _scene(model: FluxModel, state: Record) -> views.Scene:
     names, nothing = model.names, np.zeros(0)
-    views: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "tick": state["tick"], "ready": state["ready"],
         "load": state[model.force_from] if model.force_from else nothing,
         "skin": state[model.skin_from] if model.skin_from else nothing,
         "skin_valid": state[model.skin_valid] if model.skin_valid else nothing,
     }  # fmt: skip
-    return usual.Scene(*(views[n] if n in views else state[getattr(names, n)] for n in usual.Scene._fields))
+    return views.Scene(*(fields[n] if n in fields else state[getattr(names, n)] for n in views.Scene._fields))
 
 
-def _own(model: FluxModel, state: Record) -> usual.Own:
-    return usual.Own(*(state[f"{model.name}.{name}"] for name in usual.Own._fields))
+def _own(model: FluxModel, state: Record) -> views.Own:
+    return views.Own(*(state[f"{model.name}.{name}"] for name in views.Own._fields))
 
 
-def _memory(law: ModelLaw, state: Record) -> usual.Memory:
+def _memory(law: ModelLaw, state: Record) -> views.Memory:
     """Return the law's State, with the currents on their way cut to their number: single ones, and coarse steps."""
     single, queue = law.delay % law.coarse_ticks, law.delay // law.coarse_ticks
-    views = {name: state[law.prefix + name] for name in usual.Memory._fields}
-    return usual.Memory(**{**views, "single": views["single"][:single], "queue": views["queue"][:queue]})
+    fields = {name: state[law.prefix + name] for name in views.Memory._fields}
+    return views.Memory(**{**fields, "single": fields["single"][:single], "queue": fields["queue"][:queue]})
 
 
-def _given(model: FluxModel, law: ModelLaw, course: Preview) -> usual.Given:
+def _given(model: FluxModel, law: ModelLaw, course: Preview) -> views.Given:
     known = np.array([body is not None for body in course.bodies], np.int64)
     starts = np.array([start is not None for start in model.starts], np.int64)
     played = np.array([curve is not None for curve in model.curves], np.int64)
@@ -77,16 +79,16 @@ def _given(model: FluxModel, law: ModelLaw, course: Preview) -> usual.Given:
             for found, temperature in zip(model.starts, model.temperatures, strict=True)
         ]
     )
-    return usual.Given(
+    return views.Given(
         law.constants, law.fine.tissue, law.fine.plate, law.coarse.tissue, law.coarse.plate, law.hats, law.band,
         law.offsets, course.finger, table_of(course.bodies), known, starts, played, model.numbers,
         model.finger.tissue, law.pad, law.prior, course.into, start.reshape(-1, 4),
     )  # fmt: skip
 
 
-def _figures(model: FluxModel, law: ModelLaw, course: Preview) -> usual.Figures:
+def _figures(model: FluxModel, law: ModelLaw, course: Preview) -> views.Figures:
     low, high = model.band
-    return usual.Figures(
+    return views.Figures(
         law.coarse_ticks, law.delay, law.ahead, model.again, model.steady, bool(model.heat), float(model.expected),
         float(course.resistance), float(model.press), float(model.period), float(model.dew), float(model.skin),
         float(model.preset_time), float(low), float(high), float(law.display.flux_limit), float(law.ceiling),
