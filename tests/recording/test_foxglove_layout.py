@@ -135,3 +135,11 @@ def test_viewers_can_parse_every_schema_of_the_events(written: tuple[Path, dict[
             assert kind in {"number", "integer", "string", "boolean", "object"}, f"{schema.name}.{name}"
     (events,) = (json.loads(schema.data) for schema in schemas if schema.name == "itouch.events")
     assert events["properties"]["point"] == {"type": "array", "items": {"type": "number"}}
+
+
+def test_a_plot_shows_its_legend_and_its_axes(written: tuple[Path, dict[str, Any]]) -> None:
+    plots = [panel for name, panel in written[1]["configById"].items() if name.startswith("Plot!")]
+    assert plots
+    for panel in plots:
+        assert panel["showLegend"] is panel["showXAxisLabels"] is panel["showYAxisLabels"] is panel["isSynced"] is True
+        assert all(line["enabled"] and line["label"] for line in panel["paths"])

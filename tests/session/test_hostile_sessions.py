@@ -132,6 +132,20 @@ def test_a_bomb_that_lies_about_its_size(members: dict[str, bytes], tmp_path: Pa
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100 << 10
 
 
+@pytest.mark.parametrize(("mebibytes", "match"), [(255, "not as long as it says"), (256, r"would unpack to 51[2-9] MiB")])
+def test_all_members_together_have_a_limit(
+    members: dict[str, bytes], tmp_path: Path, mebibytes: int, match: str
+) -> None:
+    """Two assets that claim to be that large: whether they may be is decided before anything is unpacked."""
+    claimed, told = 4099, mebibytes << 20
+    path = write(tmp_path / "h.itouch", {**members, **{f"assets/{n:064x}": bytes(claimed) for n in range(2)}})
+    data, field = path.read_bytes(), claimed.to_bytes(4, "little")
+    assert data.count(field) == 4
+    path.write_bytes(data.replace(field, told.to_bytes(4, "little")))
+    with pytest.raises(itouch.SessionError, match=match):
+        itouch.restore(path)
+
+
 @pytest.mark.campaign
 def test_mutated_archives(members: dict[str, bytes], tmp_path: Path) -> None:
     """Bytes of the archive are changed, and bytes of members under checksums that fit."""

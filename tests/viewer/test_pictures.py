@@ -25,6 +25,10 @@ def take(name, **situation):
 session.run(3.0, each=lambda: shots.picture.ring.add(session.state), every=10)
 take("free")
 take("again")
+ring = type(shots.picture.ring)
+unmarked, ring.preparing = ring.preparing, lambda self: [(0.5, 2.0)]
+take("marked")
+ring.preparing = unmarked
 shots.picture.choices.thermal = True
 take("thermal")
 shots.picture.choices.thermal = False
@@ -86,6 +90,11 @@ def test_a_contact_shows_its_force_in_the_scene_and_in_the_curves(pictures):
     contact = pictures["contact"][:, :440].astype(int)
     yellow = (contact[..., 0] > 150) & (contact[..., 1] > 140) & (contact[..., 2] < 120)
     assert yellow.sum() > 20
+
+
+def test_the_time_in_which_the_heights_were_found_is_marked_in_the_curves_alone(pictures):
+    _, columns = (pictures["free"].astype(int) != pictures["marked"]).any(2).nonzero()
+    assert columns.size > 500 and columns.min() > 460
 
 
 def test_help_faults_and_temperatures_are_seen(pictures):

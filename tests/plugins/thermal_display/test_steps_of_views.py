@@ -11,7 +11,7 @@ import pytest
 
 from itouch_thermal.display import DisplayParams
 from itouch_thermal.display.column import plate_capacity
-from itouch_thermal.flux import account, published, usual
+from itouch_thermal.flux import account, aiming, published, usual
 from itouch_thermal.flux.modality import FluxControl
 
 
@@ -67,3 +67,17 @@ def test_a_virtual_rig_compares_an_estimate_only_when_it_is_new(monkeypatch: pyt
 def test_the_force_on_the_plate_is_what_is_measured_else_the_virtual_one(load: tuple[float, ...], force: float) -> None:
     scene = SimpleNamespace(load=np.array(load), normal_force=np.array([2.5]))
     assert usual._force.py_func(scene) == force
+
+
+@pytest.mark.parametrize(
+    ("heat", "resistance", "force", "touches"),
+    [
+        (False, math.inf, 0.4, True), (False, 3e-4, 0.0, False),
+        (True, 3e-4, 0.0, True), (True, math.inf, 0.4, False),
+    ],
+)  # fmt: skip
+def test_a_finger_presses_by_its_resistance_where_there_is_heat_else_by_its_force(
+    heat: bool, resistance: float, force: float, touches: bool
+) -> None:
+    scene = SimpleNamespace(resistance=np.array([resistance]), normal_force=np.array([force]))
+    assert aiming.in_contact.py_func(scene, heat) is touches
