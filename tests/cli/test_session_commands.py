@@ -102,6 +102,10 @@ def test_csv_has_units_and_degrees_celsius(tmp_path: Path) -> None:
     table = pyarrow.parquet.read_table(tmp_path / "p.parquet")
     assert table["peltier.plate_temperature"].to_pylist() == kelvin.tolist()
     assert table.schema.field("arm.pose.x").metadata == {b"unit": b"m"}
+    assert main(["export", str(tmp_path / "r.mcap"), "--parquet", str(tmp_path / "each")]) == 0
+    assert {path.stem for path in (tmp_path / "each").iterdir()} == set(recording.tracks)
+    each = pyarrow.parquet.read_table(tmp_path / "each" / "peltier.parquet")
+    assert each["plate_temperature"].to_pylist() == kelvin.tolist()
     frame = recording.pandas("peltier")
     assert frame.index.name == "time"
     assert frame["plate_temperature"].tolist() == kelvin.tolist()

@@ -178,3 +178,11 @@ def test_a_histogram_tells_percentiles_to_a_bin() -> None:
         counted.add(value)
     assert counted.summary(2.0) == {"p50": 2.0, "p99": 6.4, "max": 6.4}
     assert counted.dump()["counts"] == {"0": 1, "1": 2, "6": 1}
+
+
+def test_a_percentile_is_reached_by_that_share_of_the_numbers_and_by_no_fewer() -> None:
+    counted = Histogram(0.5)
+    for value in [0.1] * 989 + [3.2] * 11:
+        counted.add(value)
+    assert counted.percentile(98) == 0.5
+    assert counted.percentile(99) == 3.2

@@ -193,6 +193,7 @@ def test_a_temperature_stands_above_its_frame_while_it_is_one() -> None:
         ["27.0 °C"], ["37.5 °C"], [],
     ]  # fmt: skip
     (text,), (gone,) = told[0][1]["entities"][0]["texts"], told[2][1]["deletions"]
+    assert [text["color"][part] for part in "rgba"] == list(views._WORDS) and max(views._WORDS) <= 1.0
     place = text["pose"]["position"]
     assert [place.get(axis, 0.0) for axis in "xyz"] == [0.0, 0.0, 0.012]
     assert told[0][1]["entities"][0]["frame_id"] == "plate"

@@ -180,6 +180,20 @@ def test_a_box_that_nobody_empties_is_told_and_nonsense_is_left_out() -> None:
     assert len(Inbox(segment).take()) == control_block.BOX_SLOTS - 1
 
 
+def test_a_box_of_nonsense_alone_is_emptied_too() -> None:
+    segment, _, _ = _session(64)
+    inbox = Inbox(segment)
+    for _ in range(2):
+        for _ in range(control_block.BOX_SLOTS):
+            put(segment, {"what": "x"})
+        segment.bytes[
+            control_block.BOX_AT : control_block.BOX_AT + control_block.BOX_SLOTS * control_block.BOX_SLOT_SIZE
+        ] = 0xFF
+        assert inbox.take() == []
+    put(segment, {"what": "y"})
+    assert inbox.take() == [{"what": "y"}]
+
+
 def test_timing_is_copied_whole_or_not_at_all() -> None:
     segment, state, timing = _session(64)
     publisher = Publisher(segment, state, timing)

@@ -132,7 +132,9 @@ def test_a_bomb_that_lies_about_its_size(members: dict[str, bytes], tmp_path: Pa
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100 << 10
 
 
-@pytest.mark.parametrize(("mebibytes", "match"), [(255, "not as long as it says"), (256, r"would unpack to 51[2-9] MiB")])
+@pytest.mark.parametrize(
+    ("mebibytes", "match"), [(255, "not as long as it says"), (256, r"would unpack to 51[2-9] MiB")]
+)
 def test_all_members_together_have_a_limit(
     members: dict[str, bytes], tmp_path: Path, mebibytes: int, match: str
 ) -> None:

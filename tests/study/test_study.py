@@ -209,6 +209,16 @@ def test_the_command_tells_what_does_not_count(tmp_path: Path, hands: None, caps
         assert f"{code}: {18 + count} new trials, {count} void: released early ({count})" in said
 
 
+@pytest.mark.parametrize("none", ["--observers", "--processes"])
+def test_a_panel_of_nobody_or_on_no_processor_is_refused(
+    tmp_path: Path, none: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["study", "simulate", str(written(tmp_path)), "-o", str(tmp_path / "data"), none, "0"]
+    assert main(words) == 2
+    assert capsys.readouterr().err == "--observers and --processes are 1 or more\n"
+    assert not (tmp_path / "data").exists()
+
+
 def test_a_study_that_was_stopped_goes_on_to_the_same_rows(tmp_path: Path, hands: None) -> None:
     file = loaded(tmp_path, more='<order repetitions="6"/><practice trials="3"/>')
     (tmp_path / "a").mkdir(), (tmp_path / "b").mkdir()

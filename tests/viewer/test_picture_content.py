@@ -126,6 +126,11 @@ def test_temperature_colours_tell_objects_apart(tmp_path, session):
     assert {draw.finish for draw in stage.draws(session.state, thermal=True)} == {0}  # colour alone tells there
 
 
+def test_a_direction_that_is_none_has_a_frame_that_is_not_turned():
+    frame = along(np.zeros(3), np.array([0.1, 0.2, 0.3]))
+    assert frame[:3, :3].tolist() == np.eye(3).tolist() and frame[:3, 3].tolist() == [0.1, 0.2, 0.3]
+
+
 def test_the_force_arrow_has_its_direction_and_grows_with_it():
     assert not list(arrow(np.zeros(3), np.zeros(3)))
     for force in (np.array([1.0, 2.0, -0.5]), np.array([0.0, 0.0, 3.0]), np.array([-1.0, 0.0, 0.0])):

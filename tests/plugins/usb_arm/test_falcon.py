@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -26,6 +28,7 @@ from itouch_usb_arm import (
     ProtocolError,
     Timeout,
     boot,
+    loader,
 )
 from itouch_usb_arm import kinematics as k
 from itouch_usb_arm.virtual import VirtualBackend, VirtualFalcon, VirtualTime
@@ -131,6 +134,14 @@ def test_a_wrong_echo_ends_the_upload_with_the_byte_named(at: int) -> None:
         arm.open()
     assert not arm.is_open
     assert emulator.motors == []
+
+
+def test_an_echo_that_breaks_off_ends_the_upload_with_the_first_byte_that_is_missing() -> None:
+    """The clock stands until nothing comes any more."""
+    clock, link = itertools.count(), SimpleNamespace(send=lambda data: None, receive=lambda wait: parts.pop(0))
+    parts = [b"ab", *[b""] * 1000]
+    with pytest.raises(FirmwareError, match=r"byte 64 .* came back as nothing, not 0x63"):
+        loader._piece(link, b"abcd", 62, lambda: 0.01 * next(clock))  # type: ignore[arg-type]
 
 
 def test_a_dead_boot_loader_is_told() -> None:
