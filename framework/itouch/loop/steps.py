@@ -162,9 +162,12 @@ def _surface_fields(rig: ProbeRig) -> tuple[tuple[str, ...], tuple[str, ...], tu
     name, table = rig.probe.name, rig.table.model.name if rig.table is not None else ""
     figures = _of(name, "plate_gap", "plate_yield", "plate_top", "tracking", "plate", "felt_force")
     figures += tuple(f"{name}.surface.{field}" for field in _TAKEN_OVER)
+    if rig.table is not None and rig.table.model.wire:
+        figures += _of(name, "rising.*")
     reads = (*figures, *_of(name, "normal_force", "hip", "object", "contact.object"))
     reads += tuple(f"{name}.surface.{field}" for field in ("climb", "level", "sink", "off"))
     reads += _of(table, "touch_off.*", "calibration", "surface.*")
+    reads += _of(table, "measured") if rig.table is not None else ()
     reads += _roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE)
     reads += _roles(rig.table, Role.SURFACE_POSE, kind="sent")
     written = (*figures, *_of(table, "touch_off.*", "calibration", "surface.withdrawn", "clamped"))
