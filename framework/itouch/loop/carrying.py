@@ -191,7 +191,8 @@ def push(
     ``load`` (6,): the plate's wrench [N, N m], of which the third entry counts; ``presses`` (1,): what its modality
     says of that [N], below 0: nothing; ``primary`` (1,): index of the touched object, -1: none.
     """
-    force.push(c, figures, kept, sent, wrench, _load(load, presses), primary[0] >= 0)
+    pressed = _load(load, presses)
+    force.push(c, figures, kept, sent, wrench, pressed, primary[0] >= 0, presses[0] >= 0.0)
     return 0
 
 

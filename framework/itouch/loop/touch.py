@@ -235,6 +235,7 @@ class Toucher:
             figures[render.HIP : render.HIP + 3], figures[render.VELOCITY : render.VELOCITY + 3],
             figures[render.PLATE_TOP : render.PLATE_TOP + 1], self._rising,
             np.array([self.probe.scene.radius, surface.pad_stiffness, surface.pad_damping, self.model.period]),
+            self._presses,
         )  # fmt: skip
 
     @property
