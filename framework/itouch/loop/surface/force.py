@@ -57,7 +57,8 @@ STEP = 0.065
 #: The same just before the plate is felt, and while it sets out or turns round: how its force changes then cannot be
 #: foreseen.
 FIRST_STEP = 0.02
-#: By how much the plate's force may change in a tick [N] without being seen, where its readings come late.
+#: By how much the plate's force may change in a tick [N] without being seen, where its readings come late: the arm's
+#: own steps are smaller by as much.
 UNKNOWN = 0.03
 #: For how long [s] the sum is still kept to such steps after the plate has come or gone.
 AFTER = 0.05
@@ -203,8 +204,8 @@ def push(
     if c[HAS_TABLE] > 0.0 and c[FORCE_LIMIT] < np.inf:
         near = pressed > TOUCH or depth > -ABOUT
         spare = max(SPARE_LATE if guessed else SPARE, rise + 0.5 * SPARE)
-        most = c[FORCE_LIMIT] - (pressed + spare if near else 0.0)
-        _within(c, memory, force, most, HAND_STEP if guessed else np.inf)
+        left = c[FORCE_LIMIT] - (pressed + spare if near else 0.0)
+        _within(c, memory, force, left, HAND_STEP if guessed else np.inf)
     own, virtual = _anew(memory, WANTED, force), _anew(memory, VIRTUAL, figures[CONTACT_FORCE : CONTACT_FORCE + 3])
     if memory[RENDERS] > 0.0 and memory[PRESSED] > AFTER and own > virtual + HAND_STEP:
         memory[CHANGING] = max(memory[CHANGING], AFTER)  # the plate's part has changed, as where the normal jumps
