@@ -326,13 +326,16 @@ def supervise(
     return Step(f"supervise {name}", run, reads, written)
 
 
-def share(finger: Finger, devices: Sequence[Runner], state: Record, period: float) -> Step:
-    """Limit the sum of what acts on one finger."""
+def share(
+    finger: Finger, devices: Sequence[Runner], rigs: Sequence[ProbeRig], state: Record, period: float
+) -> Step:  # fmt: skip
+    """Limit the sum of what acts on one finger; ``rigs``: the probes, of which some may be on it."""
     names = [runner.model.name for runner in devices]
     reads = tuple(
         f"{name}.{field}" for name in names for field in ("heat*", "sent.*", "touched", "status", "surface.*")
     )
     reads += ("*.hip", "*.velocity", "*.plate_top")
+    reads += tuple(field for rig in rigs if rig.table in devices for field in rig.toucher.newer)
     written = tuple(f"{name}.surface.*" for name in names)
     bound = bound_together(finger, state, period)
     if bound is not None:
