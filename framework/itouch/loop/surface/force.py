@@ -57,9 +57,6 @@ STEP = 0.065
 #: The same just before the plate is felt, and while it sets out or turns round: how its force changes then cannot be
 #: foreseen.
 FIRST_STEP = 0.02
-#: By how much the plate's force may change in a tick [N] without being seen, where its readings come late: the arm's
-#: own steps are smaller by as much.
-UNKNOWN = 0.03
 #: For how long [s] the sum is still kept to such steps after the plate has come or gone.
 AFTER = 0.05
 #: For how long [s] the plate sets out or turns round after a change of hands.
@@ -212,7 +209,8 @@ def push(
     if _still_changes(c, memory, touching):
         unseen = (abs(depth) < SOON and pressed < NOTHING) or memory[CHANGING] > LED - SETS_OUT
         step = FIRST_STEP if unseen else STEP
-        most = max(FIRST_STEP, step - UNKNOWN) if guessed and (pressed > NOTHING or depth > -ABOUT) else np.inf
+        # Between two readings the plate's force steps unseen: the arm's own steps leave room for that.
+        most = min(step, HAND_STEP) if guessed and (pressed > NOTHING or depth > -ABOUT) else np.inf
         if memory[CHANGING] <= AFTER and memory[SETTLED] > 0.0:
             # The handover is over: friction that reverses must not be followed late.
             stirs = max(virtual, memory[STIRS], memory[STIRS + 1])
