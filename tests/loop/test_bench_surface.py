@@ -302,6 +302,7 @@ STEPPED_WIRED = [
     pytest.param(5, 88, "step", id="a plate that goes steps unseen: the arm's own steps are smaller"),
     pytest.param(5, 110, "step", id="and likewise before a rim"),
     pytest.param(5, 43, "limit", id="a plate goes down with the finger until its command acts"),
+    pytest.param(5, 101, "limit", id="and stays farther below the limit, as it is known late"),
     pytest.param(5, 40, "limit", id="an arm has room only for what a plate surely leaves"),
     pytest.param(31, 19, "limit", id="and likewise before another rim"),
 ]
