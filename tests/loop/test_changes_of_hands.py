@@ -90,5 +90,29 @@ def test_an_arm_gives_what_a_plate_leaves_of_the_limit(left: float, before: floa
     """``before``: what it was cut by a tick ago [N]; the limit of 3 N comes back in small steps."""
     c, kept, given = np.zeros(render.CONSTANTS), np.zeros(memory.MEMORY), np.array([3.0, 4.0, 0.0])
     c[render.FORCE_LIMIT], kept[memory.CUT] = 3.0, before
-    force._within(c, kept, given, left)
+    force._within(c, kept, given, left, np.inf)
     assert given == pytest.approx([0.6 * most, 0.8 * most, 0.0])
+
+
+def test_what_an_arm_is_cut_by_grows_in_steps_where_the_plates_force_is_a_guess() -> None:
+    c, kept, given = np.zeros(render.CONSTANTS), np.zeros(memory.MEMORY), np.array([0.0, 0.0, 3.0])
+    c[render.FORCE_LIMIT], kept[memory.CUT] = 3.0, 0.5
+    force._within(c, kept, given, 1.0, force.HAND_STEP)
+    assert given[2] == pytest.approx(2.5 - force.HAND_STEP)
+    force._within(c, kept, given, 2.49, force.HAND_STEP)
+    assert kept[memory.CUT] == pytest.approx(0.51)  # no farther than it must be
+
+
+@pytest.mark.parametrize(
+    ("wanted", "rise", "most", "given"),
+    [(1.5, 0.0, np.inf, 1.065), (1.5, 0.0, 0.035, 1.035), (0.5, 0.1, 0.035, 0.965), (1.5, -0.1, 0.035, 1.035),
+     (1.02, 0.0, 0.035, 1.02)],
+)  # fmt: skip
+def test_an_arm_itself_changes_by_no_more_than_it_may(wanted: float, rise: float, most: float, given: float) -> None:
+    """Whatever the plate's force is thought to have done in the tick: that may be what a reading corrected."""
+    c, asked = np.zeros(render.CONSTANTS), np.array([0.0, 0.0, wanted])
+    for frame in (render.ARM, render.TABLE):
+        c[frame + 3 : frame + 12] = np.eye(3).ravel()
+    led = force._lead(c, np.array([0.0, 0.0, 1.0]), asked, rise, 0.065, most)
+    assert asked[2] == pytest.approx(given)
+    assert led is (given != wanted)

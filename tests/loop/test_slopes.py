@@ -12,13 +12,15 @@ from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 from shipped import SCENES
 
+from itouch.loop.surface import plate
 from itouch.session import build
 from itouch_encountered.over_wire import LAG_FIRST
 from itouch_evidence.surface.course import PLATE_FORCE, Course, Floats, follow
+from itouch_evidence.surface.draw import draw
 from itouch_evidence.surface.laws import broken, judge
 from itouch_evidence.surface.meshes import KINDS, make
 from itouch_evidence.surface.scenes import RADIUS, Slope, ball, ramp
-from itouch_evidence.surface.wires import Wire
+from itouch_evidence.surface.wires import Wire, draw_wire
 
 LIMIT = 25.0
 #: Above this a plate trips that slides past a finger (K5: 0.15 m/s) [mm/s].
@@ -320,3 +322,35 @@ def test_behind_a_wire_a_session_goes_on_from_its_state_alone(folder: Path) -> N
         first.tick()
         second.tick()
         assert second.state.tobytes() == first.state.tobytes()
+
+
+def test_behind_a_wire_an_arm_goes_on_from_state_alone_while_the_plate_comes(folder: Path) -> None:
+    """How fast the plate rises by its readings decides what the arm may give: that is State, too."""
+    _, scene = draw(101, 5, folder)
+    catalog = draw_wire(101, 5).catalog()
+    first, second = scene.build(folder, catalog=catalog), scene.build(folder, catalog=catalog)
+    first.run(1.206)
+    assert first.state["finger.rising.by_readings"].item() > 0.01  # it comes
+    second.run(0.2)
+    second.adopt(first.state.tobytes())
+    for _ in range(60):
+        first.tick()
+        second.tick()
+        assert second.state.tobytes() == first.state.tobytes()
+    first.close()
+    second.close()
+
+
+def test_a_plate_rises_as_its_readings_say() -> None:
+    """A reading comes in every fourth tick; in that tick the plate's height jumps by what it corrects."""
+    kept, found = np.zeros(4), []
+    for measured, top, moved in (
+        (8, 0.030, 0.0), (8, 0.030, 2e-5), (8, 0.030, 2e-5), (8, 0.030, 2e-5),
+        (12, 0.0304, 5e-4), (12, 0.0304, 5e-5), (12, 0.0304, 5e-5), (12, 0.0304, 1.5e-4),
+        (16, 0.0302, -4e-4), (17, 0.0303, 1e-4),
+    ):  # fmt: skip
+        found.append(plate.rises(kept, measured, top, moved, 1e-3))
+    assert found[:4] == pytest.approx([0.0, 0.02, 0.02, 0.02])  # of one reading alone, nothing is known
+    assert found[4:8] == pytest.approx([0.1, 0.1, 0.1, 0.15])  # not 0.5 m/s, by which it is corrected
+    assert found[8] == pytest.approx(0.15)  # it goes down by its readings; by what was said it came: that counts
+    assert found[9] == pytest.approx(0.1)  # one tick after the other: what was said before counts no more

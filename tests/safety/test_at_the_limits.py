@@ -888,6 +888,20 @@ def test_what_a_surface_may_rise_by(gap: float, velocity: float, rising: float, 
     assert rise(nearing, pressed) == pytest.approx(found)
 
 
+@pytest.mark.parametrize(
+    ("pressed", "said", "found"),
+    [(0.5, -1.0, 0.06 + 0.2), (0.5, 0.4, 0.12 + 0.2), (0.5, 0.8, 0.3 + 0.12 + 0.2), (0.0, 0.2, 0.2 + 0.12 + 0.2),
+     (0.0, 0.0, 0.06 + 0.2 + 0.2), (0.5, math.nan, 0.06 + 0.2)],
+)  # fmt: skip
+def test_what_a_surface_may_rise_by_where_readings_are_late(pressed: float, said: float, found: float) -> None:
+    """What is said of it since then may only tighten: it adds to what is read, and never takes from that."""
+    nearing = Nearing(
+        np.array([0.0, 0.0, 0.1]), np.array([0.0, 0.0, -0.1]), np.array([0.1 - 0.008 - 4e-4]), np.zeros(1),
+        np.array([0.008, 1000.0, 2.0, 0.001]), np.array([said]),
+    )  # fmt: skip
+    assert rise(nearing, pressed) == pytest.approx(found)
+
+
 # --- words ----------------------------------------------------------------------------------------------------------
 
 WORDS = (

@@ -118,7 +118,7 @@ def _load(load: Floats, presses: Floats) -> float:
 def carried(
     c: Floats, table: Floats, sent: Floats, figures: Floats, kept: Floats, goal: Floats, load: Floats, renders: Any,
     present: Any, distance: Any, gap: Any, coming: Any, missed: Any, yields: Any, primary: Any, there: Any,
-    rising: Floats, tick: Any, period: float,
+    rising: Floats, tick: Any, measured: Any, read: Floats, period: float,
 ) -> int:  # fmt: skip
     """Take over what a modality says of the surface that it carries; all but arrays of the probe have shape (1,).
 
@@ -139,6 +139,9 @@ def carried(
         Index of the touched object, -1: none; the tick and its length [s].
     there, rising
         Written: whether what touches the finger is the surface, and how fast it rises [m/s].
+    measured, read
+        Behind a wire: the tick in which the pose was measured, and what is remembered of readings (4,), see
+        `plate.rises`; else ``read`` has shape (0,), and each tick has its own reading.
     """
     if math.isnan(distance[0]) or math.isnan(gap[0]) or math.isnan(renders[0]) or math.isnan(present[0]):
         return PYTHON
@@ -157,7 +160,8 @@ def carried(
     feel(c, figures, kept, load[2], touching)
     linger(c, kept, load[2], touching, tick[0] * period)
     there[0] = int(kept[memory.PRESENT])
-    rising[0] = (figures[render.PLATE_TOP] - before) / period
+    moved = figures[render.PLATE_TOP] - before
+    rising[0] = plate.rises(read, measured[0], top, moved, period) if read.shape[0] else moved / period
     return 0
 
 
@@ -187,7 +191,8 @@ def push(
     ``load`` (6,): the plate's wrench [N, N m], of which the third entry counts; ``presses`` (1,): what its modality
     says of that [N], below 0: nothing; ``primary`` (1,): index of the touched object, -1: none.
     """
-    force.push(c, figures, kept, sent, wrench, _load(load, presses), primary[0] >= 0)
+    pressed = _load(load, presses)
+    force.push(c, figures, kept, sent, wrench, pressed, primary[0] >= 0, presses[0] >= 0.0)
     return 0
 
 

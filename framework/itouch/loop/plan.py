@@ -171,7 +171,7 @@ def _supervision(
             carried = [one for one in runners.values() if one.model.carrier == runner.model.name]
             yield steps.supervise(runner, mine, carried, state, tracking)
     for finger, devices in fingers(runners, rigs):
-        yield steps.share(finger, devices, state, model.period)
+        yield steps.share(finger, devices, rigs, state, model.period)
 
 
 def _rendering(

@@ -162,9 +162,12 @@ def _surface_fields(rig: ProbeRig) -> tuple[tuple[str, ...], tuple[str, ...], tu
     name, table = rig.probe.name, rig.table.model.name if rig.table is not None else ""
     figures = _of(name, "plate_gap", "plate_yield", "plate_top", "tracking", "plate", "felt_force")
     figures += tuple(f"{name}.surface.{field}" for field in _TAKEN_OVER)
+    if rig.table is not None and rig.table.model.wire:
+        figures += _of(name, "rising.*")
     reads = (*figures, *_of(name, "normal_force", "hip", "object", "contact.object"))
     reads += tuple(f"{name}.surface.{field}" for field in ("climb", "level", "sink", "off"))
     reads += _of(table, "touch_off.*", "calibration", "surface.*")
+    reads += _of(table, "measured") if rig.table is not None else ()
     reads += _roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE)
     reads += _roles(rig.table, Role.SURFACE_POSE, kind="sent")
     written = (*figures, *_of(table, "touch_off.*", "calibration", "surface.withdrawn", "clamped"))
@@ -323,13 +326,16 @@ def supervise(
     return Step(f"supervise {name}", run, reads, written)
 
 
-def share(finger: Finger, devices: Sequence[Runner], state: Record, period: float) -> Step:
-    """Limit the sum of what acts on one finger."""
+def share(
+    finger: Finger, devices: Sequence[Runner], rigs: Sequence[ProbeRig], state: Record, period: float
+) -> Step:  # fmt: skip
+    """Limit the sum of what acts on one finger; ``rigs``: the probes, of which some may be on it."""
     names = [runner.model.name for runner in devices]
     reads = tuple(
         f"{name}.{field}" for name in names for field in ("heat*", "sent.*", "touched", "status", "surface.*")
     )
     reads += ("*.hip", "*.velocity", "*.plate_top")
+    reads += tuple(field for rig in rigs if rig.table in devices for field in rig.toucher.newer)
     written = tuple(f"{name}.surface.*" for name in names)
     bound = bound_together(finger, state, period)
     if bound is not None:

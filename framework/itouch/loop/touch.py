@@ -177,10 +177,16 @@ class Toucher:
             here, self.figures, self.surface, self._load, self._presses, risen, self.below,
             np.array([0.0, 0.0, -1.0]), np.zeros(3), np.zeros(3),
         )  # fmt: skip
+        name = table.model.name
+        pose = next(i for i, channel in enumerate(table.model.reads) if channel.role is Role.TRACKED_POSE)
+        measured = state[f"{name}.measured"][pose : pose + 1]
+        read = np.zeros(0)
+        if table.model.wire:
+            read = state.flat(f"{probe.name}.rising.read_at", f"{probe.name}.rising.between")
         taken = Bound(
             carrying.carried, self._constants, here, table.sent_as(Role.SURFACE_POSE), self.figures, self.surface,
             table.commanded(Role.SURFACE_POSE), self._load, *said, self.object, self.plate, self._rising,
-            state["tick"], model.period,
+            state["tick"], measured, read, model.period,
         )  # fmt: skip
         self.looks, self.carries = (look,), (taken,)
         nothing = np.zeros(7)
@@ -229,6 +235,7 @@ class Toucher:
             figures[render.HIP : render.HIP + 3], figures[render.VELOCITY : render.VELOCITY + 3],
             figures[render.PLATE_TOP : render.PLATE_TOP + 1], self._rising,
             np.array([self.probe.scene.radius, surface.pad_stiffness, surface.pad_damping, self.model.period]),
+            self._presses,
         )  # fmt: skip
 
     @property

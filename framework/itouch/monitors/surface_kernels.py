@@ -110,6 +110,8 @@ def felt(load: Any) -> float:
 
 #: Force [N] up to which nothing counts as a touch, and by how much a plate's force may rise without being foreseen [N].
 TOUCH, UNSEEN = 0.03, 0.06
+#: The same where its readings are old: what is thought of it since then is wrong by more.
+UNSEEN_LATE = 0.12
 #: How near below the finger [m] a plate may be felt in the next tick, and the age of what is known of plate and finger
 #: [ticks].
 SOON, LATE = 5e-4, 2.0
@@ -123,7 +125,8 @@ class Nearing(NamedTuple):
     """A finger over a surface: its place and velocity, (3,) in the world, and the height of the surface's top, (1,).
 
     ``rising`` (1,): how fast the surface rises [m/s], by its last two places;
-    ``pad`` (4,): radius [m] of the finger, stiffness [N/m] and damping [N s/m] of its pad, and the period [s].
+    ``pad`` (4,): radius [m] of the finger, stiffness [N/m] and damping [N s/m] of its pad, and the period [s];
+    ``presses`` (1,): how hard the surface is said to press now [N], where readings are older; below 0: nothing is said.
     """
 
     finger: Floats
@@ -131,6 +134,7 @@ class Nearing(NamedTuple):
     top: Floats
     rising: Floats
     pad: Floats
+    presses: Floats = np.full(1, -1.0)
 
 
 @kernel
@@ -143,8 +147,10 @@ def rise(nearing: Any, pressed: float) -> float:
     radius, stiffness, damping, period = nearing.pad[0], nearing.pad[1], nearing.pad[2], nearing.pad[3]
     closing = max(0.0, nearing.rising[0] - nearing.velocity[2])
     way = LATE * period * closing
-    if pressed > TOUCH:
-        return float(UNSEEN + stiffness * way)
+    said = nearing.presses[0]
+    since, unseen = said - pressed if said > pressed else 0.0, UNSEEN_LATE if said >= 0.0 else UNSEEN
+    if pressed + since > TOUCH:
+        return float(unseen + stiffness * way + since)
     beyond = nearing.finger[2] - radius - nearing.top[0] - SOON - way
     part = 1.0 if beyond <= 0.0 else max(0.0, 1.0 - beyond / (RAMP * period * max(closing, SLOW)))
     return float(part * (UNSEEN + stiffness * way + damping * closing))

@@ -241,7 +241,8 @@ class Carries(NamedTuple):
         lowers the surface only by as much as its own yielding exceeds this, not by all of it again.
     presses
         Field: how hard the finger presses on the surface now [N], where the device's reading is older than this tick:
-        the arm's force follows it.  Below 0: as the device reads.
+        the arm's force follows it, and where it is more than the reading, safety leaves the arm less.  Below 0: as the
+        device reads.
     risen
         Field: how much higher the surface is now than the device reads [m], where that reading is older; 0: it is where
         the device reads.  Monitors take the readings as they are.

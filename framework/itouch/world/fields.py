@@ -191,6 +191,16 @@ def coupling_fields(objects: int) -> tuple[Field, ...]:
     )
 
 
+def rising_fields() -> tuple[Field, ...]:
+    """Return the State of a probe whose surface is behind a wire: how fast that rises (`itouch.loop.surface.plate`)."""
+    return (
+        Field("rising.read_at", unit="tick", doc="when the newest reading of its surface's pose was measured"),
+        Field("rising.read_top", unit="m", doc="how high its surface was by that reading"),
+        Field("rising.by_readings", unit="m/s", doc="how fast it rose by the last two of them"),
+        Field("rising.between", unit="m/s", doc="how fast it rose where no reading has come, by what is said of it"),
+    )
+
+
 def skin_fields(worn: int, cells: int) -> tuple[Field, ...]:
     """Return the State of a finger's skin under this many worn devices, with this many cells of tissue."""
     return (

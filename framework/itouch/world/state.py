@@ -11,7 +11,7 @@ from itouch.plugin import Field, Record, Role
 from itouch.plugin.declaration_rules import faults_of
 from itouch.schema.hold_until import Until
 from itouch.world import marks
-from itouch.world.fields import CELLS, HAND, coupling_fields, probe_fields, skin_fields, wait_fields
+from itouch.world.fields import CELLS, HAND, coupling_fields, probe_fields, rising_fields, skin_fields, wait_fields
 from itouch.world.model import Model, ProbeModel
 from itouch.world.plugin_errors import failing
 from itouch.world.rig import FRAME, GONE, DeviceModel
@@ -112,6 +112,9 @@ def _probe(model: Model, probe: ProbeModel) -> list[Field]:
         fields.append(Field(f"{name}.effects", "f8", EFFECTS_MEMORY, unit="mixed", doc=what))
     if probe.relied is not None:
         fields += _own(name, coupling_fields(len(model.objects)))
+    surface = model.surfaces.get(name)
+    if surface is not None and model.devices[surface.device].wire:
+        fields += _own(name, rising_fields())
     if probe.operator is not None:
         fields += _own(f"{name}.hand", HAND)
         if waits := sum(isinstance(target.hold, Until) for target in probe.operator.motion.targets):

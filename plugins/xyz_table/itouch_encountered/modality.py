@@ -30,6 +30,8 @@ from itouch_encountered.own import FIELDS, OVER_WIRE
 TILT_BACK = math.radians(2.0)
 #: How far the surface's force stays below the arm's force limit [N].
 ROOM = 0.15
+#: The same behind a wire, where the finger goes on unseen until a command acts.
+ROOM_WIRED = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +89,10 @@ class Encountered(Modality):
         load = device.read_field(Role.CONTACT_FORCE)
         force = _limit(world.devices[surface.arm], "force") if surface.arm else math.inf
         speed = _limit(device, "speed")
-        numbers = _numbers(surface, radius, world.servo_period, force, speed, bool(load))._replace(wire=device.wire)
+        room = ROOM_WIRED if device.wire else ROOM
+        numbers = _numbers(surface, radius, world.servo_period, force - room, speed, bool(load))._replace(
+            wire=device.wire
+        )
         place = next(i for i, channel in enumerate(device.reads) if channel.role is Role.TRACKED_POSE)
         return EncounteredModel(name, params.probe, device.name, goal.name, pose, load, numbers, place)
 
@@ -172,10 +177,13 @@ def _limit(device: WorldDevice, name: str) -> float:
 def _numbers(
     surface: WorldSurface, radius: float, period: float, force: float, speed: float, has_load: bool
 ) -> Numbers:  # fmt: skip
-    """Return the constants of the motion; ``force``: the arm's limit [N], ``speed``: the device's [m/s]."""
+    """Return the constants of the motion.
+
+    ``force``: the most that the arm's limit leaves the surface [N]; ``speed``: the device's limit [m/s].
+    """
     return Numbers(
         radius, surface.clearance, math.cos(surface.plate_angle), math.cos(max(0.0, surface.plate_angle - TILT_BACK)),
-        period, surface.greatest_force, max(0.0, min(surface.greatest_force, force - ROOM)), surface.pad_stiffness,
+        period, surface.greatest_force, max(0.0, min(surface.greatest_force, force)), surface.pad_stiffness,
         has_load, speed * period, FAR if surface.touch_off else FAR_UNCALIBRATED,
         max(1, round(SEEN_AHEAD / period)), *surface.face,
     )  # fmt: skip

@@ -397,8 +397,9 @@ def _bearable(c: Any, own: Any, rises: float, level: float, sink: float, off: fl
     A finger that comes down takes the surface with it: the device is told ahead of time where the finger will be.
     ``rises``: how fast the surface goes up [m/s].
     """
-    ahead = AHEAD + own[WAY] if c.wire else AHEAD
-    soon = level + min(0.0, sink - min(0.0, rises)) * ahead
+    soon = level + min(0.0, sink - min(0.0, rises)) * AHEAD
+    if c.wire:  # the surface goes on as it does only until the next command: nobody tells it how the finger goes on
+        soon += min(0.0, sink) * (own[WAY] + c.period + max(0.0, own[LAG]))
     return float(soon + off + c.most / c.stiffness)
 
 

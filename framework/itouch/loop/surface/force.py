@@ -67,6 +67,8 @@ SOON = 1e-4
 BELOW = 0.02
 #: How far the sum stays below the scene's limit [N], because the plate's force is known a tick late.
 SPARE = 0.06
+#: The same where it is known later still: more than safety leaves by itself, so that this is not felt to cut.
+SPARE_LATE = 0.15
 
 
 @kernel
@@ -105,9 +107,13 @@ def _still_changes(c: Floats, memory: Floats, touching: bool) -> bool:
 
 
 @kernel
-def _within(c: Floats, memory: Floats, force: Floats, most: float) -> None:
-    """Cut a force (3,) to ``most`` [N], what the plate leaves of the limit; the limit comes back in small steps."""
-    memory[CUT] = max(c[FORCE_LIMIT] - max(0.0, most), memory[CUT] - 2.0 * HAND_STEP, 0.0)
+def _within(c: Floats, memory: Floats, force: Floats, most: float, step: float) -> None:
+    """Cut a force (3,) to ``most`` [N], what the plate leaves of the limit; the limit comes back in small steps.
+
+    ``step``: by how much at most it is cut further in this tick [N].
+    """
+    cut = min(c[FORCE_LIMIT] - max(0.0, most), memory[CUT] + step)
+    memory[CUT] = max(cut, memory[CUT] - 2.0 * HAND_STEP, 0.0)
     _shorten(force, c[FORCE_LIMIT] - memory[CUT])
 
 
@@ -121,10 +127,11 @@ def _shorten(force: Floats, most: float) -> None:
 
 
 @kernel
-def _lead(c: Floats, sent: Floats, force: Floats, rise: float, step: float) -> bool:
+def _lead(c: Floats, sent: Floats, force: Floats, rise: float, step: float, most: float) -> bool:
     """Bring a force (3,) near enough to the one sent last that its sum with the plate's changes by at most a step [N].
 
-    ``rise``: change of the plate's force in this tick [N].  Return whether the force had to be changed for that.
+    ``rise``: change of the plate's force in this tick [N]; ``most``: by how much the force itself may change [N].
+    Return whether the force had to be changed for that.
     """
     before, change = np.empty(3), np.empty(3)
     before[0], before[1], before[2] = turned_out(c, ARM, sent[0], sent[1], sent[2])
@@ -136,7 +143,14 @@ def _lead(c: Floats, sent: Floats, force: Floats, rise: float, step: float) -> b
         scale = step / math.sqrt(square)
         for i in range(3):
             force[i] = before[i] + scale * change[i] - rise * c[TABLE + 5 + 3 * i]
-    return bool(square > step * step)
+    own = 0.0
+    for i in range(3):
+        own += (force[i] - before[i]) ** 2
+    if own > most * most:
+        scale = most / math.sqrt(own)
+        for i in range(3):
+            force[i] = before[i] + scale * (force[i] - before[i])
+    return bool(square > step * step or own > most * most)
 
 
 @kernel
@@ -150,7 +164,9 @@ def _anew(memory: Floats, begin: int, force: Floats) -> float:
 
 
 @kernel
-def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Floats, load: float, touching: bool) -> None:
+def push(
+    c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Floats, load: float, touching: bool, guessed: bool
+) -> None:  # fmt: skip
     """Command the arm; where the plate renders the contact, only that part of the normal force which it does not give.
 
     Parameters
@@ -165,6 +181,8 @@ def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Float
         The table's reading of the force along its z axis [N]; a finger that presses makes it negative.
     touching
         Whether there is a virtual contact.
+    guessed
+        Whether ``load`` is no reading of this tick, but what is thought of the force since an older one.
     """
     along = 0.0
     for i in range(3):
@@ -182,22 +200,26 @@ def push(c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Float
     depth = figures[PLATE_TOP] - (figures[HIP + 2] - c[RADIUS])
     if c[HAS_TABLE] > 0.0 and c[FORCE_LIMIT] < np.inf:
         near = pressed > TOUCH or depth > -ABOUT
-        spare = max(SPARE, rise + 0.5 * SPARE)
-        _within(c, memory, force, c[FORCE_LIMIT] - (pressed + spare if near else 0.0))
+        spare = max(SPARE_LATE if guessed else SPARE, rise + 0.5 * SPARE)
+        left = c[FORCE_LIMIT] - (pressed + spare if near else 0.0)
+        _within(c, memory, force, left, HAND_STEP if guessed else np.inf)
     own, virtual = _anew(memory, WANTED, force), _anew(memory, VIRTUAL, figures[CONTACT_FORCE : CONTACT_FORCE + 3])
     if memory[RENDERS] > 0.0 and memory[PRESSED] > AFTER and own > virtual + HAND_STEP:
         memory[CHANGING] = max(memory[CHANGING], AFTER)  # the plate's part has changed, as where the normal jumps
     if _still_changes(c, memory, touching):
         unseen = (abs(depth) < SOON and pressed < NOTHING) or memory[CHANGING] > LED - SETS_OUT
         step = FIRST_STEP if unseen else STEP
+        # Between two readings the plate's force steps unseen: the arm's own steps leave room for that.
+        most = min(step, HAND_STEP) if guessed and (pressed > NOTHING or depth > -ABOUT) else np.inf
         if memory[CHANGING] <= AFTER and memory[SETTLED] > 0.0:
             # The handover is over: friction that reverses must not be followed late.
-            step = max(step, max(virtual, memory[STIRS], memory[STIRS + 1]) - BELOW)
+            stirs = max(virtual, memory[STIRS], memory[STIRS + 1])
+            step, most = max(step, stirs - BELOW), max(most, stirs)
         if memory[CHANGING] <= AFTER and memory[SHARE] >= 1.0 and memory[CUT] <= 0.0 and depth < -ABOUT:
             step = max(
                 step, 1.1 * own
             )  # the plate has long been away: the arm's force may follow the virtual one, and catch up with it
-        if _lead(c, sent, force, rise, step):  # it goes on in steps until it has arrived
+        if _lead(c, sent, force, rise, step, most):  # it goes on in steps until it has arrived
             memory[CHANGING] = max(memory[CHANGING], c[PERIOD])
         _shorten(force, c[FORCE_LIMIT] - memory[CUT])
     memory[STIRS + 1], memory[STIRS] = memory[STIRS], virtual

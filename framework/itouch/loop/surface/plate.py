@@ -30,6 +30,8 @@ from itouch.world.presented_surfaces import ROOM
 
 Floats = NDArray[np.float64]
 
+#: Indices of `itouch.world.fields.rising_fields`.
+READ_AT, READ_TOP, BY_READINGS, BETWEEN = range(4)
 #: How fast the plate yields above its greatest force [m/s per N], and how fast it comes back [m/s].
 YIELD_RATE, YIELD_RETURN = 0.02, 0.005
 #: By how much two ways of computing one height may differ [m].
@@ -101,6 +103,28 @@ def move(c: Floats, memory: Floats, before: float, now: float) -> None:
     """
     speed = memory[CLIMB] if memory[RENDERS] > 0.0 else (now - before) / c[PERIOD]
     memory[RISES] += c[PERIOD] / (SMOOTHLY + c[PERIOD]) * (speed - memory[RISES])
+
+
+@kernel
+def rises(kept: Floats, measured: int, top: float, moved: float, period: float) -> float:
+    """Return how fast a surface rises [m/s] whose readings come late, and not in every tick.
+
+    In the tick of a new reading its height is corrected: that is no motion.  There it rises as fast as it did by its
+    last two readings, or as it was said to do before.
+
+    ``kept`` (4,): the fields of `itouch.world.fields.rising_fields`; ``measured``: the tick in which the newest reading
+    was measured; ``top``: the height read [m]; ``moved``: how much higher it is than a tick ago, by all that is known
+    [m]; ``period`` of a tick [s].
+    """
+    if measured > kept[READ_AT]:
+        ticks = measured - kept[READ_AT]
+        kept[BY_READINGS] = (top - kept[READ_TOP]) / (ticks * period) if kept[READ_AT] > 0.0 else 0.0
+        if ticks <= 1.0:
+            kept[BETWEEN] = kept[BY_READINGS]
+        kept[READ_AT], kept[READ_TOP] = measured, top
+    else:
+        kept[BETWEEN] = moved / period
+    return float(max(kept[BY_READINGS], kept[BETWEEN]))
 
 
 @kernel
