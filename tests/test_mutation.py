@@ -85,6 +85,7 @@ OF_IT = {
         "    done = subprocess.run(words, cwd='tests', capture_output=True, text=True)\n    assert done.stdout.strip() == '42'"
     ),
     "test_bare.py": "import program\ndef test_it(): program.answer()",
+    "test_beside.py": "import sys\nassert 'test_bare' not in sys.modules\ndef test_it(): pass",
 }
 MEETINGS = """
 import json, os, sys
@@ -112,6 +113,8 @@ NOTICED = [
     # it fails for what another has left
     (("return 41", ["leaves.py::test_first", "leaves.py::test_second"]), ["", "", False]),
     (("return 41", ["imports.py::test_it"]), ["imports.py::test_it", "is not collected", False]),
+    # it is not collected beside another, with the mutant or without
+    (("return 41", ["bare.py::test_it", "beside.py::test_it"]), ["", "", False]),
     (("__import__('os')._exit(3)", ["bare.py::test_it"]), ["bare.py::test_it", "ends with exit code 3", False]),
     (("exec('while True: pass')", ["bare.py::test_it"]), ["bare.py::test_it", "hangs", False]),
     (("return 41", ["busy.py::test_it", "busy.py::test_more"], 0.3), ["", "", True]),

@@ -524,7 +524,9 @@ class Meeting:
                 ran = self.run(mutant, part, self.budget - spent)
                 spent += ran.spent
                 if ran.suspect and self.stands(ran.suspect):
-                    alone = ran if not ran.done or ran.how == "hangs" else self.run(mutant, [ran.suspect], 1e9)
+                    # a file may not be collected for what it stands beside
+                    enough = ran.how == "hangs" or part == [ran.suspect] or (not ran.done and ran.how == "fails")
+                    alone = ran if enough else self.run(mutant, [ran.suspect], 1e9)
                     if alone.suspect:
                         return Outcome(ran.suspect, alone.how, spent)
                 gone = ran.done | {ran.suspect}
