@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from itouch.contact import Box, Capsule, Cylinder, Mesh, Plane, Shape, Sphere, Surface
+from itouch.contact import layout as at
 from itouch.dynamics import Bodies, Body, BodyError, build_bodies
 from itouch.dynamics.bodies import FREE, MOVED
+from itouch.dynamics.kernels import push_bodies
 from itouch_evidence.contact.workload import icosphere
 
 T, G = 1e-3, (0.0, 0.0, -9.81)
@@ -33,6 +35,17 @@ class World:
 
 def free(shape: Shape, place: tuple[float, float, float] = (0.0, 0.0, 1.0), **more: object) -> Body:
     return Body(shape, (*place, *UP), FREE, **{"mass": 0.2, **more})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("force", [(0.0, 0.0, 0.0), (0.2, 0.0, -0.3)])
+def test_what_attracts_the_finger_from_afar_is_pulled_as_hard(force: tuple[float, float, float]) -> None:
+    result, forces = np.zeros(at.RESULT_SIZE), np.zeros((2, 6))
+    poses = np.array([(0.0, 0.0, 0.0, *UP), (0.1, 0.0, 0.0, *UP)])
+    result[at.RESULT_NEAREST] = 1
+    result[at.RESULT_NEAREST_POINT : at.RESULT_NEAREST_POINT + 3] = 0.11, 0.0, 0.02
+    push_bodies(np.array(force), result, poses, forces)
+    assert forces[0].tolist() == [0.0] * 6
+    assert forces[1] == pytest.approx([-f for f in force] + list(np.cross((0.01, 0.0, 0.02), np.negative(force))))
 
 
 def test_a_free_body_falls() -> None:

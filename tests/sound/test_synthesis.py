@@ -62,6 +62,16 @@ def peaks(samples: np.ndarray, count: int) -> list[float]:
     return sorted(found)
 
 
+def test_columns_of_a_map_run_with_the_first_axis_and_rows_against_the_second():
+    """A picture's rows run down."""
+    relief = Relief(np.zeros((4, 4)), 1e-4, 2)
+    up = np.array([0.0, 0.0, 1.0])
+    assert relief.rates(np.array([1e-3, 2e-3, 5e-3]), up) == pytest.approx((10.0, -20.0))
+    nearest = Relief(np.zeros((4, 4)), 1e-4, -1)
+    assert nearest.rates(np.array([5e-3, 1e-3, 2e-3]), -up[[2, 0, 1]]) == pytest.approx((10.0, -20.0))
+    assert relief.rates(np.array([np.inf, 0.0, 0.0]), up) == (0.0, 0.0)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_two_fingers_strike_two_materials_at_once_with_modes_at_random(tmp_path, seed):
     rng = np.random.default_rng(seed)

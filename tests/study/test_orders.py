@@ -88,6 +88,12 @@ def test_a_participant_gets_the_same_order_from_seed_and_code_alone() -> None:
     assert min(rows.values()) > 150
 
 
+def test_a_square_without_rows_is_refused_in_a_sentence() -> None:
+    with pytest.raises(ValueError, match="a square has at least one row"):
+        orders.assigned_row(1, "p1", 0)
+    assert orders.assigned_row(1, "p1", 1) == 0
+
+
 def test_streams_are_mixed_in_their_own_order() -> None:
     mixed = orders.interleave(["abc", "xy"], np.random.default_rng(1))
     assert [c for c in mixed if c in "abc"] == list("abc")
