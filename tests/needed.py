@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import shutil
 from typing import NoReturn
@@ -20,3 +21,9 @@ def need_program(*names: str, package: str) -> str:
         if found := shutil.which(name):
             return found
     missing(f"{names[0]} is not installed (Debian: {package})")
+
+
+def need_package(module: str, *, extra: str) -> None:
+    """Skip where a package of an extra that the tests' own does not hold is not installed."""
+    if importlib.util.find_spec(module) is None:
+        missing(f"{module} is not installed: pip install -e '.[{extra}]'")

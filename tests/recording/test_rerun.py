@@ -15,6 +15,7 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, json_format, message_factory
 from hypothesis import given
 from hypothesis import strategies as st
+from needed import need_package
 from program import program
 from shipped import SCENES
 
@@ -166,6 +167,7 @@ class Spy:
 @pytest.mark.long
 def test_rerun_has_it_all_where_it_is(session: Any, tmp_path: Path) -> None:
     """Through Rerun's own package and its command: what is there, and each place to 1e-6 m."""
+    need_package("rerun", extra="rerun")
     from itouch_tools.export import rerun_viewer as ours
 
     engine, states, path = session
@@ -209,6 +211,7 @@ def test_rerun_has_it_all_where_it_is(session: Any, tmp_path: Path) -> None:
 @pytest.mark.long
 def test_what_is_told_of_a_running_session_is_where_it_is() -> None:
     """Moment by moment: each place and each curve's number as State has it, and contacts as they come."""
+    need_package("rerun", extra="rerun")
     from itouch_tools.viewer.live.published_states import Moment
     from itouch_tools.viewer.live.rerun import Shown
 
@@ -244,6 +247,7 @@ def test_rerun_is_told_by_another_process(tmp_path: Path) -> None:
     """A session in real time, `view --rerun` beside it, and Rerun's own server, which keeps what it is sent."""
     import socket
 
+    need_package("rerun", extra="rerun")
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
