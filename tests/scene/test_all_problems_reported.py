@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import pytest
 
 import itouch
+from itouch.monitors.limits import FORCE
+from itouch.scene.elements.surface import Magnetic, StickSlip
 from itouch.schema import SceneError
 from itouch_tools.cli import main
 
@@ -50,3 +53,13 @@ def test_mending_what_is_told_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(SceneError) as caught:
         itouch.build(path)
     assert [problem.place.line for problem in caught.value.problems if problem.place is not None] == [5, 8, 9, 14]
+
+
+@pytest.mark.parametrize("element", [StickSlip, Magnetic])
+def test_no_effect_of_a_surface_may_be_stronger_than_what_a_finger_may_feel(element: type) -> None:
+    """The scene's own limit holds besides; this one is of the language, and no scene can ask for more."""
+    highs = {
+        field.name: field.metadata["itouch"].high for field in dataclasses.fields(element)
+        if field.metadata["itouch"].unit == "N"
+    }  # fmt: skip
+    assert highs == {"force": FORCE}

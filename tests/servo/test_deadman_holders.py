@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import itouch
@@ -30,6 +30,7 @@ def segment() -> Iterator[SharedMemory]:
     found.close()
 
 
+@example(value=(1 << 63) - 1, place=at.MOST_HOLDERS)
 @given(value=st.integers(min_value=-(1 << 62), max_value=(1 << 63) - 1), place=st.integers(0, at.MOST_HOLDERS))
 @settings(max_examples=25, deadline=None)
 def test_whatever_is_written_holds_for_80_ms_at_most(value: int, place: int) -> None:

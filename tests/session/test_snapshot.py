@@ -49,6 +49,15 @@ def itouch_version() -> str:
     return version("itouch-py")
 
 
+def test_a_snapshot_stays_what_it_was_while_the_session_goes_on() -> None:
+    engine = itouch.build(SCENES / "first_touch.xml")
+    engine.run(0.1)
+    kept = engine.snapshot()
+    before = kept.state.tobytes()
+    engine.run(0.1)
+    assert kept.state.tobytes() == before != engine.snapshot().state.tobytes()
+
+
 def test_saving_over_a_snapshot_leaves_no_other_file(snapshot: Path) -> None:
     engine = itouch.restore(snapshot)
     engine.run(0.1)
