@@ -10,6 +10,10 @@ from itouch.contact import layout as at
 GROUNDS: list[Shape] = [Plane(), mesh(*grid(30, 2.0), 1.0, two_sided=True)]
 
 
+def test_what_a_contact_does_along_the_surface_is_one_of_three() -> None:
+    assert len({at.SLIP_NONE, at.SLIP_STICK, at.SLIP_SLIDE}) == 3
+
+
 @pytest.mark.parametrize("ground", GROUNDS, ids=["plane", "mesh"])
 @pytest.mark.parametrize("radius", [0.0, 0.03])
 def test_it_sticks_up_to_the_static_cone_and_then_slides_at_the_dynamic_one(ground: Shape, radius: float) -> None:
