@@ -7,14 +7,19 @@ leaves out what has passed already: the same command goes on after a stop.  Who 
 
 from __future__ import annotations
 
+import contextlib
 import datetime
+import io
 import json
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parent / "docs" / "explanation" / "long-form.md"
@@ -85,15 +90,31 @@ def _commit() -> str:
     return subprocess.run(words, capture_output=True, text=True, check=False).stdout.strip() or "unknown"
 
 
-def page(results: Iterable[Result], count: int | None = None) -> str:
-    """Return the page: a line a room, what failed, and what campaigns told; ``count``: of how many tests in all."""
-    every = sorted(results, key=lambda result: result.test)
+def listed() -> list[str]:
+    """Return the tests of the long form that are there; their files are imported for that, in this process."""
+    found = list[str]()
+
+    class Collector:
+        def pytest_collection_finish(self, session: Any) -> None:
+            found.extend(item.nodeid for item in session.items)
+
+    with contextlib.redirect_stdout(io.StringIO()):
+        pytest.main(["-m", "long", "--collect-only", str(HERE)], plugins=[Collector()])
+    return found
+
+
+def page(results: Iterable[Result], there: Collection[str] = ()) -> str:
+    """Return the page: a line a room, what failed, what has not run, and what campaigns told.
+
+    ``there``: the tests that the long form has, else those of the results; what has gone since does not count.
+    """
+    every = sorted((one for one in results if not there or one.test in there), key=lambda result: result.test)
     rooms = dict[str, list[Result]]()
     for result in every:
         rooms.setdefault(result.room, []).append(result)
     total = Counter(result.outcome for result in every)
     hours = datetime.timedelta(seconds=round(sum(result.seconds for result in every)))
-    of = f" of {count}" if count else ""
+    of = f" of {len(there)}" if there else ""
     lines = [
         "# What the long form of the tests found",
         "",
@@ -108,6 +129,8 @@ def page(results: Iterable[Result], count: int | None = None) -> str:
     ]
     if wrong := [result for result in every if result.outcome == "failed"]:
         lines += ["Failed:", "", *(f"- `{result.test}` ({result.commit})" for result in wrong), ""]
+    if waiting := Counter(test.partition("[")[0] for test in set(there) - {one.test for one in every}):
+        lines += ["Not run yet:", "", *(f"- `{test}` ({many})" for test, many in sorted(waiting.items())), ""]
     told = dict.fromkeys((result.test.partition("[")[0], text) for result in every for text in result.told)
     if told:
         lines += ["| campaign | result |", "|---|---|", *(f"| `{test}` | {text} |" for test, text in told), ""]
@@ -129,7 +152,7 @@ def _numbers(counts: Counter[str]) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Write the page of a file of results."""
     (path,) = map(Path, sys.argv[1:] if argv is None else argv)
-    PAGE.write_text(page(read(path).values()), encoding="utf-8")
+    PAGE.write_text(page(read(path).values(), listed()), encoding="utf-8")
     print(f"written: {PAGE.relative_to(HERE.parent)}")
     return 0
 

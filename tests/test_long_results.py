@@ -104,3 +104,14 @@ def test_a_failure_in_the_end_of_a_test_counts(tmp_path: Path) -> None:
     (result,) = long_results.read(keeper.path).values()
     assert result.outcome == "failed" and result.room == "room"
     assert long_results.passed(keeper.path) == frozenset()
+
+
+def test_the_page_tells_what_has_not_run_and_leaves_out_what_is_gone() -> None:
+    names = ["tests/a/test_a.py::test_one", "tests/a/test_a.py::test_gone"]
+    found = [long_results.Result(name, "passed", 1.0, "2026-11-26", "0123abc") for name in names]
+    there = [names[0], "tests/b/test_b.py::test_two[1]", "tests/b/test_b.py::test_two[2]"]
+    page = long_results.page(found, there)
+    assert "1 of 3 tests: 1 passed;" in page
+    assert "Not run yet:\n\n- `tests/b/test_b.py::test_two` (2)\n" in page
+    assert "test_gone" not in page and "| `tests/a` | 1 | 1 passed |" in page
+    assert "Not run yet" not in long_results.page(found, names)
