@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -298,6 +299,24 @@ def test_it_learns_how_late_a_drive_is_where_a_surface_bends(bandwidth: float, t
     session.run(until=lambda: session.done)
     behind = 1.0 / (2.0 * np.pi * bandwidth) ** 2
     assert session.state["finger.surface.inertia"].item() == pytest.approx(behind, rel=0.2)
+
+
+@pytest.mark.parametrize(("tilt", "evened"), [(25.0, False), (30.0, False), (44.0, True), (46.0, False)])
+def test_it_evens_out_the_steps_of_an_arm_on_steep_faces_that_it_renders(tilt: float, evened: bool) -> None:
+    """A finger that goes on evenly is read in steps of 30 um; less steep faces are followed as they are, to the bit."""
+    cosine = math.cos(math.radians(45.0))
+    numbers = motion.Numbers(8e-3, 5e-3, cosine, 0.73, 1e-3, 2.0, 2.0, 1e3, True, 2e-4, 4e-3, 3, 0.0, 0.0, 0.0)
+    state, upright = np.zeros(own.KINKS + own.MOST_KINKS), math.cos(math.radians(tilt))
+    slope, along = math.tan(math.radians(tilt)), 11e-6 * np.arange(200)  # [m]
+    read = 0.02 + slope * np.floor(along / 30e-6) * 30e-6
+    heights = np.array([motion._even(numbers, state, height, slope * 11e-3, upright) for height in read])
+    assert (heights == read).all() != evened
+    if evened:
+        jumps = np.diff(heights)[50:] - slope * 11e-6
+        assert np.abs(jumps).max() < 0.6 * np.abs(np.diff(read)[50:] - slope * 11e-6).max()
+        assert np.abs(heights - 0.02 - slope * (along - 15e-6))[50:].max() < 16e-6  # and it is no later
+    assert motion._even(numbers, state, -np.inf, 0.0, 1.0) == -np.inf
+    assert motion._even(numbers, state, 0.05, 0.0, upright) == 0.05  # another surface
 
 
 @pytest.mark.parametrize("period", [2.5e-4, 1e-3, 3e-3])

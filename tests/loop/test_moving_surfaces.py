@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 from pathlib import Path
 
@@ -11,6 +12,8 @@ from campaign import tell
 from shipped import SCENES
 
 from itouch_evidence.surface.course import PAD, PAD_DAMPING, Course, Floats, around, follow
+from itouch_evidence.surface.edges import edge
+from itouch_evidence.surface.laws import broken, judge
 from itouch_evidence.surface.moving import block, moved, press
 from itouch_evidence.surface.scenes import Slope
 
@@ -65,6 +68,31 @@ def test_nearly_no_object_that_moves_under_a_finger_is_felt_in_steps(folder: Pat
     assert len(over) <= 4
 
 
+#: Objects that tilt slowly beyond 45 degrees and back, up to where the plate renders them: tilts before, at most and
+#: after [deg], time of each way [s], how deep the hand presses [mm], scene.
+STEEP = [
+    pytest.param((35.0, 53.18, 37.0), 7.486, 3.923, Slope("", "", 1.5215, 0.0, 2.7954, warm=True, seed=77),
+                 id="an arm that reads in steps makes a steep face jump, and the plate with it"),
+    pytest.param((35.0, 48.42, 37.0), 0.339, 3.675, Slope("", "", 1.2603, 0.8, 2.4828, seed=52),
+                 id="and the arm's part of the force"),
+    pytest.param((-35.0, -50.23, -37.0), 2.741, 1.99, Slope("", "", 1.0194, 0.3, 2.7780, seed=88), id="likewise"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("tilts", "time", "deep", "scene"), STEEP)
+def test_a_steep_object_that_tilts_slowly_keeps_the_laws(
+    folder: Path, tilts: tuple[float, ...], time: float, deep: float, scene: Slope
+) -> None:
+    before, most, after = (f'<to pos="0 0 0 mm" rpy="0 {tilt} 0 deg" in=' for tilt in tilts)
+    world = block(f'{before}"0.7 s"/>{most}"{time} s" hold="0.3 s"/>{after}"{time} s" hold="0.3 s"/>')
+    motion = press(deep).replace('hold="1.5 s"', f'hold="{1.0 + 2.0 * time} s"')
+    figures = judge(
+        follow(dataclasses.replace(scene, world=world, motion=motion, probe='plate-angle="45 deg"').build(folder))
+    )
+    assert broken(figures) == []
+    assert figures["step"] > 0.02  # there is a change of hands
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.4])
 def test_a_hand_that_lifts_while_an_edge_goes_by_trips_nothing(folder: Path, friction: float) -> None:
     """The plate goes down from the edge in a hurry, and must come up again behind the hand without one (K5)."""
@@ -95,3 +123,9 @@ def test_what_rises_with_an_object_is_no_fault_of_the_table(folder: Path) -> Non
     session.run(0.9)
     after = [session.state[name].item() for name in session.state if name.endswith(".give")]
     assert abs(after[0] - given[0]) < 2e-5
+
+
+def test_with_more_clearance_a_hand_that_falls_past_an_edge_is_stopped_by_no_trip(folder: Path) -> None:
+    """It falls faster than the table moves, and presses too hard on a plate that waits 5 mm below it (K4)."""
+    course = follow(dataclasses.replace(edge(5), probe='clearance="12 mm"').build(folder))
+    assert course.pad.max() < 2.5

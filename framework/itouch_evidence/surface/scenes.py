@@ -35,7 +35,7 @@ _SCENE = """<?xml version="1.0" encoding="utf-8"?>
     {display}
   </devices>
   <interaction>
-    <probe name="finger" radius="8 mm" pose-from="arm" force-to="arm" surface-to="table"/>
+    <probe name="finger" radius="8 mm" pose-from="arm" force-to="arm" surface-to="table"{probe}/>
     <operator probe="finger" mass="80 g" stiffness="300 N/m" damping="6 N*s/m" skin-temperature="33 degC">
       <motion>{motion}</motion>
     </operator>
@@ -56,7 +56,7 @@ class Slope:
 
     ``stiffness`` [N/mm] and ``friction`` of the material, the limit ``force`` [N], the ``error`` of the table's
     mounting height [mm] and ``contact_time`` [s]; ``warm`` puts a thermal display on the table, ``touch_off`` has its
-    mount calibrated; ``seed`` is that of the session.
+    mount calibrated; ``probe``: more attributes of the probe; ``seed`` is that of the session.
     """
 
     world: str
@@ -70,6 +70,7 @@ class Slope:
     heat: str = ""
     seed: int = 0
     contact_time: float = 10.0
+    probe: str = ""
 
     def text(self, hardware: str = "") -> str:
         """Return the text of the scene file; ``hardware``: XML inside the display's hardware element."""
@@ -77,7 +78,8 @@ class Slope:
             world=self.world, motion=self.motion, stiffness=self.stiffness, friction=self.friction, force=self.force,
             error=self.error, display=_DISPLAY.format(hardware=hardware) if self.warm else "",
             heat=_HEAT.format(heat=self.heat) if self.warm else "", mount=-34 if self.warm else -30,
-            contact_time=self.contact_time, calibration='<calibration method="touch-off"/>' if self.touch_off else "",
+            contact_time=self.contact_time, probe=f" {self.probe}" if self.probe else "",
+            calibration='<calibration method="touch-off"/>' if self.touch_off else "",
         )  # fmt: skip
 
     def build(self, folder: Path, hardware: str = "", catalog: Catalog | None = None) -> Session:

@@ -24,6 +24,7 @@ from itouch_encountered.own import (
     BENDS,
     COMING,
     DISTANCE,
+    EVENED,
     GAP,
     GIVE,
     HASTE,
@@ -96,6 +97,12 @@ ELSEWHERE = 5e-3
 EVEN = 2.0
 #: Least cosine of the face's tilt that is computed with: no finger rests on a steeper one.
 STEEPEST = 0.1
+#: Cosines of the tilts from which on the height of a face is evened out, and evened out wholly [1]: the steeper it is,
+#: the larger the steps in which it follows a finger whose place an arm reads in steps.
+EVENED_FROM, EVENED_AT = math.cos(math.radians(30.0)), math.cos(math.radians(35.0))
+#: Time constant [s] with which the evened height follows what its speed did not foretell, and the difference from which
+#: on it begins anew [m].
+EVENLY, ANEW = 1.5e-3, 1e-3
 #: Vertical speed [m/s] well below which a device's error is due to the force on it, and well above to its lag.
 STILL = 0.06
 
@@ -436,11 +443,30 @@ def _there(own: Any, before: bool, depth: float, pressed: float) -> bool:
 
 
 @kernel
+def _even(c: Any, own: Any, height: float, climb: float, upright: float) -> float:
+    """Return the height of the virtual surface [m]; of a steep face that this one may render, without an arm's steps.
+
+    A plate that followed these would press unevenly, because the pad damps its speed.
+
+    ``climb``: how fast the height changes [m/s]; ``upright``: the cosine of the face's tilt [1].
+    """
+    ahead = own[EVENED] + climb * c.period
+    if not abs(height - ahead) < ANEW:
+        own[EVENED] = height if height > -np.inf else 0.0
+        return height
+    own[EVENED] = ahead + c.period / (EVENLY + c.period) * (height - ahead)
+    if upright < c.cosine:
+        return height
+    part = min(1.0, max(0.0, (EVENED_FROM - upright) / (EVENED_FROM - EVENED_AT)))
+    return float(height + part * (own[EVENED] - height))
+
+
+@kernel
 def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     """Decide who renders the virtual surface below the finger, and command the device; return 0.
 
     ``c``: `Numbers`; ``seen``: `Seen`, unpacked here, because passing a tuple of many arrays on is costly; ``goal``
-    (7,): the command; ``own``: the modality's own fields, (45,) without a wire.
+    (7,): the command; ``own``: the modality's own fields, (46,) without a wire.
     """
     frame, sent, hip = seen.frame, seen.sent, seen.hip
     height, climb, level, sink = seen.height[0], seen.climb[0], seen.level[0], seen.sink[0]
@@ -448,6 +474,8 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     pressed, touching, withdrawn = max(0.0, -seen.load[2]), seen.object[0] >= 0, seen.withdrawn[0] != 0
     if c.wire:
         here, pressed = here + own[SINCE], own[PRESSES]
+    if not c.wire:
+        height = _even(c, own, height, climb, seen.upright[0])
     own[GAP] = height - here if height > -np.inf else np.inf
     own[DISTANCE] = lowest - here
     if withdrawn:

@@ -36,6 +36,9 @@ FIELDS = tuple(
     )
 )
 FIELDS += (
+    Field(
+        "evened", unit="m", doc="the height of the virtual surface without the steps in which an arm reads", show="no"
+    ),
     Field("kinks", "f8", MOST_KINKS, unit="m/s^2", doc="how fast a slope bends it, the newest tick first", show="no"),
 )
 
@@ -66,7 +69,7 @@ OVER_WIRE = tuple(replace(field, show="no") for field in OVER_WIRE)
 
 TAKES, AT_FINGER, DISTANCE, GAP, COMING, LOST, YIELDS = range(7)
 ARRIVED, PRESS, FREE, UNFELT, GIVE, LAG, UNASKED, BENDS, HASTE, INERTIA = range(7, 17)
-HERE, SPEED, RUSHES, SHIFT, KINKS = range(17, 22)
+HERE, SPEED, RUSHES, SHIFT, EVENED, KINKS = range(17, 23)
 #: Index of the first field that exists behind a wire only.
 _WIRED = KINKS + MOST_KINKS
 GOES = _WIRED
