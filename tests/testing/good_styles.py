@@ -119,13 +119,13 @@ class IdealInHeritance(Slider):
 
 @good
 class SlowSlider(Slider):
-    """Read ten times a second only."""
+    """Read as seldom as an arm may be (W1): fifty times a second."""
 
-    period = 0.1
+    period = 0.02
     watchdog = 1.0
 
     class Twin(SliderTwin):
-        """Says something new ten times a second."""
+        """Says something new fifty times a second."""
 
         def fields(self):
             return (*super().fields(), Field("count", "i8", unit="tick", doc="ticks so far"))
@@ -135,7 +135,7 @@ class SlowSlider(Slider):
             state["count"] += 1
 
         def read(self, state, reading):
-            return super().read(state, reading) if int(state["count"]) % 100 == 0 else False
+            return super().read(state, reading) if int(state["count"]) % 20 == 0 else False
 
 
 @good
