@@ -14,7 +14,7 @@ import json
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -38,8 +38,8 @@ class Result:
 
     @property
     def room(self) -> str:
-        """The folder of the test, below ``tests``."""
-        return Path(self.test.partition("::")[0]).parent.as_posix().removeprefix("tests/")
+        """The folder of the test."""
+        return Path(self.test.partition("::")[0]).parent.as_posix()
 
 
 def read(path: Path) -> dict[str, Result]:
@@ -133,7 +133,7 @@ def page(results: Iterable[Result], there: Collection[str] = ()) -> str:
         lines += ["Not run yet:", "", *(f"- `{test}` ({many})" for test, many in sorted(waiting.items())), ""]
     told = dict.fromkeys((result.test.partition("[")[0], text) for result in every for text in result.told)
     if told:
-        lines += ["| campaign | result |", "|---|---|", *(f"| `{test}` | {text} |" for test, text in told), ""]
+        lines += ["| campaign | result |", "|---|---|", *_told(told), ""]
     return "\n".join(lines)
 
 
@@ -142,7 +142,15 @@ def _row(room: str, found: Sequence[Result]) -> str:
     took = sum(one.seconds for one in found)
     outcomes = _numbers(Counter(one.outcome for one in found))
     when = dates[0] if len(dates) == 1 else f"{dates[0]} to {dates[-1]}"
-    return f"| `tests/{room}` | {len(found)} | {outcomes} | {took:.0f} | {when} | {', '.join(commits)} |"
+    return f"| `{room}` | {len(found)} | {outcomes} | {took:.0f} | {when} | {', '.join(commits)} |"
+
+
+def _told(told: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """Return the rows of what campaigns told: each names its campaign once, and is one line whatever was told."""
+    before = ""
+    for test, text in told:
+        yield f"| {'' if test == before else f'`{test}`'} | {'; '.join(' '.join(line.split()) for line in text.splitlines())} |"
+        before = test
 
 
 def _numbers(counts: Counter[str]) -> str:

@@ -53,7 +53,7 @@ def test_a_run_goes_on_where_another_stopped(tmp_path: Path, workers: tuple[str,
     page = long_results.page(long_results.read(kept).values())
     assert "| `tests/room` | 4 | 2 passed, 1 failed, 1 skipped |" in page
     assert "- `tests/room/test_it.py::test_other`" in page
-    assert "| `tests/room/test_it.py::test_one` | b was tried |" in page
+    assert "| `tests/room/test_it.py::test_one` | a was tried |\n|  | b was tried |" in page
     with kept.open("a", encoding="utf-8") as file:
         file.write('{"test": "cut off by a sto')
     second = run(MENDED="yes")
@@ -115,3 +115,10 @@ def test_the_page_tells_what_has_not_run_and_leaves_out_what_is_gone() -> None:
     assert "Not run yet:\n\n- `tests/b/test_b.py::test_two` (2)\n" in page
     assert "test_gone" not in page and "| `tests/a` | 1 | 1 passed |" in page
     assert "Not run yet" not in long_results.page(found, names)
+
+
+def test_what_a_campaign_told_is_a_row_each_that_names_it_once() -> None:
+    told = ("law    worst\narm   0.2 %\n", "and that")
+    result = long_results.Result("tests/a/test_a.py::test_one[1]", "passed", 1.0, "2026-11-26", "0123abc", told)
+    page = long_results.page([result])
+    assert page.endswith("| `tests/a/test_a.py::test_one` | law worst; arm 0.2 % |\n|  | and that |\n")
