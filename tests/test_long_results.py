@@ -102,7 +102,7 @@ def test_a_failure_in_the_end_of_a_test_counts(tmp_path: Path) -> None:
     for when, outcome in (("setup", "passed"), ("call", "passed"), ("teardown", "failed")):
         keeper.note("tests/room/test_it.py::test_it", when, outcome, 1.0, ())
     (result,) = long_results.read(keeper.path).values()
-    assert result.outcome == "failed" and result.room == "room"
+    assert result.outcome == "failed" and result.room == "tests/room"
     assert long_results.passed(keeper.path) == frozenset()
 
 
