@@ -177,10 +177,7 @@ class Toucher:
             here, self.figures, self.surface, self._load, self._presses, risen, self.below,
             np.array([0.0, 0.0, -1.0]), np.zeros(3), np.zeros(3),
         )  # fmt: skip
-        name = table.model.name
-        pose = next(i for i, channel in enumerate(table.model.reads) if channel.role is Role.TRACKED_POSE)
-        measured = state[f"{name}.measured"][pose : pose + 1]
-        read = np.zeros(0)
+        measured, read = table.measured_of(Role.TRACKED_POSE), np.zeros(0)
         if table.model.wire:
             read = state.flat(f"{probe.name}.rising.read_at", f"{probe.name}.rising.between")
         taken = Bound(

@@ -238,8 +238,13 @@ class Supervisor(Lifecycle):
 
     def measured_at(self, role: Role) -> int:
         """Return the tick at which the newest reading of a role was measured, -1 if there is none."""
-        index = next((i for i, channel in enumerate(self.model.reads) if channel.role is role), None)
-        return -1 if index is None else int(self._measured[index])
+        when = self.measured_of(role)
+        return int(when[0]) if when.size else -1
+
+    def measured_of(self, role: Role) -> NDArray[np.int64]:
+        """Return the view (1,) of State that has this tick, for compiled calls; (0,): no reading has the role."""
+        index = next((i for i, channel in enumerate(self.model.reads) if channel.role is role), len(self.model.reads))
+        return self._measured[index : index + 1]
 
     def _disbelieve(self, tick: int, error: TripError) -> None:
         self._keep_sane()
