@@ -107,12 +107,32 @@ def kernel(function: Function) -> Function:
 
     Where nothing can be cached (neither the package's folder nor the user's can be written), every process compiles.
     """
-    return _kept(function, njit(error_model="numpy")(function))
+    return _kept(function, _numba.njit(error_model="numpy", no_cfunc_wrapper=True)(function))
 
 
 def nogil_kernel(function: Function) -> Function:
     """Do what ``kernel`` does, for a function that releases the GIL while it runs."""
-    return _kept(function, njit(error_model="numpy", nogil=True)(function))
+    return _kept(function, _numba.njit(error_model="numpy", nogil=True, no_cfunc_wrapper=True)(function))
+
+
+def addressed_kernel(function: Function) -> Function:
+    """Do what ``kernel`` does, for a function that only compiled code calls, by its address: Python must not call it.
+
+    Unboxing arguments from Python, which is left out, would be a good part of a small function's compilation.
+    """
+    return _kept(function, _numba.njit(error_model="numpy", no_cpython_wrapper=True)(function))
+
+
+def part_of_its_caller(function: Function) -> Function:
+    """Compile a kernel as part of each kernel that calls it, as if it stood there, and never by itself.
+
+    It is for what has one caller: everything that the function calls would else be optimized twice over.  A function
+    that was compiled in another way, as a plugin may have done, is left as it is.
+    """
+    found: Any = function
+    if not isinstance(getattr(found, "_cache", None), KernelCache):
+        return function
+    return cast(Function, njit(error_model="numpy", inline="always")(found.py_func))
 
 
 def inlined(function: Function) -> Function:

@@ -31,7 +31,7 @@ from numba.experimental.function_type import _get_wrapper_address
 from numba.extending import intrinsic as _intrinsic
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel, nogil_kernel
+from itouch.compiling import addressed_kernel, nogil_kernel, part_of_its_caller
 
 _SIGNATURE = int64(int64)
 #: What a call returns to leave out the remaining calls of its step.
@@ -349,12 +349,12 @@ def _joined(function: Callable[..., int], body: str, classes: dict[str, type]) -
     inner: Any = getattr(function, "py_func", function)
     name = f"{inner.__name__}_{hashlib.sha256(body.encode()).hexdigest()[:12]}"
     names = {
-        "carray": carray, "pointer": _pointer, "only_read": _only_read, "function": function,
+        "carray": carray, "pointer": _pointer, "only_read": _only_read, "function": part_of_its_caller(function),
         "__name__": inner.__module__,
         **{kind.__name__: kind for kind in _KINDS}, **classes,
     }  # fmt: skip
     exec(compile(f"def {name}(words):\n    {body}\n", inspect.getfile(inner), "exec"), names)
-    return kernel(names[name])
+    return addressed_kernel(names[name])
 
 
 class _Writer:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,7 +13,7 @@ from hypothesis import strategies as some
 from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel
+from itouch.compiling import kernel, part_of_its_caller
 from itouch.joining import Chain, can_join, runner
 from itouch.plugin import Bound
 
@@ -142,3 +143,16 @@ def test_what_is_read_only_stays_so_where_calls_are_joined() -> None:
     with pytest.raises(TypingError, match="readonly"):
         runner((Bound(_spoil, fixed),))
     assert fixed.tolist() == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_what_others_compiled_in_their_way_stays_as_they_did() -> None:
+    @numba.njit(error_model="numpy", fastmath=True)
+    def double(total: Any) -> int:
+        total[0] *= 2.0
+        return 0
+
+    assert part_of_its_caller(double) is double
+    assert part_of_its_caller(_add) is not _add
+    total = np.array([3.0])
+    Chain([Bound(double, total), Bound(_add, total, np.ones((2, 2)), 0.5)]).run()
+    assert total[0] == 8.0

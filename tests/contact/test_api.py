@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,46 +14,50 @@ from probing import box_mesh, grid
 from itouch.contact import Box, Proxy, Sphere, Surface
 from itouch_evidence.contact.workload import icosphere
 
-BALL = Surface(*icosphere(3, 0.05))
+
+@cache
+def ball() -> Surface:
+    """Return a ball, made when a test first needs it, as making it compiles."""
+    return Surface(*icosphere(3, 0.05))
 
 
 def test_closest_of_one_point_and_of_many() -> None:
-    point, distance, face = BALL.closest([0.0, 0.0, 0.2])
+    point, distance, face = ball().closest([0.0, 0.0, 0.2])
     assert point.shape == (3,)
     assert (np.ndim(distance), np.ndim(face)) == (0, 0)
-    points, distances, faces = BALL.closest([[0.0, 0.0, 0.2], [0.0, 0.0, 0.01], [0.3, 0.0, 0.0]])
+    points, distances, faces = ball().closest([[0.0, 0.0, 0.2], [0.0, 0.0, 0.01], [0.3, 0.0, 0.0]])
     assert (points.shape, distances.shape, faces.shape) == ((3, 3), (3,), (3,))
     assert (distances >= 0.0).all()  # unsigned: the second is inside
     assert (distances[0], faces[0]) == (distance, face)
     np.testing.assert_array_equal(points[0], point)
     np.testing.assert_allclose(np.linalg.norm(points - [[0, 0, 0.2], [0, 0, 0.01], [0.3, 0, 0]], axis=1), distances)
-    assert [a.shape for a in BALL.closest(np.zeros((0, 3)))] == [(0, 3), (0,), (0,)]
+    assert [a.shape for a in ball().closest(np.zeros((0, 3)))] == [(0, 3), (0,), (0,)]
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.int64, list, np.asfortranarray])
 def test_any_array_of_numbers_will_do(kind: Callable[[object], object]) -> None:
     points = np.array([[1, 2, 3], [0, 0, 1]])
     given = kind(points.tolist()) if kind is list else kind(points)
-    np.testing.assert_array_equal(BALL.closest(given)[1], BALL.closest(points.astype(float))[1])
+    np.testing.assert_array_equal(ball().closest(given)[1], ball().closest(points.astype(float))[1])
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
 def test_what_is_no_place_has_no_nearest_point(bad: float) -> None:
-    _, distances, faces = BALL.closest([[bad, 0, 0], [0, 0, 1.0]])
+    _, distances, faces = ball().closest([[bad, 0, 0], [0, 0, 1.0]])
     assert (distances[0], faces[0]) == (np.inf, -1)
     assert faces[1] >= 0
-    assert BALL.closest([0, bad, 0])[2] == -1
+    assert ball().closest([0, bad, 0])[2] == -1
 
 
 def test_a_surface_tells_what_it_was_made_of() -> None:
     vertices, faces = icosphere(3, 0.05)
-    np.testing.assert_array_equal(BALL.vertices[BALL.faces], vertices[faces])
-    assert not BALL.vertices.flags.writeable
+    np.testing.assert_array_equal(ball().vertices[ball().faces], vertices[faces])
+    assert not ball().vertices.flags.writeable
 
 
 def test_a_proxy_goes_on_from_where_it_is() -> None:
     path = np.linspace([0.02, 0.0, 0.07], [-0.02, 0.01, 0.045], 60)
-    stepped, followed = (Proxy([BALL], radius=0.01, static_friction=0.5, dynamic_friction=0.3) for _ in range(2))
+    stepped, followed = (Proxy([ball()], radius=0.01, static_friction=0.5, dynamic_friction=0.3) for _ in range(2))
     forces = np.array([stepped.step(hip) for hip in path])
     parts = [followed.follow(path[:20]), followed.follow(path[20:21]), followed.follow(path[21:])]
     np.testing.assert_array_equal(np.concatenate(parts), forces)
@@ -65,7 +70,7 @@ def test_a_proxy_goes_on_from_where_it_is() -> None:
 
 def test_the_first_step_equals_a_reset() -> None:
     inside = [0.0, 0.0, 0.03]
-    first, other = Proxy([BALL], radius=0.01), Proxy(BALL, radius=0.01)
+    first, other = Proxy([ball()], radius=0.01), Proxy(ball(), radius=0.01)
     np.testing.assert_array_equal(first.step(inside), other.reset(inside))
     assert np.linalg.norm(first.position) == pytest.approx(0.06, rel=0.02)  # the nearest free point of a solid
     first.step([0.0, 0.0, 0.2])
@@ -92,11 +97,11 @@ def test_surfaces_and_shapes_together() -> None:
 
 TRIANGLE = np.eye(3), [[0, 1, 2]]
 REFUSED: dict[str, tuple[Callable[[], object], str]] = {
-    "points of two": (lambda: BALL.closest([1.0, 2.0]), r"points has shape \(2,\)"),
-    "points in a cube": (lambda: BALL.closest(np.zeros((2, 2, 3))), "points has shape"),
-    "words": (lambda: BALL.closest("abc"), "points is not an array of numbers"),
-    "ragged points": (lambda: BALL.closest([[1, 2, 3], [1, 2]]), "points is not an array"),
-    "complex points": (lambda: BALL.closest([1j, 0, 0]), "points is not an array of numbers"),
+    "points of two": (lambda: ball().closest([1.0, 2.0]), r"points has shape \(2,\)"),
+    "points in a cube": (lambda: ball().closest(np.zeros((2, 2, 3))), "points has shape"),
+    "words": (lambda: ball().closest("abc"), "points is not an array of numbers"),
+    "ragged points": (lambda: ball().closest([[1, 2, 3], [1, 2]]), "points is not an array"),
+    "complex points": (lambda: ball().closest([1j, 0, 0]), "points is not an array of numbers"),
     "flat vertices": (lambda: Surface(np.zeros((3, 2)), [[0, 1, 2]]), "vertices has shape"),
     "NaN vertices": (lambda: Surface(np.eye(3) * np.nan, [[0, 1, 2]]), r"vertices\[0\] is not finite"),
     "vast vertices": (lambda: Surface(np.eye(3) * 1e200, [[0, 1, 2]]), "vertices reach 1e"),
@@ -111,16 +116,16 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "no surface": (lambda: Proxy([]), "surfaces is empty"),
     "None": (lambda: Proxy(None), "surfaces is None"),  # type: ignore[arg-type]
     "arrays": (lambda: Proxy([TRIANGLE]), r"surfaces\[0\] is of type tuple"),  # type: ignore[list-item]
-    "radius below 0": (lambda: Proxy(BALL, radius=-1e-9), "radius is -1e-09"),
-    "radius NaN": (lambda: Proxy(BALL, radius=np.nan), "radius is nan"),
-    "radius a word": (lambda: Proxy(BALL, radius="8 mm"), "radius is '8 mm'"),  # type: ignore[arg-type]
-    "stiffness": (lambda: Proxy(BALL, stiffness=-1.0), "stiffness is -1.0"),
-    "friction": (lambda: Proxy(BALL, static_friction=-0.1), "static_friction is -0.1"),
-    "friction the wrong way round": (lambda: Proxy(BALL, static_friction=0.3, dynamic_friction=0.5), "dynamic_friction is 0.5"),
-    "a hip of two": (lambda: Proxy(BALL).step([1, 2]), r"hip has shape \(2,\)"),
-    "hips in a row": (lambda: Proxy(BALL).step([[0, 0, 0]]), "hip has shape"),
-    "a path that is a point": (lambda: Proxy(BALL).follow([0, 0, 0]), "hips has shape"),
-    "a reset to a word": (lambda: Proxy(BALL).reset("home"), "hip is not an array of numbers"),
+    "radius below 0": (lambda: Proxy(ball(), radius=-1e-9), "radius is -1e-09"),
+    "radius NaN": (lambda: Proxy(ball(), radius=np.nan), "radius is nan"),
+    "radius a word": (lambda: Proxy(ball(), radius="8 mm"), "radius is '8 mm'"),  # type: ignore[arg-type]
+    "stiffness": (lambda: Proxy(ball(), stiffness=-1.0), "stiffness is -1.0"),
+    "friction": (lambda: Proxy(ball(), static_friction=-0.1), "static_friction is -0.1"),
+    "friction the wrong way round": (lambda: Proxy(ball(), static_friction=0.3, dynamic_friction=0.5), "dynamic_friction is 0.5"),
+    "a hip of two": (lambda: Proxy(ball()).step([1, 2]), r"hip has shape \(2,\)"),
+    "hips in a row": (lambda: Proxy(ball()).step([[0, 0, 0]]), "hip has shape"),
+    "a path that is a point": (lambda: Proxy(ball()).follow([0, 0, 0]), "hips has shape"),
+    "a reset to a word": (lambda: Proxy(ball()).reset("home"), "hip is not an array of numbers"),
 }  # fmt: skip
 
 
@@ -132,7 +137,7 @@ def test_what_is_refused_names_the_argument(name: str) -> None:
 
 
 def test_a_hip_that_is_no_place_changes_nothing() -> None:
-    proxy = Proxy(BALL, radius=0.01)
+    proxy = Proxy(ball(), radius=0.01)
     proxy.reset([0.0, 0.0, 0.1])
     before = proxy.step([0.0, 0.0, 0.05])
     np.testing.assert_array_equal(proxy.step([np.nan, 0.0, 0.0]), 0.0)

@@ -119,11 +119,12 @@ def test_a_push_at_the_centre_of_mass_turns_nothing_wherever_the_frame_is() -> N
         (Box((0.02, 0.03, 0.01)), 0.01),
         (Sphere(0.015), 0.015),
         (Cylinder(0.02, 0.01), 0.01),
-        (Mesh(Surface(*icosphere(2, 0.02))), None),
+        (None, None),
     ],
 )
 @pytest.mark.parametrize("ground", [Plane(), Box((0.5, 0.5, 0.1))])
-def test_what_lies_on_the_ground_stays_there(shape: Shape, height: float | None, ground: Shape) -> None:
+def test_what_lies_on_the_ground_stays_there(shape: Shape | None, height: float | None, ground: Shape) -> None:
+    shape = shape or Mesh(Surface(*icosphere(2, 0.02)))  # made in the test, as making a mesh compiles
     top = 0.0 if isinstance(ground, Plane) else 0.1
     world = World(Body(ground, (0, 0, 0, *UP)), free(shape, (0.02, 0.01, top + 0.03))).run(1500)
     if height is not None:
