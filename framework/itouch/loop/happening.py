@@ -197,7 +197,8 @@ def close(event: Any, current: Any, ended: Any) -> int:
     ``current`` (1,): the object whose contact is open.
     """
     if event.kind[0] == END:
-        ended.copy[:] = ended.state
+        for i in range(ended.state.shape[0]):  # not [:] =, whose message about shapes takes over a second to compile
+            ended.copy[i] = ended.state[i]
         ended.open[0], ended.tick[0], ended.probe[0] = 1, event.tick[0], event.probe[0]
         current[0] = -1
     return 0

@@ -183,8 +183,10 @@ def _march(
     j = (f[0] - b[0]) / resistance if resistance > 0.0 else 0.0
     total, time, out = 0.0, 0.0, 0
     while out < len(times):
-        f_old[:] = f
-        b_old[:] = b
+        for i in range(len(f)):
+            f_old[i] = f[i]
+        for i in range(len(b)):
+            b_old[i] = b[i]
         _explicit(finger, finger_numbers, f_now, f_next, f, time, step)
         _explicit(body, body_numbers, b_now, b_next, b, time, step)
         j_old, total_old = j, total

@@ -37,7 +37,8 @@ def remember(x: Any, theta: Any, memory: Any, past: Any, kept: Any, column: int)
     for k in range(film):
         row[k] = x[k, column + at.X_SEEN]
         row[film + k] = x[k, column + at.X_FILM]
-    row[2 * film :] = theta
+    for k in range(theta.shape[0]):
+        row[2 * film + k] = theta[k]
     kept[NEXT] = (kept[NEXT] + 1.0) % past.shape[0]
     disturbed = 1.0 if memory[at.M_TOUCHING] == 0.0 and memory[at.M_QUIET] > 0.0 else 0.0
     kept[VALID] = min(kept[VALID] + 1.0, past.shape[0]) if disturbed == kept[DISTURBED] else 1.0

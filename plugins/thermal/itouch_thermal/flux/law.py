@@ -250,8 +250,10 @@ def _follow(
     memory[at.M_TICKS] = ticks + every
     before = memory[at.M_BEFORE] if memory.shape[0] > at.M_BEFORE else 0.0
     _queue(line, int(slots[0]), int(slots[1]), out, size, single, queue, before, c[at.O_SLEW] * period)
-    above[:] = x[0, :n]
-    below[:] = x[0, n:o]
+    for i in range(n):
+        above[i] = x[0, i]
+    for i in range(n, o):
+        below[i - n] = x[0, i]
     hot = memory[at.M_SINK]
     spill = (1.0 - c[at.O_COVER]) * c[at.O_AIR] * (c[at.O_AMBIENT] - x[0, o + at.X_FACE])
     flux, back = planner.arrive(
