@@ -33,29 +33,36 @@ settings.load_profile("any machine")
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-#: The files that take longest, longest first: a worker that began one of them last would be waited for.
+#: The files that take longest, longest first, as a worker that began one of them last would be waited for; between them
+#: those that wait for clocks and wires, so that one worker waits while the others compute.
 LONGEST = (
-    "test_exchanged", "test_only_path", "test_matrix", "test_emulator_suites", "test_blind_retreat",
-    "test_own_guardian", "test_listings", "test_four_materials", "test_tmcl", "test_diy_rig", "test_house",
-    "test_outside_monitor", "test_every_entrance", "test_launch", "test_wires_in_use", "test_sweeping",
-    "test_protections", "test_outside_plugin", "test_estimator", "test_hanging_process", "test_shelves",
-    "test_arrays", "test_no_name_decides", "test_reproduce", "test_device_suite", "test_faults_in_flight",
-    "test_operator_commands", "test_commands_line", "test_study", "test_compiling",
-    "test_deaths", "test_surfaces_of_strangers", "test_sequence", "test_from_recordings", "test_bench_surface",
-    "test_deadman_holders", "test_harm_from_inside", "test_live_window",
+    "test_exchanged", "test_only_path", "test_emulator_suites", "test_matrix", "test_four_materials",
+    "test_bad_answers_of_a_t7", "test_bench_surface", "test_every_entrance", "test_tmcl", "test_wires_in_use",
+    "test_deaths", "test_protections", "test_outside_plugin", "test_launch", "test_session_baud", "test_laws_of_a_stop",
+    "test_laws", "test_rigs_with_habits", "test_shelves", "test_faults_in_flight", "test_strange_instruments",
+    "test_limits_everywhere", "test_live_window", "test_external_control", "test_harm_from_inside", "test_own_guardian",
+    "test_sweeping", "test_hanging_process", "test_restore", "test_thermal_drivers", "test_listeners_in_a_stop",
+    "test_house", "test_irregular_timing", "test_compiling", "test_shipped", "test_busy_can_bus", "test_outside_monitor",
+    "test_sequence", "test_operator_commands", "test_joined", "test_device_suite", "test_from_recordings",
+    "test_no_name_decides", "test_reproduce", "test_estimator", "test_layouts",
 )  # fmt: skip
 
 
 #: Compiles what most tests need, in one process: what is not kept by itself, as it is part of what is, is compiled once.
 MOST = """
-from itouch.contact import Proxy, Surface
+import numpy as np
+from itouch.contact import Box, Friction, Geometry, Proxy, Surface
+from itouch.contact.step import step
 from itouch.servo.prepare import prepare
 
-for name in ("four_materials.xml", "mesh.xml"):
-    prepare(name, seed=0, twin=None, rig=None)
+for name in ("four_materials", "mesh", "four_materials_wire", "moving", "texture_and_sound"):
+    prepare(f"{name}.xml", seed=0, twin=None, rig=None)
 proxy = Proxy(Surface([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
 proxy.step([0.0, 0.0, 1.0])
 proxy.follow([[0.0, 0.0, 1.0]])
+box = Geometry.build([Box((1.0, 1.0, 1.0))], [Friction(0.0, 0.0)])
+pose = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
+step(box.world, None, pose, np.zeros((1, 6)), np.ones(1), np.zeros(3), 0.1, 0.1, box.new_memory(), box.new_result())
 """
 
 
@@ -67,6 +74,19 @@ def unwatched() -> Generator[None]:
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(Session, "GUARDIAN", "unwatched:watch")
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def together(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Generator[None]:
+    """Compile what workers need at the same time in one of them; the others wait for it."""
+    from itouch.compiling import compile_together
+
+    if worker_id != "master":
+        place = tmp_path_factory.getbasetemp().parent / "compiling"
+        place.mkdir(exist_ok=True)
+        compile_together(place)
+    yield
+    compile_together(None)
 
 
 @pytest.hookimpl(wrapper=True)
