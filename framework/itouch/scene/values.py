@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from typing import Any
 
 from itouch.schema.diagnostics import did_you_mean, meant
 from itouch.schema.fields import Spec
 from itouch.schema.hold_until import LEAST, MOST, SKIN, WORD, Until
-from itouch.schema.quantities import QuantityError, describe, parse_quantity
-from itouch.schema.units import CELSIUS_OFFSET
+from itouch.schema.quantities import QuantityError, describe, parse_quantity, split_unit
+from itouch.schema.units import CELSIUS_OFFSET, Unit, parse_unit
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 _INTEGER = re.compile(r"[+-]?\d{1,18}")
@@ -44,7 +45,7 @@ def _quantity(spec: Spec, text: str) -> float | tuple[float, ...]:
     for value in values:
         if not (math.isfinite(value) and spec.admits(value)):
             raise ValueProblemError(
-                "out-of-range", f"{_shown(spec, value)} is out of range", _range_advice(spec, text, values)
+                "out-of-range", f"{_shown(spec, text, value)} is out of range", _range_advice(spec, text, values)
             )
     return values[0] if spec.scalar else values
 
@@ -80,14 +81,33 @@ def _lasting(spec: Spec, text: str) -> float:
     return value[0] if isinstance(value, tuple) else value
 
 
-def _shown(spec: Spec, value: float) -> str:
-    return f"{value:g} {spec.unit}".strip()
+def _written(spec: Spec, text: str) -> Unit | None:
+    """Return the unit in which a quantity is written; None if that is the one of its range."""
+    _, written = split_unit(text)
+    unit = parse_unit(written)
+    in_si = unit.factor == parse_unit(spec.unit).factor and unit.offset == 0.0
+    return None if written == "" or in_si else unit
+
+
+def _shown(spec: Spec, text: str, value: float) -> str:
+    written = _written(spec, text)
+    if written is None:
+        return f"{value:g} {spec.unit}".strip()
+    return f"{_converted(spec, written, value):g} {written.text}"
+
+
+def _converted(spec: Spec, written: Unit, value: float) -> float:
+    return (value - written.offset) * parse_unit(spec.unit).factor / written.factor
 
 
 def _range_advice(spec: Spec, text: str, values: tuple[float, ...]) -> str:
     if spec.absolute and all(spec.admits(value + CELSIUS_OFFSET) for value in values):
         return f"did you mean '{text.removesuffix('K').strip()} degC'?"
-    return f"allowed: {_allowed(spec)}"
+    advice, written = f"allowed: {_allowed(spec)}", _written(spec, text)
+    if written is None or spec.absolute or not any(math.isfinite(end) and end for end in (spec.low, spec.high)):
+        return advice
+    low, high = (_converted(spec, written, end) for end in (spec.low, spec.high))
+    return f"{advice}, which is {replace(spec, unit=written.text, low=low, high=high).range_text()}"
 
 
 def _allowed(spec: Spec) -> str:
