@@ -25,6 +25,7 @@ import weakref
 from collections.abc import Callable
 from fractions import Fraction
 from functools import cache
+from inspect import CO_VARARGS
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar, cast
 
@@ -127,10 +128,11 @@ def part_of_its_caller(function: Function) -> Function:
     """Compile a kernel as part of each kernel that calls it, as if it stood there, and never by itself.
 
     It is for what has one caller: everything that the function calls would else be optimized twice over.  A function
-    that was compiled in another way, as a plugin may have done, is left as it is.
+    that was compiled in another way, as a plugin may have done, is left as it is, and so is one with ``*arguments``,
+    which Numba cannot inline.
     """
     found: Any = function
-    if not isinstance(getattr(found, "_cache", None), KernelCache):
+    if not isinstance(getattr(found, "_cache", None), KernelCache) or found.py_func.__code__.co_flags & CO_VARARGS:
         return function
     return cast(Function, njit(error_model="numpy", inline="always")(found.py_func))
 

@@ -156,3 +156,15 @@ def test_what_others_compiled_in_their_way_stays_as_they_did() -> None:
     total = np.array([3.0])
     Chain([Bound(double, total), Bound(_add, total, np.ones((2, 2)), 0.5)]).run()
     assert total[0] == 8.0
+
+
+@kernel
+def _count(total: Any, *more: Any) -> int:
+    total[0] += len(more)
+    return 0
+
+
+def test_a_call_may_have_any_number_of_arguments() -> None:
+    total = np.array([1.0])
+    Chain([Bound(_count, total, 1.0, 2), Bound(_count, total)]).run()
+    assert total[0] == 3.0
