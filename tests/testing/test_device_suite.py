@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 import sys
 import textwrap
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import bad_guests
 import bad_meanings
 import bad_states
 import pytest
-from bad import BAD
+from bad import BAD, Blocks, TwinWaits
 from slider import Slider, SliderParams
 
 from itouch.testing import DeviceSubject, DeviceTests, EmulatorTests
@@ -55,6 +57,32 @@ def test_a_bad_plugin_is_caught_by_name(cls, check, tmp_path):
     finding = CHECKS[check].examine(subject(cls, check, tmp_path))
     assert finding.outcome == "failed", f"{check} did not see it: {finding.note}"
     assert "likely cause:" in finding.note and "what to do:" in finding.note
+
+
+@pytest.fixture
+def talkative() -> Iterator[None]:
+    """Let another thread hold the interpreter's lock for milliseconds, as a virtual device may on a busy machine."""
+    over, before = threading.Event(), sys.getswitchinterval()
+
+    def talk() -> None:
+        while not over.wait(1e-3):
+            sum(range(100_000))
+
+    thread = threading.Thread(target=talk, daemon=True)
+    sys.setswitchinterval(1e-5)
+    thread.start()
+    yield
+    over.set()
+    thread.join()
+    sys.setswitchinterval(before)
+
+
+@pytest.mark.parametrize("check", ["twin-timing", "driver-timing"])
+def test_who_holds_the_interpreter_is_no_wait_of_a_plugin(check: str, talkative: None) -> None:
+    finding = CHECKS[check].examine(DeviceSubject(Slider, "slider", hardware=True))
+    assert finding.outcome == "passed", finding.note
+    waits = {"twin-timing": TwinWaits, "driver-timing": Blocks}[check]
+    assert CHECKS[check].examine(DeviceSubject(waits, "slider", hardware=True)).outcome == "failed"
 
 
 @pytest.mark.parametrize(
