@@ -452,7 +452,7 @@ def test_a_loop_through_the_real_bytes_holds_a_flux(tmp_path: object) -> None:
         seen, wanted = (Record.of(Field.of(c) for c in side) for side in (reads, commands))
         integral, exchanges, begin = 0.0, 0, time.monotonic()
         errors, last = [], begin
-        while time.monotonic() - begin < 3.0:
+        while exchanges < 150 and time.monotonic() - begin < 60.0:  # 3 s; on a busy machine exchanges take longer
             now = time.monotonic()
             try:
                 display.read(seen)
@@ -468,10 +468,10 @@ def test_a_loop_through_the_real_bytes_holds_a_flux(tmp_path: object) -> None:
                 pytest.skip(
                     f"this machine stood still for {1e3 * stood:.0f} ms: the controller's own watchdog has let go"
                 )
-            if time.monotonic() - begin > 2.0:
+            if exchanges > 100:
                 errors.append(abs(error))
             time.sleep(max(0.0, begin + 0.02 * exchanges - time.monotonic()))
-    assert exchanges > 20
+    assert exchanges == 150
     assert sum(errors) / len(errors) < 60.0
     assert emulator.tec is not None
     assert emulator.tec.output() == 0.0
