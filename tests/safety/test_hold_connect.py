@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import threading
 import time
 
@@ -13,6 +14,9 @@ from itouch.exchange import EveryNth
 from itouch.plugin import Channel, DeviceError, Record, Role
 from itouch.plugin.wire_claims import WireClaims, WireHeldError
 from itouch.safety import DeviceFaultError, HoldToRun, Status, Supervisor, Trip, connect
+
+#: In the names of wires, which belong to one process of the machine: the same test may run in another one meanwhile.
+ME = f"process {os.getpid()}"
 
 
 def supervised(*kinds: tuple[str, object], twin: bool = True) -> tuple[Record, list[Supervisor]]:
@@ -144,19 +148,19 @@ def test_a_wire_that_is_in_use_keeps_all_that_is_needed_closed(optional: bool) -
     def wired(wire: str) -> type[Fake]:
         return type("Wired", (Fake,), {"wires": classmethod(lambda cls, params: (wire,))})
 
-    kinds = [("one", "wire a of a test", False), ("two", "wire b of a test", optional)]
+    kinds = [("one", f"wire a of {ME}", False), ("two", f"wire b of {ME}", optional)]
     models = [model(ARM, name=name, cls=wired(wire), optional=needed) for name, wire, needed in kinds]
     data = state(*models)
     devices = [Supervisor(one, data, PERIOD, device=one.cls()) for one in models]
     elsewhere = WireClaims()
-    elsewhere.take(["WIRE B of a test"])
+    elsewhere.take([f"WIRE B of {ME}"])
     found = connect(devices, 0)
-    assert set(found) == {"two"} and "'wire b of a test' is in use by another session of this process" in found["two"]
+    assert set(found) == {"two"} and f"'wire b of {ME}' is in use by another session of this process" in found["two"]
     assert devices[0].status is (Status.OPEN if optional else Status.CLOSED)
     assert devices[1].status is Status.CLOSED
     if not optional:  # nor is the wire kept of what could have been opened
         free = WireClaims()
-        free.take(["wire a of a test"])
+        free.take([f"wire a of {ME}"])
         free.release()
     elsewhere.release()
     assert connect(devices, 0) == {}
@@ -165,12 +169,12 @@ def test_a_wire_that_is_in_use_keeps_all_that_is_needed_closed(optional: bool) -
     for one in devices:
         one.claim_wires()
         one.close()  # was never opened again, and lets go of its wire all the same
-    elsewhere.take(["wire a of a test", "wire b of a test"])
+    elsewhere.take([f"wire a of {ME}", f"wire b of {ME}"])
     elsewhere.release()
 
 
 def test_a_device_that_cannot_be_closed_keeps_its_wire() -> None:
-    cls = type("Wired", (Fake,), {"wires": classmethod(lambda cls, params: ("wire c of a test",))})
+    cls = type("Wired", (Fake,), {"wires": classmethod(lambda cls, params: (f"wire c of {ME}",))})
     one = model(ARM, cls=cls)
     it = Supervisor(one, state(one), PERIOD, device=cls())
     it.open()
@@ -182,23 +186,23 @@ def test_a_device_that_cannot_be_closed_keeps_its_wire() -> None:
     with pytest.raises(DeviceError, match="does not answer"):
         it.close()
     with pytest.raises(WireHeldError):
-        WireClaims().take(["wire c of a test"])
+        WireClaims().take([f"wire c of {ME}"])
     del it
     gc.collect()
-    WireClaims().take(["wire c of a test"])
+    WireClaims().take([f"wire c of {ME}"])
 
 
 def test_the_wire_of_a_device_behind_an_exchange_is_its_own() -> None:
-    cls = type("Wired", (Fake,), {"wires": classmethod(lambda cls, params: ("wire d of a test",))})
+    cls = type("Wired", (Fake,), {"wires": classmethod(lambda cls, params: (f"wire d of {ME}",))})
     one = model(ARM, cls=cls)
     it = Supervisor(one, state(one), PERIOD, device=EveryNth(cls(), 2, 0, PERIOD))
     it.claim_wires()
     with pytest.raises(WireHeldError):
-        WireClaims().take(["wire d of a test"])
+        WireClaims().take([f"wire d of {ME}"])
     it.free_wires()
     stands_in = Supervisor(one, state(one), PERIOD, device=Fake())  # on no wire, whatever the scene names
     stands_in.claim_wires()
-    WireClaims().take(["wire d of a test"])
+    WireClaims().take([f"wire d of {ME}"])
 
 
 def test_hardware_is_not_opened_where_no_guardian_can_watch(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import itouch
+from itouch.plugin import Device
 
 MECOM = '<thermal:hardware><thermal:mecom port="{}" address="{}"/>{}</thermal:hardware>'
 LABJACK = '<thermal:labjack host="10.0.0.{}"><thermal:flux-sensor sensitivity="1 uV*m^2/W"/></thermal:labjack>'
@@ -63,3 +65,8 @@ def test_one_arm_of_a_service_has_one_device(tmp_path: Path) -> None:
     assert (
         problems(tmp_path, ("haply", '<arm:hardware device="049D"/>'), ("haply", '<arm:hardware device="04A0"/>')) == []
     )
+
+
+def test_a_loop_of_pyserial_is_no_wire_as_each_process_has_its_own() -> None:
+    assert Device.wires(SimpleNamespace(port="loop://")) == ()
+    assert Device.wires(SimpleNamespace(port="/dev/ttyACM0")) == ("/dev/ttyACM0",)

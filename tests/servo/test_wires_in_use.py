@@ -117,17 +117,17 @@ def test_a_copy_of_a_process_keeps_no_wire_when_that_is_killed() -> None:
 
 def test_a_guardian_at_work_is_waited_for_and_then_named() -> None:
     guardian, claims = WireClaims(), WireClaims()
-    guardian.guard(["a line of a test"])
+    guardian.guard([f"a line of {os.getpid()}"])
     begin = time.monotonic()
     with pytest.raises(
         WireHeldError, match="another session of this process, the guardian of a session that has ended"
     ):
-        claims.take(["a line of a test"])
+        claims.take([f"a line of {os.getpid()}"])
     assert time.monotonic() - begin >= 1.0  # one that ends meanwhile is no reason to refuse
     with pytest.raises(WireHeldError):
-        WireClaims().guard(["a line of a test"])
+        WireClaims().guard([f"a line of {os.getpid()}"])
     guardian.release()
-    claims.take(["a line of a test"])
+    claims.take([f"a line of {os.getpid()}"])
     claims.release()
 
 

@@ -248,10 +248,11 @@ class Device(Grouped, ABC):
         """Return the wires that belong to this device alone, with these parameters: ports, addresses.
 
         Two drivers that write to one wire take each other's answers, and one would go on driving what the other has
-        stopped: such a scene is refused.  By default it is the parameter ``port``, if there is one and it is not empty.
+        stopped: such a scene is refused.  By default it is the parameter ``port``, if there is one and it is not empty;
+        pyserial's ``loop://`` is none, as each process has its own.
         """
         port = getattr(params, "port", "")
-        return (port,) if isinstance(port, str) and port else ()
+        return (port,) if isinstance(port, str) and port and not port.startswith("loop://") else ()
 
     @classmethod
     def bind(cls, params: Any, read: Callable[[str, int], bytes]) -> Any:
