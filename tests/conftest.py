@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import gc
+import os
 import shutil
 import signal
 import subprocess
 import sys
+import tempfile
+import time
 from collections.abc import Callable, Generator
 from pathlib import Path
 
@@ -33,30 +38,53 @@ settings.load_profile("any machine")
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+#: The files that take long and need nothing compiled: one worker begins with them while the others wait for that.
+UNCOMPILED = (
+    "test_only_path", "test_bad_answers_of_a_t7", "test_house", "test_no_name_decides", "test_rigs_with_habits",
+    "test_session_baud", "test_strange_instruments", "test_arrays", "test_busy_can_bus", "test_thread", "test_editors",
+    "test_power_and_exports", "test_study", "test_links", "test_units_oracle", "test_controllers_with_habits",
+    "test_moteus", "test_falcon_matrix", "test_falcon_faults", "test_falcon_usb", "test_blind_legs", "test_serialport",
+    "test_sweep_benches", "test_pages", "test_bounded_memory", "test_mutation", "test_gltf_oracle", "test_bench_wire",
+    "test_sweep_store", "test_module_with_habits", "test_servos_with_habits", "test_falcon_stranger", "test_plans",
+)  # fmt: skip
+
 #: The files that take longest, longest first, as a worker that began one of them last would be waited for; between them
 #: those that wait for clocks and wires, so that one worker waits while the others compute.
 LONGEST = (
-    "test_exchanged", "test_only_path", "test_emulator_suites", "test_matrix", "test_four_materials",
-    "test_bad_answers_of_a_t7", "test_bench_surface", "test_every_entrance", "test_tmcl", "test_wires_in_use",
-    "test_deaths", "test_protections", "test_outside_plugin", "test_launch", "test_session_baud", "test_laws_of_a_stop",
-    "test_laws", "test_rigs_with_habits", "test_shelves", "test_faults_in_flight", "test_strange_instruments",
+    "test_exchanged", "test_emulator_suites", "test_matrix", "test_four_materials",
+    "test_bench_surface", "test_every_entrance", "test_tmcl", "test_wires_in_use",
+    "test_deaths", "test_protections", "test_outside_plugin", "test_launch", "test_laws_of_a_stop",
+    "test_laws", "test_shelves", "test_faults_in_flight",
     "test_limits_everywhere", "test_live_window", "test_external_control", "test_harm_from_inside", "test_own_guardian",
     "test_sweeping", "test_hanging_process", "test_restore", "test_thermal_drivers", "test_listeners_in_a_stop",
-    "test_house", "test_irregular_timing", "test_compiling", "test_shipped", "test_busy_can_bus", "test_outside_monitor",
+    "test_irregular_timing", "test_compiling", "test_shipped", "test_outside_monitor",
     "test_sequence", "test_operator_commands", "test_joined", "test_device_suite", "test_from_recordings",
     "test_no_name_decides", "test_reproduce", "test_estimator", "test_layouts",
 )  # fmt: skip
 
 
-#: Compiles what most tests need, in one process: what is not kept by itself, as it is part of what is, is compiled once.
+#: Compiles what most tests need, in two processes: what is part of what is kept, and not kept by itself, is compiled once.
 MOST = """
+import os, subprocess, sys
+place = os.environ["ITOUCH_TESTS_COMPILE"]
+ahead = [sys.executable, "-m", "itouch.servo.compile_ahead", "four_materials.xml"]  # from the last to the first
+beside = subprocess.Popen([*ahead, "--parent", str(os.getpid()), "--together", place], close_fds=True)
+
+from pathlib import Path
 import numpy as np
+from itouch.compiling import compile_together
 from itouch.contact import Box, Friction, Geometry, Proxy, Surface
 from itouch.contact.step import step
+from itouch.servo import prepare as companions
 from itouch.servo.prepare import prepare
+
+compile_together(Path(place))
+companions._COMPANIONS = 0  # each would begin anew with every scene
 
 for name in ("four_materials", "mesh", "four_materials_wire", "moving", "texture_and_sound"):
     prepare(f"{name}.xml", seed=0, twin=None, rig=None)
+beside.kill()
+beside.wait()
 proxy = Proxy(Surface([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
 proxy.step([0.0, 0.0, 1.0])
 proxy.follow([[0.0, 0.0, 1.0]])
@@ -78,15 +106,39 @@ def unwatched() -> Generator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def together(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Generator[None]:
-    """Compile what workers need at the same time in one of them; the others wait for it."""
+    """Compile nothing that another worker is compiling already, but wait for it."""
     from itouch.compiling import compile_together
 
     if worker_id != "master":
-        place = tmp_path_factory.getbasetemp().parent / "compiling"
+        place = Path(os.environ.get(TOGETHER) or tmp_path_factory.getbasetemp().parent / "compiling")
         place.mkdir(exist_ok=True)
         compile_together(place)
     yield
     compile_together(None)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Begin when what most tests need is compiled, but in the worker that is given what needs nothing compiled."""
+    global _begun
+    if not _begun and TOGETHER in os.environ and item.path.stem not in UNCOMPILED:
+        _wait_for_most(Path(os.environ[TOGETHER]))
+    _begun = True
+
+
+_begun = False
+
+
+def _wait_for_most(place: Path) -> None:
+    """Return when the process that compiles ``MOST`` has ended: it holds a lock as long as it lives."""
+    limit = time.monotonic() + 600.0
+    with open(place / "most", "ab") as held:
+        while time.monotonic() < limit:
+            with contextlib.suppress(BlockingIOError):
+                fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                return
+            time.sleep(0.1)
+    print("compiling before the tests did not end in 600 s", file=sys.stderr)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -104,31 +156,27 @@ def pytest_make_collect_report(
 @pytest.hookimpl(tryfirst=True)  # before the groups are read
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Begin with the files that take longest; a file's tests share a worker (pyproject.toml), as they share fixtures."""
-    longest = {name: place for place, name in enumerate(LONGEST)}
+    # the other workers take one file each before they wait
+    first = (UNCOMPILED[0], *LONGEST[:2], *UNCOMPILED[1:], *LONGEST[2:])
+    longest = {name: place for place, name in enumerate(first)}
     items.sort(key=lambda item: (longest.get(item.path.stem, len(longest)), item.path))
     _choose(config, items)
 
 
-#: What compiles before the tests, while it does.
+#: Environment variable that names the folder in which the processes of a whole run say what they compile.
+TOGETHER = "ITOUCH_TESTS_COMPILE"
+#: The process that compiles what most tests need, while the run lasts.
 _compiling: list[subprocess.Popen[bytes]] = []
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile what most tests need once, as a first start does, before the workers of a whole run would do so each."""
+    """Compile what most tests need once, as a first start does, where the workers of a whole run would do so each."""
     config = session.config
     if config.args_source is config.ArgsSource.TESTPATHS and config.getoption("numprocesses", None):
-        _compiling.append(subprocess.Popen([sys.executable, "-c", MOST], cwd=SCENES))
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_node_collection_finished() -> None:
-    """Give out no test before that is over; the workers have collected meanwhile, where a core was idle."""
-    while _compiling:
-        try:
-            _compiling[-1].wait(600.0)
-        except subprocess.TimeoutExpired:  # the tests compile it themselves then, each worker on its own
-            print("compiling before the tests did not end in 600 s", file=sys.stderr)
-        _end_compiling()
+        os.environ[TOGETHER] = place = tempfile.mkdtemp(prefix="itouch-tests-")
+        with open(Path(place, "most"), "ab") as held:
+            fcntl.flock(held, fcntl.LOCK_EX)
+            _compiling.append(subprocess.Popen([sys.executable, "-c", MOST], cwd=SCENES, pass_fds=[held.fileno()]))
 
 
 def _end_compiling() -> None:
@@ -136,6 +184,7 @@ def _end_compiling() -> None:
         process = _compiling.pop()
         process.kill()
         process.wait()
+        shutil.rmtree(os.environ.pop(TOGETHER), ignore_errors=True)
 
 
 def pytest_unconfigure() -> None:
