@@ -45,7 +45,10 @@ SLOW = (
 
 def device_writes(path: Path) -> list[int]:
     """Return the lines that call ``write`` of something called a device, but for devices that wrap another one."""
-    tree, found = ast.parse(path.read_text(encoding="utf-8")), []
+    source = path.read_text(encoding="utf-8")
+    if ".write(" not in source:
+        return []
+    tree, found = ast.parse(source), []
     wrapping: list[ast.AST] = [
         node for node in ast.walk(tree)
         if (isinstance(node, ast.FunctionDef) and node.name == "write")

@@ -44,7 +44,7 @@ def told(session: itouch.Session, seconds: float) -> str:
             '<fault device="arm" kind="freeze" at="6.09 s" for="100 ms"/>',
             '<fault device="table" kind="bias" at="6.4 s" channel="wrench" amount="6 N"/>',  # comes after the restart
         ],
-        2,
+        1,
     ),
 )
 def test_it_goes_on_in_another_process(scenes: Path, faults: str) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import statsmodels.api as sm
 from run_scene import write_study
 from scipy import linalg, special
 
@@ -73,6 +72,7 @@ def test_errors_of_correlated_trials_against_whole_matrices(power: float) -> Non
     own = rng.normal(0.4, 1.2, len(sizes))[people]
     table = np.column_stack([np.ones(len(people)), rng.integers(0, 2, len(people)), people % 2]).astype(float)
     right = (rng.random(len(people)) < special.expit(own + 0.5 * table[:, 1])).astype(float)
+    sm = pytest.importorskip("statsmodels.api")  # takes as long to load as all else here
     model = sm.GEE(right, table, groups=people, family=sm.families.Binomial(), cov_struct=sm.cov_struct.Exchangeable())
     fit = model.fit(maxiter=200)
     likeness = float(model.cov_struct.dep_params)
