@@ -29,7 +29,7 @@ SKIN_EVER, SKIN_LATER, NOMINAL = 0.116, 0.0155, 3e-3
 #: Flux error [W/m2] that comes from the sensor's noise, and the factor by which the flux falls after the trial's end.
 NOISE, FALLS = 0.45, 3.0
 #: Allowed errors of the flux on a hard plant, relative rms, and there for effusivities below THIN [W s^1/2 / m2K].
-HARD, HARD_THIN, THIN = 5e-3, 13e-3, 300.0
+HARD, HARD_THIN, THIN = 5e-3, 14e-3, 300.0
 #: Extra cost of a flux error beyond the allowed one, per multiple of that by which it is beyond.
 FLUX_FIRST = 10.0
 #: How many start temperatures are tried first, how far they reach beyond the faces' temperatures [K], how far around a
