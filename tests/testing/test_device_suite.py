@@ -13,10 +13,10 @@ import bad_guests
 import bad_meanings
 import bad_states
 import pytest
-from bad import BAD, Blocks, TwinWaits
+from bad import BAD, Blocks
 from slider import Slider, SliderParams
 
-from itouch.testing import DeviceSubject, DeviceTests, EmulatorTests
+from itouch.testing import DeviceSubject, DeviceTests, EmulatorTests, timing
 from itouch.testing.suites import DEVICE_CHECKS, EMULATOR_CHECKS
 
 #: Checks that need the wire.
@@ -32,6 +32,11 @@ def subject(cls: type[Slider], check: str, folder: Path) -> DeviceSubject:
     emulated = check in WIRE
     params = port(folder) if emulated else None
     return DeviceSubject(cls, "slider", params, hardware=not emulated, emulated=emulated)
+
+
+def of(name: str) -> type[Slider]:
+    """Return the bad plugin of a name."""
+    return next(cls for cls in BAD if cls.__name__ == name)
 
 
 class TestSlider(DeviceTests):
@@ -81,8 +86,16 @@ def talkative() -> Iterator[None]:
 def test_who_holds_the_interpreter_is_no_wait_of_a_plugin(check: str, talkative: None) -> None:
     finding = CHECKS[check].examine(DeviceSubject(Slider, "slider", hardware=True))
     assert finding.outcome == "passed", finding.note
-    waits = {"twin-timing": TwinWaits, "driver-timing": Blocks}[check]
-    assert CHECKS[check].examine(DeviceSubject(waits, "slider", hardware=True)).outcome == "failed"
+    waits = {"twin-timing": of("TwinWaits"), "driver-timing": Blocks}[check]
+    finding = CHECKS[check].examine(DeviceSubject(waits, "slider", hardware=True))
+    assert finding.outcome == "failed" and " wait" in finding.note, finding.note
+
+
+def test_what_one_attempt_leaves_running_excuses_nothing_in_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = iter([0.0])  # before the first attempt; from then on nothing runs undisturbed
+    monkeypatch.setattr(timing, "_held_up", lambda: next(found, 1e6))
+    finding = CHECKS["twin-timing"].examine(DeviceSubject(of("WaitsNowAndThen"), "slider"))
+    assert finding.outcome == "failed" and "calls of the twin wait" in finding.note, finding.note
 
 
 @pytest.mark.parametrize(
