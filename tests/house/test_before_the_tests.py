@@ -94,3 +94,9 @@ def test_a_part_of_the_tests_and_one_worker_compile_for_themselves(
     config = SimpleNamespace(args_source=source[asked[0]], ArgsSource=source, getoption=lambda *_: asked[1])
     conftest.pytest_sessionstart(SimpleNamespace(config=config))
     assert conftest._compiling == [] and conftest.TOGETHER not in os.environ
+
+
+def test_files_that_begin_early_are_there_and_named_once(conftest: ModuleType) -> None:
+    named = (*conftest.UNCOMPILED, *conftest.LONGEST)
+    assert len(set(named)) == len(named)
+    assert set(named) <= {path.stem for path in (ROOT / "tests").rglob("test_*.py")}
