@@ -99,15 +99,16 @@ def test_a_row_that_is_lost_or_doubled_is_seen(tmp_path: Path, monkeypatch: pyte
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are found in /proc")
 def test_what_goes_on_working_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(deaths, "GONE", 0.2)
-    left = subprocess.Popen(["sleep", "100"], env={"ITOUCH_SWEEP_DEATHS": "some mark"})
+    mark = f"some mark of {os.getpid()}"  # another run of the tests on this machine has its own
+    left = subprocess.Popen(["sleep", "100"], env={"ITOUCH_SWEEP_DEATHS": mark})
     try:
         while not Path(f"/proc/{left.pid}/environ").read_bytes():  # a program that has just begun shows none yet
             time.sleep(0.01)
-        assert deaths._left("some mark") == 1
+        assert deaths._left(mark) == 1
     finally:
         left.kill()
         left.wait()
-    assert deaths._left("some mark") == 0
+    assert deaths._left(mark) == 0
 
 
 @pytest.mark.long
