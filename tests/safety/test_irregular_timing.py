@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 import random
 import time
@@ -149,25 +150,42 @@ def test_a_device_that_falls_silent_counts_as_tripped(tmp_path: Path) -> None:
         session.run(3.0, each=session.hold)
 
 
-@pytest.mark.parametrize("takes", [0.007, 0.020, 0.023])
-def test_through_threads_in_real_time(tmp_path: Path, takes: float) -> None:
+def in_threads(folder: Path, takes: float) -> tuple[float, float]:
+    """Run a pad of 41 degC behind a thread for 1.5 s; return for how long [s] it ran by the wall, and its dose."""
     cls: Any = type("Threaded", (Pad,), {"says": staticmethod(still(41.0)), "takes_s": takes})
     found = catalog({"stranger": cls})
-    session = itouch.build(scene(tmp_path, "pad", twin="no"), catalog=found, clock=WallClock())
-    session.hold()
-    session.enable()
-    begin = time.monotonic()
+    session = itouch.build(scene(folder, "pad", twin="no"), catalog=found, clock=WallClock())
+    gc.collect()
+    gc.freeze()  # what has been compiled takes the collector longer to look through than a word holds
+    ticked: list[float] = []  # what a busy machine takes to begin, and to come back, is no dose
+
+    def each() -> None:
+        ticked.append(time.monotonic())
+        session.hold()
+
     try:
-        session.run(1.5, each=session.hold)
-        passed = time.monotonic() - begin
-        dose = session.state["pad.heat.dose"].item()
-    except itouch.DeviceFaultError as fault:
-        if "held the switch" in str(fault):  # each word holds for 80 ms
-            skip_unless_punctual(0.02)
-        raise
+        session.hold()
+        session.enable()
+        session.run(1.5, each=each)
+        return ticked[-1] - ticked[0], session.state["pad.heat.dose"].item()
     finally:
         session.close()
-    expected = pytest.approx(passed * 0.25 ** (43.0 - 41.003), rel=0.05)
-    if dose != expected:  # of 1.5 s of the wall, 75 ms are the bound
-        skip_unless_punctual(0.02)
+
+
+@pytest.mark.parametrize("takes", [0.007, 0.020, 0.023])
+def test_through_threads_in_real_time(tmp_path: Path, takes: float) -> None:
+    for attempt in range(3):  # what is wrong shows in each; what a busy machine holds up need not
+        try:
+            passed, dose = in_threads(tmp_path, takes)
+        except itouch.DeviceFaultError as fault:
+            if "held the switch" not in str(fault):  # each word holds for 80 ms
+                raise
+            if attempt == 2:
+                skip_unless_punctual(0.02)
+                raise
+            continue
+        expected = pytest.approx(passed * 0.25 ** (43.0 - 41.003), rel=0.05)
+        if dose == expected:
+            return
+    skip_unless_punctual(0.02)  # of 1.5 s of the wall, 75 ms are the bound
     assert dose == expected
