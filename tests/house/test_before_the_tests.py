@@ -39,7 +39,8 @@ def compiled(conftest: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPat
             if len(slept) == 3:
                 fcntl.flock(held, fcntl.LOCK_UN)
 
-        monkeypatch.setattr(time, "sleep", sleep)
+        # its own clock: threads of other tests in this process sleep on
+        monkeypatch.setattr(conftest, "time", SimpleNamespace(sleep=sleep, monotonic=time.monotonic))
         yield slept
 
 
@@ -64,7 +65,7 @@ def test_a_compilation_that_hangs_is_told(
     conftest: ModuleType, compiled: list[float], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     ticks = itertools.count(0.0, 250.0)
-    monkeypatch.setattr(time, "monotonic", lambda: next(ticks))
+    monkeypatch.setattr(conftest.time, "monotonic", lambda: next(ticks))
     conftest.pytest_runtest_setup(of("test_of_what_is_compiled"))
     assert len(compiled) == 2
     assert capsys.readouterr().err.count("did not end in 600 s") == 1
