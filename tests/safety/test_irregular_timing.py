@@ -174,7 +174,7 @@ def in_threads(folder: Path, takes: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize("takes", [0.007, 0.020, 0.023])
 def test_through_threads_in_real_time(tmp_path: Path, takes: float) -> None:
-    for attempt in range(3):  # what is wrong shows in each; what a busy machine holds up need not
+    for attempt in range(3):  # a loop that stops by itself does so each time; a machine that holds it up need not
         try:
             passed, dose = in_threads(tmp_path, takes)
         except itouch.DeviceFaultError as fault:
@@ -183,9 +183,9 @@ def test_through_threads_in_real_time(tmp_path: Path, takes: float) -> None:
             if attempt == 2:
                 skip_unless_punctual(0.02)
                 raise
-            continue
-        expected = pytest.approx(passed * 0.25 ** (43.0 - 41.003), rel=0.05)
-        if dose == expected:
-            return
-    skip_unless_punctual(0.02)  # of 1.5 s of the wall, 75 ms are the bound
+        else:
+            break
+    expected = pytest.approx(passed * 0.25 ** (43.0 - 41.003), rel=0.05)
+    if dose != expected:  # of 1.5 s of the wall, 75 ms are the bound
+        skip_unless_punctual(0.02)
     assert dose == expected
