@@ -267,6 +267,7 @@ FOUND = [
     pytest.param(77031, 235, "step", id="a plate does not rise to a steep face that comes"),
     pytest.param(90212, 59, "aside", id="friction that turns round is followed"),
     pytest.param(90212, 367, "step", id="what a sensor reads of nothing does not rise"),
+    pytest.param(66127, 17, "step", id="a plate that just touches bounces while the arm follows its force"),
 ]
 
 

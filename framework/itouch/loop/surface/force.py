@@ -57,6 +57,10 @@ STEP = 0.065
 #: The same just before the plate is felt, and while it sets out or turns round: how its force changes then cannot be
 #: foreseen.
 FIRST_STEP = 0.02
+#: Where the plate presses by less than this [N] it may bounce: what it gave in one tick it takes back in the next.
+LIGHT = 0.1
+#: Greatest change per tick [N] of the arm's force there, so that with a bounce of the plate it stays below 0.1 N.
+LIGHT_STEP = 0.055
 #: For how long [s] the sum is still kept to such steps after the plate has come or gone.
 AFTER = 0.05
 #: For how long [s] the plate sets out or turns round after a change of hands.
@@ -211,6 +215,8 @@ def push(
         step = FIRST_STEP if unseen else STEP
         # Between two readings the plate's force steps unseen: the arm's own steps leave room for that.
         most = min(step, HAND_STEP) if guessed and (pressed > NOTHING or depth > -ABOUT) else np.inf
+        if NOTHING < pressed < LIGHT:
+            most = min(most, LIGHT_STEP)
         if memory[CHANGING] <= AFTER and memory[SETTLED] > 0.0:
             # The handover is over: friction that reverses must not be followed late.
             stirs = max(virtual, memory[STIRS], memory[STIRS + 1])
