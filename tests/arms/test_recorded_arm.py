@@ -218,3 +218,16 @@ def test_at_any_time_it_is_between_its_samples(time: float, repeat: bool) -> Non
     assert np.isfinite(at).all()
     low, high = poses.min(axis=0), poses.max(axis=0)
     assert (np.array(at) >= low - 1e-12).all() and (np.array(at) <= high + 1e-12).all()
+
+
+def test_a_column_without_a_unit_is_in_metres_and_seconds() -> None:
+    times, poses = from_csv(b"t,x,y,z\n0,0.01,0,0\n0.5,0.02,0,0.03\n")
+    assert times == [0.0, 0.5]
+    assert poses[:, :3].tolist() == [[0.01, 0.0, 0.0], [0.02, 0.0, 0.03]]
+
+
+def test_the_example_comes_back_to_its_height_after_four_seconds() -> None:
+    times, poses = example()
+    assert times[-1] == pytest.approx(4.0) and len(poses) == len(times)
+    assert poses[0, 2] == poses[-1, 2] == pytest.approx(0.05)
+    assert poses[:, 2].min() == pytest.approx(0.02) and poses[-1, 0] == pytest.approx(0.02)

@@ -9,7 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itouch.plugin import Channel, Role, line_through, poses
+from itouch.plugin import (
+    Channel,
+    Role,
+    line_through,
+    plate_temperature,
+    poses,
+    sink_temperature,
+    skin_temperature,
+)
 from itouch.plugin.ideal import pairs
 
 ANGLES = st.tuples(*[st.floats(-3.2, 3.2)] * 3)
@@ -63,3 +71,17 @@ def test_an_ideal_twin_mirrors_by_role_then_by_name_then_by_unit() -> None:
         Channel("target", unit="K", role=Role.TEMPERATURE_TARGET),
     )
     assert dict(pairs(reads, commands)) == {"temperature": "target", "right": "drive", "left": "left"}
+
+
+@pytest.mark.parametrize(
+    ("channel", "low", "high"),
+    [
+        (plate_temperature(), -10.0, 80.0),
+        (skin_temperature(), -10.0, 80.0),
+        (sink_temperature(), -10.0, 80.0),
+    ],
+)
+def test_a_temperature_is_read_over_the_range_that_a_sensor_at_a_finger_needs(
+    channel: Channel, low: float, high: float
+) -> None:
+    assert [channel.low[0] - 273.15, channel.high[0] - 273.15] == pytest.approx([low, high])

@@ -236,3 +236,11 @@ def test_contacts_are_told_as_they_end_unless_only_results_are_asked_for(monkeyp
         shown.show()
         assert out.getvalue().startswith("   2.000 s  finger left pad") == told
         assert bool(out.getvalue()) == told
+
+
+def test_of_a_fault_times_are_numbers_and_the_rest_are_words() -> None:
+    fault = {"time_s": 1.5, "device": "arm", "trip": "finger-force", "cause": "too strong", "scene": "a.xml:3:1"}
+    told = sections.faults(SimpleNamespace(faults=[fault]))  # type: ignore[arg-type]
+    assert told is not None and len(told.rows[0]) == len(told.heads)
+    assert [head for index, head in enumerate(told.heads) if index not in told.words] == ["time [s]", "safe after [s]"]
+    assert max(told.words) < len(told.heads)

@@ -99,3 +99,12 @@ def test_progress_is_told_and_changes_nothing(
     other.run(2.0, each=lambda: told.append(other.ticks), every=500, progress=True)
     other.close()
     assert told == counted
+
+
+@pytest.mark.parametrize("count", [3, notebook.POINTS, 3 * notebook.POINTS, 100_000])
+def test_a_long_curve_is_drawn_by_its_extremes_in_few_points(count: int) -> None:
+    values = np.random.default_rng(3).normal(size=count)
+    chosen = notebook._extremes(values)
+    assert len(chosen) <= notebook.POINTS
+    assert values[chosen].min() == values.min() and values[chosen].max() == values.max()
+    assert (np.diff(chosen) > 0).all()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ast
+import io
 import re
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itouch.schema.terminal import _UNSAFE, coloured, plain
+from itouch.schema.terminal import _UNSAFE, coloured, is_terminal, plain
 
 
 @given(st.characters().filter(_UNSAFE.match))
@@ -33,3 +34,12 @@ def test_the_code_of_a_character_that_acts_is_one_that_python_reads(character: s
 def test_colours_go_round_the_kind_of_a_line(line: str, shown: str) -> None:
     found = re.sub(r"\x1b\[([1-9][0-9;]*)m", r"<\1 ", coloured(f"before\n{line}\nafter")).replace("\x1b[0m", ">")
     assert found == f"before\n{shown}\nafter"
+
+
+@pytest.mark.parametrize("error", [ValueError("closed"), OSError("gone")])
+def test_a_stream_that_cannot_say_is_no_terminal(error: Exception) -> None:
+    class Stream(io.StringIO):
+        def isatty(self) -> bool:
+            raise error
+
+    assert not is_terminal(Stream())

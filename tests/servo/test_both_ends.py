@@ -14,10 +14,12 @@ import pytest
 from itouch.plugin import DeviceError, Field, Record, Role, Twin
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
+from itouch.servo import control_block as control
 from itouch.servo import wire
 from itouch.servo.commands import Asked, Commands
 from itouch.servo.link import Link
 from itouch.servo.remote import RemoteTwin
+from itouch.servo.serve import Servo
 from itouch.servo.twin_server import TwinServer
 from itouch.world.rig import build_devices
 
@@ -138,3 +140,25 @@ def test_a_plate_is_safe_as_it_sinks_and_at_the_bottom_and_not_where_it_stands(t
     assert not safe(bottom + 0.02)
     goal[2] = table._last_target = bottom
     assert safe(bottom)
+
+
+@pytest.mark.parametrize(
+    ("stop", "paused", "scripted", "done", "ends"),
+    [
+        (0, False, False, False, False),
+        (1, False, False, False, True),
+        (0, True, False, False, True),
+        (0, False, True, False, False),
+        (0, False, False, True, False),
+        (0, False, True, True, True),
+    ],
+)
+def test_a_run_is_interrupted_by_a_word_a_pause_or_the_end_of_its_script(
+    stop: int, paused: bool, scripted: bool, done: bool, ends: bool
+) -> None:
+    words = dict.fromkeys((control.ASKED, control.TAKEN), 0) | {control.STOP: stop}
+    servo: Any = SimpleNamespace(
+        words=words, _hold=lambda: None, _asked=SimpleNamespace(paused=paused), _scripted=scripted,
+        session=SimpleNamespace(done=done),
+    )  # fmt: skip
+    assert Servo._interrupted(servo) is ends

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import subprocess
@@ -13,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import itouch
+from itouch.plugin import wire_claims
 from itouch.plugin.wire_claims import WireClaims, WireHeldError
 from itouch.servo import Handle
 from itouch.session.scene_change import succeed
@@ -238,3 +240,19 @@ def test_a_virtual_rig_does_not_take_the_place_of_a_port_that_a_session_has_open
     assert "is in use by another session of this process" in capsys.readouterr().err
     assert (tmp_path / "port").is_symlink()
     claims.release()
+
+
+@pytest.mark.parametrize(
+    ("text", "parent"), [("7 (a (b) c) S 42 7 7", 42), ("", 0), ("7 (a)", 0), ("7 (a) S x", 0), ("7 (a) S 1", 1)]
+)
+def test_of_a_process_that_ends_meanwhile_no_parent_is_known(
+    text: str, parent: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(wire_claims, "open", lambda *_, **__: io.StringIO(text), raising=False)
+    assert wire_claims._parent(7) == parent
+
+
+def test_a_process_that_has_ended_has_neither_words_nor_parent() -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    assert wire_claims._words(ended.pid) == [] and wire_claims._parent(ended.pid) == 0

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from itouch.plugin import Field, Record
+from itouch.world.state import EVENT_DTYPE
 
 
 def test_records_are_equal_if_type_and_bytes_are() -> None:
@@ -26,3 +27,9 @@ def test_not_a_number_equals_itself_in_a_state() -> None:
 def test_a_record_is_no_key() -> None:
     with pytest.raises(TypeError):
         hash(Record.of((Field("a", "f8"),)))
+
+
+def test_vectors_of_an_event_have_three_components() -> None:
+    event = np.dtype(EVENT_DTYPE)
+    shapes = {name: event[name].shape for name in event.names or () if event[name].shape}
+    assert shapes == dict.fromkeys(("point", "normal", "tangential_velocity"), (3,))

@@ -13,7 +13,9 @@ from contact_heat.casefile import CELSIUS
 from contact_heat.contact import case_of
 from contact_heat.energy import energy_balance
 from contact_heat.exact import imbalance
+from contact_heat.stack import Stack
 from contact_heat.steady import initial_profile
+from contact_heat.trial import trial_span
 from itouch_thermal import Back, Contact, Initial, Layer, Side, solve
 
 SKIN = Layer(conductivity=0.34, density=1200, specific_heat=3340)
@@ -151,3 +153,16 @@ def test_depths_outside_are_refused():
         solution.temperature("finger", 1.0)
     with pytest.raises(ValueError, match="side"):
         solution.temperature("plate", 0.0)
+
+
+@pytest.mark.parametrize(
+    ("thickness", "back", "more"), [(2e-3, 0.0, 1), (2e-3, 40.0, 0), (2e-3, np.inf, 0), (np.inf, 0.0, 0)]
+)
+def test_only_heat_that_nothing_lets_out_needs_a_constant_field(thickness, back, more):
+    """An insulated layer keeps what has entered it: no response to a flux that decays has that."""
+    one = np.ones(1)
+    stack = Stack(thickness * one, 0.34 * one, 4e6 * one, 0.0 * one, back)
+    span = trial_span(stack, np.array([0.1, 1.0, 10.0]), [np.linspace(0.0, 1e-3, 5)], back_port=False, drive=None)
+    assert span.values.shape[1] == 3 + more
+    if more:
+        assert np.ptp(span.values[:, -1]) == 0.0 != span.values[0, -1]
