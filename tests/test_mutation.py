@@ -210,6 +210,26 @@ def test_a_mutant_meets_who_reaches_it_and_who_shares_a_fixture_with_those(small
     assert met("apart.py", 2) == [new, room]
 
 
+def test_a_test_that_names_what_is_changed_is_met_before_all_others(small: Path) -> None:
+    text = (
+        "from room.python import call\n\ndef test_other():\n    assert 1\n\nclass TestCalls:\n"
+        "    def test_it(self):\n        assert call(1) == 2\n"
+    )
+    folder = small.parents[1] / "tests" / "d"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "test_d.py").write_text(text, encoding="utf-8")
+    other, direct, far = "tests/d/test_d.py::test_other", "tests/d/test_d.py::TestCalls::test_it", "tests/far.py::test"
+    reached = whole_tree.Reached(
+        [other, direct, far], {other: 0.01, direct: 0.5, far: 0.01},
+        {("framework/room/python.py", 7): array("i", [0, 1, 2])},
+    )  # fmt: skip
+    tests = whole_tree.Tests(reached, {other: [], direct: [], far: []})
+    assert whole_tree.said(small / "python.py", 8) == {"call"}
+    assert tests.of(mutation.Mutant("room", small / "python.py", 8, "", ""))[0] == direct
+    tests.cost[direct] = 2.0 * whole_tree.COSTLY
+    assert tests.of(mutation.Mutant("room", small / "python.py", 8, "", ""))[0] == other
+
+
 def test_a_new_case_reaches_what_the_others_of_its_function_do(small: Path) -> None:
     cases = [f"tests/a/test_a.py::test[{n}]" for n in range(3)]
     reached = whole_tree.Reached(

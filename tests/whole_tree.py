@@ -5,9 +5,11 @@ a fixture that it shares with others, and that is made for the first of them, ea
 no test is seen to reach itself, as it is compiled or runs when a module is imported, the lines count that use it by its
 name, with the tests of the room after them.
 
-The order: the tests of files that import the changed module or its package, then others; of each one case of a test
-function before further cases, the tests of the room before others, and the cheapest first; costly ones after these.  A mutant that all of them let live until they have used up its budget of processor time counts as one
-that lives; how many did so is told, as the score is a lower bound by these.
+The order: tests in which the changed function, class or constant is named, as they ask the most of it; then those of files
+that import the changed module or its package, then others; of each one case of a test function before further cases, the
+tests of the room before others, and the cheapest first; costly ones after these.  A mutant that all of them let live until
+they have used up its budget of processor time counts as one that lives; how many did so is told, as the score is a lower
+bound by these.
 
 Processes that a test starts find the mutant, too, unless they are started without the environment.
 
@@ -370,7 +372,10 @@ class Tests:
         near = {file for file in files if (TREE / file).is_file() and names(TREE / file, name)}
         first = {test for test in self.new if test.partition("::")[0] in near}
         last = (own - seen if with_room else own & self.new) - first
-        return [test for part in (first, seen, last) for test in in_order(part, own, self.cost, near)]
+        words = said(mutant.path, mutant.line)
+        direct = {test for test in first | seen | last if self.cost[test] <= COSTLY and words & spoken(test)}
+        parts = (direct, first - direct, seen - direct, last - direct)
+        return [test for part in parts for test in in_order(part, own, self.cost, near)]
 
 
 def _below(test: str, name: str) -> bool:
@@ -387,6 +392,32 @@ def names(path: Path, module: str) -> bool:
     package, _, last = module.rpartition(".")
     parts = rf"\b{re.escape(module)}\b|from {re.escape(package)} import "
     return re.search(parts if package else rf"\bimport {last}\b", _text(path)) is not None
+
+
+def said(path: Path, line: int) -> frozenset[str]:
+    """Return the names by which a line's function and classes, or what it makes at import, are called."""
+    found = set(place(path, line).names)
+    for node in ast.walk(_parsed(path)):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.lineno <= line <= (node.end_lineno or node.lineno):
+            found.add(node.name)
+    return frozenset(name for name in found if len(name) > 3 and not name.startswith("__"))
+
+
+@cache
+def _bodies(path: Path) -> dict[str, frozenset[str]]:
+    """Return the words of each function of a file of tests."""
+    text = _text(path)
+    return {
+        node.name: frozenset(re.findall(r"\w+", ast.get_source_segment(text, node) or ""))
+        for node in ast.walk(_parsed(path)) if isinstance(node, ast.FunctionDef)
+    }  # fmt: skip
+
+
+def spoken(test: str) -> frozenset[str]:
+    """Return the words of a test's function."""
+    file, _, function = test.partition("[")[0].rpartition("::")
+    path = TREE / file.partition("::")[0]
+    return _bodies(path).get(function, frozenset()) if path.is_file() else frozenset()
 
 
 def in_order(
