@@ -102,7 +102,7 @@ class Histogram:
         self.bins.total[0], self.bins.greatest[0] = int(data["total"]), float(data["greatest"])
 
 
-@dataclass
+@dataclass(slots=True)
 class RunStatistics:
     """What happened, for the report; ``contacts`` holds the closed ones.
 

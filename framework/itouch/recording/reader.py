@@ -39,7 +39,7 @@ class DamageError(ValueError):
     """From here on the file cannot be believed."""
 
 
-@dataclass
+@dataclass(slots=True)
 class Content:
     """What was read: ``rows`` by track, ``letters`` by topic (JSON messages with their ticks), and what is missing."""
 

@@ -23,7 +23,7 @@ PLUGIN_NAMESPACE = "urn:itouch:plugin:"
 BROKEN: Any = object()
 
 
-@dataclass
+@dataclass(slots=True)
 class Binder:
     """Binds the nodes of one document.
 

@@ -18,7 +18,7 @@ MAX_DOCUMENTS = 256
 SECTIONS = ("include", "defaults", "materials", "world", "devices", "interaction", "rates", "safety", "fault", "record")
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Document:
     """One file: its root, its sections by tag, the prefix that its include gave it, and the defaults that hold in it.
 
@@ -42,7 +42,7 @@ class Document:
         return found
 
 
-@dataclass
+@dataclass(slots=True)
 class DocumentReader:
     """Reads documents depth first: an included document comes before the one that includes it."""
 

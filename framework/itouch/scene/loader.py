@@ -129,7 +129,7 @@ def in_file_order(problems: Iterable[Problem]) -> list[Problem]:
     return sorted(unique, key=key)
 
 
-@dataclass
+@dataclass(slots=True)
 class _Assembly:
     """Collects the sections of all documents into one scene."""
 
@@ -251,7 +251,7 @@ class _Assembly:
         return scene
 
 
-@dataclass
+@dataclass(slots=True)
 class _Bases:
     """Resolves ``base=`` of materials, on the nodes: what a material does not give comes from its base."""
 
@@ -260,6 +260,7 @@ class _Bases:
     _nodes: dict[str, tuple[Node, Document]] = field(default_factory=dict)
     #: Materials completed from their bases, by the identity of their nodes.
     _done: dict[int, Node] = field(default_factory=dict)
+    _adviser: Adviser = field(init=False)
 
     def __post_init__(self) -> None:
         for document in self.documents:

@@ -27,7 +27,7 @@ class Entry:
     section: str
 
 
-@dataclass
+@dataclass(frozen=True, slots=True)
 class Names:
     """The names defined and referred to in a set of documents."""
 

@@ -10,7 +10,7 @@ from itouch.schema.diagnostics import Place
 from itouch.schema.fields import specs
 
 
-@dataclass
+@dataclass(frozen=True, slots=True)
 class Places:
     """Where every bound element and attribute was written; kept apart from the frozen description."""
 

@@ -72,7 +72,7 @@ def _field(name: str, kind: np.dtype[Any], value: NDArray[Any]) -> Iterable[str]
     yield "      </field>"
 
 
-@dataclass
+@dataclass(frozen=True, slots=True)
 class _Node:
     tag: str
     attributes: dict[str, str]

@@ -60,7 +60,7 @@ class KnownCatalog(Catalog):
         return super().version(plugin) or ("0" if plugin in self._known else "")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class DeviceSubject:
     """A device class under examination.
 

@@ -29,7 +29,7 @@ FINGER, _SLIDE = "suite-finger", 0.005
 _LONGEST = 40.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class FingerParams:
     """Parameters of the suite's finger, which has none that matter."""
 

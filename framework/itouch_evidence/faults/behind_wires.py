@@ -37,7 +37,7 @@ _GRACE = 0.02
 _STEP = 10
 
 
-@dataclasses.dataclass
+@dataclasses.dataclass(slots=True)
 class Box:
     """What is passed between a host's device and the twin behind it."""
 

@@ -30,12 +30,12 @@ from itouch.plugin import (
 ROOM = 296.15
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Nothing:
     """No parameters."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class PlateKind:
     """Parameters of a plate.
 

@@ -43,7 +43,7 @@ class _Entry:
         return self._loaded
 
 
-@dataclass
+@dataclass(slots=True)
 class Case:
     """One random rig and what is done to it."""
 

@@ -12,7 +12,7 @@ from itouch.session import Session
 from itouch.world import limits, truth
 
 
-@dataclass
+@dataclass(slots=True)
 class Truth:
     """Notes the extremes of the true state tick by tick, also in the safe sequence after a trip."""
 

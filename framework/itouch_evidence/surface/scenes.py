@@ -50,7 +50,7 @@ _HEAT = """<thermal:heat probe="finger">{heat}</thermal:heat>
     <thermal:flux-control display="peltier" desired-from="heat"/>"""
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Slope:
     """The variable parts of a scene: XML of ``world``, hand ``motion`` and ``heat``, and numbers in the file's units.
 

@@ -29,7 +29,7 @@ _KNEE = 0.7
 _FRICTION = 0.12
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class _Voice:
     """What one object sounds like."""
 
@@ -38,7 +38,7 @@ class _Voice:
     relief: Relief | None
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class _Slide:
     """How a probe slides: speed [m/s], force [N], on what."""
 

@@ -35,7 +35,7 @@ class AskedError(ItouchError, ValueError):
         self.code = code
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Waiting:
     """A request that is answered when ``so`` is true, or at the time ``until`` [s] of the servo's clock."""
 

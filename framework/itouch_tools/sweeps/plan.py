@@ -41,7 +41,7 @@ class Run:
     digest: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Plan:
     """All runs: draws outermost, then the axes in the order of the file, then seeds."""
 

@@ -19,7 +19,7 @@ _PANEL_GROWTH = 0.6
 _NOISE = 1e-5
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Span:
     """Trial functions as columns: values and gradients at the quadrature depths, values at both faces."""
 

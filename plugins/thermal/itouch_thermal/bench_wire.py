@@ -260,7 +260,7 @@ def _true_errors(report: Mapping[str, Any]) -> dict[str, float | None]:
     return {contact["object"]: contact.get("true_error_rms") for contact in report["contacts"]}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Real:
     """The results of a run in real time, with the limits for them.
 

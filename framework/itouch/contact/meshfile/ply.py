@@ -30,7 +30,7 @@ class Property:
     length_kind: str = ""
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Element:
     """A table: its name, the number of rows that the header declares, and its columns."""
 

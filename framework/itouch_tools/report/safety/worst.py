@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from itouch.plugin import Record, Role
 from itouch.session import Session
@@ -22,7 +23,7 @@ _TRUE = {
 Value = Callable[[], float]
 
 
-@dataclass
+@dataclass(slots=True)
 class Worst:
     """Follows a session tick by tick and keeps the extremes."""
 
@@ -32,6 +33,9 @@ class Worst:
     dose: float = 0.0
     longest: float = 0.0
     _touched: float = 0.0
+    _values: dict[str, Value] = field(init=False)
+    _skin: Value | None = field(init=False)
+    _press: Any = field(init=False)
 
     def __post_init__(self) -> None:
         self._values = _values(self.session)

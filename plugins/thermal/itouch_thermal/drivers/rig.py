@@ -14,7 +14,7 @@ from itouch_thermal.drivers.lineport import LineDriver, LineReading
 from itouch_thermal.drivers.tec import TecDriver, TecReading
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Measured:
     """Readings of a display: temperatures [K], flux [W/m2], current [A]; NaN without a sensor."""
 

@@ -73,7 +73,7 @@ class Extremes:
             self.rate = max(self.rate, moved / RATE_OVER)
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Table:
     """The rows over materials; ``quick`` takes four corners, one seed and one object temperature."""
 

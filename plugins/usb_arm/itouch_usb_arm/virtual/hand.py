@@ -20,7 +20,7 @@ class Pusher(Protocol):
         ...
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Rest:
     """A path that stays at one place [m]."""
 

@@ -1,0 +1,72 @@
+"""What a dataclass says of itself is so: it has slots, and is frozen unless something assigns to its fields."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import cache
+
+import pytest
+from sources import ROOT
+
+#: Classes of which another library decides, or that keep what they have computed once (`cached_property`).
+OTHERS = {"ItouchTeleopConfig", "ModalitySubject"}
+
+
+@cache
+def texts() -> dict[str, str]:
+    found = [path for root in ("framework", "plugins") for path in sorted((ROOT / root).rglob("*.py"))]
+    return {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in found}
+
+
+def flags(decorator: ast.expr) -> set[str] | None:
+    """Return what a decorator of a dataclass switches on; None: it is another one."""
+    call = decorator.func if isinstance(decorator, ast.Call) else decorator
+    if ast.unparse(call) not in ("dataclass", "dataclasses.dataclass"):
+        return None
+    words = decorator.keywords if isinstance(decorator, ast.Call) else []
+    return {str(one.arg) for one in words if ast.unparse(one.value) == "True"}
+
+
+def stored(tree: ast.Module) -> set[str]:
+    """Return the names of attributes that a module assigns to."""
+    nodes = (node for node in ast.walk(tree) if isinstance(node, ast.Attribute))
+    return {node.attr for node in nodes if isinstance(node.ctx, ast.Store | ast.Del)}
+
+
+def wrong(sources: dict[str, str]) -> Iterator[str]:
+    """Yield the dataclasses that lack slots, or that could be frozen and are not."""
+    trees = {file: ast.parse(text) for file, text in sources.items()}
+    assigned = {file: stored(tree) for file, tree in trees.items()}
+    for file, tree in trees.items():
+        stem = file.rpartition("/")[2].removesuffix(".py")
+        for node in (node for node in ast.walk(tree) if isinstance(node, ast.ClassDef) and node.name not in OTHERS):
+            for said in filter(lambda one: one is not None, map(flags, node.decorator_list)):
+                if "slots" not in said:
+                    yield f"{file}: {node.name} has no slots"
+                fields = {ast.unparse(one.target) for one in node.body if isinstance(one, ast.AnnAssign)}
+                knows = re.compile(rf"\b({node.name}|{stem})\b")
+                near = [name for name in assigned if name == file or knows.search(sources[name])]
+                if "frozen" not in said and not any(fields & assigned[name] for name in near):
+                    yield f"{file}: nothing assigns to the fields of {node.name}: it could be frozen"
+
+
+def test_dataclasses_have_slots_and_are_frozen_unless_they_change() -> None:
+    assert not list(wrong(texts()))
+
+
+@pytest.mark.parametrize(
+    ("decorator", "body", "says"),
+    [
+        ("@dataclass(frozen=True, slots=True)", "", ""),
+        ("@dataclass(frozen=True, slots=False)", "", "no slots"),
+        ("@dataclass(frozen=False, slots=True)", "", "could be frozen"),
+        ("@dataclass(slots=True)", "\n    def to(self) -> None: self.x += 1", ""),
+        ("@dataclasses.dataclass", "\n    def to(self) -> None: self.x = 1", "no slots"),
+        ("@other", "", ""),
+    ],
+)
+def test_what_could_be_otherwise_is_seen(decorator: str, body: str, says: str) -> None:
+    found = list(wrong({"a/b.py": f"{decorator}\nclass Some:\n    x: int = 0{body}\n"}))
+    assert len(found) == bool(says) and says in "".join(found)
