@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from strangers import install
 
 import itouch
-from itouch.loop.late_coupling import allowed
+from itouch.loop.late_coupling import allowed, ease
+from itouch.safety.lifecycle import ENABLED
 
 NUMBERS = itertools.count()
 PLUGIN = """
@@ -137,3 +138,16 @@ def test_a_session_with_a_delay_that_cannot_be_is_refused(
     session.save(tmp_path / "forged.itouch")
     with pytest.raises(itouch.SessionError, match=f"pen.coupling.{field}"):
         itouch.restore(tmp_path / "forged.itouch")
+
+
+def test_a_reading_that_is_very_late_softens_a_touch_step_by_step() -> None:
+    """A stiffness that fell at once would take the finger's force away in a tick."""
+    delay, lost, lost_object = np.zeros(1), np.zeros(1), np.full(1, -1)
+    coupling, stiffness, damping = np.array([[2000.0, 0.0]]), np.empty(1), np.empty(1)
+    before = allowed(2000.0, 0.0, 6.0, 0.5e-3)[0]
+    for _ in range(2000):
+        told = (np.array([200]), np.array([100]), np.array([100]), np.array([ENABLED]))
+        ease(*told, delay, lost, lost_object, np.zeros(1, int), coupling, 6.0, 1e-3, stiffness, damping)
+        assert stiffness[0] >= 0.979 * before
+        before = stiffness[0]
+    assert before == pytest.approx(6.0 / 0.1005, rel=0.01) and lost_object[0] == 0

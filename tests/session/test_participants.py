@@ -275,3 +275,15 @@ def test_a_killed_session_keeps_no_participant(tmp_path: Path) -> None:
         session.enable()
         assert session.runners[0].enabled
         session.close()
+
+
+def test_two_copies_that_say_the_same_are_no_news_and_two_that_do_not_are(home: Path) -> None:
+    write("P01", Used(3.0, 5.0, participants.time.time()))
+    whole, told = read("P01")
+    assert (whole.values[:2], told) == ((3.0, 5.0), ())
+    copy = (home / ".P01.copy.json").read_bytes()
+    write("P01", Used(7.0, 5.0, participants.time.time()))
+    (home / ".P01.copy.json").write_bytes(copy)
+    whole, told = read("P01")
+    assert whole.values[:2] == (7.0, 5.0)
+    assert told == ("participant 'P01': the two copies of what was used differ; the larger use counts",)

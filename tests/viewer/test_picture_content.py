@@ -294,6 +294,8 @@ def test_the_menu_presses_every_key_and_no_two_at_once(playback, width):
     for place in found:
         left, bottom, wide, high = place.area
         assert area[0] <= left + 9.0 and left + wide <= area[0] + area[2] + 1e-9
+        first = next(first for row in listed for first, _, key in row.presses if key == place.key)
+        assert first >= 0, "the first letter of a row is its number 0"
         middle = (left + wide / 2, bottom + high / 2)
         assert {one.key for one in found if one.holds(*middle)} == {place.key}
 
