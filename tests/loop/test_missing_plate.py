@@ -103,6 +103,39 @@ def test_a_plate_that_is_too_low_and_was_late_is_missed_too(folder: Path, error:
     assert len([notice for notice in course.report["notices"] if "should have been felt" in notice]) == 1
 
 
+@pytest.mark.parametrize(
+    ("deep", "into"), [(0.5, 0.5), (0.95, 0.5), (2.5, 2.0)], ids=["half a millimetre", "lightly", "slowly"]
+)
+def test_a_light_touch_of_a_plate_that_is_too_low_is_missed_as_soon(folder: Path, deep: float, into: float) -> None:
+    """Nobody felt anything: a light touch never was as deep in it as an error is large, and a slow one late."""
+    world, _ = ramp(0.0)
+    motion = (
+        f'<to pos="0 0 25 mm" in="0.1 s" hold="0.1 s"/><to pos="0 0 {5.0 + RADIUS - deep} mm" in="{into} s" hold="1 s"/>'
+        '<to pos="0 0 25 mm" in="0.4 s" hold="0.1 s"/>'
+    )
+    course = follow(Slope(world, motion, error=3.0).build(folder))
+    (begin,) = course.begins()
+    first = int(np.flatnonzero(np.linalg.norm(course.arm, axis=1) > 0.02)[0])
+    assert course.time[first] - course.time[begin] < 0.1
+    on = course.touching & (np.arange(len(course.time)) > first + 100) & (course.time < course.time[first] + 0.8)
+    assert np.linalg.norm(course.total - course.virtual, axis=1)[on].max() < 0.02
+    assert course.steps[begin + 5 :].max() < 0.1
+    assert [entry["plate_missed"] for entry in course.report["contacts"]] == [True]
+    assert len([notice for notice in course.report["notices"] if "should have been felt" in notice]) == 1
+
+
+@pytest.mark.parametrize("error", [0.0, 0.3])
+@pytest.mark.parametrize("deep", [0.45, 0.7])
+def test_a_light_touch_of_a_plate_that_is_there_is_the_plates(folder: Path, deep: float, error: float) -> None:
+    world, _ = ramp(0.0)
+    motion = (
+        f'<to pos="0 0 25 mm" in="0.1 s" hold="0.1 s"/><to pos="0 0 {5.0 + RADIUS - deep} mm" in="0.5 s" hold="1 s"/>'
+        '<to pos="0 0 25 mm" in="0.4 s" hold="0.1 s"/>'
+    )
+    report = follow(Slope(world, motion, error=error).build(folder)).report
+    assert [(entry["plate"], entry["plate_missed"]) for entry in report["contacts"]] == [(True, False)]
+
+
 def hover(height: float, approach: float) -> tuple[str, str]:
     """Return a block, and a finger that comes so near to it [mm] in so many seconds, stays there, and leaves."""
     world, _ = ramp(0.0)
@@ -129,6 +162,20 @@ def test_a_plate_that_is_too_high_leaves_a_finger_that_hovers(
     told = [notice for notice in course.report["notices"] if "should not have been" in notice]
     assert len(told) == 1
     assert "touch-off" in told[0]
+
+
+@pytest.mark.parametrize("approach", [0.15, 0.4, 1.5])
+def test_a_plate_on_which_a_finger_rests_so_lightly_that_it_is_hardly_felt_leaves_too(
+    folder: Path, approach: float
+) -> None:
+    """It pressed with less than 0.05 N, and took heat for as long as the finger stayed there: nobody was told."""
+    course = follow(Slope(*hover(0.2, approach), error=-0.4, warm=True).build(folder))
+    first = int(np.flatnonzero(course.pad > 0.02)[0])
+    assert not (course.pad[first + 500 :] > 0.0).any()
+    assert not course.flux[first + 500 :].any()
+    told = [notice for notice in course.report["notices"] if "should not have been" in notice]
+    assert len(told) == 1
+    assert "heat" in told[0]
 
 
 def test_a_tap_on_a_plate_that_is_too_high_is_noticed(folder: Path) -> None:

@@ -11,6 +11,10 @@ from itouch_encountered.own import ABOUT, FREE, HIGH, LOST, LOW, TAKES, TOUCH, U
 #: the force is below this share of what the pad would give, for this long [s]; after so long out of contact [s] it is
 #: tried again.
 MISS_DEPTH, MISS_PART, MISS_TIME, TRY_AGAIN = 1e-3, 0.4, 0.04, 0.02
+#: A surface is missed, too, if a finger that seems deeper in it than this [m] does not feel it at all (`TOUCH`), for
+#: MISS_TIME: a light touch never gets as deep as MISS_DEPTH.  So deep even a pad that is eight times softer than it is
+#: said to be is felt.
+UNFELT_DEPTH = 4e-4
 #: A surface is too high if it presses with more than this [N] while it seems farther below the finger than this [m],
 #: for this long [s].
 EARLY_FORCE, EARLY_GAP, EARLY_TIME = 0.1, 1e-3, 0.010
@@ -20,6 +24,9 @@ TAP_TIME = 0.020
 #: For how long the surface may be felt without a virtual contact [s], and how many times faster this time runs back
 #: while it is not felt [1]: noise alone, however great, exceeds `TOUCH` less than half of the time: it does not add up.
 UNASKED_TIME, FORGETS = 0.06, 2.0
+#: A finger that rests on a surface lightly, with more than this [N], and seems nearer to it than this [m]: such a tick
+#: counts by this part [1], so that what looks like it in passing is no finger.
+LIGHTLY, NEARLY, PARTLY = 0.025, 6e-4, 0.2
 #: How far below the finger a surface that is in truth too high may seem to be [m], after a touch-off and without one:
 #: if it presses from farther below, its sensor is wrong (T8).
 FAR, FAR_UNCALIBRATED = 0.004, 0.015
@@ -82,7 +89,7 @@ def doubt(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> Non
     elif (
         touching and own[TAKES] > 0.0
         and depth - pressed / c.stiffness > MISS_DEPTH and pressed < MISS_PART * c.stiffness * depth
-    ):  # fmt: skip
+    ) or (touching and own[TAKES] > 0.0 and depth > UNFELT_DEPTH and pressed < TOUCH):  # fmt: skip
         what = LOW
     if what == 0.0:
         own[UNFELT] = 0.0
@@ -99,9 +106,11 @@ def touches_unasked(c: Any, own: Any, depth: float, pressed: float, touching: bo
 
     Too high by how much: the gap by its height, and the pad deformation that the force means.  Arguments as in `doubt`.
     """
-    too_high = pressed / c.stiffness - depth
-    if not touching and pressed > TOUCH and too_high > ABOUT and -HOVER_GAP < depth < 0.0:
+    too_high = not touching and pressed / c.stiffness - depth > ABOUT and -HOVER_GAP < depth < 0.0
+    if too_high and pressed > TOUCH:
         own[UNASKED] += c.period
+    elif too_high and pressed > LIGHTLY and depth > -NEARLY:
+        own[UNASKED] += PARTLY * c.period
     else:
         own[UNASKED] = max(0.0, own[UNASKED] - FORGETS * c.period)
     if own[UNASKED] >= UNASKED_TIME:
