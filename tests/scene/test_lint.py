@@ -70,6 +70,16 @@ def test_what_is_odd_is_noted(tmp_path: Path, world: str, motion: str, expected:
     assert all(line in (5, 9) for code, line in codes(str(tmp_path / "own.xml")) if code != "out-of-reach")
 
 
+@pytest.mark.parametrize(("rate", "noted"), [("250 Hz", True), ("500 Hz", True), ("1 kHz", False), ("4 kHz", False)])
+def test_a_loop_that_is_slow_for_a_plate_is_noted_at_its_rate(tmp_path: Path, rate: str, noted: bool) -> None:
+    path = Path(scene(tmp_path, BLOCK, motion=DOWN))
+    path.write_text(path.read_text().replace("  <world>", f'  <rates servo="{rate}"/>\n  <world>'))
+    assert [place for place in codes(str(path)) if place[0] == "slow-servo"] == [("slow-servo", 4)] * noted
+    alone = path.read_text().replace(' surface-to="table"', "")
+    path.write_text(alone)
+    assert not [code for code, _ in codes(str(path)) if code == "slow-servo"], "an arm alone has nobody to change with"
+
+
 def test_strict_counts_what_is_odd_as_wrong(tmp_path: Path) -> None:
     path = scene(tmp_path, BLOCK, motion=to("0 0 60 mm", "0 0 30 mm"))
     relaxed, strict = run("check", path), run("check", path, "--strict")

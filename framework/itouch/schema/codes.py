@@ -168,6 +168,8 @@ ODD = (
          "give it a temperature within that range"),
     Code("untouched", "the scripted operator never comes near any object", "lower a `<to>` of its motion"),
     Code("two-heights", "the finger rests over two tops, and the plate has one height", "move it over one of them"),
+    Code("slow-servo", "the loop is too slow for a contact that passes between arm and plate",
+         "raise the servo rate to 1 kHz"),
 )  # fmt: skip
 
 #: All codes by heading.

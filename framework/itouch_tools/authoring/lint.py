@@ -22,6 +22,8 @@ Points = NDArray[np.float64]
 STEP = 2e-3
 #: Heights that differ by less than this [m] count as equal.
 FLAT = 5e-4
+#: Longest tick [s] of a loop in which no change between arm and plate steps by more than 0.1 N (``bench surface``).
+SLOWEST = 1.0001e-3
 
 
 def odd(model: Model) -> Iterator[Problem]:
@@ -30,6 +32,7 @@ def odd(model: Model) -> Iterator[Problem]:
     yield from _overlaps(model, boxes)
     yield from _clipped(model)
     yield from _outside_band(model)
+    yield from _slow(model)
     if not model.moving:
         for probe in model.probes:
             yield from _touches(model, probe, boxes)
@@ -70,6 +73,19 @@ def _clipped(model: Model) -> Iterator[Problem]:
                 advice = f'write stiffness="{np.floor(coupling.stiffness / 10.0) / 100.0:g} N/mm", or lower the damping'
                 yield Problem("clipped-stiffness", sentence, model.scene.places.of(contact, "stiffness"), advice,
                               severity="note")  # fmt: skip
+
+
+def _slow(model: Model) -> Iterator[Problem]:
+    """Find a loop in which more happens between two ticks than a change of hands between arm and plate bears."""
+    probe = next((probe for probe in model.probes if probe.scene.surface_to), None)
+    if probe is None or model.period <= SLOWEST:
+        return
+    sentence = (
+        f"the loop of {1.0 / model.period:g} Hz is slow for the plate of '{probe.scene.surface_to}': where a contact "
+        "passes between arm and plate, the force steps by more than 0.1 N in a tick"
+    )
+    place = model.scene.places.of(model.scene.rates, "servo")
+    yield Problem("slow-servo", sentence, place, 'write servo="1 kHz" or more', severity="note")
 
 
 def _outside_band(model: Model) -> Iterator[Problem]:

@@ -39,4 +39,7 @@ ODD: dict[str, Example] = {
                          '  <box name="low" size="20 20 20 mm" pos="-11 0 10 mm" material="wood"/>\n'
                          '  <box name="high" size="20 20 26 mm" pos="11 0 13 mm" material="wood"/>\n</world>\n'
                          + _touched("0 0 30 mm", ' surface-to="table"')),
+    "slow-servo": scene(f'{WOOD}{_TABLE}<rates servo="500 Hz"/>\n<world>\n'
+                        '  <box name="block" size="20 20 20 mm" pos="0 0 10 mm" material="wood"/>\n</world>\n'
+                        + _touched("0 0 26 mm", ' surface-to="table"')),
 }  # fmt: skip
