@@ -82,6 +82,12 @@ def why_not() -> str:
     return f"this processor has no {', '.join(lacks)}" if lacks else ""
 
 
+def left_out() -> str:
+    """Return a sentence that says why kernels that came with the program are not used; "" if they are, or none came."""
+    why = why_not() if (FOLDER / MANIFEST).exists() else ""
+    return f"the compiled kernels that came with the program are not used: {why}" if why else ""
+
+
 def made_with() -> dict[str, str]:
     """Return what shipped kernels depend on besides the processor level and what their cache keys contain."""
     from importlib.metadata import version

@@ -7,12 +7,13 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
 from itouch import shipped
+from itouch.servo import prepare
 
 KERNELS = """
 from itouch.compiling import kernel
@@ -168,3 +169,43 @@ def test_this_checkout_ships_none_unless_they_were_made() -> None:
     made = (shipped.FOLDER / shipped.MANIFEST).exists()
     assert shipped.fits() in ((True, False) if made else (False,))
     assert made or shipped.why_not().startswith("there are none")
+
+
+def _forget() -> None:
+    for one in (shipped._manifest, shipped.why_not, shipped.fits):
+        one.cache_clear()
+
+
+@pytest.fixture
+def brought(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Return the manifest of kernels that came with the program, as if they fitted here."""
+    folder = tmp_path / "compiled"
+    folder.mkdir(mode=0o755)
+    manifest = folder / shipped.MANIFEST
+    content = {**shipped.made_with(), "processor": shipped.BASELINE, "files": {}}
+    manifest.write_text(json.dumps(content), encoding="utf-8")
+    monkeypatch.setattr(shipped, "FOLDER", folder)
+    monkeypatch.setattr(shipped, "processor_flags", lambda: shipped.V3)
+    _forget()
+    yield manifest
+    _forget()
+
+
+def test_who_has_to_compile_is_told_why_what_came_with_the_program_is_not_used(
+    brought: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    companion = prepare._Companion([])
+    monkeypatch.setattr(prepare, "_processors", lambda: 1)  # nobody is there to help
+    companion._start()
+    assert "came with the program" not in capsys.readouterr().err, "they fit: a plugin's own kernel is compiled"
+    content = json.loads(brought.read_text(encoding="utf-8"))
+    brought.write_text(json.dumps({**content, "numba": "0.1"}), encoding="utf-8")
+    _forget()
+    companion._start()
+    told = capsys.readouterr().err.splitlines()
+    assert told[0].startswith("preparing: the compiled kernels that came with the program are not used: ")
+    assert "numba '0.1'" in told[0]
+    brought.unlink()
+    _forget()
+    companion._start()
+    assert "came with the program" not in capsys.readouterr().err, "none came, as in a checkout"

@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from itouch import shipped
 from itouch.schema.terminal import MANNER
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ class _Companion:
 
     def _start(self) -> None:
         if not MANNER.quiet:
+            if why := shipped.left_out():
+                print(f"preparing: {why}", file=sys.stderr, flush=True)
             print("preparing: compiling the kernels that this needs for the first time, later starts load them ...",
                   file=sys.stderr, flush=True)  # fmt: skip
         count = min(_processors() - 1, _COMPANIONS)
