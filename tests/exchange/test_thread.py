@@ -195,6 +195,9 @@ def test_figures_are_of_the_latest_exchanges() -> None:
         {"count": 300, "rate_hz": 100.0, "p50_ms": 101.0, "p99_ms": 199.0, "max_ms": 700.0}
     )
     threaded._latest.clear()
+    threaded._latest.extend(((5.0, 1e-3), (5.02, 1e-3)))  # two, within less than a second
+    assert (threaded.figures() or {})["rate_hz"] == pytest.approx(50.0)
+    threaded._latest.clear()
     threaded._latest.extend(((5.0, 1e-3), (5.0, 1e-3)))  # a clock that stands, or is coarse
     assert threaded.figures() == pytest.approx(
         {"count": 300, "rate_hz": 0.0, "p50_ms": 1.0, "p99_ms": 1.0, "max_ms": 700.0}

@@ -72,6 +72,11 @@ def test_every_panel_stands_once_and_plots_have_one_unit(written: tuple[Path, di
     newtons = layout["configById"]["Plot!N"]["paths"]
     assert {line["label"] for line in newtons} >= {"arm.sent.wrench.x", "finger.force.z"}
     assert not any(".rx" in line["value"] for line in newtons)  # torques have another unit
+    assert "[]" not in titles, "what has no unit is no curve"
+    lines = [
+        line for name, panel in layout["configById"].items() if name.startswith("Plot!") for line in panel["paths"]
+    ]
+    assert not [line["label"] for line in lines if ".command." in line["label"]], "of commands what was sent is plotted"
     assert all(
         len(panel["paths"]) <= foxglove.LINES
         for name, panel in layout["configById"].items()

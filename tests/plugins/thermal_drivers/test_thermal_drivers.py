@@ -363,6 +363,16 @@ def own_rig(terminal: Terminal) -> Iterator[VirtualLine]:
         yield device
 
 
+@pytest.mark.parametrize(
+    ("parameter", "answer"),
+    [(104, b"+06"), (105, b"+06"), (1000, b"+06"), (1001, b"+06"), (1020, b"+06"), (1021, b"+06"), (1200, b"+06"),
+     (1002, b"+05"), (9999, b"+05")],
+)  # fmt: skip
+def test_what_is_measured_can_not_be_written_to_a_virtual_controller(parameter: int, answer: bytes) -> None:
+    """As the real one answers: read only (6), or no such parameter (5)."""
+    assert VirtualMecom(Plate())._write(parameter, 1, bytes(4)) == answer
+
+
 def test_a_line_by_hand() -> None:
     assert seal("I 1") == b"I 1*58\n"  # 0x49 ^ 0x20 ^ 0x31
     assert unseal(b"I 1*58\r\n") == "I 1"
