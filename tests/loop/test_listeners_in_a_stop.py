@@ -91,11 +91,11 @@ def test_a_stop_is_carried_out_though_who_is_told_of_the_fault_first_fails(
     def fails(fault: DeviceFaultError) -> None:
         raise error
 
-    pair.host.fault_hooks[:] = [fails, heard.append]
+    pair.host.on.fault[:] = [fails, heard.append]
     pair.world.inject("arm", Kind.NAN.label, at=pair.world.seconds + 0.02)
     with pytest.raises(DeviceFaultError if isinstance(error, Exception) else type(error)) as caught:
         pair.host.run(1.0)
-    pair.host.fault_hooks[:] = []
+    pair.host.on.fault[:] = []
     assert let_go(pair)
     assert len(heard) == 1
     notes = getattr(caught.value, "__notes__", [])

@@ -24,6 +24,7 @@ from itouch.loop.events import Events
 from itouch.loop.fault_attribution import broken_off, changed_python, with_replaced, with_writer
 from itouch.loop.fingers import join_fingers
 from itouch.loop.left_out import leave_out
+from itouch.loop.notifications import Notifications, tell
 from itouch.loop.objects import Objects
 from itouch.loop.operator_commands import LatchedError, OperatorCommands
 from itouch.loop.pacing import Pacing
@@ -116,8 +117,11 @@ class Engine:
         self.stamps = np.zeros(1 + max(1, len(self.plan.steps)))
         #: The thread in which a run is under way, 0: none; and whether a tick is under way.
         self._runs_in, self._ticking = 0, False
-        #: Called with the number of a tick when it is over, also in the safe sequence; they must not change the State.
-        self.taps: list[Callable[[int], None]] = []
+        #: Who is told what of this engine; and who is told of each tick, which is most of them.
+        self.on = Notifications()
+        self.taps: list[Callable[[int], None]] = self.on.tick
+        #: What was done to a session otherwise than its scene says; beside what its model says of itself.
+        self.notes: tuple[str, ...] = ()
         #: Where the plan has stopped in a tick that was begun by compiled code, shape (1,).
         self._left = np.zeros(1, np.int64)
         self._advance = self._joined_tick()
@@ -176,8 +180,8 @@ class Engine:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What is rendered otherwise than the scene says, and why."""
-        return self.model.notices
+        """What is rendered otherwise than the scene says, and why, and what was done to restore it."""
+        return (*self.model.notices, *self.notes)
 
     @property
     def done(self) -> bool:
@@ -217,10 +221,14 @@ class Engine:
             If a modality fails; all devices have been made safe.
         """
         try:
-            return leave_out(self.model.period, self._all, self._rigs, self._events, seconds, self.ticks, running)
+            periods = leave_out(self.model.period, self._all, self._rigs, self._events, seconds, self.ticks, running)
         except DeviceFaultError as fault:
             self.make_safe(fault)
             raise
+        if periods:
+            for listener in tuple(self.on.left_out):
+                listener(seconds, running)
+        return periods
 
     def status(self, device: str) -> Status:
         """Return what a device may do now."""
@@ -228,6 +236,8 @@ class Engine:
 
     def enable(self, *, opens: bool = True) -> None:
         """Open and enable every device; all that fail are reported together.
+
+        Twins that are enabled already, as after a restore, are left alone: an extra reading would change the run.
 
         Parameters
         ----------
@@ -241,6 +251,9 @@ class Engine:
         DeviceError
             Naming each device that failed and why; nothing is left enabled.
         """
+        if self._enabled and all(device.twin and not device.remote for device in self.model.devices.values()):
+            return
+        tell(self.on.act)
         try:
             self._operator.enable(opens=opens)
         except LatchedError:
@@ -249,6 +262,18 @@ class Engine:
             self.close()
             raise
         self._enabled = True
+        self.settle()
+        self._tell_outside("enable")
+
+    def settle(self, *, always: bool = False) -> None:
+        """Begin anew from where hardware is, which may have moved since the last tick; ``always``: also on twins."""
+        if always or any(not device.twin for device in self.model.devices.values()):
+            for rig in self._rigs:
+                rig.toucher.settle()
+
+    def _tell_outside(self, reason: str) -> None:
+        for listener in tuple(self.on.outside):
+            listener(reason)
 
     def latched(self) -> DeviceFaultError | None:
         """Return the latched trip that keeps hardware from being enabled, as the fault that it was, or None."""
@@ -406,10 +431,27 @@ class Engine:
         self._tick[...] = int(self._tick) + 1
 
     def make_safe(self, fault: DeviceFaultError) -> None:
-        """Make every device safe because of a fault, and note it."""
+        """Make every device safe because of a fault, and note it; before that, the listeners hear of it.
+
+        What a listener raises, or Ctrl-C, is held back until all is safe: an ``Exception`` then becomes a note of the
+        fault, anything else is raised.
+
+        Raises
+        ------
+        BaseException
+            What was raised meanwhile and is no ``Exception``.
+        """
+        failed = self.on.tell_fault(fault)
         self.fault = fault
-        self._safe_shutdown.carry_out(fault, self.taps, self.clock if self._paced else None)
-        self.stamps[-1] = now()
+        try:
+            self._safe_shutdown.carry_out(fault, self.taps, self.clock if self._paced else None)
+            self.stamps[-1] = now()
+        finally:
+            tell(self.on.safe)
+        if isinstance(failed, Exception):
+            fault.add_note(f"when it was told: {type(failed).__name__}: {failed}")
+        elif failed is not None:
+            raise failed
 
     def rearm(self) -> None:
         """Release every latched trip, and enable the devices again from where they stand, with a ramp.
@@ -419,11 +461,13 @@ class Engine:
         DeviceError
             With everything that still stands in the way; nothing is enabled then.
         """
+        tell(self.on.act)
         restored = not self._enabled and bool(self._operator.latched)
         self._operator.rearm()
         self.fault, self._unfinished, self.state["stopping"][...] = None, False, 0
         if restored:  # nothing else has been enabled yet
             self.enable()
+        self._tell_outside("rearm")
 
     def reconnect(self, device: str) -> None:
         """Close a device and open it anew; commands flow to it after ``rearm``.
@@ -434,6 +478,7 @@ class Engine:
             If it is missing or refuses.
         """
         self._operator.reconnect(device)
+        self._tell_outside("reconnect")
 
     def hold(self, held: bool = True, *, shared: bool = False) -> None:
         """Report that somebody holds the dead-man's switch or, with ``held`` false, has let it go.
@@ -507,6 +552,7 @@ class Engine:
         self._pacing.check(seconds, until)
         if self._runs_in or self._ticking:
             raise EngineError(_UNDER_WAY)
+        tell(self.on.begin)
         try:
             self._runs_in = get_ident()
             self._run(seconds, until, each, every)
@@ -562,12 +608,26 @@ class Engine:
         Outcome
             Whether all could be seen to be safe, and what was seen of each device.
         """
-        outcome = self._safe_shutdown.wind_down(self.taps, self.clock if self._paced else None)
-        self.stamps[-1] = now()
+        self._tell_outside("park")  # what follows is not a tick
+        try:
+            outcome = self._safe_shutdown.wind_down(self.taps, self.clock if self._paced else None)
+            self.stamps[-1] = now()
+        finally:
+            tell(self.on.safe)
         return outcome
 
     def close(self) -> None:
-        """Make every device safe and release it; the state stays readable.
+        """Make every device safe and release it, then tell all that listen to the end; the state stays readable.
+
+        Raises
+        ------
+        DeviceError
+            As `release` says; whoever listens has been told all the same.
+        """
+        in_turn(self.release, *self.on.closed)
+
+    def release(self) -> None:
+        """Make every device safe and release it: the session may go on with them later, and is told nothing.
 
         While another error is under way, what a device raises here becomes a note of that error.
 

@@ -8,7 +8,7 @@ import os
 import time
 from typing import Any
 
-from itouch.loop import DeviceFaultError, Engine, LatchedError, WallClock, interpreter
+from itouch.loop import DeviceFaultError, LatchedError, WallClock, interpreter
 from itouch.loop.fault_attribution import changed_python, ended_by
 from itouch.loop.interpreter import LoadedModules
 from itouch.loop.release import in_turn
@@ -187,7 +187,7 @@ class Servo:
     def _release(self) -> None:
         """Release the devices; if one can't even be closed, the guardian makes it safe."""
         try:
-            Engine.close(self.session)
+            self.session.release()
         finally:
             self.remotes.hang_up()
             hardware = [runner for runner in self.session.runners if not runner.model.twin]

@@ -11,14 +11,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from itouch.loop import Clock, DeviceFaultError, Engine
-from itouch.loop.release import in_turn
+from itouch.loop import Clock, Engine
 from itouch.loop.runner import Status
 from itouch.plugin import DeviceError, Record
 from itouch.plugin.bases import Bases, keeping
 from itouch.plugin.discovery import Catalog
 from itouch.recording import RecordingError
-from itouch.safety import Outcome, claim_wires, connect
+from itouch.safety import claim_wires, connect
 from itouch.scene import Scene
 from itouch.schema.notebook import Shown
 from itouch.session import channel_selection, layout, limits, marks
@@ -63,7 +62,6 @@ class Session(Shown, Engine):
         bases: Bases | None = None,
     ) -> None:
         self._bases, self._catalog, self._whole = bases or Bases(), catalog, bases is not None
-        self._notes: tuple[str, ...] = ()
         #: The limits that were stored with the session from which this one goes on.
         self._limits: dict[str, Any] | None = None
         self._writer: SnapshotWriter | None = None
@@ -79,11 +77,15 @@ class Session(Shown, Engine):
         self.loss_hooks: list[Callable[[dict[str, Any]], None]] = []
         #: Called at once with name and payload of each mark, in the thread that sets it; they must not block.
         self.mark_hooks: list[Callable[[str, Any], None]] = []
-        #: Called when a tick has failed, before anything is made safe; they must not change the State.
-        self.fault_hooks: list[Callable[[DeviceFaultError], None]] = []
         with keeping(self._bases):
             super().__init__(model, seed=seed, clock=clock)
         self._participant = Participant(self, model.scene, self.note_fault) if model.scene.safety.participant else None
+        self.on.begin.extend((self._carry_in, self._record_as_asked))
+        self.on.act.extend((self._carry_in, self._get_guarded))
+        self.on.outside.append(self.note_outside)
+        self.on.left_out.append(self._note_left_out)
+        self.on.safe.append(self._rest)
+        self.on.closed.extend((self._end_guardian, self._end_participant, self.end_recording))
 
     @classmethod
     def of(cls, scene: Scene, *, catalog: Catalog, seed: int = 0, clock: Clock | None = None) -> Session:
@@ -91,11 +93,6 @@ class Session(Shown, Engine):
         bases = Bases()
         with keeping(bases):
             return cls(Model.of(scene, catalog), seed=seed, clock=clock, catalog=catalog, bases=bases)
-
-    @property
-    def notices(self) -> tuple[str, ...]:
-        """What is rendered otherwise than the scene says, and what was done to restore it."""
-        return (*super().notices, *self._notes)
 
     def _snapshots(self) -> SnapshotWriter:
         if self._writer is None:
@@ -145,7 +142,7 @@ class Session(Shown, Engine):
         every: int = 1,
         progress: bool = False,
     ) -> None:
-        """Run as ``Engine.run`` says; if the scene has a ``<record>``, record from the first run to ``close``.
+        """Run as ``Engine.run`` says; if the scene has a ``<record>``, it is recorded from the first run to ``close``.
 
         With ``progress`` a line on the standard error shows how far the run is; the State is the same as without.
 
@@ -154,10 +151,6 @@ class Session(Shown, Engine):
         RecordingError
             If the recording that the scene asks for can't begin.
         """
-        self._carry_in()
-        element = self.model.scene.record
-        if element is not None and self.records and self.recorder is None:
-            self.record(channel_selection.file_name(element.to, self.model.scene.source, int(self.state["seed"])))
         if not progress:
             super().run(seconds, until=until, each=each, every=every)
             return
@@ -171,6 +164,11 @@ class Session(Shown, Engine):
             often = every if each is not None else max(1, round(0.02 / self.model.period))
             super().run(seconds, until=until, each=both, every=often)
 
+    def _record_as_asked(self) -> None:
+        element = self.model.scene.record
+        if element is not None and self.records and self.recorder is None:
+            self.record(channel_selection.file_name(element.to, self.model.scene.source, int(self.state["seed"])))
+
     def _carry_in(self) -> None:
         """Count the participant's earlier sessions before anything acts, and begin to note what this session uses."""
         if self._participant is not None:
@@ -178,7 +176,7 @@ class Session(Shown, Engine):
             told = self._participant.carry_in()
             if self.state.tobytes() != before:
                 self.note_outside("participant")
-            self._notes += tuple(text for text in told if text not in self._notes)
+            self.notes += tuple(text for text in told if text not in self.notes)
             self._participant.begin()
 
     def record(self, path: Path) -> Recorder:
@@ -195,7 +193,7 @@ class Session(Shown, Engine):
             raise RecordingError(f"the session is being recorded to '{self.recorder.path}'")
         target = os.fspath(path)
         tracks = channel_selection.tracks_of(self.model, self.state)
-        self._notes += tuple(note for note in channel_selection.recording_notes(self.model) if note not in self._notes)
+        self.notes += tuple(note for note in channel_selection.recording_notes(self.model) if note not in self.notes)
         try:
             os.makedirs(os.path.dirname(target) or ".", exist_ok=True)
         except OSError as error:
@@ -213,7 +211,7 @@ class Session(Shown, Engine):
     def _record_by(self, recorder: Recorder) -> None:
         self.recorder, self.records = recorder, False
         self.taps.append(recorder.tap)
-        self.fault_hooks.append(recorder.hear)
+        self.on.fault.append(recorder.hear)
 
     def onwards(self, to: Session) -> Onwards | None:
         """Return what the recording needs to go on with another session; None: there is no recording, or it can't."""
@@ -287,77 +285,10 @@ class Session(Shown, Engine):
             self.failed = True
             self.stop()
 
-    def make_safe(self, fault: DeviceFaultError) -> None:
-        """Make every device safe; before that, call the fault hooks.
-
-        What a hook raises, or Ctrl-C, is held back until all is safe: an ``Exception`` then becomes a note of the
-        fault, anything else is raised.
-
-        Raises
-        ------
-        BaseException
-            What was raised meanwhile and is no ``Exception``.
-        """
-        failed: BaseException | None = None
-        for hook in tuple(self.fault_hooks):  # a copy, because a recorder that fails removes itself
-            try:
-                hook(fault)
-            except BaseException as error:
-                failed = error if failed is None or isinstance(failed, Exception) else failed
-        try:
-            super().make_safe(fault)
-        finally:
-            self._rest()
-        if isinstance(failed, Exception):
-            fault.add_note(f"when it was told: {type(failed).__name__}: {failed}")
-        elif failed is not None:
-            raise failed
-
-    def enable(self, *, opens: bool = True) -> None:
-        """Enable as ``Engine.enable`` says; a recording notes the State after it, because it came from outside.
-
-        Twins that are enabled already, as after a restore, are left alone: an extra reading would change the run.
-        """
-        if self._enabled and all(device.twin and not device.remote for device in self.model.devices.values()):
-            return
-        self._carry_in()
-        self._get_guarded()
-        super().enable(opens=opens)
-        self.settle()
-        self.note_outside("enable")
-
-    def settle(self, *, always: bool = False) -> None:
-        """Begin anew from where hardware is, which may have moved since the last tick; ``always``: also on twins."""
-        if always or any(not device.twin for device in self.model.devices.values()):
-            for rig in self._rigs:
-                rig.toucher.settle()
-
-    def leave_out(self, seconds: float, *, running: bool = False) -> int:
-        """Leave time out as ``Engine.leave_out`` says; a recording notes it, and a replay does the same."""
-        periods = super().leave_out(seconds, running=running)
-        if periods and self.recorder is not None:
+    def _note_left_out(self, seconds: float, running: bool) -> None:
+        """Note it in a recording: a replay does the same."""
+        if self.recorder is not None:
             self.recorder.tell("/log/left_out", self.ticks, seconds=seconds, running=int(running))
-        return periods
-
-    def rearm(self) -> None:
-        """Re-arm as ``Engine.rearm`` says; a recording notes the State after it."""
-        self._carry_in()
-        self._get_guarded()
-        super().rearm()
-        self.note_outside("rearm")
-
-    def reconnect(self, device: str) -> None:
-        """Reconnect as ``Engine.reconnect`` says; a recording notes the State after it."""
-        super().reconnect(device)
-        self.note_outside("reconnect")
-
-    def park(self) -> Outcome:
-        """Park as ``Engine.park`` says; a recording notes the State before it, because what follows is not a tick."""
-        self.note_outside("park")
-        try:
-            return super().park()
-        finally:
-            self._rest()
 
     def _get_guarded(self) -> None:
         """Start a guardian over hardware, which would keep its last command if this process died, unless one is there.
@@ -430,18 +361,6 @@ class Session(Shown, Engine):
         """The last marks, oldest first: tick, name, payload."""
         return marks.remembered(self.state)
 
-    def close(self) -> None:
-        """Make every device safe and release it, and end the recording; the state stays readable.
-
-        Raises
-        ------
-        DeviceError
-            As ``Engine.close`` says; what is kept has been ended all the same.
-        RecordingError
-            If the recording could not be finished.
-        """
-        in_turn(super().close, self._end_guardian, self._end_participant, self.end_recording)
-
     def _end_participant(self) -> None:
         if self._participant is not None:
             self._participant.end()
@@ -449,12 +368,12 @@ class Session(Shown, Engine):
     def _let_go(self, recorder: Recorder) -> None:
         if recorder.tap in self.taps:
             self.taps.remove(recorder.tap)
-            self.fault_hooks.remove(recorder.hear)
+            self.on.fault.remove(recorder.hear)
 
     def open_readable(self) -> None:
         """Open the hardware that opening does not move, so that it can be read; enabling it stays an explicit step."""
         held = claim_wires([one for one in self.runners if not one.model.cls.moves_on_open])
-        self._notes += tuple(f"device '{name}' stays closed: {why}" for name, why in held.items())
+        self.notes += tuple(f"device '{name}' stays closed: {why}" for name, why in held.items())
         if any(not self.model.devices[name].optional for name in held):  # then open no other either: all are needed
             return
         for runner in self.runners:
@@ -462,12 +381,12 @@ class Session(Shown, Engine):
             if model.twin or model.name in held or runner.status is not Status.CLOSED:
                 continue
             if model.cls.moves_on_open:
-                self._notes += (f"device '{model.name}' stays closed until it is enabled: opening it moves it",)
+                self.notes += (f"device '{model.name}' stays closed until it is enabled: opening it moves it",)
                 continue
             try:
                 runner.open()
             except DeviceError as error:
-                self._notes += (f"device '{model.name}' stays closed: {error}",)
+                self.notes += (f"device '{model.name}' stays closed: {error}",)
 
     def claim_wires(self) -> None:
         """Claim the wires of all hardware for this session, before anything is opened.
@@ -479,7 +398,7 @@ class Session(Shown, Engine):
         """
         needed = [one for one in self.runners if not one.model.optional]
         if held := claim_wires(needed):
-            Engine.close(self)
+            self.release()
             raise DeviceError("\n".join(f"device '{name}': {why}" for name, why in held.items()))
 
     def find_hardware(self) -> None:
@@ -497,7 +416,7 @@ class Session(Shown, Engine):
         failures = {model.name: why for model in moving if (why := model.cls.missing(model.bound))}
         failures |= connect([one for one in wanted if not one.model.cls.moves_on_open], self.ticks)
         if failures:
-            Engine.close(self)
+            self.release()
             raise DeviceError("\n".join(f"device '{name}': {why}" for name, why in failures.items()))
 
     def stand_at(self, stored: bytes) -> None:
@@ -530,10 +449,10 @@ class Session(Shown, Engine):
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             self.adopt(before)
             raise SessionError(f"the session can't be taken up: {error}") from error
-        self._notes = (*told, *said)
+        self.notes = (*told, *said)
         stated = snapshot.manifest.get("model")
         if stated and stated != self._snapshots().manifest(self.state)["model"]:
-            self._notes += (
+            self.notes += (
                 "the scene compiles to other numbers here than where the session was saved (another version or "
                 "machine, or the file was edited): it goes on, but not byte for byte",
             )
