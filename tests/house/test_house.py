@@ -252,7 +252,7 @@ def test_other_packages_ask_for_what_the_project_asks_for() -> None:
     assert f'version: "{project["version"]}"' in recipe
     image = (ROOT / ".ci" / "packages" / "Dockerfile").read_text(encoding="utf-8")
     installed = set(re.findall(r"\b(?:lib|fonts)[\w.-]+", image.split("apt-get install")[1].split("\n")[0]))
-    checked = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    checked = (ROOT / ".ci" / "system_packages").read_text(encoding="utf-8")
     assert installed and all(name in checked for name in installed)
     assert image.index("USER touch") < image.index("ENTRYPOINT")
     (mounted,) = re.findall(r'-v "\$PWD:([^"]+)" itouch-py run \w+\.xml', image)  # as it is told, it finds the scene
