@@ -111,7 +111,7 @@ def _meet(one: Support, other: Support) -> bool:
 
 
 def _towards(points: Floats) -> tuple[Floats, Floats]:
-    """Return the point nearest to the origin of a simplex (n, 3), n at most 4, and the corners between which it lies."""
+    """Return the point nearest to the origin of a simplex (n, 3), n at most 4, and the corners that span it there."""
     best, kept = points[0], points[:1]
     for size in range(1, len(points) + 1):
         for chosen in combinations(range(len(points)), size):
