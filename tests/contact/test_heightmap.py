@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 import pytest
 
-from itouch.contact.heightmap import gentle, height_map
+from itouch.contact.heightmap import STEEPEST, gentle, height_map
 from itouch.contact.png import grey_of_png
 
 
@@ -108,3 +108,12 @@ def test_steep_maps_are_smoothed_until_they_can_be_rendered(rng: np.random.Gener
     steepest = max(np.abs(smooth - np.roll(smooth, 1, axis)).max() for axis in (0, 1))
     assert steepest * 1e-3 <= 2e-4 * (1 + 1e-12)
     assert gentle(values, 1e-5, 2e-4) == (pytest.approx(values), 0) or gentle(values, 1e-5, 2e-4)[1] == 0
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_flank_in_either_direction_is_smoothed(axis: int) -> None:
+    values = np.zeros((8, 8))
+    values[(slice(0, 4), slice(None)) if axis == 0 else (slice(None), slice(0, 4))] = 1.0
+    smooth, passes = gentle(values, 1e-3, 2e-4)
+    assert passes > 0
+    assert np.abs(np.diff(smooth, axis=axis)).max() * 1e-3 <= STEEPEST * 2e-4 * (1.0 + 1e-9)

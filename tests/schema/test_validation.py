@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from itouch import schema
+from itouch.schema.diagnostics import meant
 
 
 @dataclass(frozen=True)
@@ -46,3 +47,20 @@ def test_what_is_out_of_its_range_is_refused_with_its_name(field: str, value: An
 
 def test_what_is_in_its_range_or_left_out_is_taken() -> None:
     assert Params(delay=2.0, size=(1e-3, 1.0, 2.0), most=None, count=5).most is None
+
+
+@pytest.mark.parametrize(
+    ("word", "names", "found"),
+    [
+        ("stifness", ("stiffness", "damping", "mass"), "stiffness"),
+        ("stifness", ("damping", "stiffness", "stillness of it"), "stiffness"),
+        ("Damping", ("damping", "dampings"), "damping"),
+        ("finger3", ("finger1", "finger2"), None),  # another of its kind
+        ("reader", ("header", "leader"), None),  # either may be meant
+        ("colour", ("mass", "size"), None),
+    ],
+)
+def test_only_the_one_name_that_can_have_been_meant_is_taken_for_it(
+    word: str, names: tuple[str, ...], found: str | None
+) -> None:
+    assert meant(word, names) == (None if found is None else (word, found))

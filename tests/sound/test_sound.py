@@ -203,3 +203,10 @@ def test_the_file_holds_the_samples(tmp_path):
     np.testing.assert_allclose(back, samples, atol=1 / 32767)
     with pytest.raises(ItouchError, match="cannot write"):
         write_wav(tmp_path / "none" / "a.wav", samples)
+
+
+def test_what_is_too_loud_is_bent_without_a_corner_and_stays_below_full_scale() -> None:
+    x = np.linspace(0.0, 3.0, 3001)
+    slope = np.diff(limited(x)) / 1e-3
+    assert slope[:690] == pytest.approx(1.0) and np.abs(np.diff(slope)).max() < 0.01
+    assert limited(x)[950:1050].mean() == pytest.approx(0.7 + 0.3 * np.tanh(1.0), abs=2e-3)
