@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import tomllib
 from collections.abc import Iterator
-from importlib.util import find_spec
+from importlib.util import find_spec, resolve_name
 
 import pytest
 from sources import PACKAGES, ROOT, SHELVES
@@ -22,6 +22,8 @@ PLUGINS = sorted(
 )
 #: What imports a module by a name that may be put together.
 _DYNAMIC = {"import_module", "__import__", "find_spec", "resolve_name", "run_module", "exec", "eval"}
+#: Those of them that take a name relative to a package, their second argument.
+_RELATIVE = {"import_module", "find_spec", "resolve_name"}
 
 
 def _framework(name: str) -> bool:
@@ -57,25 +59,49 @@ def reached(text: str, package: str) -> Iterator[tuple[int, str]]:
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and "." in node.value:
             if _there(node.value):
                 yield node.lineno, node.value
-        elif isinstance(node, ast.Call) and node.args:
-            called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-            first = node.args[0]
-            if called not in _DYNAMIC:
-                continue
-            if isinstance(first, ast.Constant):
-                if isinstance(first.value, str) and "." not in first.value and _framework(first.value):
-                    yield node.lineno, first.value
-            elif isinstance(first, ast.JoinedStr):
-                begin = first.values[0]
-                own = isinstance(begin, ast.Constant) and str(begin.value).partition(".")[0] in (
-                    package,
-                    "contact_heat",
-                )
-                name = isinstance(begin, ast.FormattedValue) and ast.unparse(begin.value) == "__name__"
-                if not own and not name:
-                    yield node.lineno, ast.unparse(first)
-            elif not isinstance(first, ast.Subscript | ast.Name):  # what those hold stands in the file as a text
-                yield node.lineno, ast.unparse(first)
+        elif isinstance(node, ast.Call):
+            yield from ((node.lineno, name) for name in _by_a_text(node, package))
+
+
+def _by_a_text(call: ast.Call, package: str) -> Iterator[str]:
+    """Yield what a call imports of the framework by a text, or the text if nobody can see what it names."""
+    called = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+    first = _given(call, 0, "name")
+    if called not in _DYNAMIC or first is None:
+        return
+    if isinstance(first, ast.Constant):
+        if isinstance(first.value, str) and "." not in first.value and _framework(first.value):
+            yield first.value
+    elif isinstance(first, ast.JoinedStr):
+        begin = first.values[0]
+        own = isinstance(begin, ast.Constant) and str(begin.value).partition(".")[0] in (package, "contact_heat")
+        name = isinstance(begin, ast.FormattedValue) and ast.unparse(begin.value) == "__name__"
+        if not own and not name:
+            yield ast.unparse(first)
+    elif not isinstance(first, ast.Subscript | ast.Name):  # what those hold stands in the file as a text
+        yield ast.unparse(first)
+    if called in _RELATIVE:
+        yield from _beside(first, _given(call, 1, "package"))
+
+
+def _beside(name: ast.expr, base: ast.expr | None) -> Iterator[str]:
+    """Yield the module of the framework that a name names relative to a package; without one it is absolute."""
+    if base is None or (isinstance(base, ast.Name) and base.id in ("__name__", "__package__")):
+        return
+    if not isinstance(base, ast.Constant):  # a package without a dot in its name is no text that is seen elsewhere
+        yield ast.unparse(base)
+    elif isinstance(base.value, str) and base.value.partition(".")[0] in SHELVES:
+        if not isinstance(name, ast.Constant):
+            yield base.value
+        elif str(name.value).startswith(".") and _framework(whole := resolve_name(str(name.value), base.value)):
+            yield whole
+
+
+def _given(call: ast.Call, place: int, name: str) -> ast.expr | None:
+    """Return the argument of a call at a place, or of that name; None: it is not given."""
+    if len(call.args) > place:
+        return call.args[place]
+    return next((one.value for one in call.keywords if one.arg == name), None)
 
 
 @pytest.mark.parametrize("package", PLUGINS)
@@ -117,6 +143,18 @@ def test_the_contracts_name_every_plugin_and_forbid_every_room() -> None:
         ("sys.modules['itouch.loop']", ["itouch.loop"]),
         ("import_module(f'{top}.session')", ["f'{top}.session'"]),
         ("import_module('itou' + 'ch')", ["'itou' + 'ch'"]),
+        ("import_module('.session', 'itouch')", ["itouch.session"]),
+        ("import_module('.session', package='itouch')", ["itouch.session"]),
+        ("import_module('..session', 'itouch.plugin')", ["itouch.session"]),
+        ("name = '.session'\nimport_module(name, 'itouch')", ["itouch"]),
+        ("name = '..session'\nimport_module(name, 'itouch.plugin')", ["itouch.plugin"]),
+        ("top = 'itouch'\nimport_module('.session', top)", ["top"]),
+        ("import_module(name='itouch')", ["itouch"]),
+        ("import_module('.channel', 'itouch.plugin')", []),
+        ("import_module('.part', __package__)", []),
+        ("import_module('.part', package=__name__)", []),
+        ("import_module('.part', 'mine')", []),
+        ("__import__('mine', globals())", []),
         ("import_module(f'mine.{name}')", []),
         ("import_module(f'{__name__}.{name}')", []),
         ("import_module('numpy')", []),
