@@ -271,3 +271,49 @@ def test_a_session_is_the_same_with_the_compiler_off(tmp_path: Path) -> None:
     assert [one.returncode for one in said] == [0, 0], said[1].stderr[-2000:]
     assert said[0].stdout.startswith("[0, 1, 3] ")
     assert said[0].stdout == said[1].stdout
+
+
+#: Writes the commands of a touch that begins; arguments: a scene, a file with the State to begin with, one to write.
+#: With the compiler on, the State is written 10 ms before the touch.  What a start temperature is found from would take
+#: minutes in Python: without the variable, a process takes it from where one with the compiler has kept it.
+_BEGIN = """
+import os, sys
+from collections import deque
+import numba
+compiled = not numba.config.DISABLE_JIT
+os.environ.pop("NUMBA_DISABLE_JIT", None)
+import numpy as np
+import itouch
+scene, begin, commands = sys.argv[1:]
+session = itouch.build(scene, seed=1)
+session.records = False
+touched, before = session.state["finger.contact.object"], deque(maxlen=10)
+if compiled:
+    session.run(until=lambda: (before.append(session.state.tobytes()), touched >= 0)[1])
+    open(begin, "wb").write(before[0])
+session.adopt(open(begin, "rb").read())
+names = [name for name in session.state if ".command." in name]
+rows = []
+for _ in range(60):
+    session.tick()
+    rows.append(np.concatenate([session.state[name].ravel() for name in names]))
+np.save(commands, rows)
+print(compiled, int(touched) >= 0, *names)
+"""
+
+
+def test_a_thermal_touch_is_the_same_with_the_compiler_off(tmp_path: Path) -> None:
+    """But for rounding."""
+    said = [
+        subprocess.run([sys.executable, "-W", "ignore", "-c", _BEGIN, str(SCENES / "four_materials.xml"),
+                        str(tmp_path / "state"), str(tmp_path / f"commands{off}.npy")],
+                       env={**os.environ, "NUMBA_DISABLE_JIT": off, "ITOUCH_KEPT": str(tmp_path / "kept")},
+                       capture_output=True, text=True, check=False)
+        for off in ("0", "1")
+    ]  # fmt: skip
+    assert [one.returncode for one in said] == [0, 0], said[1].stderr[-2000:]
+    names = said[0].stdout.split()[2:]
+    assert [one.stdout.split() for one in said] == [["True", "True", *names], ["False", "True", *names]]
+    compiled, python = (np.load(tmp_path / f"commands{off}.npy") for off in ("0", "1"))
+    assert names[-1] == "peltier.command.current" and np.ptp(compiled[:, -1]) > 1.0
+    np.testing.assert_allclose(python, compiled, rtol=1e-9, atol=1e-12)

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numba
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+_numba: Any = numba  # what it exports is not typed
 LANES = 8
 
 _TREE = ((0, 4), (2, 6), (1, 5), (3, 7))
@@ -54,4 +57,12 @@ def _tree_sum(builder: Any, vector: Any) -> Any:
     return builder.fadd(builder.fadd(pairs[0], pairs[1]), builder.fadd(pairs[2], pairs[3]))
 
 
-dot: Any = intrinsic(_dot)
+def _dot_in_python(a: Any, i: int, b: Any, j: int, count: int) -> float:
+    """Return what `_dot` does, in the same order: NumPy adds row to row, it does not reorder a sum over the rows."""
+    lane = np.add.reduce((a[i : i + count] * b[j : j + count]).reshape(-1, LANES), axis=0, initial=0.0)
+    pairs = [lane[m] + lane[n] for m, n in _TREE]
+    return float((pairs[0] + pairs[1]) + (pairs[2] + pairs[3]))
+
+
+#: The dot product for kernels; where compiling is switched off, they run as Python, which cannot call an intrinsic.
+dot: Any = _dot_in_python if _numba.config.DISABLE_JIT else intrinsic(_dot)
