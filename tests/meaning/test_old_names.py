@@ -91,3 +91,93 @@ def test_new_names_are_reached_by_their_old_ones_from_outside() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert OperatorInput() == OperatorInput(input_source="")
+
+
+class NewerTwin(Twin):
+    """A twin in today's words, of which others make their own."""
+
+    def set_environment(self, ambient: float, skin_temperature: float | None) -> None:
+        self.heard = ambient, skin_temperature
+
+    def step(self, state: Record, command: Record, touch: Any, period: float) -> None:
+        pass
+
+    def read(self, state: Record, reading: Record) -> bool:
+        return True
+
+
+def test_an_older_twin_made_of_a_newer_one_reaches_what_its_parent_does() -> None:
+    class Made(NewerTwin):
+        def stand(self, ambient: float, skin_temperature: float | None) -> None:
+            super().stand(ambient + 1.0, skin_temperature)
+            self.own = True
+
+    class MadeOfThat(Made):
+        def set_environment(self, ambient: float, skin_temperature: float | None) -> None:
+            super().set_environment(ambient + 1.0, skin_temperature)
+
+    for cls, heard in ((Made, (291.0, 305.0)), (MadeOfThat, (292.0, 305.0))):
+        for name in ("set_environment", "stand"):
+            twin = cls(None)
+            with pytest.warns(DeprecationWarning, match="'stand' is 'set_environment' now"):
+                getattr(twin, name)(290.0, 305.0)
+            assert (twin.heard, twin.own) == (heard, True), (cls.__name__, name)
+
+
+def test_an_older_twin_made_of_the_thermal_displays_stands_in_its_room() -> None:
+    from itouch_thermal.display.display_twin import DisplayTwin
+    from itouch_thermal.display.params import DisplayParams
+
+    class Made(DisplayTwin):
+        def stand(self, ambient: float, skin_temperature: float | None) -> None:
+            super().stand(ambient, skin_temperature)
+
+    twin, plain = Made(DisplayParams()), DisplayTwin(DisplayParams())
+    plain.set_environment(288.0, 303.0)
+    with pytest.warns(DeprecationWarning):
+        twin.set_environment(288.0, 303.0)
+    assert twin.params == plain.params and twin.params.skin_temperature == 303.0
+    states = [Record.of(one.fields()) for one in (twin, plain)]
+    for one, state in zip((twin, plain), states, strict=True):
+        one.reset(state, np.random.default_rng(0))
+    assert states[0].tobytes() == states[1].tobytes()
+
+
+def test_a_twin_that_takes_the_method_from_beside_its_base_has_it_under_both_names() -> None:
+    class Beside:
+        def set_environment(self, ambient: float, skin_temperature: float | None) -> None:
+            self.room = ambient
+
+    class OlderBeside:
+        def stand(self, ambient: float, skin_temperature: float | None) -> None:
+            self.room = ambient
+
+    parts = {"step": lambda *_: None, "read": lambda *_: True}
+    for beside in (Beside, OlderBeside):
+        for name in ("set_environment", "stand"):
+            twin = type("Mixed", (beside, Twin), parts)(None)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                getattr(twin, name)(290.0, None)
+            assert twin.room == 290.0, (beside.__name__, name)
+    assert "OlderBeside" in type("Mixed", (OlderBeside, Twin), parts).outdated[0]
+
+
+def test_an_older_device_made_of_a_newer_one_finds_what_its_parent_finds() -> None:
+    here, there = Attached("here", True, ""), Attached("there", True, "")
+
+    class Newer(Device):
+        reads = Older.reads
+
+        @classmethod
+        def discover(cls) -> tuple[Attached, ...]:
+            return (here,)
+
+    class Made(Newer):
+        @classmethod
+        def attached(cls) -> tuple[Attached, ...]:
+            return (*(super().attached() or ()), there)
+
+    for look in (Made.discover, Made.attached):
+        with pytest.warns(DeprecationWarning, match="'attached' is 'discover' now"):
+            assert look() == (here, there)

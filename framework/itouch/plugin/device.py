@@ -18,6 +18,7 @@ from itouch.plugin.channel import Channel
 from itouch.plugin.declaration_rules import faults_of, unguessable
 from itouch.plugin.groups import Grouped
 from itouch.plugin.record import Field, Record
+from itouch.plugin.renamed_methods import have_both_names
 from itouch.plugin.stamps import Stamps
 from itouch.plugin.trace import Trace
 from itouch.schema import ItouchError
@@ -98,9 +99,9 @@ class Twin(ABC):
 
     def __init_subclass__(cls, **given: Any) -> None:
         super().__init_subclass__(**given)
-        if "stand" in cls.__dict__ and "set_environment" not in cls.__dict__:  # for one version
-            cls.set_environment = cls.__dict__["stand"]  # type: ignore[method-assign]
-            cls.outdated = (*cls.outdated, f"method 'stand' of {cls.__name__} is 'set_environment' now: rename it")
+        older = have_both_names(cls, "stand", "set_environment")
+        if older:
+            cls.outdated = (*cls.outdated, f"method 'stand' of {older} is 'set_environment' now: rename it")
 
     def set_environment(self, ambient: float, skin_temperature: float | None) -> None:  # noqa: B027
         """Take the temperatures [K] of the room and of the operator's skin (None without operator); called first."""
@@ -108,9 +109,7 @@ class Twin(ABC):
     def stand(self, ambient: float, skin_temperature: float | None) -> None:
         """Call ``set_environment`` of this class: the old name of that method, kept for one version."""
         warnings.warn("'stand' is 'set_environment' now: call that", DeprecationWarning, stacklevel=2)
-        overridden = any("stand" in vars(kind) for kind in type(self).__mro__ if kind is not Twin)
-        if not overridden:  # else an overriding `stand` has called this: there is nothing to do
-            self.set_environment(ambient, skin_temperature)
+        Twin.set_environment(self, ambient, skin_temperature)
 
     def fields(self) -> tuple[Field, ...]:
         """Return the State that the twin needs."""
@@ -293,8 +292,7 @@ class Device(Grouped, ABC):
     def attached(cls) -> tuple[Attached, ...] | None:
         """Call ``discover``: the old name of that method, kept for one version."""
         warnings.warn("'attached' is 'discover' now: call that", DeprecationWarning, stacklevel=2)
-        overridden = any("attached" in vars(kind) for kind in cls.__mro__ if kind is not Device)
-        return None if overridden else cls.discover()
+        return Device.discover()
 
     @classmethod
     def missing(cls, bound: Any) -> str:
@@ -324,7 +322,6 @@ class Device(Grouped, ABC):
         hurting = list(unguessable(cls.reads))
         if hurting:
             raise ValueError(f"device class {cls.__name__}: {'; '.join(hurting)}")
-        if "attached" in cls.__dict__ and "discover" not in cls.__dict__:  # for one version
-            cls.discover = cls.__dict__["attached"]  # type: ignore[method-assign]
+        if have_both_names(cls, "attached", "discover"):
             cls.outdated = (*cls.outdated, "class method 'attached' is 'discover' now: rename it")
         cls.undeclared = (*faults_of(cls.reads, "reading"), *faults_of(cls.commands, "command"))
