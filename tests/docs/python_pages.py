@@ -70,24 +70,12 @@ def plugin(folder: Path, patch: pytest.MonkeyPatch) -> Names:
     import struct
     from dataclasses import dataclass
 
+    import serialx
+
     import itouch.plugin
 
     names = {name: getattr(itouch.plugin, name) for name in itouch.plugin.__all__}
-    port = types.SimpleNamespace(Serial=lambda *a, **k: _Port())
-    return {**names, "dataclass": dataclass, "struct": struct, "serial": port}
-
-
-class _Port:
-    """A serial port on which a lever says where it is."""
-
-    def read(self, count: int) -> bytes:
-        return b"\x00\x40"[:count]
-
-    def write(self, data: bytes) -> None:
-        self.written = data
-
-    def close(self) -> None:
-        self.closed = True
+    return {**names, "dataclass": dataclass, "struct": struct, "serialx": serialx}
 
 
 def mesh(folder: Path, patch: pytest.MonkeyPatch) -> Names:

@@ -6,6 +6,7 @@ import contextlib
 import functools
 import re
 import textwrap
+import time
 from pathlib import Path
 
 import pytest
@@ -55,18 +56,28 @@ def test_listings_run_in_the_order_of_the_page(page: str, tmp_path: Path, monkey
 
 def test_the_lever_of_the_readme_is_a_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is not only read without an error: it opens, reads a pose and writes a force."""
-    from itouch.plugin import Field, Record
+    from itouch.plugin import Field, Record, Terminal
 
     names = SETUPS["README.md"](tmp_path, monkeypatch)
     (listing,) = [listing for listing in PYTHON if listing.page == "README.md"]
     exec(compile(listing.text, listing.name, "exec", dont_inherit=True), names)
-    lever = names["Lever"](names["LeverParams"]())
+    board = Terminal(str(tmp_path / "port"))
+    lever = names["Lever"](names["LeverParams"](path=str(tmp_path / "port")))
     lever.open()
     reading = Record.of([Field("pose", "f8", 7)])
     lever.read(reading)
+    assert reading["pose"][2] == 0.0  # nothing has come yet, and it does not wait for it
+    board.send(b"\x00\x40")
+    end = time.monotonic() + 5.0
+    while not reading["pose"][2] and time.monotonic() < end:
+        lever.read(reading)
     assert reading["pose"][2] == pytest.approx(0.025)
     command = Record.of([Field("wrench", "f8", 6)])
     command["wrench"] = (0.0, 0.0, 2.0, 0.0, 0.0, 0.0)
     lever.write(command)
-    assert lever._port.written == b"\xf4\x01"
+    heard = board.receive()
+    while len(heard) < 2 and time.monotonic() < end:
+        heard += board.receive()
+    assert heard == b"\xf4\x01"
     lever.close()
+    board.close()

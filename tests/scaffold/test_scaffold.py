@@ -5,12 +5,16 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
+import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 from finishing import finish
 from lxml import etree
 
+from itouch.plugin import DeviceError, Terminal
 from itouch.schema import ItouchError
 from itouch_tools.cli import main
 from itouch_tools.scaffold import make_plugin, make_scene
@@ -61,6 +65,46 @@ def test_every_scaffold_can_be_finished(kind, transport, tmp_path):
     for path in home.rglob("*.py"):
         compile(path.read_text(), str(path), "exec")
     assert run_tests_of(home, None, "tests/test_steps.py").returncode == 0
+
+
+def test_the_line_of_a_serial_scaffold_carries_lines_with_the_package_that_it_asks_for(tmp_path):
+    """With ``serialx`` alone, as our own drivers do: no other package for serial ports can be imported here."""
+    make_plugin("test-lever", transport="serial", folder=str(tmp_path))
+    home = tmp_path / "itouch-test-lever"
+    needed = tomllib.loads((home / "pyproject.toml").read_text())["project"]["dependencies"]
+    extras = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"][
+        "optional-dependencies"
+    ]
+    assert needed[1:] == extras["tmcl"]
+    source = (home / "itouch_test_lever" / "line.py").read_text()
+    names: dict[str, Any] = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(sys.modules, "serial", None)
+        exec(compile(source, "line.py", "exec"), names)
+    with pytest.raises(DeviceError, match=r"no 'test-lever' at .*nowhere"):
+        names["Line"](str(tmp_path / "nowhere"))
+    other = Terminal(str(tmp_path / "port"))
+    ours, second = names["Line"](str(tmp_path / "port")), names["Line"](str(tmp_path / "port"))
+    second.close()
+    begin = time.monotonic()
+    assert ours.lines() == [] and time.monotonic() - begin < 0.05
+    ours.send("F 0.5")
+    other.send(b"P 0.1\nP 0.2\nP 0.")
+    end = time.monotonic() + 5.0
+    heard, said = b"", []
+    while (heard, said) != (b"F 0.5\n", ["P 0.1", "P 0.2"]) and time.monotonic() < end:
+        heard, said = heard + other.receive(), said + ours.lines()
+    assert (heard, said) == (b"F 0.5\n", ["P 0.1", "P 0.2"])
+    other.send(b"3\n")
+    while len(said) < 3 and time.monotonic() < end:
+        said += ours.lines()
+    assert said[2:] == ["P 0.3"]
+    other.close()
+    with pytest.raises(DeviceError, match="'test-lever' is gone"):
+        for _ in range(100):
+            ours.lines()
+            ours.send("F 0")
+    ours.close()
 
 
 def test_a_finished_device_is_short(tmp_path):

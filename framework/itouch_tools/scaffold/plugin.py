@@ -96,7 +96,7 @@ def _wire(transport: str) -> str:
 
 def _words(name: str, kind: str, transport: str) -> dict[str, str]:
     title = _title(name)
-    needs = {"serial": '"pyserial>=3.5,<4"', "usb": '"pyusb>=1.3,<2"'}
+    needs = {"serial": '"serialx>=1.15,<2"', "usb": '"pyusb>=1.3,<2"'}
     own = needs.get(transport, "") if kind != "modality" else ""
     entries = []
     if kind != "modality":

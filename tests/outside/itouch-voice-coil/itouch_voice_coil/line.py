@@ -1,6 +1,6 @@
 """The serial port: whole lines in, whole lines out, nothing waits."""
 
-import serial
+import serialx
 
 from itouch.plugin import DeviceError
 
@@ -10,8 +10,10 @@ class Line:
 
     def __init__(self, port, baud=115200):
         try:
-            self._port = serial.Serial(port, baud, timeout=0, write_timeout=0.05)
-        except (OSError, serial.SerialException) as error:
+            # not exclusive: if this process hangs, another one must be able to make the device safe
+            self._port = serialx.serial_for_url(port, baud, read_timeout=0, write_timeout=0.05, exclusive=False)
+            self._port.open()
+        except (OSError, ValueError, serialx.SerialException) as error:
             raise DeviceError(f"no 'voice-coil' at {port}: {error}; is it plugged in, and may you open it?") from error
         self._rest = b""
 
@@ -19,7 +21,7 @@ class Line:
         """Return the whole lines that have come since the last call."""
         try:
             data = self._port.read(4096)
-        except (OSError, serial.SerialException) as error:
+        except (OSError, serialx.SerialException) as error:
             raise DeviceError(f"'voice-coil' is gone: {error}") from error
         *whole, self._rest = (self._rest + data).split(b"\n")
         return [line.decode("ascii", "replace") for line in whole]
@@ -28,7 +30,7 @@ class Line:
         """Send one line."""
         try:
             self._port.write(text.encode() + b"\n")
-        except (OSError, serial.SerialException) as error:
+        except (OSError, serialx.SerialException) as error:
             raise DeviceError(f"'voice-coil' is gone: {error}") from error
 
     def close(self):
