@@ -13,115 +13,12 @@ import numpy as np
 import pytest
 from shipped import SCENES
 from test_pictures import without_display
-from windows import asked, drive
+from windows import asked, drive, scripts_of
 
 import itouch
 from itouch_evidence import viewer_servo
 
-PREPARE = """
-import sys, time, itouch, pyglet
-pyglet.options.audio = ("silent",)
-from pyglet.window import key
-from itouch.servo import attach
-from itouch_tools.viewer.offscreen import open_window
-from itouch_tools.viewer.window import Window
-Window.__init__.__kwdefaults__.update(width=640, height=400)  # a quarter of what software would have to draw
-def begin(scene):
-    global handle, window, situation
-    handle = itouch.launch(scene, linger=True)
-    window = open_window(handle.link, time.perf_counter, handle=handle, mute=True)
-    situation = window.source.situation
-FAILING, SOUND, HELD = sys.argv[2:5]
-def until(condition, what, windows=()):
-    end = time.monotonic() + 60
-    while not condition():
-        assert time.monotonic() < end, what
-        for one in (window, *windows):
-            one.dispatch_events()
-            one.frame()
-        time.sleep(0.04)  # a frame costs a core some 50 ms where software draws it
-def press(symbol):
-    window.dispatch_event("on_key_press", symbol, 0)
-    window.dispatch_events()
-"""
-
-SCRIPTS = {
-    "a fault is told, R re-arms, Esc ends": """
-        begin(FAILING)
-        until(lambda: any("an injected fault" in fault["cause"] for fault in situation.faults), "fault")
-        assert situation.faults[0]["device"] == "table" and handle.running
-        assert situation.late_us is not None and situation.tick_us > 0 and situation.overruns is not None
-        assert not situation.paused
-        tick = handle.link.tick
-        press(key.R)
-        until(lambda: not situation.faults, "no fault any more")
-        until(lambda: handle.link.tick > tick, "goes on")
-        press(key.ESCAPE)
-        assert window.closed and handle.wait(20)
-        assert handle.report()["faults"][0]["rearmed_s"] > 1.5
-        handle.close()
-    """,
-    "Space lets the machine move, letting go stops it, and R with Space goes on": """
-        def goes(ticks):  # on a busy machine the switch may be let go in between
-            if situation.faults:
-                press(key.R)
-            return handle.link.tick > ticks
-        begin(HELD)
-        handle.command("enable")
-        until(lambda: situation.waiting, "waiting")
-        assert handle.link.tick == 0
-        window.dispatch_event("on_key_press", key.SPACE, 0)
-        until(lambda: goes(50) and not situation.waiting, "moves")
-        window.dispatch_event("on_key_release", key.SPACE, 0)
-        until(lambda: situation.faults, "let go")
-        assert situation.faults[0]["trip"] == "released"
-        press(key.R)
-        until(lambda: "nobody holds" in situation.message, "refused")
-        tick = handle.link.tick
-        window.dispatch_event("on_key_press", key.SPACE, 0)
-        until(lambda: True, "a frame")
-        press(key.R)
-        until(lambda: goes(tick + 10), "goes on")
-        time.sleep(0.6)  # the window hangs
-        until(lambda: situation.faults and situation.faults[0]["tick"] > tick, "let go by itself")
-        handle.request_stop()
-        try:
-            handle.wait(20)
-        except itouch.DeviceFaultError as fault:
-            assert "switch" in str(fault)
-        window.source.stop()
-        handle.close()
-    """,
-    "a fault that nobody re-arms is the end's error": """
-        begin(FAILING)
-        until(lambda: situation.faults, "fault")
-        press(key.ESCAPE)
-        try:
-            handle.wait(20)
-        except itouch.DeviceFaultError as fault:
-            assert fault.device == "table"
-        else:
-            raise AssertionError("no error")
-        handle.close()
-    """,
-    "P pauses in two windows alike; one that goes leaves the other": """
-        begin(SOUND)
-        link = attach(handle.name)
-        other = open_window(link, time.perf_counter, mute=True)
-        press(key.P)
-        until(lambda: situation.paused and other.source.situation.paused, "both paused", (other,))
-        tick = handle.link.tick
-        other.dispatch_event("on_key_press", key.P, 0); other.dispatch_events()
-        until(lambda: not situation.paused and handle.link.tick > tick, "goes on", (other,))
-        other.dispatch_event("on_close"); other.dispatch_events(); other.close()
-        tick = handle.link.tick
-        until(lambda: handle.link.tick > tick + 20, "goes on without it")
-        assert window.source.rearm() == "there is nothing to re-arm"
-        handle.stop()
-        until(lambda: "over" in situation.message, "is over")
-        handle.close()
-    """,
-}
+SCRIPTS = scripts_of("live_window")
 
 
 @pytest.fixture(scope="module")
@@ -138,7 +35,7 @@ def said(request, screen, tmp_path_factory):
     held = folder / "held.xml"
     held.write_text(text.replace('<safety force="3 N"/>', '<safety force="3 N" hold-to-run="yes"/>'), encoding="utf-8")
     words = [str(scene), str(SCENES / "four_materials_hurried.xml"), str(held)]
-    return drive(PREPARE, asked(request, SCRIPTS), words, screen, folder)
+    return drive(asked(request, SCRIPTS), words, screen, folder)
 
 
 @pytest.mark.parametrize("name", SCRIPTS)

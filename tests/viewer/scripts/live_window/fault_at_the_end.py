@@ -1,0 +1,17 @@
+"""a fault that nobody re-arms is the end's error."""
+
+from prepared import FAILING, begin, press, until
+from pyglet.window import key
+
+import itouch
+
+handle, window, situation = begin(FAILING)
+until(lambda: situation.faults, "fault")
+press(key.ESCAPE)
+try:
+    handle.wait(20)
+except itouch.DeviceFaultError as fault:
+    assert fault.device == "table"
+else:
+    raise AssertionError("no error")
+handle.close()
