@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
+import stat
 import sys
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
+from itouch.platforms import NO_WAIT, OPEN_FLAGS
+
+#: Flags of opening an entry: a pipe under its name is not waited for, and a link is not followed.
+_GUARDED = os.O_RDONLY | NO_WAIT | OPEN_FLAGS | getattr(os, "O_NOFOLLOW", 0)
 _OFF = ("off", "no", "0", "none")
 
 
@@ -41,14 +47,40 @@ def folder(name: str, switch: str) -> Path | None:
 def owned(place: Path) -> bool:
     """Tell whether a folder belongs to this user and nobody else can write into it; on Windows only that it exists."""
     try:
-        status = place.stat()
+        return _is_own(place.stat())
     except OSError:
         return False
+
+
+def _is_own(status: os.stat_result) -> bool:
     return sys.platform == "win32" or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
 
 
+def opened(place: Path, name: str) -> BinaryIO:
+    """Open an entry for reading, if nobody else can have written it.
+
+    Raises
+    ------
+    OSError
+        If it is absent or cannot be opened; if it is a link, a pipe, a socket, a device or a folder; or if others can
+        write to it or to its folder.
+    """
+    path = place / name
+    if not owned(place):
+        raise PermissionError(errno.EPERM, "others can write to this folder", os.fspath(place))
+    handle = os.open(path, _GUARDED)
+    try:
+        status = os.fstat(handle)
+        if not (stat.S_ISREG(status.st_mode) and _is_own(status)):
+            raise PermissionError(errno.EPERM, "it is no file of this user alone", os.fspath(path))
+        return os.fdopen(handle, "rb")
+    except BaseException:
+        os.close(handle)
+        raise
+
+
 def put(place: Path, name: str, blocks: Iterable[Any], *, size: int, capacity: int) -> None:
-    """Write an entry atomically; if the folder cannot be written, do nothing.
+    """Write an entry atomically; if the folder cannot be written, or others can write to it, do nothing.
 
     Parameters
     ----------
@@ -63,6 +95,8 @@ def put(place: Path, name: str, blocks: Iterable[Any], *, size: int, capacity: i
         return
     with contextlib.suppress(OSError):
         place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if not owned(place):  # what lies there would not be read, and removing what others keep there is not ours
+            return
         _make_room(place, Path(name).suffix, size, capacity)
         handle, temporary = tempfile.mkstemp(prefix=".", suffix=".part", dir=place)
         try:

@@ -134,6 +134,33 @@ def test_a_folder_of_somebody_else_is_not_read(solve: Solver, folder: Path) -> N
     assert solve.solved == 2
 
 
+@pytest.mark.parametrize("mode", [0o666, 0o620])
+def test_an_entry_that_others_can_write_is_solved_anew(solve: Solver, folder: Path, mode: int) -> None:
+    solve()
+    only(folder).chmod(mode)
+    solve()
+    assert solve.solved == 2
+    solve()
+    assert solve.solved == 2
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, None], ids=["pipe", "link"])
+def test_what_is_no_file_is_neither_waited_for_nor_read(
+    solve: Solver, folder: Path, tmp_path: Path, make: Callable[[Path], None] | None
+) -> None:
+    solve()
+    path = only(folder)
+    path.rename(tmp_path / "elsewhere")
+    if make is None:
+        path.symlink_to(tmp_path / "elsewhere")
+    else:
+        make(path)
+    solve()
+    assert solve.solved == 2
+    solve()
+    assert solve.solved == 2
+
+
 @pytest.mark.parametrize("spoil", [
     lambda folder: folder.write_text("a file"), lambda folder: folder.symlink_to("/proc/nowhere"),
     lambda folder: folder.symlink_to(folder),

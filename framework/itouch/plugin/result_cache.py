@@ -2,7 +2,7 @@
 
 Each entry is a file: a line that names the format, the length and checksum of a JSON header, the header, then float64
 arrays as they are in memory.  An entry that is truncated, altered, or made by other code or on another machine counts
-as absent.  Nothing in an entry is code, and entries are used only from a folder that nobody else can write to.
+as absent.  Nothing in an entry is code, and an entry is used only if nobody else can write to it or to its folder.
 """
 
 from __future__ import annotations
@@ -93,15 +93,16 @@ def _machine() -> tuple[str, ...]:
 def read(name: str) -> Arrays | None:
     """Return the arrays of an entry, or None if there is no valid one."""
     place = folder()
-    if place is None or not caches.owned(place):
+    if place is None:
         return None
-    path = place / f"{name}{SUFFIX}"
     try:
-        if path.stat().st_size > LARGEST:
+        with caches.opened(place, f"{name}{SUFFIX}") as stream:
+            content = stream.read(LARGEST + 1)
+        if len(content) > LARGEST:
             return None
-        arrays = _arrays(path.read_bytes(), name)
+        arrays = _arrays(content, name)
         with contextlib.suppress(OSError):
-            os.utime(path)  # mark it as used
+            os.utime(place / f"{name}{SUFFIX}")  # mark it as used
         return arrays
     except (OSError, ValueError, KeyError, TypeError, RecursionError, struct.error):
         return None
