@@ -2,7 +2,13 @@
 
 Each entry is a file: a line that names the format, the length and checksum of a JSON header, the header, then the three
 tables as they are in memory. An entry that is truncated, altered, or of another version counts as absent and is written
-anew, to a temporary file that replaces it atomically. Nothing in an entry is code.
+anew, to a temporary file that replaces it atomically. Nothing in an entry is code, and an entry is used only if nobody
+else can write to it or to its folder.
+
+Whatever an entry holds, what is made of it can be searched: its hierarchy is a tree that the searches' stack is deep
+enough for, with each triangle in one leaf and inside the boxes above it. That the vertices are those of the mesh file
+rests on who may write entries: to compare them, the file would have to be parsed and mended, which takes longer than
+the rest of the building, and so they are only held against the number of triangles and the bounding box.
 """
 
 from __future__ import annotations
@@ -10,6 +16,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import math
 import os
 import struct
 import sys
@@ -19,16 +26,17 @@ from dataclasses import asdict
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from itouch import caches
 from itouch.contact import bvh
-from itouch.contact.meshfile.limits import MAX_FACES, MAX_VERTICES
+from itouch.contact.meshfile.limits import MAX_VERTICES
 from itouch.contact.meshfile.mend import MeshFacts
-from itouch.contact.surface import Surface
+from itouch.contact.scratch import Mesh as Tables
+from itouch.contact.stored import can_be_searched
+from itouch.contact.surface import Surface, checked_vertices
 
 #: Environment variable that names another folder for the cache, or ``off`` for none.
 SWITCH = "ITOUCH_MESH_CACHE"
@@ -40,8 +48,8 @@ CAPACITY = 2 << 30
 _MAGIC = b"itouch-py mesh\n"
 _HEAD = struct.Struct("<II")
 _LONGEST_HEADER = 1 << 16
-_BUILDERS = ("bvh", "neighbours", "solid", "surface", "triangle", "vectors")
-_TABLES = (("<f8", 3), ("<i4", bvh.TRIANGLE_WIDTH), ("<f4", bvh.NODE_WIDTH))
+_BUILDERS = ("bvh", "neighbours", "solid", "stored", "surface", "triangle", "vectors")
+_TABLES: Final = (("<f8", 3), ("<i4", bvh.TRIANGLE_WIDTH), ("<f4", bvh.NODE_WIDTH))
 
 
 def folder() -> Path | None:
@@ -72,19 +80,16 @@ def read(name: str) -> tuple[Surface, MeshFacts] | None:
     place = folder()
     if place is None:
         return None
-    path = place / f"{name}.mesh"
     try:
-        with path.open("rb") as stream:
+        with caches.opened(place, f"{name}.mesh") as stream:
             header = _header(stream, name)
-            tables = [_table(stream, header, index) for index in range(len(_TABLES))]
-            if stream.read(1):
-                raise ValueError("surplus bytes")
-        _check(*tables)
+            tables = _tables(stream, header)
         facts = _facts(header["facts"])
+        _check(tables, facts)
         with contextlib.suppress(OSError):
-            os.utime(path)  # mark it as used
-        return Surface.of_tables((tables[0], tables[1], tables[2]), is_solid=bool(header["solid"])), facts
-    except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError, struct.error):
+            os.utime(place / f"{name}.mesh")  # mark it as used
+        return Surface.of_tables(tables, is_solid=bool(header["solid"])), facts
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError, struct.error):
         return None
 
 
@@ -122,35 +127,51 @@ def _header(stream: Any, name: str) -> dict[str, Any]:
     return dict(header)
 
 
-def _table(stream: Any, header: dict[str, Any], index: int) -> NDArray[Any]:
-    kind, width = _TABLES[index]
-    rows = int(header["rows"][index])
-    if not 1 <= rows <= MAX_VERTICES:
+def _tables(stream: Any, header: dict[str, Any]) -> Tables:
+    """Return the vertices, triangles and nodes of an entry.
+
+    Raises
+    ------
+    ValueError, KeyError, TypeError, IndexError
+        If they are incomplete or damaged, or would be larger than the file.
+    """
+    shapes = [(header["rows"][index], width) for index, (_, width) in enumerate(_TABLES)]
+    if not all(isinstance(rows, int) and 1 <= rows <= MAX_VERTICES for rows, _ in shapes):
         raise ValueError("a table of an impossible size")
-    table = np.fromfile(stream, kind, rows * width)
-    if table.size != rows * width or zlib.crc32(table.data) != header["sums"][index]:
-        raise ValueError("a table is damaged")
-    return table.reshape(rows, width)
+    sizes = [rows * width * np.dtype(kind).itemsize for (rows, width), (kind, _) in zip(shapes, _TABLES, strict=True)]
+    if stream.tell() + sum(sizes) != os.fstat(stream.fileno()).st_size:  # before there is memory for them
+        raise ValueError("cut, or surplus bytes")
+    found = []
+    for (rows, width), (kind, _), known in zip(shapes, _TABLES, header["sums"], strict=True):
+        table = np.fromfile(stream, kind, rows * width)
+        if table.size != rows * width or zlib.crc32(table.data) != known:
+            raise ValueError("a table is damaged")
+        found.append(table.reshape(rows, width))
+    return found[0], found[1], found[2]
 
 
-def _check(vertices: NDArray[Any], triangles: NDArray[Any], nodes: NDArray[Any]) -> None:
-    """Raise ValueError unless every index refers to an existing row: the kernels that follow them do not check."""
-    corners, faces, across = triangles[:, :3], triangles[:, 3], triangles[:, 4:]
-    sound = bool(np.isfinite(vertices).all()) and len(triangles) <= MAX_FACES
-    sound &= bool(corners.min() >= 0 and corners.max() < len(vertices))
-    sound &= bool(min(faces.min(), across.min() + 1) >= 0 and max(faces.max(), across.max()) < len(triangles))
-    refs, counts = nodes[:, bvh.CHILD_REF : bvh.CHILD_COUNT], nodes[:, bvh.CHILD_COUNT :]
-    inner = counts == 0
-    below = (refs > np.arange(len(nodes))[:, None]) & (refs < len(nodes))
-    leaf = (counts > 0) & (counts <= bvh.LEAF) & (refs >= 0) & (refs + counts <= len(triangles))
-    if not (sound and bool(np.where(inner, below, leaf).all())):
-        raise ValueError("an index leads nowhere")
+def _check(tables: Tables, facts: MeshFacts) -> None:
+    """Raise ValueError unless the tables can be searched and are those of which the facts tell; put the slabs right."""
+    vertices, triangles, nodes = tables
+    checked_vertices(vertices)
+    if not can_be_searched(vertices, triangles, nodes):
+        raise ValueError("the hierarchy is not one of these triangles")
+    low, high = (tuple(part(vertices[:, c]).item() for c in range(3)) for part in (np.min, np.max))
+    if (len(triangles), low, high) != (facts.triangles, facts.low, facts.high):
+        raise ValueError("the facts are those of another mesh")
+    for side in range(2):  # found anew, as checking them would take longer
+        nodes[:, bvh.CHILD_WIDTH * side + bvh.CHILD_NORMAL : bvh.CHILD_WIDTH * (side + 1)] = 0.0
+    bvh.add_slabs(vertices, triangles, nodes)
 
 
 def _facts(values: dict[str, Any]) -> MeshFacts:
-    values = {name: tuple(map(float, v)) if isinstance(v, list) else v for name, v in values.items()}
-    if not all(isinstance(v, (int, float, tuple)) for v in values.values()):
-        raise ValueError("facts are numbers")
     if set(values) != set(MeshFacts.__dataclass_fields__):
         raise ValueError("other facts")
-    return MeshFacts(**values)
+    given: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
+    facts = MeshFacts(**given)
+    for name, value in given.items():
+        usual = getattr(MeshFacts(), name)
+        parts = zip(value, usual, strict=True) if isinstance(usual, tuple) else [(value, usual)]
+        if not all(type(part) is type(known) and math.isfinite(part) for part, known in parts):
+            raise ValueError(f"{name} is no such number")
+    return facts
