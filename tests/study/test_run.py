@@ -218,6 +218,37 @@ def test_deviations_are_refused_or_noted(tmp_path: Path, capsys: pytest.CaptureF
     assert "other orders need another folder" in capsys.readouterr().err
 
 
+def test_a_report_is_refused_of_data_of_another_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As `study run` refuses to go on with them; the report that is there stays as it is."""
+    path, folder = write_study(tmp_path, repetitions=1), tmp_path / "data"
+    assert run(path, folder, "--answers", str(scripted(tmp_path, 1))) == 3
+    assert main(["study", "report", str(path), str(folder)]) == 0
+    before = (folder / "report.html").read_bytes()
+    written = path.read_text()
+    changes = [
+        ('kind="identify"', 'kind="rate"', "P07 was asked 'identify', and the task of 'study' is 'rate'"),
+        ('seed="5"', 'seed="6"', "this one differs: it has seed 6"),
+        ("<order", "<!-- a note --><order", "this one differs; change the files back (frozen/"),
+    ]
+    for old, new, said in changes:
+        path.write_text(written.replace(old, new))
+        capsys.readouterr()
+        assert main(["study", "report", str(path), str(folder)]) == 2
+        assert said in capsys.readouterr().err
+        assert (folder / "report.html").read_bytes() == before
+    path.write_text(written.replace('kind="identify"', 'kind="rate"'))
+    assert run(path, folder, "--answers", str(scripted(tmp_path, 1)), "--deviation", "ratings are finer") == 2
+
+
+def test_who_is_not_there_cannot_be_forgotten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A mistyped code must not look as if the personal data of somebody were deleted."""
+    with Store.open(tmp_path, create=True) as store:
+        store.describe("P08", {"handedness": "left"})
+    assert main(["study", "forget", str(tmp_path), "--participant", "P80"]) == 2
+    assert "knows no participant 'P80', nothing was deleted: the participants are P08" in capsys.readouterr().err
+    assert main(["study", "forget", str(tmp_path), "--participant", "P08"]) == 0
+
+
 def test_a_person_is_forgotten_by_one_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, folder = write_study(tmp_path, repetitions=1), tmp_path / "data"
     assert run(path, folder, "--answers", str(scripted(tmp_path, 2))) == 3

@@ -16,7 +16,6 @@ from itouch_tools.cli.study_participant import folder_of
 
 if TYPE_CHECKING:
     from itouch_tools.study.reading import StudyFile
-    from itouch_tools.study.store import Row
 
 #: Seconds in which most skin recovers from a touch of a few seconds, and seconds for an answer and the next approach.
 SKIN, ANSWERING = 10.0, 4.0
@@ -169,11 +168,12 @@ def _stamp(file: StudyFile, folder: Path, deviation: str = "") -> None:
     from datetime import UTC, datetime
     from importlib.metadata import version
 
-    from itouch_tools.study.frozen import digest_of, keep_copy
+    from itouch_tools.study.frozen import check_task, digest_of, keep_copy
     from itouch_tools.study.store import Store
 
     digest = digest_of(file)
     with Store.open(folder, create=True) as store:
+        check_task(file, store.rows())
         store.freeze(
             name=file.name, seed=file.study.seed, digest=digest, program=version("itouch-py"),
             frozen=datetime.now(UTC).isoformat(timespec="seconds"), deviation=deviation,
@@ -220,13 +220,21 @@ def _run(options: argparse.Namespace) -> int:
         return _store_error(error)
 
 
+def _nobody(code: str, folder: str, known: Sequence[str]) -> str:
+    """Return what to say of a code that no participant has: a person who asked to be forgotten must be found."""
+    there = f"the participants are {', '.join(known)}" if known else "it has no participants yet"
+    return f"'{folder}' knows no participant '{code}', nothing was deleted: {there}"
+
+
 def _forget(options: argparse.Namespace) -> int:
     from itouch_tools.study.store import Store, StoreError
 
     try:
         with Store.open(Path(options.folder)) as store:
-            gone = store.forget(options.participant)
             recordings = store.recordings(options.participant)
+            if options.participant not in (known := store.known()) and not recordings:
+                raise StoreError(_nobody(options.participant, options.folder, known))
+            gone = store.forget(options.participant)
             for path in recordings if options.recordings else ():
                 path.unlink()
     except StoreError as error:
@@ -270,30 +278,9 @@ def _simulate(options: argparse.Namespace) -> int:
     return 0
 
 
-def _same_study(file: StudyFile, rows: Sequence[Row]) -> None:
-    """Check that the study has all levels that occur in the rows: otherwise the report would leave out trials.
-
-    Raises
-    ------
-    StoreError
-        If it has not all of them.
-    """
-    from itouch_tools.study.store import StoreError
-
-    levels = {factor.name: factor.names for factor in file.study.factors}
-    known = {*levels, *(one.name for one in file.study.staircases)}
-    for row in rows:
-        for shown in (row.condition, *row.shown):
-            for name, level in shown.items():
-                if name not in known or level not in levels.get(name, (level,)):
-                    raise StoreError(
-                        f"the trials are of another study: {row.participant} was shown {name}={level}, which "
-                        f"'{file.name}' does not have; take the study as it was (frozen/ has it)"
-                    )
-
-
 def _report(options: argparse.Namespace) -> int:
     from itouch_tools.study.analysis import analyse
+    from itouch_tools.study.frozen import check_same_study
     from itouch_tools.study.page import page
     from itouch_tools.study.store import Store, StoreError
     from itouch_tools.study.tables import write_table
@@ -305,8 +292,8 @@ def _report(options: argparse.Namespace) -> int:
     target = Path(options.output) if options.output else folder / "report.html"
     try:
         with Store.open(folder) as store:
+            check_same_study(file, store)
             rows, frozen, deviations = store.rows(), store.frozen() or {}, store.deviations()
-        _same_study(file, rows)
         result = analyse(file, rows)
         provenance = {str(key): str(value) for key, value in frozen.items()}
         provenance |= {f"deviation {at}": what for at, what in deviations}

@@ -172,20 +172,34 @@ class Store:
             with _sentences(self.folder / "trials.sqlite"), self._trials:
                 self._trials.execute("INSERT INTO study VALUES (1, ?, ?, ?, ?, ?)", values)
             return
+        if not self.check(seed=seed, digest=digest, deviation=deviation):
+            self.deviate(f"{deviation} (study {there['digest'][:12]} became {digest})", frozen)
+
+    def check(self, *, seed: int, digest: str, deviation: str = "") -> bool:
+        """Tell whether a study is the one that was frozen here, or one whose deviation is noted already.
+
+        Raises
+        ------
+        StoreError
+            If a different study was frozen here and no ``deviation`` is given, or its seed differs.
+        """
+        there = self.frozen()
+        if there is None:
+            return False
         if there["seed"] != seed:
             raise StoreError(
                 f"'{self.folder}' holds the data of study '{there['name']}' with seed {there['seed']}, and this one "
                 f"differs: it has seed {seed}; other orders need another folder"
             )
         if there["digest"] == digest or any(digest in what for _, what in self.deviations()):
-            return
+            return True
         if not deviation:
             raise StoreError(
                 f"'{self.folder}' holds the data of study '{there['name']}' as frozen {there['frozen']}, and this "
-                f"one differs; change the files back, note the deviation with --deviation WORDS in `study run`, or "
-                f"start in another folder"
+                f"one differs; change the files back (frozen/{there['digest'][:12]}.zip there has them), note the "
+                f"deviation with --deviation WORDS in `study run`, or start in another folder"
             )
-        self.deviate(f"{deviation} (study {there['digest'][:12]} became {digest})", frozen)
+        return False
 
     def frozen(self) -> dict[str, Any] | None:
         """Return what was frozen, or None."""
@@ -260,6 +274,15 @@ class Store:
         """Return the codes of all participants who have trials, sorted."""
         with _sentences(self.folder / "trials.sqlite"):
             return [code for (code,) in self._trials.execute("SELECT DISTINCT participant FROM trials ORDER BY 1")]
+
+    def known(self) -> list[str]:
+        """Return the codes of all participants who have trials or personal data, sorted."""
+        path = self.folder / "participants.sqlite"
+        if not path.exists():
+            return self.participants()
+        with _sentences(path), contextlib.closing(_connect(path, PERSONAL_SCHEMA)) as personal:
+            described = {code for (code,) in personal.execute("SELECT code FROM participants")}
+        return sorted(described.union(self.participants()))
 
     def describe(self, participant: str, fields: Mapping[str, Any]) -> None:
         """Keep a participant's personal data, separate from the trials."""
