@@ -192,13 +192,16 @@ def test_a_staircase_is_rebuilt_from_its_rows(tmp_path: Path) -> None:
         assert kept(tmp_path / "b") == rows[:end]
 
 
-def test_a_void_trial_is_marked_and_comes_again(tmp_path: Path) -> None:
+def test_a_void_trial_is_marked_and_comes_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = write_study(tmp_path, repetitions=1, contact='force="5 N" repeats="2"')
     assert run(path, tmp_path / "data", "--answers", str(scripted(tmp_path))) == 0
     rows = kept(tmp_path / "data")
     assert all("was out of the window" in row.void for row in rows)
     assert all(row.answer is None for row in rows)
     assert Counter(row.repeats if row.repeats is not None else row.place for row in rows) == {0: 3, 1: 3, 2: 3}
+    said = capsys.readouterr().out
+    assert f"trial 1: void ({rows[0].void}), comes again\n" in said
+    assert f"trial 9: void ({rows[8].void}), tried often enough\n" in said
 
 
 def test_deviations_are_refused_or_noted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

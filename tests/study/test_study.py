@@ -356,6 +356,22 @@ def test_a_hand_that_ends_elsewhere_than_it_begins_is_found(tmp_path: Path) -> N
     assert "does not end where it begins" in problems[0].sentence
 
 
+def test_check_tells_of_a_study_in_which_no_trial_can_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The scripted hand is back before the touch has lasted as long as it must; one level tells nothing apart."""
+    study = write_study(tmp_path)
+    assert main(["study", "check", str(study)]) == 0
+    assert "warning" not in capsys.readouterr().err
+    study.write_text(study.read_text().replace('duration="0.1 s"', 'duration="30 s"'))
+    text = study.read_text()
+    levels = text[text.index('levels="') : text.index('"', text.index('levels="') + 8) + 1]
+    study.write_text(text.replace(levels, 'levels="wood"'))
+    assert main(["study", "check", str(study)]) == 0
+    said = capsys.readouterr().err
+    assert "no trial will count: a touch lasts 30 s at least, and the scripted hand of 'finger' is back after " in said
+    assert f"{study}:{1 + text[: text.index('duration=')].count(chr(10))}:" in said
+    assert "'material' has one level, 'wood': every answer to 'identify' is known" in said
+
+
 STAIRS = (
     '<staircase name="a" procedure="up-down" set="wood/contact.stiffness" unit="N/mm" low="0.5" high="2" start="1.5" '
     'standard="0.6" step="0.1" trials="30" reversals="3"/>'

@@ -53,6 +53,15 @@ class Manner:
 MANNER = Manner()
 
 
+def number_of(count: int, noun: str, many: str = "") -> str:
+    """Return a number and what it counts, in singular or plural; default: with an ``s``.
+
+    >>> number_of(1, "trial"), number_of(0, "trial"), number_of(2, "catch", "catches")
+    ('1 trial', '0 trials', '2 catches')
+    """
+    return f"{count} {noun}" if count == 1 else f"{count} {many or noun + 's'}"
+
+
 def note(words: str) -> None:
     """Print a note on standard error: worth knowing, but not essential."""
     if not MANNER.quiet:

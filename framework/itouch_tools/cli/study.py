@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from itouch.schema.terminal import did
+from itouch.schema.terminal import did, number_of
 from itouch_tools.cli import study_analyses, study_run, study_serve
 from itouch_tools.cli.arguments import output_file, output_folder, parser_of
 from itouch_tools.cli.study_participant import folder_of
@@ -128,9 +128,10 @@ def _check(options: argparse.Namespace) -> int:
     seconds = touches * (file.study.contact.duration + between) + pauses
     print(f"{options.study}: ok")
     practice, caught = (sum(trial.block == block for trial in planned) for block in (PRACTICE, CATCH))
-    among = f", {caught} catch trials among them" if caught else ""
-    print(f"  {len(counted)} trials of {file.study.task.kind} ({practice} of practice before them{among})")
-    print(f"  {touches} touches, about {seconds / 60.0:.0f} min with {between:.0f} s between two touches")
+    among = f", {number_of(caught, 'catch trial')} among them" if caught else ""
+    print(f"  {number_of(len(counted), 'trial')} of {file.study.task.kind} ({practice} of practice before them{among})")
+    many = number_of(touches, "touch", "touches")
+    print(f"  {many}, about {seconds / 60.0:.0f} min with {between:.0f} s between two touches")
     print(f"  in contact {touches * file.study.contact.duration / 60.0:.1f} min at least")
     counts = {repr(trial.condition): 0 for trial in counted}
     for trial in counted:
@@ -245,7 +246,7 @@ def _forget(options: argparse.Namespace) -> int:
     words = "the personal data are deleted" if gone else "there were no personal data"
     print(f"{options.participant}: {words}; the trials stay under the code")
     if recordings:
-        many = f"{len(recordings)} recording{'s' if len(recordings) > 1 else ''} of the sessions"
+        many = number_of(len(recordings), "recording of the sessions", "recordings of the sessions")
         told = "deleted, too" if options.recordings else "kept: they show how a hand moved; --recordings deletes them"
         print(f"{options.participant}: {many}: {told}")
     return 0

@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from itouch.schema.terminal import number_of
+
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable
@@ -22,6 +24,19 @@ def folder_of(options: argparse.Namespace) -> Path:
         return Path(options.output)
     path = Path(options.study)
     return path.with_name(f"{path.stem}.data")
+
+
+def opening(participant: str, kept: int, left: int) -> str:
+    """Return the line with which a session begins."""
+    are = "is" if kept == 1 else "are"
+    return (
+        f"{participant}: {number_of(kept, 'trial')} {are} kept, {left} of the order {'is' if left == 1 else 'are'} left"
+    )
+
+
+def outcome_of(void: str, *, again: bool) -> str:
+    """Return what became of a trial; ``void``: why it does not count, ``again``: whether it is tried again."""
+    return f"void ({void}), {'comes again' if again else 'tried often enough'}" if void else "kept"
 
 
 def masking(file: StudyFile, options: argparse.Namespace) -> contextlib.AbstractContextManager[object]:

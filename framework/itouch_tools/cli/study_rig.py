@@ -32,9 +32,10 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     """
     from itouch.loop import DeviceFaultError
     from itouch.plugin.discovery import Catalog
+    from itouch.schema.terminal import number_of
     from itouch.schema.wait_notices import waiting
     from itouch.servo import ServoError
-    from itouch_tools.cli.study_participant import answers_of, folder_of, masking
+    from itouch_tools.cli.study_participant import answers_of, folder_of, masking, opening, outcome_of
     from itouch_tools.cli.study_window import operators_window
     from itouch_tools.study import rig_windows
     from itouch_tools.study.operating import keep_note
@@ -47,7 +48,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
         course = Course(file, options.participant, store.rows(options.participant))
         before, left = len(course.rows), course.left
         over = course.next() is None
-    print(f"{options.participant}: {before} trials are kept, {left} of the order are left")
+    print(opening(options.participant, before, left))
     if over:
         print("all done: 0 new trials")
         return 0
@@ -72,8 +73,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
                 for told in session.attend():
                     if told["kind"] == "trial":
                         made += 1
-                        kept = "void, comes again" if told["void"] else "kept"
-                        print(f"trial {told['place'] + 1}: {kept}", flush=True)
+                        print(f"trial {told['place'] + 1}: {outcome_of(told['void'], again=told['again'])}", flush=True)
                     elif told["kind"] == "lost":
                         print(f"the session is not recorded any more: {told['words']}", file=sys.stderr)
         except Interrupted as signalled:
@@ -85,9 +85,9 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
             print(f"{error}\n{again}", file=sys.stderr)
             return 1
     if session.stopped:
-        print(f"stopped after {made} new trials; {again}")
+        print(f"stopped after {number_of(made, 'new trial')}; {again}")
         return stop.code(3)
-    print(f"all done: {made} new trials")
+    print(f"all done: {number_of(made, 'new trial')}")
     return 0
 
 

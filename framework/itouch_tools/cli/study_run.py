@@ -36,8 +36,9 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     from itouch.loop import DeviceFaultError, VirtualClock
     from itouch.loop.clock import WallClock
     from itouch.plugin.discovery import Catalog
+    from itouch.schema.terminal import number_of
     from itouch_tools.cli import study_rig
-    from itouch_tools.cli.study_participant import answers_of, folder_of, masking
+    from itouch_tools.cli.study_participant import answers_of, folder_of, masking, opening, outcome_of
     from itouch_tools.cli.study_window import operators_window
     from itouch_tools.study.answers import Stopped
     from itouch_tools.study.run import Run
@@ -54,24 +55,24 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
             show=shows, record=record, operator=operators_window(light=options.light) if options.operator else None,
         )  # fmt: skip
         before = len(session.course.rows)
-        print(f"{options.participant}: {before} trials are kept, {session.course.left} of the order are left")
+        print(opening(options.participant, before, session.course.left))
         made, lost = 0, list[str]()
         try:
             for row in session.trials():
                 made += 1
-                told = "void, comes again" if row.void else "kept"
+                told = outcome_of(row.void, again=session.course.comes_again(row))
                 print(f"trial {row.place + 1}: {told}", flush=True)
                 if session.room.losses and not lost:
                     lost.append(session.room.losses[0])
                     print(f"the session is not recorded any more: {lost[0]}", file=sys.stderr)
         except Stopped:
-            print(f"stopped after {made} new trials; the same command goes on from here")
+            print(f"stopped after {number_of(made, 'new trial')}; the same command goes on from here")
             return 3
         except KeyboardInterrupt:
-            print(f"\nstopped after {made} new trials; the same command goes on from here")
+            print(f"\nstopped after {number_of(made, 'new trial')}; the same command goes on from here")
             return 130
         except DeviceFaultError as error:
             print(f"{error}\nthe trial was not kept; the same command goes on from it", file=sys.stderr)
             return 1
-    print(f"all done: {made} new trials")
+    print(f"all done: {number_of(made, 'new trial')}")
     return 0

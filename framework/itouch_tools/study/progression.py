@@ -50,6 +50,11 @@ class Course:
                 return due
         return None
 
+    def comes_again(self, row: Row) -> bool:
+        """Tell whether the trial of a void row is tried again."""
+        first = row.place if row.repeats is None else row.repeats
+        return first in _to_repeat(self.rows, self._file.study.contact.repeats)
+
     def _due(self, trial: Trial, repeats: int | None) -> Due | None:
         """Return a trial as it is due now; None: its staircase has ended."""
         place = len(self.rows)

@@ -17,7 +17,9 @@ from itouch.scene.loader import in_file_order, read_scene
 from itouch.scene.places import Places
 from itouch.scene.source import Attribute, Node, SourceError, read_root
 from itouch.schema.diagnostics import Place, Problem, SceneError, did_you_mean
+from itouch.schema.hold_until import Until
 from itouch.world import Model, compile_scene
+from itouch.world.skin import LONGEST
 from itouch_tools.study.adaptive import Staircase
 from itouch_tools.study.elements import TASKS, UNCOUNTED, VERSION, Adaptive, Factor, Study
 from itouch_tools.study.plugin_tasks import TaskError, offered, task_names, task_of
@@ -30,6 +32,8 @@ USUAL = Staircase("quest", 0.0, 1.0, 0.5)
 NARROW = 20.0
 #: Noise that is added to a display's current before each touch of a blind study, above that of its own control.
 PRESET_NOISE = "0.2 A"
+#: Tasks whose answer says nothing where there is one level only.
+COMPARING = ("identify", "colder", "odd", "same")
 #: The level of each factor by its name, and that of a staircase by its name.
 Condition = Mapping[str, str]
 
@@ -155,6 +159,8 @@ def read_study(path: str | os.PathLike[str], catalog: Catalog) -> tuple[StudyFil
         problems += _contradictions(found)
     if not problems:
         problems += _scenes(found, catalog)
+    if not problems:
+        problems += _pointless(found, catalog)
     return found, in_file_order(problems)
 
 
@@ -310,6 +316,37 @@ def _scenes(file: StudyFile, catalog: Catalog) -> Iterator[Problem]:
                 told.add(problem.sentence)
                 shown = ", ".join(f"{name}={level}" for name, level in condition.items())
                 yield replace(problem, sentence=f"{problem.sentence} (in the condition {shown})")
+
+
+def _pointless(file: StudyFile, catalog: Catalog) -> Iterator[Problem]:
+    """Yield a note where no trial can count, or no answer can say anything, as far as that is known before a trial."""
+    study = file.study
+    asked = next((factor for factor in study.factors if factor.name == study.task.factor), None)
+    if study.task.kind in COMPARING and asked is not None and len(asked.names) == 1:
+        sentence = f"'{asked.name}' has one level, '{asked.names[0]}': every answer to '{study.task.kind}' is known"
+        place = file.places.of(asked, "levels")
+        yield Problem("bad-value", sentence, place, "add the levels that are told apart", severity="warning")
+    scene, _ = read_scene(file.scene_path, catalog)
+    if not all(device.twin for device in scene.devices):
+        return  # a person touches, not the scripted hand
+    for operator in scene.operators:
+        targets = operator.motion.targets
+        if len(targets) < 2:
+            continue
+        away = targets[-1].in_ + sum(target.in_ + _longest(target.hold) for target in targets[1:-1])
+        if away < study.contact.duration:
+            sentence = (
+                f"no trial will count: a touch lasts {study.contact.duration:g} s at least, and the scripted hand of "
+                f"'{operator.probe}' is back after {away:g} s"
+            )
+            place = file.places.of(study.contact, "duration")
+            advice = "ask for a shorter touch, or let the hand hold longer (<to hold> in the scene)"
+            yield Problem("bad-value", sentence, place, advice, severity="warning")
+
+
+def _longest(hold: float | Until) -> float:
+    """Return how long a hold may last at most [s]."""
+    return hold if isinstance(hold, float | int) else LONGEST
 
 
 def _open_motions(scene: Scene) -> Iterator[Problem]:

@@ -257,7 +257,7 @@ def _make(run: Run, outbox: Outbox) -> None:
     told = 0
     try:
         for row in run.trials():
-            outbox.tell("trial", {"place": row.place, "void": bool(row.void)})
+            outbox.tell("trial", {"place": row.place, "void": row.void, "again": run.course.comes_again(row)})
             for loss in run.room.losses[told:]:
                 outbox.tell("lost", {"words": loss})
             told = len(run.room.losses)

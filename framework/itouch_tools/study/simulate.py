@@ -17,6 +17,7 @@ import numpy as np
 
 from itouch.plugin.discovery import Catalog
 from itouch.schema import SceneError
+from itouch.schema.terminal import number_of
 from itouch.session.errors import SessionError
 from itouch_tools.study import orders
 from itouch_tools.study.elements import TASKS
@@ -56,7 +57,7 @@ class Made:
     void: Counter[str]
 
     def __str__(self) -> str:
-        told = f"{self.code}: {self.trials} new trials"
+        told = f"{self.code}: {number_of(self.trials, 'new trial')}"
         if self.void:
             reasons = ", ".join(f"{reason} ({count})" for reason, count in self.void.most_common())
             told += f", {self.void.total()} void: {reasons}"
