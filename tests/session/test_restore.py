@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from running import RUNNABLE, advance, digest, in_a_new_process
 from shipped import SCENES
 
 import itouch
+from itouch.session.errors import SessionError
 
 #: The run of the promise: its ticks, and where it is stopped.
 TICKS, STOP = size(3111, 7777), size(1571, 3141)
@@ -209,3 +211,39 @@ def test_meshes_travel_with_the_session(tmp_path: Path, scenes: Path) -> None:
         advance(session, 400)
         assert again.state == session.state
         session = itouch.restore(tmp_path / "s.itouch")
+
+
+def test_an_edited_scene_is_told_when_its_session_is_restored(tmp_path: Path) -> None:
+    """Of a document that people can edit, and of a snapshot whose scene compiles to another contact here."""
+    session = itouch.build(SCENES / "first_touch.xml")
+    advance(session, 10)
+    text, path = session.to_xml(), tmp_path / "s.xml"
+    told = "the scene compiles to other numbers here"
+    assert 'stiffness="1200 N/m"' in text
+    for written, edited in (
+        (text, False),
+        (text.replace('stiffness="1200 N/m"', 'stiffness="900 N/m"'), True),
+        (text.replace("<world>", "<!-- mine -->\n  <world>"), False),
+        (text.replace('static-friction="0.4"', 'static-friction="0.5"'), True),
+    ):
+        path.write_text(written, encoding="utf-8")
+        notices = itouch.restore(path).notices
+        assert any(told in notice for notice in notices) is edited, (written[:300], notices)
+
+
+def test_a_document_that_contradicts_itself_is_refused(tmp_path: Path) -> None:
+    session = itouch.build(SCENES / "first_touch.xml")
+    text, path = session.to_xml(), tmp_path / "s.xml"
+    size = session.state.raw.nbytes
+    for old, new, said in (
+        ('<session format="1.2">', '<session format="x">', '<session format="x"> and the format of its manifest, 1.2'),
+        (
+            f'<state bytes="{size}">',
+            '<state bytes="-1">',
+            f'<state bytes="-1"> and its fields, which have {size} bytes',
+        ),
+    ):
+        assert old in text
+        path.write_text(text.replace(old, new), encoding="utf-8")
+        with pytest.raises(SessionError, match=re.escape(said)):
+            itouch.restore(path)

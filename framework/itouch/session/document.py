@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
@@ -32,7 +32,9 @@ def to_xml(snapshot: Snapshot) -> str:
     """Return the session as one XML document; ``from_xml`` reads the same session from it, byte for byte."""
     scene = write(snapshot.scene)
     body = scene[: scene.rindex(_END)]
-    return "\n".join([body.rstrip("\n"), *_session(snapshot), _END, ""])
+    # the digest is that of the scene as it stands here: another version may have written the stored one otherwise
+    manifest = {**snapshot.manifest, "scene": digest(scene.encode())}
+    return "\n".join([body.rstrip("\n"), *_session(replace(snapshot, manifest=manifest)), _END, ""])
 
 
 def _session(snapshot: Snapshot) -> Iterable[str]:
@@ -163,7 +165,10 @@ def from_xml(name: str, data: bytes, catalog: Catalog) -> Snapshot:
     if digest(state.tobytes()) != manifest.get("state"):
         raise SessionError(f"'{name}' was altered: the digest of its state does not fit")
     xml = data[: splitter.begin].rstrip(b" \t") + data[splitter.end :].lstrip(b" \t\r\n")
-    return Snapshot(read_scene(name, xml, manifest, files, catalog), state, manifest, ledger, bases, files)
+    scene = read_scene(name, xml, manifest, files, catalog)
+    # compared as text, since another version may write the scene otherwise, and as a scene, since blanks may change
+    edited = manifest.get("scene") not in (digest(xml), digest(write(scene).encode()))
+    return Snapshot(scene, state, manifest, ledger, bases, files, edited)
 
 
 def _decoded(node: _Node) -> bytes:
@@ -173,6 +178,13 @@ def _decoded(node: _Node) -> bytes:
 def _read(name: str, tree: _Node) -> tuple[dict[str, Any], dict[str, Any], NDArray[Any], dict[str, Arrays]]:
     manifest, ledger = json.loads(tree.only("manifest").content), json.loads(tree.only("ledger").content)
     check_format(name, manifest)
+    stated = tree.attributes.get("format", "")
+    if stated != manifest["format"]:
+        here = f'<session format="{stated[:40]}">'
+        raise SessionError(
+            f"'{name}': {here} and the format of its manifest, {manifest['format']}, differ: it was altered; export it "
+            f"again"
+        )
     bases: dict[str, Arrays] = {}
     for node in tree.all("basis"):
         shapes = [[int(n) for n in part.split(",") if n] for part in node.attributes["shapes"].split(";")]
@@ -199,6 +211,9 @@ def _state(tree: _Node) -> NDArray[Any]:
     if total > MAX_STATE:
         raise ValueError(f"a State of {total} bytes is too large")
     record = np.zeros(1, np.dtype([(name, kind, shape) if shape else (name, kind) for name, kind, shape in fields]))
+    if tree.attributes.get("bytes", "") != str(record.dtype.itemsize):
+        stated = tree.attributes.get("bytes", "")[:40]
+        raise ValueError(f'<state bytes="{stated}"> and its fields, which have {record.dtype.itemsize} bytes, differ')
     for node in tree.all("field"):
         _fill(record[node.attributes["name"]][0:1], node)
     return record

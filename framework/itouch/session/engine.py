@@ -450,8 +450,9 @@ class Session(Shown, Engine):
             self.adopt(before)
             raise SessionError(f"the session can't be taken up: {error}") from error
         self.notes = (*told, *said)
-        stated = snapshot.manifest.get("model")
-        if stated and stated != self._snapshots().manifest(self.state)["model"]:
+        here = self._snapshots().manifest(self.state)
+        other = any(snapshot.manifest.get(key) not in (None, here[key]) for key in ("model", "contact"))
+        if other or snapshot.edited:
             self.notes += (
                 "the scene compiles to other numbers here than where the session was saved (another version or "
                 "machine, or the file was edited): it goes on, but not byte for byte",

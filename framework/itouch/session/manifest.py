@@ -43,6 +43,7 @@ def constant_part(
         "twins": {device.name: device.twin for device in scene.devices},
         "layout": digest(repr(dtype.descr).encode()),
         "model": model_digest(model),
+        "contact": contact_digest(model),
         "scene": digest(xml),
         "limits": limits.stated(model, before),
         "files": {file.file: file.digest for file in model.files},
@@ -105,11 +106,21 @@ def _head(git: Path) -> str | None:
 
 
 def model_digest(model: Model) -> str:
-    """Return a digest of all numbers of the compiled scene: with equal digests a session goes on byte for byte."""
+    """Return a digest of the compiled scene; if that of contact is equal, too, a session goes on byte for byte."""
     found = hashlib.sha256()
     _feed(found, [(d.name, d.mount, dict(d.limits.table())) for d in model.devices.values()])
     _feed(found, [model.poses, model.geometry, model.period])
     _feed(found, [(m.name, m.every, m.model) for m in model.modalities])
+    return found.hexdigest()
+
+
+def contact_digest(model: Model) -> str:
+    """Return a digest of what `model_digest` leaves out: how probes meet objects, and how hands and objects move.
+
+    It has a place of its own in the manifest, because sessions of earlier versions state the other one only.
+    """
+    found = hashlib.sha256()
+    _feed(found, [model.probes, model.effects, (model.motions.scripts, model.motions.pieces)])
     return found.hexdigest()
 
 

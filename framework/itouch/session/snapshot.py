@@ -25,7 +25,10 @@ from itouch.world import Model
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """The content of a snapshot; ``state`` is one record, shape (1,)."""
+    """The content of a snapshot; ``state`` is one record, shape (1,).
+
+    ``edited``: the scene is not the one that was stored; only a document that people can edit may be so.
+    """
 
     scene: Scene
     state: NDArray[Any]
@@ -33,6 +36,7 @@ class Snapshot:
     ledger: dict[str, Any]
     bases: dict[str, Arrays] = field(default_factory=dict)
     files: dict[str, bytes] = field(default_factory=dict)
+    edited: bool = False
 
     @property
     def seed(self) -> int:
