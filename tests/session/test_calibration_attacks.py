@@ -86,6 +86,60 @@ def test_a_record_that_was_changed_by_hand_is_told(scene: Path, change: dict[str
         assert cli(["calibrate", str(scene), *words]) == 2
 
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"device": "am"}, "of a device 'am', which the scene does not have*did you mean 'arm'?"),
+        ({"kind": "force-scal"}, "device 'arm' has no calibration 'force-scal' (arm.json)*did you mean 'force-scale'?"),
+    ],
+)
+def test_a_record_of_a_device_or_kind_that_does_not_exist_is_told(
+    scene: Path, change: dict[str, Any], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By check and by a run: otherwise the scene would go on without what was measured, and nobody would notice."""
+    assert fit(scene, GOOD) == 0
+    stored = scene.parent / "records/arm.json"
+    (record,) = calibration.read_records(stored)
+    calibration.write_records(stored, [replace(record, **change)])
+    capsys.readouterr()
+    for words in (["check", str(scene)], ["run", str(scene), "--headless", "--for", "0.1s"]):
+        assert cli(words) == 2
+        told = capsys.readouterr().err
+        assert all(part in told for part in said.split("*")), told
+    assert cli(["calibrate", str(scene)]) == 0
+
+
+def test_check_looks_at_the_records_as_a_run_does(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert fit(scene, GOOD) == 0
+    stored = scene.parent / "records/arm.json"
+    (record,) = calibration.read_records(stored)
+    past = (calibration.now() - datetime.timedelta(days=1)).isoformat()
+    calibration.write_records(stored, [replace(record, expires=past)])
+    capsys.readouterr()
+    assert cli(["check", str(scene)]) == 2
+    assert f"it expired on {past[:10]}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[1]", 'it must be a JSON object, {"format": ..., "records": [...]}'),
+        ('{"format": "FORMAT", "records": 5}', "it must be a JSON object"),
+        ('{"format": "FORMAT", "records": [5]}', "record 1: it must be a JSON object"),
+        ('{"format": "FORMAT", "records": [{"device": 1, "kid": 2}]}', "record 1: 'device' must be text; record 1: 'kind' is"),
+        ('{"format": "FORMAT",\n "records": [}', "it is no JSON from PATH:2:14 on"),
+        ('{"format": "mine", "records": []}', "its format is 'mine', this program reads 'FORMAT'"),
+    ],
+)  # fmt: skip
+def test_a_file_of_records_that_cannot_be_read_is_told_in_plain_words(scene: Path, text: str, said: str) -> None:
+    stored = scene.parent / "records/arm.json"
+    stored.write_text(text.replace("FORMAT", calibration.FORMAT))
+    with pytest.raises(ItouchError) as caught:
+        load_scene(scene)
+    assert said.replace("FORMAT", calibration.FORMAT).replace("PATH", str(stored)) in str(caught.value)
+    assert not any(word in str(caught.value) for word in ("list indices", "argument", "CalibrationRecord"))
+
+
 @pytest.mark.parametrize("value", [5.0, 1e9, -2000.0])
 def test_a_value_out_of_its_range_refuses_the_scene(scene: Path, value: float) -> None:
     assert fit(scene, GOOD) == 0

@@ -55,7 +55,7 @@ def load_scene(
     if any(problem.severity == "error" for problem in problems):
         raise SceneError(in_file_order([*problems, *further(scene, catalog, problems)]))
     chosen = scene if twin is None else choose_twins(scene, twin)
-    return calibrated(chosen) if records else chosen
+    return calibrated(chosen, catalog=catalog, own=rig is None) if records else chosen
 
 
 def choose_twins(scene: Scene, twin: str) -> Scene:

@@ -11,18 +11,22 @@ import datetime
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from itouch.plugin import poses
+from itouch.plugin import Fit, Role, poses
+from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.schema import ItouchError, Problem, SceneError
+from itouch.schema.diagnostics import Place, did_you_mean, meant
 from itouch.schema.fields import validate
 from itouch.schema.files import open_regular
 
 FORMAT = "itouch-py calibration 1"
+#: What to do with a file that cannot be read.
+_ADVICE = "correct it, or remove it and calibrate again"
 #: How much of a file of records is read at most [bytes].
 MOST = 8 << 20
 
@@ -76,35 +80,79 @@ def read_records(path: Path) -> list[CalibrationRecord]:
     try:
         with open_regular(path) as stream:
             data = json.loads(stream.read(MOST))
-        if data["format"] != FORMAT:
-            raise ValueError(f"its format is '{data['format']}', not '{FORMAT}'")
-        return [_checked(CalibrationRecord(**entry)) for entry in data["records"]]
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        raise ItouchError(f"calibration file '{path}' cannot be used: {error}") from error
+    except json.JSONDecodeError as error:
+        where = f"{path}:{error.lineno}:{error.colno}"
+        raise ItouchError(
+            f"calibration file '{path}' cannot be used: it is no JSON from {where} on; {_ADVICE}"
+        ) from error
+    except RecursionError as error:
+        raise ItouchError(f"calibration file '{path}' cannot be used: it is nested too deep; {_ADVICE}") from error
+    except UnicodeDecodeError as error:
+        raise ItouchError(f"calibration file '{path}' cannot be used: it is no UTF-8 text; {_ADVICE}") from error
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise ItouchError(f"calibration file '{path}' cannot be used: {why}") from error
+    if not isinstance(data, dict) or not isinstance(data.get("records"), list) or "format" not in data:
+        sentence = 'it must be a JSON object, {"format": ..., "records": [...]}'
+        raise ItouchError(f"calibration file '{path}' cannot be used: {sentence}; {_ADVICE}")
+    if data["format"] != FORMAT:
+        raise ItouchError(
+            f"calibration file '{path}' cannot be used: its format is '{data['format']}', this program reads '{FORMAT}'"
+        )
+    wrong = [f"record {number}: {told}" for number, one in enumerate(data["records"], 1) for told in _wrong(one)]
+    if wrong:
+        raise ItouchError(f"calibration file '{path}' cannot be used: {'; '.join(wrong)}; {_ADVICE}")
+    return [_made_of(entry) for entry in data["records"]]
 
 
-def _checked(record: CalibrationRecord) -> CalibrationRecord:
-    """Return a record that was read, once checked: somebody may have changed its file by hand.
+def _made_of(entry: Mapping[str, Any]) -> CalibrationRecord:
+    return CalibrationRecord(**{**entry, "mount": tuple(float(n) for n in entry["mount"])})
 
-    Raises
-    ------
-    ValueError, TypeError
-        Naming what is wrong.
-    """
-    for name in ("device", "kind", "unit"):
-        if not isinstance(getattr(record, name), str):
-            raise ValueError(f"'{name}' of a record is no text")
-    if record.twin not in (True, False):
-        raise ValueError(f"'twin' of '{record.kind}' is neither true nor false")
-    numbers = [record.residual, record.samples, *record.mount, *record.values.values()]
-    if not all(isinstance(n, (int, float)) and not isinstance(n, bool) and math.isfinite(n) for n in numbers):
-        raise ValueError(f"'{record.kind}' of '{record.device}' holds something that is no finite number")
-    if len(record.mount) not in (0, 7) or (record.mount and not any(record.mount[3:])):
-        raise ValueError(f"mount of '{record.kind}' must be a position and a quaternion, 7 numbers")
-    for text in (record.made, record.expires):
-        if datetime.datetime.fromisoformat(text).tzinfo is None:
-            raise ValueError(f"the time '{text}' says no zone")
-    return replace(record, mount=tuple(float(n) for n in record.mount))
+
+def _wrong(entry: Any) -> Iterator[str]:
+    """Yield what is wrong with a record as it was read: somebody may have changed its file by hand."""
+    if not isinstance(entry, dict):
+        yield "it must be a JSON object"
+        return
+    names = [each.name for each in fields(CalibrationRecord)]
+    for name in names:
+        if name not in entry:
+            yield f"'{name}' is missing"
+        elif told := _wrong_value(name, entry[name]):
+            yield told
+    for name in entry:
+        if name not in names:
+            yield f"no record has '{name}': {did_you_mean(name, names, 'it has')}"
+
+
+def _wrong_value(name: str, value: Any) -> str:
+    """Return what is wrong with one value of a record; empty: nothing."""
+    if name in ("device", "kind", "unit"):
+        return "" if isinstance(value, str) else f"'{name}' must be text"
+    if name in ("made", "expires"):
+        return "" if _is_time(value) else f"'{name}' must be a time with its zone, as '2026-01-31T12:00:00+00:00'"
+    if name == "twin":
+        return "" if isinstance(value, bool) else "'twin' must be true or false"
+    if name == "values":
+        right = isinstance(value, dict) and all(_is_number(number) for number in value.values())
+        return "" if right else "'values' must be an object of finite numbers"
+    if name == "mount":
+        right = isinstance(value, list) and len(value) in (0, 7) and all(_is_number(number) for number in value)
+        return (
+            "" if right and (not value or any(value[3:])) else "'mount' must be a position and a quaternion, 7 numbers"
+        )
+    return "" if _is_number(value) else f"'{name}' must be a finite number"
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_time(value: Any) -> bool:
+    try:
+        return datetime.datetime.fromisoformat(value).tzinfo is not None
+    except (TypeError, ValueError):
+        return False
 
 
 def write_records(path: Path, records: Sequence[CalibrationRecord]) -> None:
@@ -132,7 +180,19 @@ def store(path: Path, record: CalibrationRecord) -> None:
     write_records(path, [*others, record])
 
 
-def calibrated(scene: Scene, *, stale: bool = False) -> Scene:
+def offered(element: Any, catalog: Catalog) -> dict[str, Fit | None]:
+    """Return the calibrations of a device by kind; None for those of its mount."""
+    cls = catalog.device(element.plugin)
+    roles = {channel.role for channel in (*cls.reads, *cls.commands)} if cls is not None else set()
+    own: dict[str, Fit | None] = {fit.kind: fit for fit in cls.fits} if cls is not None else {}
+    if Role.TRACKED_POSE in roles:
+        own["mount-fit"] = None
+    if {Role.SURFACE_POSE, Role.CONTACT_FORCE} <= roles:
+        own["touch-off"] = None
+    return own
+
+
+def calibrated(scene: Scene, *, stale: bool = False, catalog: Catalog | None = None, own: bool = True) -> Scene:
     """Return the scene with the records of its devices put in.
 
     Parameters
@@ -141,13 +201,17 @@ def calibrated(scene: Scene, *, stale: bool = False) -> Scene:
         As it was loaded.
     stale
         Whether records that have expired, or no longer fit, are passed over, as when they are about to be renewed.
+    catalog
+        The plugins, which say what kinds of calibration a device has; None: kinds are not checked.
+    own
+        Whether the devices are the scene's own: with those of a rig, records of other devices may stand beside it.
 
     Raises
     ------
     SceneError
-        If one has expired, or no longer fits its device.
+        If one has expired, no longer fits its device, or names a device or a kind that does not exist.
     """
-    problems: list[Problem] = []
+    problems: list[Problem] = [] if stale else list(_strangers(scene, catalog, own=own))
     devices = []
     for device in scene.devices:
         path, changed = stored_in(scene, device), device
@@ -164,6 +228,30 @@ def calibrated(scene: Scene, *, stale: bool = False) -> Scene:
         raise SceneError(problems)
     same = all(one is other for one, other in zip(devices, scene.devices, strict=True))
     return scene if same else replace(scene, devices=tuple(devices))
+
+
+def _strangers(scene: Scene, catalog: Catalog | None, *, own: bool) -> Iterator[Problem]:
+    """Yield a problem for each record that would be put into nothing, because a name in it is misspelt."""
+    if not scene.source.endswith(".xml"):
+        return
+    known = {device.name: device for device in scene.devices}
+    paths = dict.fromkeys([file_of(scene.source), *(stored_in(scene, device) for device in scene.devices)])
+    for path in paths:
+        for record in read_records(path) if path.suffix == ".json" else ():
+            if record.device in known:
+                device = known[record.device]
+                kinds = offered(device, catalog) if catalog is not None else {}
+                if catalog is not None and catalog.device(device.plugin) is not None and record.kind not in kinds:
+                    sentence = f"device '{device.name}' has no calibration '{record.kind}' ({path.name})"
+                    advice = did_you_mean(record.kind, kinds, "it has") or "remove the record"
+                    yield Problem("calibration-stale", sentence, scene.places.of(device), advice)
+            elif (own and path == file_of(scene.source)) or meant(record.device, known):
+                sentence = (
+                    f"calibration '{record.kind}' is of a device '{record.device}', which the scene does not have"
+                )
+                advice = did_you_mean(record.device, known, "its devices are") or "the scene has no devices"
+                place = Place(str(path), 1, 1)
+                yield Problem("calibration-stale", sentence, place, f"{advice}, or remove the record")
 
 
 def _with(device: Any, record: CalibrationRecord) -> Any:

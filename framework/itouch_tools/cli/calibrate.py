@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Fit, Role, poses
+from itouch.plugin import Fit, poses
 from itouch.schema import ItouchError
+from itouch.schema.terminal import number_of
 from itouch.session import calibration
 from itouch_tools.cli.arguments import Parser
 
@@ -105,18 +106,6 @@ def _stored(scene: Any) -> list[Path]:
     return [calibration.stored_in(scene, device) for device in scene.devices]
 
 
-def _offers(element: Any, catalog: Any) -> dict[str, Fit | None]:
-    """Return the calibrations of a device by kind; None for those of its mount."""
-    cls = catalog.device(element.plugin)
-    roles = {channel.role for channel in (*cls.reads, *cls.commands)} if cls is not None else set()
-    own: dict[str, Fit | None] = {fit.kind: fit for fit in cls.fits} if cls is not None else {}
-    if Role.TRACKED_POSE in roles:
-        own["mount-fit"] = None
-    if {Role.SURFACE_POSE, Role.CONTACT_FORCE} <= roles:
-        own["touch-off"] = None
-    return own
-
-
 def _params(device: Any, catalog: Any) -> Any:
     return device.parts[0].params if device.parts else catalog.device(device.plugin).Params()
 
@@ -129,7 +118,7 @@ def _lacks(fit: Fit | None, device: Any, catalog: Any) -> str:
 def _list(options: argparse.Namespace) -> int:
     scene, catalog = _scene(options)
     for element in scene.devices:
-        for kind, fit in sorted(_offers(element, catalog).items()):
+        for kind, fit in sorted(calibration.offered(element, catalog).items()):
             if lack := _lacks(fit, element, catalog):
                 print(f"{element.name}  no {kind}: {lack}")
                 continue
@@ -146,7 +135,7 @@ def _list(options: argparse.Namespace) -> int:
 
 _DOCS = {
     "touch-off": "runs the scene until the plate was felt, and keeps the height that it found",
-    "mount-fit": "touch the same points with this device and another: where both frames lie to one another",
+    "mount-fit": "touch the same points with this device and another: how both frames lie to each other",
 }
 _COLUMNS: dict[str, tuple[str, ...]] = {"touch-off": (), "mount-fit": _PAIRS}
 
@@ -164,7 +153,7 @@ def _tell(record: calibration.CalibrationRecord) -> None:
 
 def _device(options: argparse.Namespace) -> Any:
     scene, catalog = _scene(options)
-    able = [e for e in scene.devices if options.kind in _offers(e, catalog)]
+    able = [e for e in scene.devices if options.kind in calibration.offered(e, catalog)]
     if options.device is not None:
         able = [e for e in able if e.name == options.device]
     if len(able) == 1:
@@ -229,7 +218,7 @@ def _number(word: str) -> bool:
 
 def _fit(options: argparse.Namespace, device: Any) -> calibration.CalibrationRecord:
     _, catalog = _scene(options)
-    fit = _offers(device, catalog)[options.kind]
+    fit = calibration.offered(device, catalog)[options.kind]
     if fit is None:
         raise ItouchError(f"'{options.kind}' is none of device '{device.name}'")
     if lack := _lacks(fit, device, catalog):
@@ -334,5 +323,5 @@ def _extend(options: argparse.Namespace) -> int:
             records.append(record)
         if records:
             calibration.write_records(path, records)
-    print(f"{changed} record{'' if changed == 1 else 's'} extended")
+    print(f"{number_of(changed, 'record')} extended")
     return 0

@@ -13,6 +13,8 @@ from itouch.schema.terminal import MANNER, did
 from itouch_tools.cli.arguments import Parser, add_json, as_json, output_file
 
 if TYPE_CHECKING:
+    from itouch.plugin.discovery import Catalog
+    from itouch.scene import Scene
     from itouch.schema import Problem
     from itouch.world import Model
     from itouch_tools.authoring.fixes import Edit
@@ -82,6 +84,7 @@ def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None
     except SceneError as error:
         problems += error.problems
     broken = any(problem.severity == "error" for problem in problems)
+    scene, unfit = (scene, ()) if broken else _calibrated(scene, catalog, own=rig is None)
     model, more = (None, further(scene, catalog, problems)) if broken else compile_scene(scene, catalog)
     unrecordable = recording_problems(model) if model is not None else []
     if model is not None and not unrecordable:
@@ -89,7 +92,20 @@ def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None
         untold = (notice for notice in model.notices if not _told(notice, more))
         unwatched = (_ALONE.format(name) for name in alone(model))
         model = replace(model, notices=(*untold, *recording_notes(model), *unwatched))
-    return (None if unrecordable else model), in_file_order([*problems, *more, *unrecordable])
+    return (None if unrecordable or unfit else model), in_file_order([*problems, *unfit, *more, *unrecordable])
+
+
+def _calibrated(scene: Scene, catalog: Catalog, *, own: bool) -> tuple[Scene, Sequence[Problem]]:
+    """Return the scene with the records beside it put in, as a run has it, and the problems of these records."""
+    from itouch.schema import ItouchError, Problem, SceneError
+    from itouch.session.calibration import calibrated
+
+    try:
+        return calibrated(scene, catalog=catalog, own=own), ()
+    except SceneError as error:
+        return scene, error.problems
+    except ItouchError as error:
+        return scene, [Problem("calibration-stale", str(error))]
 
 
 def _told(notice: str, problems: Sequence[Problem]) -> bool:
