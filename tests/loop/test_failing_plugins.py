@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -191,6 +192,93 @@ def test_what_only_tells_of_a_run_does_not_end_it(tmp_path: Path) -> None:
     report = session.report()
     assert "ZeroDivisionError: of nothing" in report["contacts"][0]["hum_error"]
     assert "ZeroDivisionError: of nothing" in report["modalities"]["hum"]["error"]
+
+
+LATER = 100  # a tick that rehearsals do not come to
+
+
+def tells(first: object, then: object, **more: Any) -> Any:
+    """Return a modality whose ``measures`` returns the one when it is rehearsed, and the other in the run."""
+
+    def act(self: Any, model: Any, state: Record, *rest: Any) -> Any:
+        value = then if state["tick"].item() > LATER else first
+        return value(state) if callable(value) else value
+
+    return type("Teller", (Hum,), {"measures": act, **more})
+
+
+def test_what_measures_returns_is_a_figure_where_it_can_be_one(tmp_path: Path) -> None:
+    figures = {
+        "state": lambda state: state["hum.count"], "one": lambda state: np.array([2.5]), "f32": np.float32(1.5),
+        "yes": np.bool_(True), "text": np.str_("soft"), "nothing": None, "nan": np.float64("nan"),
+        "wave": lambda state: state["finger.hip"], "thing": object(),
+    }  # fmt: skip
+
+    def then(state: Record) -> dict[Any, Any]:
+        given = {key: value(state) if callable(value) else value for key, value in figures.items()}
+        return {**given, 5: 1.0, "begin_s": -5.0}
+
+    session = engine(
+        tmp_path, tells({}, then, report=lambda self, model, state: {"all": [state["hum.count"], object()]})
+    )
+    session.run()
+    report = session.report()
+    (contact,) = report["contacts"]
+    json.dumps(report, allow_nan=False)
+    assert contact["begin_s"] > 0.0
+    assert type(contact["state"]) is int and contact["state"] > 0
+    assert (contact["one"], contact["f32"], contact["text"], contact["nothing"], contact["nan"]) == (
+        2.5,
+        1.5,
+        "soft",
+        None,
+        None,
+    )
+    assert contact["yes"] is True
+    assert not {"wave", "thing", 5} & contact.keys()
+    told = contact["hum_error"]
+    assert "returned an array of 3 numbers as 'wave'; a figure is a number" in told
+    assert "returned a value of type object as 'thing'" in told
+    assert "under 5, which is no text" in told
+    assert "under 'begin_s', which is the framework's own" in told
+    assert told.count("(test_failing_plugins.py, line ") == 4
+    assert report["modalities"]["hum"]["all"] == [session.state["hum.count"].item(), None]
+    assert "report returned a value of type object as 'all[1]'" in report["modalities"]["hum"]["error"]
+
+
+@pytest.mark.parametrize("wrong", [None, 3.0], ids=repr)
+def test_measures_without_a_mapping_loses_nothing_but_itself(tmp_path: Path, wrong: Any) -> None:
+    session = engine(tmp_path, tells({}, wrong, report=lambda self, model, state: None))
+    session.run()
+    (contact,) = session.report()["contacts"]
+    assert contact["end_s"] > contact["begin_s"]
+    assert "a mapping of names to figures is wanted, {} if there are none" in contact["hum_error"]
+    assert "report returned None; a mapping" in session.report()["modalities"]["hum"]["error"]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "why"), [(None, "returned None; a mapping"), ({"peak_force_N": 99.0}, "the framework's own")]
+)
+def test_measures_that_is_wrong_when_it_is_rehearsed_is_a_problem_of_the_scene(
+    tmp_path: Path, wrong: Any, why: str
+) -> None:
+    with pytest.raises(
+        itouch.SceneError, match=rf"modality 'hum': measures .*{why}.*\(test_failing_plugins.py, line"
+    ) as caught:
+        engine(tmp_path, tells(wrong, {}))
+    (problem,) = caught.value.problems
+    assert problem.place is not None and problem.place.line == 9
+
+
+def test_measures_that_exits_does_not_lose_the_entry(tmp_path: Path) -> None:
+    def then(state: Record) -> None:
+        raise SystemExit(5)
+
+    session = engine(tmp_path, tells({}, then))
+    session.run()
+    (contact,) = session.report()["contacts"]
+    assert contact["end_s"] is not None
+    assert "failed in measures: SystemExit: 5 (test_failing_plugins.py, line " in contact["hum_error"]
 
 
 def test_ctrl_c_while_the_entry_of_a_contact_is_made_does_not_lose_it(tmp_path: Path) -> None:

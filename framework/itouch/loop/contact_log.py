@@ -8,17 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from itouch.compiling import kernel
-from itouch.loop import render
+from itouch.loop import render, told
 from itouch.loop.happening import BEGIN
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
 from itouch.loop.surface.memory import MISSED, RENDERS, SETTLED, WITHDRAWN
+from itouch.loop.told import ContactFigures
 from itouch.loop.touch import Toucher
 from itouch.plugin import Bound, HeardContact, Modality, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.twin.coupling import Coupling
-from itouch.world import ModalityModel, Model
-from itouch.world.plugin_errors import said
+from itouch.world import Model
 
 
 @kernel
@@ -192,26 +192,26 @@ class ContactLog:
         index, begin, physical = kept.object.item(), kept.begin.item(), kept.physical_begin.item()
         element = self._model.scene.objects[index]
         led = physical >= 0 and bool(kept.plate) and not self._slid(physical * period)
-        entry: dict[str, Any] = {
-            "probe": name,
-            "object": element.name,
-            "material": element.material,
-            "begin_s": begin * period,
-            "end_s": None if end is None else end * period,
-            "plate": bool(kept.plate),
-            "plate_s": kept.plate_ticks.item() * period if self._table is not None else None,
-            "plate_missed": bool(kept.plate_missed.item() & 1) if self._table is not None else None,
-            "plate_withdrawn": bool(kept.plate_missed.item() & 2) if self._table is not None else None,
-            "peak_force_N": kept.peak_force.item(),
-            "peak_penetration_mm": kept.peak_penetration.item() * 1e3,
-            "peak_area_mm2": kept.peak_area.item() * 1e6,
-            "impact_speed_m_s": kept.impact_speed.item(),
-            "plate_gap_mm": _finite(kept.plate_gap.item() * 1e3),
-            "plate_lead_ms": (begin - physical) * period * 1e3 if led else None,
-        }
-        entry = entry | self._blank | entry
+        own = ContactFigures(
+            probe=name,
+            object=element.name,
+            material=element.material,
+            begin_s=begin * period,
+            end_s=None if end is None else end * period,
+            plate=bool(kept.plate),
+            plate_s=kept.plate_ticks.item() * period if self._table is not None else None,
+            plate_missed=bool(kept.plate_missed.item() & 1) if self._table is not None else None,
+            plate_withdrawn=bool(kept.plate_missed.item() & 2) if self._table is not None else None,
+            peak_force_N=kept.peak_force.item(),
+            peak_penetration_mm=kept.peak_penetration.item() * 1e3,
+            peak_area_mm2=kept.peak_area.item() * 1e6,
+            impact_speed_m_s=kept.impact_speed.item(),
+            plate_gap_mm=_finite(kept.plate_gap.item() * 1e3),
+            plate_lead_ms=(begin - physical) * period * 1e3 if led else None,
+        )._asdict()
+        entry: dict[str, Any] = own | self._blank | own
         for modality in self._measuring:
-            entry.update(_measures(modality, seen, name, index))
+            entry.update(told.in_entry(modality, seen, name, index))
         return entry
 
 
@@ -228,11 +228,3 @@ def _measured(instance: Modality) -> bool:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _measures(modality: ModalityModel, state: Record, probe: str, index: int) -> dict[str, Any]:
-    try:
-        measures = modality.instance.measures(modality.model, state, probe, index)
-    except Exception as error:  # the session goes on; the entry says what is missing
-        return {f"{modality.name}_error": f"failed in measures: {said(error)}"}
-    return {key: _finite(value) if isinstance(value, float) else value for key, value in measures.items()}

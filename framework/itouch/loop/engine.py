@@ -362,7 +362,7 @@ class Engine:
         """
         try:
             self._events.settle(before=tick)
-        except interpreter.ANY_ERROR as raised:  # a plugin that exits when it is asked what it has measured, or Ctrl-C
+        except interpreter.ANY_ERROR as raised:  # Ctrl-C while a modality is asked what it has measured
             replaced = interpreter.put_back()
             if self._all:
                 self.make_safe(broken_off(self.model, tick, raised, replaced))

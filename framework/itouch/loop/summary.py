@@ -11,9 +11,8 @@ from itouch.loop.lingering_plate import lingering_plates
 from itouch.loop.missing_plate import missed_plates
 from itouch.loop.skin_waits import vain_waits, waits_of
 from itouch.loop.timing import Timing
-from itouch.plugin.write_protection import WriteProtectedRecord
-from itouch.world import ModalityModel, limits
-from itouch.world.plugin_errors import said
+from itouch.loop.told import of_run
+from itouch.world import limits
 
 
 def timing_report(times: Timing, real: bool) -> dict[str, Any]:
@@ -77,7 +76,7 @@ def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -
             *late_couplings(model, engine.state),
             *vain_waits(model, engine.state),
         ],
-        "modalities": {m.name: told for m in model.modalities if (told := _told(m, engine)) or not m.default_of},
+        "modalities": {m.name: said for m in model.modalities if (said := of_run(m, engine.state)) or not m.default_of},
         "contacts": [*statistics.contacts, *open_contacts],
         "waits": waits_of(model, engine.state),
         "faults": sorted([*statistics.faults, *engine.injected], key=lambda entry: int(entry["tick"])),
@@ -110,11 +109,3 @@ def _exchanges(engine: Running, name: str) -> dict[str, Any]:
     device = next(runner.device for runner in engine.runners if runner.model.name == name)
     figures = device.figures() if isinstance(device, ThreadedDevice) else None
     return {"exchanges": figures} if figures is not None else {}
-
-
-def _told(modality: ModalityModel, engine: Running) -> dict[str, Any]:
-    """Return what a modality says of the run; a report is made in any case."""
-    try:
-        return modality.instance.report(modality.model, WriteProtectedRecord(engine.state, ()))
-    except Exception as error:
-        return {"error": f"failed in report: {said(error)}"}

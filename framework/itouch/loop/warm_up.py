@@ -11,9 +11,11 @@ from collections.abc import Iterable, Mapping
 
 from itouch.loop.run_statistics import Histogram
 from itouch.loop.runner import Runner
+from itouch.loop.told import of_contact
 from itouch.loop.write_access import Fence, view_for
 from itouch.plugin import Contact, ContactEvent, DeviceError, Record, Role, TwinInputs
 from itouch.safety import check_warm_up
+from itouch.schema import Problem, SceneError
 from itouch.world import Model
 from itouch.world.plugin_errors import failing
 
@@ -68,7 +70,12 @@ def _rehearse_event(model: Model, scratch: Record, views: Mapping[str, Record], 
     _read_anew(model, scratch, views)
     for modality in model.modalities:
         with failing(f"modality '{modality.name}'", "measures", model.place_of(modality.name)):
-            modality.instance.measures(modality.model, views[modality.name], event.probe, event.object_index)
+            told = of_contact(modality, views[modality.name], event.probe, event.object_index)
+        if told.faults:  # sooner than in the report of a whole run
+            place, advice = model.place_of(modality.name), "report it to the plugin's author"
+            raise SceneError(
+                [Problem("plugin-failed", f"modality '{modality.name}': {one}", place, advice) for one in told.faults]
+            )
 
 
 def _read_anew(model: Model, scratch: Record, views: Mapping[str, Record]) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from itouch.loop import Engine
+from itouch.loop.told import of_contact
 from itouch.plugin import Contact, Modality
 from itouch.schema import SceneError
 from itouch.schema.fields import Spec, specs, validate, xml_name
@@ -298,6 +299,12 @@ def measures(subject: ModalitySubject) -> None:
             instance, model, state = modality.instance, modality.model, engine.state
             for probe in engine.model.probes:
                 _plain("measures", instance.measures(model, state, probe.name, 0))
+                if wrong := of_contact(modality, state, probe.name, 0).faults:
+                    raise _fail(
+                        wrong[0],
+                        "a key of the report's own, or a value that is no figure",
+                        "return numbers, texts, yes or no, or None, under keys of your own",
+                    )
             _plain("report", instance.report(model, state))
             if not isinstance(instance.status(model, state), str):
                 raise _fail("status returns no text", "a number or None", "return a few words, or an empty text")

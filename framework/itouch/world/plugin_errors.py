@@ -20,6 +20,12 @@ def said(error: BaseException) -> str:
     return f"{class_of(error)}{': ' if text else ''}{text}{where}"
 
 
+def written_at(method: object) -> str:
+    """Return where a plugin's method is written, for a fault of what it returned: `` (file.py, line 7)``."""
+    code = getattr(method, "__code__", None)
+    return f" ({PurePath(code.co_filename).name}, line {code.co_firstlineno})" if code is not None else ""
+
+
 def failure(what: str, method: str, error: BaseException, place: Place | None) -> Problem:
     """Return the problem that ``what``, such as "modality 'heat'", has failed in one of its methods."""
     return Problem(

@@ -1,0 +1,152 @@
+"""What a modality tells of a contact and of a run, as plain data for the report, whatever its methods return."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from itouch.plugin import Modality, Record
+from itouch.plugin.write_protection import WriteProtectedRecord
+from itouch.world import ModalityModel
+from itouch.world.plugin_errors import said, written_at
+
+#: How deep what `Modality.report` returns may be nested.
+_DEEPEST = 20
+
+
+class ContactFigures(NamedTuple):
+    """The framework's own part of a contact's entry in the report; `docs/reference/report.md` says what they mean."""
+
+    probe: str
+    object: str
+    material: str
+    begin_s: float
+    end_s: float | None
+    plate: bool
+    plate_s: float | None
+    plate_missed: bool | None
+    plate_withdrawn: bool | None
+    peak_force_N: float  # noqa: N815 - a key of the report
+    peak_penetration_mm: float
+    peak_area_mm2: float
+    impact_speed_m_s: float
+    plate_gap_mm: float | None
+    plate_lead_ms: float | None
+
+
+class Told(NamedTuple):
+    """What a modality has told: its figures by their keys, and what is wrong with what it returned, a clause each."""
+
+    figures: dict[str, Any]
+    faults: tuple[str, ...] = ()
+
+    def entries(self, key: str) -> dict[str, Any]:
+        """Return the figures, and under ``key`` what is wrong, if anything is."""
+        return {**self.figures, key: "; ".join(self.faults)} if self.faults else self.figures
+
+
+def of_contact(modality: ModalityModel, state: Record, probe: str, index: int) -> Told:
+    """Return what a modality has measured of a contact.
+
+    Raises
+    ------
+    BaseException
+        What its ``measures`` raises.
+    """
+    told: Any = modality.instance.measures(modality.model, state, probe, index)
+    if not isinstance(told, Mapping):
+        return Told({}, (_no_mapping(modality.instance, "measures", told),))
+    figures: dict[str, Any] = {}
+    faults: list[str] = []
+    for key, value in told.items():
+        if not isinstance(key, str) or key in ContactFigures._fields:
+            why = "the framework's own figure" if isinstance(key, str) else "no text"
+            faults.append(f"measures returned a figure under {key!r:.40}, which is {why}: it needs a key of its own")
+            continue
+        plain = _number(value)
+        if plain is None or isinstance(plain, float | int | str):
+            figures[str(key)] = plain
+        else:
+            faults.append(
+                f"measures returned {_kind(value)} as '{key}'; a figure is a number, a text, a yes or no, or None"
+            )
+    return Told(figures, _placed(modality.instance, "measures", faults))
+
+
+def in_entry(modality: ModalityModel, state: Record, probe: str, index: int) -> dict[str, Any]:
+    """Return a modality's part of a contact's entry; the entry is made in any case, and says what is missing."""
+    key = f"{modality.name}_error"
+    try:
+        return of_contact(modality, state, probe, index).entries(key)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # one that exits neither ends the program nor loses the contact
+        return {key: f"failed in measures: {said(error)}"}
+
+
+def of_run(modality: ModalityModel, state: Record) -> dict[str, Any]:
+    """Return what a modality says of the run; a report is made in any case, and says what is missing."""
+    instance = modality.instance
+    try:
+        told: Any = instance.report(modality.model, WriteProtectedRecord(state, ()))
+        if not isinstance(told, Mapping):
+            return {"error": _no_mapping(instance, "report", told)}
+        faults: list[str] = []
+        return Told(_plain(told, "", faults, 0), _placed(instance, "report", faults)).entries("error")
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # as above
+        return {"error": f"failed in report: {said(error)}"}
+
+
+def _plain(value: Any, name: str, faults: list[str], depth: int) -> Any:
+    """Return plain data for JSON; what cannot be is null, and noted in ``faults`` by its name."""
+    if isinstance(value, np.ndarray) and value.size != 1 and value.dtype.kind in "biuf":
+        value = value.tolist()
+    if isinstance(value, Mapping) and depth < _DEEPEST:
+        return {str(key): _plain(one, f"{name}.{key}" if name else str(key), faults, depth + 1)
+                for key, one in value.items()}  # fmt: skip
+    if isinstance(value, list | tuple) and depth < _DEEPEST:
+        return [_plain(one, f"{name}[{place}]", faults, depth + 1) for place, one in enumerate(value)]
+    plain = _number(value)
+    if plain is None or isinstance(plain, float | int | str):
+        return plain
+    faults.append(f"report returned {_kind(value)} as '{name}', which is no plain data")
+    return None
+
+
+def _number(value: Any) -> Any:
+    """Return a number, text, yes or no of NumPy's, or of a class made from Python's own, as Python's own.
+
+    NaN and infinity, which JSON has not, are None; everything else is returned as it is.
+    """
+    if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.size == 1):
+        value = value.item()
+    if isinstance(value, bool):
+        return value
+    for kind in (int, float, str):
+        if isinstance(value, kind):
+            value = kind(value)
+            return None if kind is float and not math.isfinite(value) else value
+    return value
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"an array of {value.size} numbers" if value.dtype.kind in "biufc" else "an array"
+    return f"a value of type {type(value).__name__}"
+
+
+def _no_mapping(instance: Modality, method: str, value: Any) -> str:
+    what = "None" if value is None else _kind(value)
+    return f"{method} returned {what}; a mapping of names to figures is wanted, {{}} if there are none" + written_at(
+        getattr(instance, method)
+    )
+
+
+def _placed(instance: Modality, method: str, faults: list[str]) -> tuple[str, ...]:
+    where = written_at(getattr(instance, method)) if faults else ""
+    return tuple(f"{fault}{where}" for fault in faults)
