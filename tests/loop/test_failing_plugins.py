@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import itouch
-from itouch.plugin import Channel, Contact, Device, Field, Modality, Record, Role, Twin, pose, wrench
+from itouch.plugin import Channel, Contact, Device, DeviceError, Field, Modality, Record, Role, Twin, pose, wrench
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch.safety import Trip
-from itouch.world.plugin_errors import said
+from itouch.schema.plugin_errors import said
 
 SCENE = """<itouch version="1.0" xmlns:tone="urn:itouch:plugin:tone">
   <materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>
@@ -320,6 +320,128 @@ def test_a_twin_that_can_not_begin_is_a_problem_of_the_scene(tmp_path: Path, met
     twin = broken(RodTwin, method, act)
     with pytest.raises(itouch.SceneError, match="device 'arm' failed in .*: OSError: no bench"):
         engine(tmp_path, None, type("Bent", (Rod,), {"Twin": twin}))
+
+
+def cross(self: Any, *rest: Any) -> None:
+    raise DeviceError("the pad is cross; pat it")
+
+
+@pytest.mark.parametrize("method", ["fields", "reset", "step"])
+def test_a_twin_that_explains_itself_at_the_start_is_told_with_its_name_and_place(tmp_path: Path, method: str) -> None:
+    with pytest.raises(itouch.SceneError) as caught:
+        engine(tmp_path, None, type("Cross", (Rod,), {"Twin": broken(RodTwin, method, cross)}))
+    (problem,) = caught.value.problems
+    assert problem.sentence == "device 'arm': the pad is cross; pat it"
+    assert problem.place is not None and problem.place.line == 4
+
+
+@pytest.mark.parametrize("method", ["commands", "fields", "reset", "on_contact", "update"])
+def test_a_modality_that_explains_itself_is_told_with_its_name_and_place(tmp_path: Path, method: str) -> None:
+    with pytest.raises(itouch.SceneError) as caught:
+        engine(tmp_path, broken(Hum, method, cross))
+    (problem,) = caught.value.problems
+    assert problem.sentence == "modality 'hum': the pad is cross; pat it"
+    assert problem.place is not None and problem.place.line == 9
+
+
+def test_what_fails_in_the_first_step_or_reading_of_a_twin_is_named_with_its_place(tmp_path: Path) -> None:
+    def act(self: Any, *rest: Any) -> None:
+        rest[1]["no such field"] = 1.0
+
+    for method, where in (("step", "the step of its twin"), ("read", "the reading of its twin")):
+        with pytest.raises(itouch.SceneError, match=f"failed in {where}: KeyError: 'no such field'") as caught:
+            engine(tmp_path, None, type("Bent", (Rod,), {"Twin": broken(RodTwin, method, act)}))
+        (problem,) = caught.value.problems
+        assert "(test_failing_plugins.py, line " in problem.sentence  # not where the framework noticed it
+        assert problem.place is not None and problem.place.line == 4
+
+
+def test_a_reading_that_is_not_there_is_put_down_to_the_line_that_wrote_it(tmp_path: Path) -> None:
+    def act(self: Any, state: Record, reading: Record) -> None:
+        reading["pose"] = (0, 0, 0.05, 1, 0, 0, 0)
+        state["place"][1] += 1.0
+        if state["place"][1] > 40.0:
+            reading["twist"] = 0.0
+
+    twin = type("Bent", (RodTwin,), {"read": act, "step": lambda *rest: None})
+    session = engine(tmp_path, None, type("Bent", (Rod,), {"Twin": twin}))
+    with pytest.raises(itouch.DeviceFaultError, match=r"failed in read: KeyError: 'twist' \(test_failing_plugins.py, "):
+        session.run()
+    session.close()
+
+
+PLACE = Field("place", "f8", 7)
+FIELDS = [
+    (lambda self: None, "it returned None; a tuple of Field is wanted"), (lambda self: (PLACE, PLACE), "declared twice"),
+    (lambda self: ("place",), "'place' among its fields, which is no Field"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("fields", "why"), FIELDS, ids=["none", "twice", "text"])
+def test_fields_that_can_not_be_state_are_a_problem_of_the_scene(tmp_path: Path, fields: Any, why: str) -> None:
+    for modality, device, who, line in (
+        (None, type("Bent", (Rod,), {"Twin": broken(RodTwin, "fields", fields)}), "device 'arm'", 4),
+        (broken(Hum, "fields", lambda self, model: fields(self)), None, "modality 'hum'", 9),
+    ):
+        with pytest.raises(
+            itouch.SceneError, match=rf"{who} failed in .*fields: .*{why}.*\(test_failing_plug"
+        ) as caught:
+            engine(tmp_path, modality, device)
+        assert [one.place.line for one in caught.value.problems if one.place] == [line]
+
+
+@pytest.mark.parametrize("call", range(1, 5))
+def test_a_twin_that_fails_in_a_later_call_of_fields_is_a_problem_of_the_scene(tmp_path: Path, call: int) -> None:
+    calls: list[int] = []
+
+    def act(self: Any) -> tuple[Field, ...]:
+        calls.append(1)
+        if len(calls) == call:
+            raise ValueError("not again")
+        return (PLACE,)
+
+    try:
+        engine(tmp_path, None, type("Bent", (Rod,), {"Twin": broken(RodTwin, "fields", act)}))
+    except itouch.SceneError as error:
+        assert "device 'arm' failed in its twin's fields: ValueError: not again" in str(error)
+    else:
+        assert len(calls) < call  # it is not asked so often
+
+
+COMMANDS = [
+    (None, "plugin-failed", "failed in commands: it returned None; a tuple"), ((3,), "plugin-failed", "returned \\(3,\\)"),
+    (("nosuch.channel",), "missing-channel", "there is no device 'nosuch'"),
+    (("arm.heat",), "missing-channel", "device 'arm' obeys no such channel"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("commands", "code", "why"), COMMANDS, ids=[repr(one[0]) for one in COMMANDS])
+def test_commands_that_nobody_obeys_are_a_problem_of_the_scene(
+    tmp_path: Path, commands: Any, code: str, why: str
+) -> None:
+    with pytest.raises(itouch.SceneError, match=f"modality 'hum' .*{why}") as caught:
+        engine(tmp_path, broken(Hum, "commands", lambda self, model: commands))
+    (problem,) = caught.value.problems
+    assert problem.code == code
+    assert problem.place is not None and problem.place.line == 9
+
+
+@dataclass(frozen=True)
+class Picky:
+    """Nothing, and even that is too much."""
+
+    def __post_init__(self) -> None:
+        raise KeyError("absent")
+
+
+def test_parameters_that_raise_anything_are_a_problem_of_the_scene(tmp_path: Path) -> None:
+    for modality, device, what, line in (
+        (None, type("Bent", (Rod,), {"Twin": RodTwin, "Params": Picky}), "device 'arm'", 4),
+        (type("Bent", (Hum,), {"Params": Picky}), None, "<tone:hum>", 9),
+    ):
+        with pytest.raises(itouch.SceneError, match=f"{what} failed in its parameters: KeyError: 'absent'") as caught:
+            engine(tmp_path, modality, device)
+        assert [one.place.line for one in caught.value.problems if one.place] == [line]
 
 
 def test_a_channel_of_a_standard_name_has_its_size(tmp_path: Path) -> None:

@@ -64,3 +64,12 @@ def test_only_the_one_name_that_can_have_been_meant_is_taken_for_it(
     word: str, names: tuple[str, ...], found: str | None
 ) -> None:
     assert meant(word, names) == (None if found is None else (word, found))
+
+
+def test_a_unit_that_no_scene_may_write_can_not_be_declared():
+    with pytest.raises(
+        ValueError, match=r"unit 'inch' is not known: declare it in m, km, cm, mm, .*degC, or a product"
+    ):
+        schema.quantity("inch", default=1.0, doc="a width")
+    for unit in ("", "1", "N*s/m", "1/K", "degC", "W/(m*K)", "%"):
+        schema.quantity(unit, default=1.0, doc="anything")

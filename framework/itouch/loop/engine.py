@@ -40,11 +40,11 @@ from itouch.loop.write_access import view_for
 from itouch.plugin import Bound, DeviceError, Record
 from itouch.safety import Outcome, Trip
 from itouch.schema import ItouchError
+from itouch.schema.plugin_errors import failing
 from itouch.schema.seeds import checked_seed
 from itouch.world import Model, make_state
 from itouch.world.bindings import blind
 from itouch.world.limits import HOLD
-from itouch.world.plugin_errors import failing
 
 #: On a virtual clock one tick in this many is timed step by step; in real time every tick is.
 _SAMPLED = 16

@@ -19,8 +19,8 @@ from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.write_access import Fence
 from itouch.plugin import Bound, Contact, HeardContact, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
+from itouch.schema.plugin_errors import failing
 from itouch.world import ModalityModel, Model
-from itouch.world.plugin_errors import failing
 
 #: Calls per listener and event: its fence's copy of State, its own call, and the fence's comparison with the copy.
 _CALLS = 3

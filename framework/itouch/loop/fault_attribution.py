@@ -10,8 +10,8 @@ from itouch.loop import interpreter
 from itouch.plugin import Modality, Record
 from itouch.safety import DeviceFaultError, Trip
 from itouch.schema import ItouchError
+from itouch.schema.plugin_errors import said
 from itouch.world import ModalityModel, Model
-from itouch.world.plugin_errors import said
 
 
 def modality_fault(

@@ -9,7 +9,7 @@ from itouch.loop.runner import Runner
 from itouch.plugin import DeviceError
 from itouch.schema import ItouchError
 from itouch.schema.diagnostics import spoken
-from itouch.world.plugin_errors import said
+from itouch.schema.plugin_errors import said
 
 
 def in_turn(*steps: Callable[[], object]) -> None:

@@ -12,8 +12,8 @@ from itouch.loop.frames import Frame, frame
 from itouch.plugin import Bound, Channel, Record, Role, TwinInputs
 from itouch.plugin.quantity import SIZES
 from itouch.safety import DeviceFaultError, Status, Supervisor, Trip
+from itouch.schema.plugin_errors import failing, said
 from itouch.world import DeviceModel
-from itouch.world.plugin_errors import failing, said
 
 __all__ = ["DeviceFaultError", "Runner", "Status"]
 
@@ -69,7 +69,7 @@ class Runner(Supervisor):
         """Return the step of the twin as one compiled call; None: there is no twin, or its step is Python's."""
         if self.twin is None or not is_newest(type(self.twin), "bound_step", "step"):
             return None
-        with failing(f"device '{self.model.name}'", "the step of its twin", None):
+        with failing(f"device '{self.model.name}'", "the step of its twin", self.model.place):
             return self.twin.bound_step(self.twin_state, self.sent, self.touch, self._period)
 
     def step_twin(self, tick: int) -> None:
@@ -94,7 +94,7 @@ class Runner(Supervisor):
         """Step the twin once before the first tick, so that its first reading is true; no planned fault acts yet."""
         twin = self.twin.twin if isinstance(self.twin, FaultyTwin) else self.twin
         if twin is not None:
-            with failing(f"device '{self.model.name}'", "the step of its twin", None):
+            with failing(f"device '{self.model.name}'", "the step of its twin", self.model.place):
                 settle = twin.settle if isinstance(twin, LateTwin) else twin.step
                 settle(self.twin_state, self.sent, self.touch, self._period)
 

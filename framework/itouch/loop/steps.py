@@ -26,9 +26,9 @@ from itouch.loop.write_access import Fence, mended, shown_fields
 from itouch.plugin import Bound, Record, Role
 from itouch.safety import Finger, HoldToRun
 from itouch.safety.monitor_step import LOOK, TOLD
+from itouch.schema.plugin_errors import failing
 from itouch.twin.skin import Skin
 from itouch.world import ModalityModel, Model
-from itouch.world.plugin_errors import failing
 
 #: Fields of a device that a trip changes, besides what is sent to it.
 _TRIPPED = ("status", "trip", "tripped", "ramp")

@@ -10,8 +10,8 @@ import numpy as np
 
 from itouch.plugin import Modality, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
+from itouch.schema.plugin_errors import said, written_at
 from itouch.world import ModalityModel
-from itouch.world.plugin_errors import said, written_at
 
 #: How deep what `Modality.report` returns may be nested.
 _DEEPEST = 20

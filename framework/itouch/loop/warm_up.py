@@ -16,8 +16,8 @@ from itouch.loop.write_access import Fence, view_for
 from itouch.plugin import Contact, ContactEvent, DeviceError, Record, Role, TwinInputs
 from itouch.safety import check_warm_up
 from itouch.schema import Problem, SceneError
+from itouch.schema.plugin_errors import failing
 from itouch.world import Model
-from itouch.world.plugin_errors import failing
 
 
 def warm_up(model: Model, state: Record, runners: Iterable[Runner]) -> None:
@@ -26,8 +26,7 @@ def warm_up(model: Model, state: Record, runners: Iterable[Runner]) -> None:
     _rehearse_touches(model, scratch)
     Histogram(1.0).add(0.0)
     for runner in runners:
-        with failing(f"device '{runner.model.name}'", "the step of its twin", model.place_of(runner.model.name)):
-            warm_up_twin(runner, scratch, model.period)
+        warm_up_twin(runner, scratch, model.period)
         check_warm_up.warm_up(runner.model, scratch, model.period)
 
 
@@ -125,7 +124,9 @@ def warm_up_twin(runner: Runner, scratch: Record, period: float) -> None:
     fields = runner.twin_state.dtype.names or ()
     state = scratch.part(f"{name}.twin.", fields) if fields else runner.twin_state.copy()
     sent, reading = runner.sent.copy(), runner.reading.copy()
+    who, place = f"device '{name}'", runner.model.place
     for touch in (TwinInputs(), TwinInputs(force=1.0, gap=-1e-3)):
-        runner.twin.step(state, sent, touch, period)
-        with contextlib.suppress(DeviceError):  # a fault that is injected from the start
-            runner.twin.read(state, reading)
+        with failing(who, "the step of its twin", place):
+            runner.twin.step(state, sent, touch, period)
+        with failing(who, "the reading of its twin", place), contextlib.suppress(DeviceError):
+            runner.twin.read(state, reading)  # a DeviceError: a fault that is injected from the start

@@ -20,10 +20,10 @@ from itouch.safety import limiting, monitor_step
 from itouch.safety.device_monitors import InstalledMonitor
 from itouch.safety.guard import ANYWHERE, Guard
 from itouch.safety.lifecycle import BACKWARDS, CLOSED, ENABLED, FAULT, HELD, Lifecycle
-from itouch.schema.diagnostics import named, spoken
+from itouch.schema.diagnostics import spoken
+from itouch.schema.plugin_errors import failing, said
 from itouch.world import DeviceModel
 from itouch.world import limits as default
-from itouch.world.plugin_errors import failing
 
 
 class Supervisor(Lifecycle):
@@ -173,7 +173,7 @@ class Supervisor(Lifecycle):
         twin = self.twin
         if twin is None or isinstance(twin, Stamped) or not is_newest(type(twin), "bound_read", "read"):
             return ()
-        with failing(f"device '{self.model.name}'", "the reading of its twin", None):
+        with failing(f"device '{self.model.name}'", "the reading of its twin", self.model.place):
             sensed = twin.bound_read(self.twin_state, self.reading)
         if sensed is None:
             return ()
@@ -312,7 +312,7 @@ class Supervisor(Lifecycle):
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            raise TripError(Trip.DEVICE_ERROR, f"failed in read: {named(error)}") from error
+            raise TripError(Trip.DEVICE_ERROR, f"failed in read: {said(error)}") from error
         return False
 
     def _take_whole(self, device: Device) -> bool:
@@ -443,7 +443,7 @@ class Supervisor(Lifecycle):
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            raise TripError(Trip.DEVICE_ERROR, f"failed in write: {named(error)}") from error
+            raise TripError(Trip.DEVICE_ERROR, f"failed in write: {said(error)}") from error
 
     def _fail(self, fault: DeviceFaultError, error: TripError) -> None:
         """Stop because of a fault: all devices, unless this one is optional and merely lost."""

@@ -14,8 +14,9 @@ from itouch.scene.names import Names
 from itouch.scene.places import Places
 from itouch.scene.source import Attribute, Node
 from itouch.scene.values import ValueProblemError, parse_value
-from itouch.schema.diagnostics import Place, Problem, did_you_mean, meant, nearest
+from itouch.schema.diagnostics import ItouchError, Place, Problem, did_you_mean, meant, nearest
 from itouch.schema.fields import Spec, constraint, default_of, specs, tag_of, xml_name
+from itouch.schema.plugin_errors import failure
 
 PLUGIN_NAMESPACE = "urn:itouch:plugin:"
 
@@ -69,8 +70,13 @@ class Binder:
             return None
         try:
             instance = cls(**values)
-        except ValueError as error:  # a plugin's own check in __post_init__
+        except (ValueError, ItouchError) as error:  # a plugin's own check in __post_init__
             self.problems.append(Problem("bad-value", f"<{node.written}>: {error}", node.place))
+            return None
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            self.problems.append(failure(f"<{node.written}>", "its parameters", error, node.place))
             return None
         self.places.put(instance, node.place, spots)
         return instance

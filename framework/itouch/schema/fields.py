@@ -21,6 +21,7 @@ from functools import cache
 from typing import Any, Literal, get_args
 
 from itouch.schema.roles import Role
+from itouch.schema.units import SYMBOLS, parse_unit
 
 Kind = Literal[
     "quantity", "hold", "integer", "text", "file", "name", "ref", "choice", "flag", "child", "children", "plugin"
@@ -87,7 +88,18 @@ def quantity(
     default: Any = REQUIRED,
     doc: str = "",
 ) -> Any:
-    """Declare a number, or a tuple of ``size`` numbers, with a unit; ``positive`` means more than zero."""
+    """Declare a number, or a tuple of ``size`` numbers, with a unit; ``positive`` means more than zero.
+
+    Raises
+    ------
+    ValueError
+        If the unit is none of those that a scene may write: no scene could give it.
+    """
+    try:
+        parse_unit(unit)
+    except ValueError:
+        raise ValueError(f"unit {unit!r} is not known: declare it in {', '.join(SYMBOLS)}, degC, "
+                         "or a product of these such as 'N*s/m'; '' is a plain number") from None  # fmt: skip
     low = 0.0 if positive else low
     spec = Spec("quantity", doc, unit, size, low, high, positive, absolute or unit == "degC")
     return _make(spec, default)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, is_dataclass
@@ -91,7 +92,8 @@ class DeviceSubject:
     def __post_init__(self) -> None:
         kind = getattr(self.cls, "Params", None)
         if self.params is None and is_dataclass(kind) and isinstance(kind, type) and not self.needed:
-            object.__setattr__(self, "params", kind())
+            with contextlib.suppress(Exception, SystemExit):  # the checks find it: see `require_params`
+                object.__setattr__(self, "params", kind())
 
     @property
     def needed(self) -> list[str]:
@@ -110,7 +112,11 @@ class DeviceSubject:
         ------
         CheckError
             If some have no default and none were given.
+        BaseException
+            What the plugin raises when they are made from their defaults.
         """
+        if self.params is None and not self.needed:
+            return self.cls.Params()
         if self.params is None:
             raise CheckError(
                 f"the parameters {', '.join(self.needed)} have no default, and none were given",

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from typing import Any
+
 from itouch.plugin import Field
+from itouch.plugin.record import dtype_of
+from itouch.schema.plugin_errors import ReturnedError
 
 #: How many cells the tissue of a finger has under a worn device.
 CELLS = 24
@@ -237,3 +242,25 @@ def wait_fields(waits: int) -> tuple[Field, ...]:
         ),
         Field("wait_skin", "f8", waits, low=0.0, unit="K", doc="the skin at the end of each wait, 0: never read"),
     )  # fmt: skip
+
+
+def declared_by(method: Callable[..., Any], *given: Any) -> tuple[Field, ...]:
+    """Return the fields of State that a plugin's ``fields`` declares.
+
+    Raises
+    ------
+    ReturnedError
+        If it returns anything else, or one name twice.
+    """
+    told = method(*given)
+    if not isinstance(told, Iterable) or isinstance(told, str):
+        raise ReturnedError(method, f"it returned {told!r:.40}; a tuple of Field is wanted, () if there are none")
+    fields = tuple(told)
+    for field in fields:
+        if not isinstance(field, Field):
+            raise ReturnedError(method, f"it returned {field!r:.40} among its fields, which is no Field")
+    try:
+        dtype_of(fields)
+    except ValueError as error:
+        raise ReturnedError(method, str(error)) from error
+    return fields

@@ -12,11 +12,12 @@ from itouch.plugin import Carries, Modality, ParameterError, World, WorldDevice,
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import Operator, PluginPart, Probe
-from itouch.schema import Problem
+from itouch.schema import Place, Problem
 from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.fields import default_of, specs, xml_name
+from itouch.schema.plugin_errors import ReturnedError, failing, failure
+from itouch.world.fields import declared_by
 from itouch.world.files import SceneFiles
-from itouch.world.plugin_errors import failing, failure
 from itouch.world.presented_surfaces import check_carried
 from itouch.world.rig import DeviceModel
 
@@ -59,39 +60,77 @@ def build_modalities(
         if cls is None or not _has_devices(scene, part, devices, problems):  # reported while the scene was read
             continue
         own = replace(world, objects=_objects(scene, part.plugin), period=period * every)
-        found += _compiled(scene, part, cls(), own, every, devices, problems)
+        found += _compiled(scene, part, cls, own, every, devices, problems)
     if not any(problem.severity == "error" for problem in problems):
         found += _default_carriers(scene, catalog, devices, world, found, problems)
     return found
 
 
 def _compiled(
-    scene: Scene, part: PluginPart, instance: Modality, world: World, every: int, devices: Mapping[str, DeviceModel],
+    scene: Scene, part: PluginPart, cls: type[Modality], world: World, every: int, devices: Mapping[str, DeviceModel],
     problems: list[Problem], probe: Probe | None = None,
 ) -> Iterator[ModalityModel]:  # fmt: skip
     """Yield a modality, if it can be compiled; ``probe``: that of a default carrier, which has no element itself."""
     place = scene.places.of(part) if probe is None else scene.places.of(probe, "surface_to")
     who = f"modality '{part.name}'"
+    with failing(who, "its making", place):
+        instance = cls()
     try:
         model = instance.compile(part.name, part.params, world)
     except ValueError as error:
         field = error.field if isinstance(error, ParameterError) and probe is None else ""
         problems.append(Problem("modality", f"{who}: {error}", scene.places.of(part.params, field) or place))
         return
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a plugin that exits does not end the program
         problems.append(failure(who, "compile", error, place))
         return
     with failing(who, "commands", place):
-        commands, attends = instance.commands(model), every > 1 and instance.attends(model)
-        carries = instance.carries(model)
+        commands = _commands(instance, model)
+        unknown = list(_unknown(scene, who, commands, devices, place))
+        problems += unknown
+        attends, carries = every > 1 and instance.attends(model), instance.carries(model)
+    if unknown:
+        return
     with failing(who, "fields", place):
-        fields = {field.name: (np.dtype(field.dtype).str[1:], field.size) for field in instance.fields(model)}
+        declared = declared_by(instance.fields, model)
+        fields = {field.name: (np.dtype(field.dtype).str[1:], field.size) for field in declared}
         if carries is not None:
             problems += check_carried(scene, part, carries, fields, commands, devices, every, instance.keeps_to)
         served = "" if probe is None else probe.name
         yield ModalityModel(
             part.name, part.plugin, instance, model, every, commands, attends, carries, tuple(fields), served
         )  # fmt: skip
+
+
+def _commands(instance: Modality, model: Any) -> tuple[str, ...]:
+    """Return the command channels that a modality names.
+
+    Raises
+    ------
+    ReturnedError
+        If it returns anything else.
+    """
+    told: Any = instance.commands(model)
+    if isinstance(told, tuple | list | set | frozenset) and all(isinstance(one, str) for one in told):
+        return tuple(told)
+    wanted = "a tuple of texts such as 'device.channel' is wanted, () if it commands nothing"
+    raise ReturnedError(instance.commands, f"it returned {told!r:.40}; {wanted}")
+
+
+def _unknown(
+    scene: Scene, who: str, commands: Sequence[str], devices: Mapping[str, DeviceModel], place: Place | None
+) -> Iterator[Problem]:
+    """Find commands to channels that are not there: nobody would ever obey them."""
+    named = {element.name for element in scene.devices}
+    known = [f"{one.name}.{channel.name}" for one in devices.values() for channel in one.commands]
+    for command in commands:
+        device = command.partition(".")[0]
+        if command not in known and (device in devices or device not in named):  # else it is missing itself: told there
+            what = f"device '{device}' obeys no such channel" if device in devices else f"there is no device '{device}'"
+            advice = did_you_mean(command, known, "obeyed here are")
+            yield Problem("missing-channel", f"{who} commands '{command}', and {what}", place, advice)
 
 
 def _default_carriers(
@@ -128,7 +167,7 @@ def _default_carriers(
             problems.append(Problem("modality", sentence, place, advice))
         else:
             part = PluginPart(plugin, "", cls.Params(probe=probe.name), name)
-            found += _compiled(scene, part, cls(), world, 1, devices, problems, probe)
+            found += _compiled(scene, part, cls, world, 1, devices, problems, probe)
     for one in found:
         if one.carries is None:
             place = scene.places.of(next(probe for probe in alone if probe.name == one.default_of), "carrier")

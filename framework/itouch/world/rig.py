@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from itouch.contact.meshfile.faults import MeshError
@@ -18,10 +18,11 @@ from itouch.scene.elements import DeviceElement
 from itouch.schema import Place, Problem
 from itouch.schema.diagnostics import did_you_mean, meant
 from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
+from itouch.schema.plugin_errors import failing, failure
+from itouch.world.fields import declared_by
 from itouch.world.files import SceneFiles
 from itouch.world.injection import injections
 from itouch.world.limits import DeviceLimits, resolve
-from itouch.world.plugin_errors import failing
 from itouch.world.safe_values import acting_at_rest, stale, too_slow, unfelt, with_safe_values
 from itouch.world.supervision import monitors_of, supervision, supervision_problems, watched
 
@@ -62,6 +63,8 @@ class DeviceModel:
     faults: tuple[Injection, ...] = ()
     bound: Any = None
     monitors: tuple[Monitor, ...] = ()
+    #: Where it stands in the scene's files.
+    place: Place | None = field(default=None, compare=False)
 
     @property
     def duration(self) -> float:
@@ -104,7 +107,18 @@ class DeviceModel:
 
     def twin_fields(self) -> tuple[Field, ...]:
         """Return the fields of the State of its own twin, without simulated wire and faults."""
-        return tuple(self._bare_twin().fields())
+        return self.fields_of(self._bare_twin())
+
+    def fields_of(self, twin: Twin) -> tuple[Field, ...]:
+        """Return the fields that a twin of this device declares.
+
+        Raises
+        ------
+        SceneError
+            If they cannot be State, or it fails.
+        """
+        with failing(f"device '{self.name}'", "its twin's fields", self.place):
+            return declared_by(twin.fields)
 
     def _bare_twin(self) -> Twin:
         cls = self.cls.Twin
@@ -112,14 +126,15 @@ class DeviceModel:
 
     def make_twin(self) -> Twin:
         """Return the plugin's twin, or else the ideal one, with its simulated wire and injected faults."""
-        twin = self._bare_twin()
-        twin.set_environment(self.ambient, self.skin_temperature)
-        if self.late:
-            twin = LateTwin(twin, self.cls, self.servo_period)
-        if self.faults:
-            channels = (self.reads, self.commands)
-            return FaultyTwin(twin, *channels, self.faults, period=self.servo_period, watchdog=self.limits.watchdog)
-        return twin
+        with failing(f"device '{self.name}'", "the making of its twin", self.place):
+            twin = self._bare_twin()
+            twin.set_environment(self.ambient, self.skin_temperature)
+            if self.late:
+                twin = LateTwin(twin, self.cls, self.servo_period)
+            if self.faults:
+                channels = (self.reads, self.commands)
+                return FaultyTwin(twin, *channels, self.faults, period=self.servo_period, watchdog=self.limits.watchdog)
+            return twin
 
     def make_device(self) -> Device:
         """Return the device itself, in a thread of its own if it makes its caller wait."""
@@ -227,7 +242,7 @@ def _build(
         limits, bool(element.twin), element.optional, touch_off, scene.world.temperature,
         next((operator.skin_temperature for operator in scene.operators), None), 1.0 / scene.rates.servo,
         element.twin == "remote", injections(scene, element, (*reads, *commands), problems), bound,
-        monitors,
+        monitors, place,
     )  # fmt: skip
 
 
@@ -249,10 +264,10 @@ def _monitors(
     """Return the monitors of a device; unmonitored drives, and monitors that can't be loaded, become problems."""
     seen = watched(element.name, element.plugin, params, channels, limits, twin=bool(element.twin))
     kinds = catalog.monitors()
-    for failure in catalog.monitor_failures:
+    for fault in catalog.monitor_failures:
         advice = "remove the distribution, or report it to its author"
         severity = "warning" if element.twin else "error"
-        problems.append(Problem("monitor-failed", str(failure), place, advice, severity=severity))
+        problems.append(Problem("monitor-failed", str(fault), place, advice, severity=severity))
     with failing(f"device '{element.name}'", "its monitors", place):
         monitors = monitors_of(seen, kinds)
         problems += supervision_problems(seen, monitors, place)
@@ -285,7 +300,19 @@ def _params(scene: Scene, element: DeviceElement, cls: type[Device], problems: l
         sentence = f"device '{element.name}' needs <{element.plugin}:hardware> with {', '.join(missing)}"
         problems.append(Problem("missing-element", sentence, scene.places.of(element)))
         return None
-    return cls.Params()
+    return default_params(element.name, cls, scene.places.of(element))
+
+
+def default_params(name: str, cls: type[Device], place: Place | None) -> Any:
+    """Return the parameters of a device that has no element for them.
+
+    Raises
+    ------
+    SceneError
+        If they cannot be made.
+    """
+    with failing(f"device '{name}'", "its parameters", place):
+        return cls.Params()
 
 
 def _bound(
@@ -302,6 +329,12 @@ def _bound(
         field = error.field if isinstance(error, ParameterError) else _file_of(params)
         place = scene.places.of(params, field) or scene.places.of(params) or scene.places.of(element)
         problems.append(Problem("device", f"device '{element.name}': {error}", place))
+        return None
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        place = scene.places.of(params) or scene.places.of(element)
+        problems.append(failure(f"device '{element.name}'", "bind", error, place))
         return None
 
 

@@ -10,10 +10,20 @@ from itouch.contact.surfaces import EFFECTS_MEMORY
 from itouch.plugin import Field, Record, Role
 from itouch.plugin.declaration_rules import faults_of
 from itouch.schema.hold_until import Until
+from itouch.schema.plugin_errors import failing
 from itouch.world import marks
-from itouch.world.fields import CELLS, HAND, coupling_fields, probe_fields, rising_fields, skin_fields, wait_fields
+from itouch.world.fields import (
+    CELLS,
+    HAND,
+    coupling_fields,
+    declared_by,
+    probe_fields,
+    rising_fields,
+    skin_fields,
+    wait_fields,
+)
+from itouch.world.modalities import ModalityModel
 from itouch.world.model import Model, ProbeModel
-from itouch.world.plugin_errors import failing
 from itouch.world.rig import FRAME, GONE, DeviceModel
 from itouch.world.supervision import supervision
 
@@ -71,15 +81,18 @@ def layout(model: Model) -> tuple[Field, ...]:
     """Return all fields of the State of a model, in order."""
     fields: list[Field] = [*_SESSION, *_objects(model)]
     for device in model.devices.values():
-        with failing(f"device '{device.name}'", "its twin's fields", model.place_of(device.name)):
-            fields += _device(device, device.name in model.framed)
+        fields += _device(device, device.name in model.framed)
     for probe in model.probes:
         fields += _probe(model, probe)
     for modality in model.modalities:
-        with failing(f"modality '{modality.name}'", "fields", model.place_of(modality.name)):
-            fields += _prefixed(modality.name, modality.instance.fields(modality.model))
+        fields += _prefixed(modality.name, _fields_of(model, modality))
     fields += [*_CONTACT_EVENTS, *marks.FIELDS]
     return tuple(fields)
+
+
+def _fields_of(model: Model, modality: ModalityModel) -> tuple[Field, ...]:
+    with failing(f"modality '{modality.name}'", "fields", model.place_of(modality.name)):
+        return declared_by(modality.instance.fields, modality.model)
 
 
 def _objects(model: Model) -> list[Field]:
@@ -150,11 +163,11 @@ def undeclared(model: Model) -> tuple[str, ...]:
     found: list[str] = []
     for device in model.devices.values():
         said = [*faults_of(device.reads, "reading"), *faults_of(device.commands, "command")]
-        said += faults_of(device.make_twin().fields(), "field") if device.twin else ()
+        said += faults_of(device.fields_of(device.make_twin()), "field") if device.twin else ()
         said += [*device.cls.outdated, *(device.cls.Twin.outdated if device.cls.Twin is not None else ())]
         found += [f"device plugin '{device.plugin}': {sentence}" for sentence in said]
     for modality in model.modalities:
-        said = list(faults_of(modality.instance.fields(modality.model), "field"))
+        said = list(faults_of(_fields_of(model, modality), "field"))
         found += [f"modality plugin '{modality.plugin}': {sentence}" for sentence in said]
     return tuple(dict.fromkeys(found))
 
@@ -193,7 +206,7 @@ def _device(device: DeviceModel, framed: bool) -> list[Field]:
             ),
         )
     if device.twin:
-        fields += _prefixed(f"{name}.twin", device.make_twin().fields())
+        fields += _prefixed(f"{name}.twin", device.fields_of(device.make_twin()))
     return fields
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from itouch.plugin import Channel, Device, Safe
 from itouch.plugin.discovery import Catalog
 from itouch.schema.fields import REQUIRED, default_of, specs
+from itouch.schema.plugin_errors import said
 from itouch_tools.cli.arguments import Parser, add_json, as_json
 
 
@@ -52,7 +53,10 @@ def _entry(catalog: Catalog, name: str, *, probe: bool) -> dict[str, Any]:
     entry: dict[str, Any] = {"name": name, "distribution": found.distribution, "version": found.version}
     if cls is None:
         return entry | {"failed": catalog.failures[name].cause}
-    reads, commands = _channels(cls)
+    try:
+        reads, commands = _channels(cls)
+    except (Exception, SystemExit) as error:  # a plugin may raise anything, and must not hide the others
+        return entry | {"failed": said(error)}
     entry |= {"twin_only": cls.twin_only, "reads": [*map(_data, reads)], "commands": [*map(_data, commands)]}
     return entry | ({"attached": [line.strip() for line in _probe(cls)]} if probe else {})
 
@@ -76,7 +80,10 @@ def _describe(catalog: Catalog, name: str) -> list[str]:
         return [f"{head}  FAILED TO LOAD", f"    {catalog.failures[name].cause}"]
     doc = (cls.__doc__ or "").strip().splitlines()[:1]
     lines = [f"{head}{'  twin only' if cls.twin_only else ''}", *(f"    {line}" for line in doc)]
-    reads, commands = _channels(cls)
+    try:
+        reads, commands = _channels(cls)
+    except (Exception, SystemExit) as error:  # as above
+        return [*lines, f"    FAILS with its default parameters: {said(error)}"]
     lines += [_channel("reads", channel) for channel in reads]
     lines += [_channel("obeys", channel) for channel in commands]
     return lines

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from itouch.plugin import Measured
+from itouch.schema.plugin_errors import said
 from itouch.world import Model
-from itouch.world.plugin_errors import said
 
 #: The framework's own columns of a terminal's table: those before what modalities measured, and those after it.
 _WHEN = (

@@ -1,4 +1,4 @@
-"""Errors in a plugin's code while a scene is built: reported as problems at the plugin's place in the scene."""
+"""Errors in a plugin's code: where they were raised, and while a scene is built problems at the plugin's place."""
 
 from __future__ import annotations
 
@@ -8,13 +8,25 @@ from contextlib import contextmanager
 from pathlib import PurePath
 
 from itouch import ending
-from itouch.schema import ItouchError, Problem, SceneError
-from itouch.schema.diagnostics import Place, class_of, raised_at, spoken
+from itouch.schema.diagnostics import ItouchError, Place, Problem, SceneError, class_of, raised_at, spoken
+
+#: The core's own folder: what it raises for a plugin is put down to the plugin's line that called it.
+_CORE = PurePath(__file__).parent.parent
+
+
+class ReturnedError(ValueError):
+    """A plugin's ``method`` has returned what cannot be used: a sentence on it, and where the method is written."""
+
+    def __init__(self, method: object, sentence: str) -> None:
+        super().__init__(f"{sentence}{written_at(method)}")
 
 
 def said(error: BaseException) -> str:
     """Return what an error in a plugin says, and where it was raised: ``ValueError: text (file.py, line 7)``."""
+    if issubclass(type(error), ReturnedError):  # not isinstance: an error may fail when its class is asked for
+        return spoken(error)
     stack = [frame for frame in traceback.extract_tb(raised_at(error)) if frame.filename != ending.__file__]
+    stack = [frame for frame in stack if _CORE not in PurePath(frame.filename).parents] or stack
     where = f" ({PurePath(stack[-1].filename).name}, line {stack[-1].lineno})" if stack else ""
     text = spoken(error).partition("\n")[0]
     return f"{class_of(error)}{': ' if text else ''}{text}{where}"
@@ -27,7 +39,12 @@ def written_at(method: object) -> str:
 
 
 def failure(what: str, method: str, error: BaseException, place: Place | None) -> Problem:
-    """Return the problem that ``what``, such as "modality 'heat'", has failed in one of its methods."""
+    """Return the problem that ``what``, such as "modality 'heat'", has failed in one of its methods.
+
+    An error that explains itself, such as a DeviceError, is told in its own words.
+    """
+    if issubclass(type(error), ItouchError):
+        return Problem("plugin-failed", f"{what}: {spoken(error)}", place)
     return Problem(
         "plugin-failed", f"{what} failed in {method}: {said(error)}", place, "report it to the plugin's author"
     )
@@ -40,13 +57,11 @@ def failing(what: str, method: str, place: Place | None) -> Iterator[None]:
     Raises
     ------
     SceneError
-        If anything is raised inside but an ``ItouchError`` or a KeyboardInterrupt, which are passed on.
+        If anything is raised inside but a KeyboardInterrupt, which is passed on, as is a SceneError.
     """
     try:
         yield
-    except ItouchError:
-        raise
-    except KeyboardInterrupt:
+    except (SceneError, KeyboardInterrupt):
         raise
     except BaseException as error:  # a plugin that exits does not end the program
         raise SceneError([failure(what, method, error, place)]) from error
