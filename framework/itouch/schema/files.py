@@ -4,10 +4,22 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import stat
 from typing import BinaryIO
 
 from itouch.platforms import NO_WAIT, OPEN_FLAGS
+
+#: How much of a file tells what it is [bytes], and what may stand before the first character of a document.
+_HEAD, _BLANK = 256, b"\xef\xbb\xbf \t\r\n"
+#: How stored files begin (a snapshot is a zip, with the name of a member after a header of 30 bytes), and end by name.
+_BEGINS = {
+    "session": re.compile(
+        rb"PK\x03\x04.{26}((scene\.xml|state\.npy|(manifest|ledger)\.json|bases\.npy)|assets/)", re.DOTALL
+    ),
+    "recording": re.compile(rb"\x89MCAP"),
+}
+_ENDS = {"session": ".itouch", "recording": ".mcap"}
 
 
 def open_regular(path: str | os.PathLike[str]) -> BinaryIO:
@@ -28,3 +40,23 @@ def open_regular(path: str | os.PathLike[str]) -> BinaryIO:
     except BaseException:
         os.close(handle)
         raise
+
+
+def stored_kind(path: str | os.PathLike[str]) -> str:
+    """Return what the program itself has stored in a file: ``session`` (a snapshot), ``recording``, or nothing.
+
+    The content says it, whatever the name; of a file that cannot be read, or whose beginning is damaged, the ending of
+    its name does.
+    """
+    try:
+        with open_regular(path) as stream:
+            head = stream.read(_HEAD)
+    except OSError:
+        head = b""
+    for kind, begins in _BEGINS.items():
+        if begins.match(head):
+            return kind
+    name = os.fspath(path).lower()
+    return (
+        "" if head.lstrip(_BLANK).startswith(b"<") else next((k for k, end in _ENDS.items() if name.endswith(end)), "")
+    )

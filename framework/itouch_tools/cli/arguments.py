@@ -7,6 +7,9 @@ import json
 import os
 import stat
 import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from itouch.schema.quantities import QuantityError, parse_quantity
@@ -14,7 +17,15 @@ from itouch_tools.cli.command_options import HELP
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose help also lists the options that every command has."""
+    """A parser whose help also lists the options that every command has, and that refuses to overwrite an input."""
+
+    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
+        """Read a command line, also as part of another one's, and refuse outputs that would destroy a file."""
+        found = super().parse_known_args(args, namespace)
+        from itouch_tools.cli.overwriting import refuse
+
+        refuse(self._actions, found[0])
+        return found
 
     def format_help(self) -> str:
         """Return the help."""
@@ -57,13 +68,6 @@ def picture_size(text: str) -> tuple[int, int]:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
-def picture_file(text: str) -> str:
-    """Check that a picture can be written where it is asked for, and that its name ends in .png."""
-    if not text.lower().endswith(".png"):
-        raise argparse.ArgumentTypeError(f"'{text}': a picture's name ends in .png")
-    return output_file(text)
-
-
 def output_folder(text: str) -> str:
     """Check, before anything runs, that a folder can be made or written into where it is asked for."""
     if os.path.exists(text) and not os.path.isdir(text):
@@ -78,8 +82,64 @@ def output_folder(text: str) -> str:
         raise argparse.ArgumentTypeError(f"'{text}' cannot be written: {error.strerror or error}") from None
 
 
-def output_file(text: str) -> str:
-    """Check, before anything runs, that a file can be written where it is asked for."""
+@dataclass(frozen=True, slots=True)
+class Output:
+    """The type of an argument that names a file to be written; ``overwriting`` tells what it may replace.
+
+    Parameters
+    ----------
+    noun
+        What is written, for messages.
+    endings
+        What its name must end in; nothing: in anything.
+    kind
+        ``document``, ``session`` or ``recording``, if it is one of these; ``ending``: the name's ending says it.
+    beside
+        Endings of further files that are written beside it under the same name.
+    in_place
+        Whether it may replace the session that the command goes on with.
+    folder
+        Whether any name without one of the endings is that of a folder for several files.
+    """
+
+    noun: str = ""
+    endings: tuple[str, ...] = ()
+    kind: str = ""
+    beside: tuple[str, ...] = ()
+    in_place: bool = False
+    folder: bool = False
+
+    def __call__(self, text: str) -> str:
+        """Check, before anything runs, that a file can be written where it is asked for."""
+        named = not self.endings or text.lower().endswith(self.endings)
+        if self.folder and not named:
+            return output_folder(text)
+        _writable(text)
+        if not named and (os.path.isfile(text) or not os.path.exists(text)):  # a terminal or a pipe has any name
+            raise argparse.ArgumentTypeError(f"'{text}': a {self.noun}'s name ends in {' or '.join(self.endings)}")
+        return text
+
+    def writes(self, path: str) -> list[str]:
+        """Return the files that are written, given the path of the argument."""
+        if self.folder and not path.lower().endswith(self.endings):
+            return []
+        return [path, *(str(Path(path).with_suffix(ending)) for ending in self.beside)]
+
+    def kind_at(self, path: str) -> str:
+        """Return what is written there: ``document``, ``session``, ``recording`` or nothing of these."""
+        return _KINDS.get(Path(path).suffix.lower(), "") if self.kind == "ending" else self.kind
+
+
+_KINDS = {".xml": "document", ".itouch": "session", ".mcap": "recording"}
+#: Files of any name and kind, pictures, and what a session is kept in.
+output_file = Output()
+picture_file = Output("picture", (".png",))
+session_file = Output("session", kind="session")
+recording_file = Output("recording", (".mcap",), kind="recording")
+
+
+def _writable(text: str) -> None:
+    """Refuse a path where no file can be written."""
     folder = os.path.dirname(text) or "."
     if os.path.isdir(text):
         raise argparse.ArgumentTypeError(f"'{text}' is a folder; name a file")
@@ -92,7 +152,6 @@ def output_file(text: str) -> str:
     if not os.path.exists(text):
         try:
             with tempfile.TemporaryFile(dir=folder):  # some folders say that they can be written, and can't
-                return text
+                return
         except OSError as error:
             raise argparse.ArgumentTypeError(f"'{text}' cannot be written: {error.strerror or error}") from None
-    return text

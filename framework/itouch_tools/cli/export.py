@@ -11,7 +11,7 @@ from itouch.schema import ItouchError
 from itouch.schema.extras import need
 from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
-from itouch_tools.cli.arguments import Parser, add_json, as_json, output_file, output_folder
+from itouch_tools.cli.arguments import Output, Parser, add_json, as_json, output_file, output_folder, session_file
 
 if TYPE_CHECKING:
     from itouch.recording import Recording
@@ -62,13 +62,18 @@ def _chosen(options: argparse.Namespace) -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(prog="itouch-py export", description=main.__doc__)
     parser.add_argument("file", metavar="FILE", help="a session (.itouch, or its .xml) or a recording (.mcap)")
-    parser.add_argument("-o", "--output", type=output_file, metavar="FILE",
+    parser.add_argument("-o", "--output", type=Output(kind="ending"), metavar="FILE",
                         help="write what its ending says: .csv, .parquet, .rrd, .xml, .itouch")  # fmt: skip
-    parser.add_argument("--xml", type=output_file, metavar="FILE.xml", help="the whole session as one XML document")
-    parser.add_argument("--itouch", type=output_file, metavar="FILE.itouch", help="a session's XML as a snapshot again")
+    parser.add_argument("--xml", type=Output(kind="document"), metavar="FILE.xml",
+                        help="the whole session as one XML document")  # fmt: skip
+    parser.add_argument(
+        "--itouch", type=session_file, metavar="FILE.itouch", help="a session's XML as a snapshot again"
+    )
     parser.add_argument("--csv", nargs="?", const="", metavar="FILE.csv|DIR",
+                        type=Output("table", (".csv",), beside=(".columns.csv",), folder=True),
                         help="one table at servo rate, or a table per track; default: FILE-csv")  # fmt: skip
-    parser.add_argument("--parquet", nargs="?", const="", metavar="FILE.parquet|DIR", help="the same as Parquet")
+    parser.add_argument("--parquet", nargs="?", const="", metavar="FILE.parquet|DIR",
+                        type=Output("table", (".parquet",), folder=True), help="the same as Parquet")  # fmt: skip
     parser.add_argument("--bids", type=output_folder, metavar="DIR", help="a BIDS folder: tables with JSON sidecars")
     parser.add_argument("--subject", default="01", metavar="LABEL", help="subject of --bids (default 01)")
     parser.add_argument("--task", default="", metavar="LABEL", help="task of --bids (default: the scene's name)")

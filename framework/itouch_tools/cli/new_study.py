@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
-from itouch_tools.cli.arguments import parser_of
+from itouch_tools.cli.arguments import output_folder, parser_of
 
 
 def main(argv: Sequence[str]) -> int:
     """Write a folder NAME with NAME.xml, its scene and what the participant reads."""
     parser = parser_of("itouch-py new-study", main.__doc__)
     parser.add_argument("name", metavar="NAME", help="small letters, digits, dashes: three-materials")
-    parser.add_argument("--folder", default=".", metavar="FOLDER", help="where to put it (default: here)")
+    parser.add_argument(
+        "--folder", type=output_folder, default=".", metavar="FOLDER", help="where to put it (default: here)"
+    )
     options = parser.parse_args(argv)
     from itouch_tools.scaffold.study import make_study
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from itouch.platforms import answering, signals
 from itouch.schema import ItouchError
-from itouch_tools.cli.arguments import output_file, seconds
+from itouch_tools.cli.arguments import recording_file, seconds
 
 if TYPE_CHECKING:
     from itouch.session import Session
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     group = parser.add_argument_group("keeping the session")
-    group.add_argument("--record", type=output_file, metavar="FILE.mcap",
+    group.add_argument("--record", type=recording_file, metavar="FILE.mcap",
                        help="record the session; default: as the scene's <record> says")  # fmt: skip
     group.add_argument("--no-record", action="store_true", help="do not record, whatever the scene says")
     group.add_argument("--save-every", type=seconds, metavar="10s",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from itouch.schema import ItouchError
 from itouch.schema.extras import need
-from itouch_tools.cli.arguments import output_file, picture_file, picture_size, seconds
+from itouch_tools.cli.arguments import Output, picture_file, picture_size, seconds
 
 if TYPE_CHECKING:
     from itouch.session import Session
@@ -20,7 +20,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("pictures (simulated sessions; no display needed)")
     group.add_argument("--screenshot", type=picture_file, metavar="FILE.png", help="write a picture of the window")
     group.add_argument("--at", type=seconds, metavar="2.5s", help="when the picture is taken; default: at the end")
-    group.add_argument("--film", type=output_file, metavar="FILE.mp4|.gif", help="write a film of the run")
+    group.add_argument(
+        "--film", type=Output("film", (".mp4", ".gif")), metavar="FILE.mp4|.gif", help="write a film of the run"
+    )
     group.add_argument("--size", type=picture_size, default=(1280, 720), metavar="1280x720",
                        help="size of picture and film [pixels]")  # fmt: skip
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from itouch_tools.cli.arguments import Parser, output_file
+from itouch_tools.cli.arguments import Parser, recording_file
 
 
 def main(argv: Sequence[str]) -> int:
@@ -17,7 +17,7 @@ def main(argv: Sequence[str]) -> int:
         "--output",
         "--to",
         dest="to",
-        type=output_file,
+        type=recording_file,
         metavar="FILE.mcap",
         help="where to write; default: FILE-recovered.mcap",
     )

@@ -18,9 +18,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("session", metavar="SESSION.mcap|.itouch", help="a recording or a snapshot")
     parser.add_argument("-o", "--output", type=output_file, required=True, metavar="FILE.html", help="the page")
     options = parser.parse_args(argv)
-    given, target = options.session, options.output
-    if os.path.exists(given) and os.path.exists(target) and os.path.samefile(given, target):
-        raise ItouchError(f"'{target}' is the session itself; name another file for the page")
+    given = options.session
     need("report", "the page")
     from itouch_tools.report.collect import collect
     from itouch_tools.report.page import page, scene_picture

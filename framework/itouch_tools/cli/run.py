@@ -14,7 +14,7 @@ from itouch.schema.seeds import checked_seed
 from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli import arm_input, deprecations, live, outputs, pictures, sounds, windows
-from itouch_tools.cli.arguments import Parser, output_file, seconds
+from itouch_tools.cli.arguments import Output, Parser, output_file, seconds
 from itouch_tools.cli.shutdown import Interrupted, Stopping, begin_report, unstarted, write_report
 
 if TYPE_CHECKING:
@@ -93,7 +93,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--twin", metavar="all|none|NAME", help="run these devices as simulated twins")
     parser.add_argument("--rig", metavar="FILE", help="put another rig with the same device names under the scene")
     parser.add_argument("--report", type=output_file, metavar="FILE.json", help="write the report as JSON")
-    parser.add_argument("--save", type=output_file, metavar="FILE.itouch", help="save the session at the end")
+    parser.add_argument("--save", type=Output("session", kind="session", in_place=True), metavar="FILE.itouch",
+                        help="save the session at the end")  # fmt: skip
     parser.add_argument("--trace", type=output_file, metavar="FILE",
                         help="write what goes over the wires of real devices, as readable text")  # fmt: skip
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all noise (default 0); a session has its own")

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from itouch.schema import ItouchError
-from itouch_tools.cli.arguments import output_file
+from itouch_tools.cli.arguments import Output
 
 if TYPE_CHECKING:
     from itouch.session import Session
@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the option."""
     parser.add_argument(
-        "--wav", type=output_file, metavar="FILE.wav", help="write the sound of a simulated run or of a recording"
+        "--wav",
+        type=Output("sound", (".wav",)),
+        metavar="FILE.wav",
+        help="write the sound of a simulated run or of a recording",
     )
 
 

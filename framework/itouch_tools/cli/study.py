@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from itouch.schema.terminal import did, number_of
 from itouch_tools.cli import study_analyses, study_run, study_serve
-from itouch_tools.cli.arguments import output_file, output_folder, parser_of
+from itouch_tools.cli.arguments import Output, output_folder, parser_of
 from itouch_tools.cli.study_participant import folder_of
 
 if TYPE_CHECKING:
@@ -48,7 +48,11 @@ def main(argv: Sequence[str]) -> int:
     report.add_argument("study", metavar="STUDY.xml")
     report.add_argument("folder", metavar="FOLDER", help="the study's data")
     report.add_argument(
-        "-o", "--output", type=output_file, metavar="FILE.html", help="default: report.html in the folder"
+        "-o",
+        "--output",
+        type=Output("page", beside=(".json", ".tsv")),
+        metavar="FILE.html",
+        help="default: report.html in the folder",
     )
     freeze = commands.add_parser("freeze", help="stamp study, scene and program before the first participant")
     freeze.add_argument("study", metavar="STUDY.xml")

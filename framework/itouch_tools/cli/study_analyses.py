@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from itouch_tools.cli.arguments import Output, output_file, output_folder
+
 if TYPE_CHECKING:
     from itouch_tools.study.reading import StudyFile
 
@@ -24,7 +26,7 @@ def add_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     )
     power.add_argument("--studies", type=int, default=400, metavar="N", help="panels drawn for each (default: 400)")
     power.add_argument("--seed", type=int, default=1, metavar="N", help="of people and panels (default: 1)")
-    power.add_argument("--json", metavar="FILE", help="write the numbers too")
+    power.add_argument("--json", type=output_file, metavar="FILE", help="write the numbers too")
     audit = commands.add_parser("audit", help="let a classifier guess the condition from all but heat and force")
     audit.add_argument("study", metavar="STUDY.xml")
     audit.add_argument("--trials", type=int, default=1000, metavar="N", help="on the twins (default: 1000)")
@@ -35,9 +37,9 @@ def add_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     coverage.add_argument("--null", type=int, default=2000, metavar="N", help="for errors of tests (default: 2000)")
     export = commands.add_parser("export", help="write the trials as TSV, Parquet or a BIDS folder")
     export.add_argument("folder", metavar="FOLDER", help="the study's data")
-    export.add_argument("--tsv", metavar="FILE")
-    export.add_argument("--parquet", metavar="FILE")
-    export.add_argument("--bids", metavar="FOLDER")
+    export.add_argument("--tsv", type=Output("table", (".tsv", ".txt")), metavar="FILE.tsv")
+    export.add_argument("--parquet", type=Output("table", (".parquet",)), metavar="FILE.parquet")
+    export.add_argument("--bids", type=output_folder, metavar="FOLDER")
 
 
 def _numbers(text: str) -> tuple[int, ...]:

@@ -6,6 +6,8 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from itouch_tools.cli.arguments import output_folder
+
 if TYPE_CHECKING:
     from itouch_tools.study.reading import StudyFile
 
@@ -14,7 +16,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     """Declare the command's options."""
     run = commands.add_parser("run", help="run a participant's trials; goes on where the participant stopped")
     run.add_argument("study", metavar="STUDY.xml")
-    run.add_argument("-o", "--output", metavar="FOLDER", help="the study's data; default: NAME.data beside the file")
+    run.add_argument("-o", "--output", type=output_folder, metavar="FOLDER",
+                     help="the study's data; default: NAME.data beside the file")  # fmt: skip
     run.add_argument("--participant", metavar="CODE", required=True, help="the participant's code, as P07")
     run.add_argument(
         "--answers", metavar="FILE", help="a script, one ANSWER [SECONDS] a line; - reads it from the input"

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from itouch_tools.cli.arguments import output_file
 from itouch_tools.cli.shutdown import Interrupted, Stopping
 
 if TYPE_CHECKING:
@@ -16,7 +17,12 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     """Declare the command's options."""
     serve = commands.add_parser("serve", help="let another program lead: PsychoPy, a notebook, Matlab over a socket")
     serve.add_argument("study", metavar="STUDY.xml")
-    serve.add_argument("--key", metavar="FILE", help="where address and key are written; default: NAME.key.json beside")
+    serve.add_argument(
+        "--key",
+        type=output_file,
+        metavar="FILE",
+        help="where address and key are written; default: NAME.key.json beside",
+    )
     serve.add_argument("--port", type=int, default=0, metavar="N", help="of TCP on this machine; default: a free one")
     pace = "fast: time goes on only while the program waits for something (default: real)"
     serve.add_argument("--pace", choices=("real", "fast"), default="real", help=pace)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from itouch.schema import ItouchError
-from itouch_tools.cli.arguments import Parser
+from itouch_tools.cli.arguments import Parser, output_folder, session_file
 
 if TYPE_CHECKING:
     from itouch_tools.sweeps.client import Swept
@@ -56,7 +56,14 @@ def _sweep(words: list[str]) -> int:
         "FOLDER ROW: one run again.  itouch-py sweep page KIND FOLDER: figures and numbers of a shipped sweep.",
     )  # fmt: skip
     parser.add_argument("sweep", metavar="SWEEP.xml", help="the sweep; or check, replay, page (each has --help)")
-    parser.add_argument("-o", "--output", metavar="FOLDER", required=True, help="its rows; goes on with what is there")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=output_folder,
+        metavar="FOLDER",
+        required=True,
+        help="its rows; goes on with what is there",
+    )
     parser.add_argument("--engine", default="processes", metavar="NAME", help="processes (default), dask, or ray")
     parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="of Dask, as tcp://HOST:8786")
     parser.add_argument("--workers", type=int, metavar="N", help="processes at once (default: one a core)")
@@ -168,7 +175,9 @@ def _replay(words: list[str]) -> int:
     parser.add_argument("folder", metavar="FOLDER", help="of a sweep")
     parser.add_argument("row", metavar="ROW", help="the first letters of the row's digest")
     parser.add_argument("--headless", action="store_true", help="compare with the row, without a window")
-    parser.add_argument("--save", metavar="FILE.itouch", help="write its session before the first tick")
+    parser.add_argument(
+        "--save", type=session_file, metavar="FILE.itouch", help="write its session before the first tick"
+    )
     options = parser.parse_args(words)
     from itouch_tools.sweeps.replay import replay, session_of
 
@@ -207,7 +216,9 @@ def _page(words: list[str]) -> int:
     parser = Parser(prog="itouch-py sweep page", description=_page.__doc__)
     parser.add_argument("kind", metavar="KIND", help=f"{', '.join(names())}; or your own FILE.py:FUNCTION")
     parser.add_argument("folder", metavar="FOLDER", help="of the sweep")
-    parser.add_argument("-o", "--output", metavar="FOLDER", help="for page and figure (default: the sweep's)")
+    parser.add_argument(
+        "-o", "--output", type=output_folder, metavar="FOLDER", help="for page and figure (default: the sweep's)"
+    )
     options = parser.parse_args(words)
     try:
         written = write_page(options.kind, Path(options.folder), Path(options.output or options.folder))
