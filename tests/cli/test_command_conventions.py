@@ -115,6 +115,8 @@ def test_an_output_in_a_missing_folder_is_told_before_anything_runs(tmp_path: Pa
 def test_a_full_disk_is_told_in_one_line(tmp_path: Path) -> None:
     done = run(FIRST, "--headless", "--for", "0.1s", "--report", "/dev/full", cwd=tmp_path)
     assert done.returncode == 2 and "No space left on device" in done.stderr and "Traceback" not in done.stderr
+    words = [FIRST, "--headless", "--for", "0.1s", "--report", "/dev/full", "--save", str(tmp_path / "s.itouch")]
+    assert run(*words).returncode == 2 and (tmp_path / "s.itouch").is_file()
 
 
 def test_ctrl_c_ends_a_command_that_only_computes_with_one_line(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -12,6 +13,8 @@ import pytest
 from graphics import need_graphics
 from program import program
 from shipped import SCENES
+
+import itouch
 
 DRAW = """
 import sys, numpy as np, itouch
@@ -143,6 +146,7 @@ def test_run_writes_an_mp4(tmp_path: Path):
     ("words", "says"),
     [
         (("--at", "1s"), "give --screenshot"),
+        (("--screenshot", "s.png", "--for", "1s", "--at", "5s"), "--at 5 s is after the end, which is at 1 s"),
         (("--film", "x.avi"), "ends in .mp4 or .gif"),
         (("--screenshot", "s.png", "--pace", "real"), "--pace fast"),
         (("--screenshot", "missing/s.png"), "no folder"),
@@ -157,7 +161,10 @@ def test_what_cannot_be_pictured_is_said(tmp_path: Path, words, says):
 
 def test_a_picture_of_a_time_that_never_came_is_said(tmp_path: Path):
     need_graphics()
-    shot = str(tmp_path / "s.png")
-    done = itouch_py("run", str(SCENES / "first_touch.xml"), "--screenshot", shot, "--at", "999s")
+    shot, kept, report, film = (tmp_path / name for name in ("s.png", "z.itouch", "z.json", "z.gif"))
+    done = itouch_py("run", str(SCENES / "first_touch.xml"), "--screenshot", str(shot), "--at", "999s",
+                     "--save", str(kept), "--report", str(report), "--film", str(film), "--size", "320x180")  # fmt: skip
     assert done.returncode == 2
     assert "the run ended at" in done.stderr and "Traceback" not in done.stderr
+    assert json.loads(report.read_text())["simulated_s"] > 2.0  # whatever failed, the rest is written
+    assert itouch.restore(kept).seconds > 2.0 and film.stat().st_size > 1000

@@ -52,7 +52,7 @@ def test_what_cannot_be_viewed_is_said(recorded, tmp_path):
         (("--view",), "no display"),
         (("--view", "--screenshot", "x.png"), "choose one"),
         (("--at", "1s"), "--screenshot"),
-        (("--screenshot", str(tmp_path / "x.png"), "--at", "99s"), "the run ended at"),
+        (("--screenshot", str(tmp_path / "x.png"), "--at", "99s"), "after the end, which is at 2.4 s"),
     ):
         done = itouch_py("replay", str(recorded), *words)
         assert done.returncode == 2 and says in done.stderr and "Traceback" not in done.stderr, done.stderr

@@ -28,16 +28,31 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 @contextlib.contextmanager
-def taking(session: Session, options: argparse.Namespace) -> Iterator[None]:
+def taking(session: Session, options: argparse.Namespace, *, end: float | None) -> Iterator[None]:
     """Take the pictures that were asked for while the session runs.
+
+    Parameters
+    ----------
+    session
+        The session.
+    options
+        What the command line says.
+    end
+        When the session will end [s], if that is known.
 
     Raises
     ------
     ItouchError
-        If the loop is paced in real time, or there is no OpenGL.
+        If the loop is paced in real time, the session ends before the picture, or there is no OpenGL.
     """
     if options.at is not None and not options.screenshot:
         raise ItouchError("--at says when the picture is taken: give --screenshot FILE.png too")
+    if (
+        options.at is not None
+        and end is not None
+        and round(options.at / session.model.period) > round(end / session.model.period)
+    ):
+        raise ItouchError(f"--at {options.at:g} s is after the end, which is at {end:g} s: choose an earlier time")
     if options.film:
         need("film", "--film")
     if not (options.screenshot or options.film):

@@ -79,7 +79,8 @@ def _replay(recording: Recording, options: argparse.Namespace) -> Outcome:
 
     work = Replay(recording)
     session, what = work.session, f"replaying {recording.path}"
-    with pictures.taking(session, options), sounds.keeping(session, options), waiting(what) as wait:
+    end = (int(recording.ticks[-1]) + 1) * recording.period if len(recording.ticks) else None
+    with pictures.taking(session, options, end=end), sounds.keeping(session, options), waiting(what) as wait:
         while work.step():
             if work.feed.at % _TOLD == 0:
                 wait.part(work.feed.at / len(work.feed.ticks))

@@ -61,11 +61,13 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
     windows.tell(options, opened=False)
     screen = Screen(session, sys.stdout)
     session.loss_hooks.append(lambda loss: screen.interrupt(told(loss)))
-    with pictures.taking(session, options), sounds.keeping(session, options), outputs.opened(session, options):
-        code = _run(session, options, stop.listened(screen.show), stop)
-    report = session.report()
-    stop.listened(screen.finish)(report)
-    _write(session, options, report)
+    end = None if options.duration is None else session.seconds + options.duration
+    with pictures.taking(session, options, end=end), sounds.keeping(session, options):
+        with outputs.opened(session, options):
+            code = _run(session, options, stop.listened(screen.show), stop)
+        report = session.report()  # before pictures and sounds are finished: that may fail, and loses nothing then
+        stop.listened(screen.finish)(report)
+        _write(session, options, report)
     return code
 
 
@@ -163,7 +165,9 @@ def _run(session: Session, options: argparse.Namespace, show: Callable[[], None]
 
 
 def _write(session: Session, options: argparse.Namespace, report: dict[str, Any]) -> None:
-    write_report(options.report, lambda: report)
-    if options.save:
-        session.save(options.save)
-        did(f"saved {options.save}")
+    try:
+        write_report(options.report, lambda: report)
+    finally:  # a report that cannot be written takes no session with it
+        if options.save:
+            session.save(options.save)
+            did(f"saved {options.save}")
