@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import gzip
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -200,18 +201,50 @@ def test_the_official_validator_of_bids_has_nothing_to_say(kept: Path, tmp_path:
     [(["export", "{r}"], "say what to write"),
      (["export", "{r}", "--xml", "x.xml"], "is not a session"), (["export", "{s}", "--csv"], "say what to write a session as"),
      (["export", "{r}", "--bids", "{d}", "--subject", "0 7"], "letters and digits"),
-     (["export", "{r}", "--csv", "/nowhere/at/all.csv"], "cannot write '/nowhere/at/all.csv'"),
+     (["export", "{r}", "--csv", "/nowhere/at/all.csv"], "there is no folder '/nowhere/at'"),
      (["inspect", "none.mcap"], "cannot read 'none.mcap'"), (["recover", "none.mcap"], "cannot read 'none.mcap'"),
      (["run", "{x}", "--save-every", "1s"], "--save-every needs --save"),
      (["run", "{x}", "--record", "/dev/full", "--headless"], "No space left on device"),
      (["run", "{x}", "--record", "{d}/a.mcap", "--no-record"], "exclude one another")],
 )  # fmt: skip
-def test_what_cannot_be_done(
-    words: list[str], said: str, kept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_done(words: list[str], said: str, kept: Path, tmp_path: Path) -> None:
     names = {"r": kept / "r.mcap", "s": kept / "s.itouch", "x": SCENES / "first_touch.xml", "d": tmp_path}
-    assert main([word.format(**names) for word in words]) == 2
-    assert said in capsys.readouterr().err
+    done = program(*(word.format(**names) for word in words))
+    assert done.returncode == 2 and said in done.stderr
+
+
+@pytest.mark.parametrize("name", ["a.session", "b.mcap", "c.xml", "d"])
+def test_a_saved_session_is_known_by_its_content(
+    kept: Path, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(kept / "s.itouch", name)
+    done = program(name, "--headless", "--for", "10ms", "--save", name)
+    assert done.returncode == 0, done.stderr
+    facts = json.loads(program("inspect", name, "--json").stdout)
+    assert (facts["kind"], facts["seconds"]) == ("session", 1.51)
+    assert program("export", name, "--xml", "document").returncode == 0
+    assert program("document", "--headless", "--for", "10ms", "--save", "e.itouch").returncode == 0
+    assert itouch.restore("e.itouch").seconds == pytest.approx(1.52)
+
+
+@pytest.mark.parametrize("words", [["check", "{}"], ["safety-report", "{}"], ["study", "check", "{}"]])
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("s.itouch", "is a saved session, not an XML document"), ("r.mcap", "is a recording, not an XML document")],
+)
+def test_what_is_stored_and_no_scene_is_told_with_what_takes_it(
+    kept: Path, words: list[str], name: str, said: str, tmp_path: Path
+) -> None:
+    shutil.copy(kept / name, tmp_path)
+    done = program(*(word.format(name) for word in words), cwd=tmp_path)
+    assert done.returncode == 2
+    assert said in done.stderr and f"`itouch-py inspect {name}`" in done.stderr and "not-a-scene" in done.stderr
+
+
+def test_a_batch_of_a_saved_session_is_told_what_takes_it(kept: Path) -> None:
+    with pytest.raises(itouch.SceneError, match="is a saved session(.|\n)*itouch.restore"):
+        itouch.batch(kept / "s.itouch", seeds=[1], until=0.01)
 
 
 def test_check_finds_channels_that_there_are_not(scenes: Path, capsys: pytest.CaptureFixture[str]) -> None:

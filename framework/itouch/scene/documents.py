@@ -96,6 +96,8 @@ class DocumentReader:
             self._open.pop()
 
     def _at_include(self, problem: Problem, place: Place | None) -> Problem:
+        if place is not None and problem.code == "not-a-scene":
+            return replace(problem, place=place)
         if place is None or problem.code != "no-such-file":
             return problem
         advice = "paths are relative to the file that names them"

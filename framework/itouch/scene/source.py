@@ -16,7 +16,7 @@ from xml.parsers import expat
 from lxml import etree
 
 from itouch.schema.diagnostics import Place, Problem
-from itouch.schema.files import open_regular
+from itouch.schema.files import kind_of, open_regular
 
 #: Caps on a scene file: its size [bytes], the nesting of its elements, the attributes of one element, all elements.
 MAX_BYTES = 8 << 20
@@ -103,7 +103,7 @@ def read_bytes(path: Path, shown: str) -> bytes:
     Raises
     ------
     SourceError
-        If it is missing, unreadable, not a file, or too large.
+        If it is missing, unreadable, not a file, a saved session or a recording, or too large.
     """
     try:
         if path.is_dir():
@@ -114,10 +114,26 @@ def read_bytes(path: Path, shown: str) -> bytes:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         problem = Problem("no-such-file", f"cannot read '{shown}': {reason}", Place(shown, 1, 1), "check the path")
         raise SourceError(problem) from None
+    if kind_of(data):
+        raise SourceError(_stored(kind_of(data), shown))
     if len(data) > MAX_BYTES:
         sentence = f"'{shown}' is larger than {MAX_BYTES >> 20} MiB"
         raise SourceError(Problem("too-large", sentence, Place(shown, 1, 1), "keep numbers in meshes and recordings"))
     return data
+
+
+def _stored(kind: str, shown: str) -> Problem:
+    """Return the problem of a file that was not written as a document, but stored by the program itself."""
+    if kind == "session":
+        what = "a saved session"
+        advice = (
+            f"`itouch-py {shown}` or itouch.restore goes on with it, `itouch-py inspect {shown}` says what it holds; "
+            f"`itouch-py export {shown} --xml FILE.xml` writes it as XML, which can be used as a scene"
+        )
+    else:
+        what = "a recording"
+        advice = f"`itouch-py replay {shown}` plays it, `itouch-py inspect {shown}` says what it holds"
+    return Problem("not-a-scene", f"'{shown}' is {what}, not an XML document", Place(shown, 1, 1), advice)
 
 
 def parse(data: bytes, shown: str) -> Node:

@@ -27,6 +27,8 @@ FILES = (
     Code("too-many-includes", "includes are nested more than 16 deep, or there are more than 256 documents",
          "put the files together"),
     Code("too-large", "a scene file is larger than 8 MiB", "keep numbers in meshes and recordings"),
+    Code("not-a-scene", "a saved session or a recording where a scene, a study or a sweep belongs",
+         "the message names the commands that take it"),
     Code("not-utf-8", "the file is not UTF-8 text", "save it with encoding UTF-8"),
     Code("not-well-formed", "the file is not XML: a tag is not closed, a value not quoted, an attribute given twice",
          "look at the place: what is missing is there or before it"),

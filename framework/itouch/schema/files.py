@@ -42,6 +42,16 @@ def open_regular(path: str | os.PathLike[str]) -> BinaryIO:
         raise
 
 
+def kind_of(head: bytes) -> str:
+    """Return what begins like this: ``session`` (a snapshot), ``recording``, or nothing of these."""
+    return next((kind for kind, begins in _BEGINS.items() if begins.match(head)), "")
+
+
+def is_document(head: bytes) -> bool:
+    """Tell whether what begins like this is text in XML."""
+    return head.lstrip(_BLANK).startswith(b"<")
+
+
 def stored_kind(path: str | os.PathLike[str]) -> str:
     """Return what the program itself has stored in a file: ``session`` (a snapshot), ``recording``, or nothing.
 
@@ -53,10 +63,8 @@ def stored_kind(path: str | os.PathLike[str]) -> str:
             head = stream.read(_HEAD)
     except OSError:
         head = b""
-    for kind, begins in _BEGINS.items():
-        if begins.match(head):
-            return kind
+    kind = kind_of(head)
+    if kind:
+        return kind
     name = os.fspath(path).lower()
-    return (
-        "" if head.lstrip(_BLANK).startswith(b"<") else next((k for k, end in _ENDS.items() if name.endswith(end)), "")
-    )
+    return "" if is_document(head) else next((k for k, end in _ENDS.items() if name.endswith(end)), "")

@@ -5,30 +5,26 @@ from __future__ import annotations
 import os
 
 from itouch.plugin.discovery import Catalog
-from itouch.schema.files import open_regular
+from itouch.schema.files import is_document, kind_of, open_regular, stored_kind
 from itouch.session.document import MAX_DOCUMENT, from_xml
 from itouch.session.errors import SessionError
 from itouch.session.snapshot import Snapshot, read_snapshot
 
 Path = str | os.PathLike[str]
 
-#: The first bytes of a recording.
-_RECORDING = b"\x89MCAP"
-
 
 def is_session(path: Path) -> bool:
-    """Tell whether a file is a stored session: a snapshot or recording by its name, or a document with a ``<session>``.
+    """Tell whether a file holds a session, by its content: a snapshot, a recording or a document with a ``<session>``.
 
-    From a recording, a session goes on at its last whole State.
+    A damaged snapshot or recording is known by its name's ending.  From a recording, a session goes on at its last
+    whole State.
     """
-    name = os.fspath(path)
-    if name.endswith((".itouch", ".mcap")):
+    if stored_kind(path):
         return True
-    if not name.endswith(".xml"):
-        return False
     try:
-        with open_regular(name) as stream:
-            return b"<session " in stream.read(MAX_DOCUMENT)
+        with open_regular(path) as stream:
+            head = stream.read(256)
+            return is_document(head) and b"<session " in head + stream.read(MAX_DOCUMENT)
     except OSError:
         return False
 
@@ -45,11 +41,11 @@ def read_session(path: Path, catalog: Catalog) -> Snapshot:
     try:
         with open_regular(name) as stream:
             head = stream.read(256)
-            document = head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
+            document = is_document(head)
             data = head + stream.read(MAX_DOCUMENT + 1 - len(head)) if document else b""
     except OSError as error:
         raise SessionError(f"cannot read '{name}': {error.strerror or error}") from error
-    if head.startswith(_RECORDING):
+    if kind_of(head) == "recording":
         from itouch.session.recorded import last_snapshot
 
         return last_snapshot(name, catalog)

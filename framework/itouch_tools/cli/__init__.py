@@ -177,7 +177,7 @@ def _help(words: list[str]) -> int:
 
 
 def _looks_like_a_command(name: str) -> bool:
-    return not name.startswith("-") and "." not in name and "/" not in name
+    return not name.startswith("-") and "." not in name and "/" not in name and not os.path.exists(name)
 
 
 def _unknown(name: str) -> int:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Fit, poses
 from itouch.schema import ItouchError
+from itouch.schema.files import stored_kind
 from itouch.schema.terminal import number_of
 from itouch.session import calibration
 from itouch_tools.cli.arguments import Parser
@@ -34,7 +35,7 @@ _PAIRS = ("x [m]", "y [m]", "z [m]", "x there [m]", "y there [m]", "z there [m]"
 def main(argv: Sequence[str]) -> int:
     """Calibrate a scene's devices; without options, list what can be calibrated and what is on record."""
     options = _parser().parse_args(argv)
-    if options.scene.endswith(".itouch"):
+    if stored_kind(options.scene):
         raise ItouchError("calibrate takes a scene: records are kept beside its file")
     if options.kind is None and not options.extend:
         return _list(options)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from itouch.schema import ItouchError
 from itouch.schema.extras import need
+from itouch.schema.files import stored_kind
 from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import Output, Parser, add_json, as_json, output_file, output_folder, session_file
@@ -23,7 +24,7 @@ def main(argv: Sequence[str]) -> int:
     _chosen(options)
     try:
         with waiting(f"exporting {options.file}"):
-            written = _session(options) if options.file.endswith((".itouch", ".xml")) else _recording(options)
+            written = _session(options) if _is_session(options.file) else _recording(options)
     except OSError as error:
         outputs = (options.xml, options.itouch, options.csv, options.parquet, options.bids, options.layout, options.rrd,
                    options.rosbag)  # fmt: skip
@@ -87,6 +88,13 @@ def _parser() -> argparse.ArgumentParser:
                         help="a bag of ROS 2: poses, wrenches, temperatures, frames, events (extra [ros])")  # fmt: skip
     add_json(parser)
     return parser
+
+
+def _is_session(path: str) -> bool:
+    """Tell whether a file is to be read as a session: a snapshot, or the XML of one."""
+    from itouch.session import is_session
+
+    return stored_kind(path) != "recording" and (path.endswith(".xml") or is_session(path))
 
 
 def _session(options: argparse.Namespace) -> list[str]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from itouch.schema import ItouchError
+from itouch.schema.files import stored_kind
 from itouch_tools.cli.arguments import Parser, add_json, picture_file
 from itouch_tools.cli.plan import plan_facts, plan_text
 
@@ -41,7 +42,7 @@ def _plan(path: str) -> Facts:
     """
     from itouch.session import is_session
 
-    if path.endswith(".mcap") or is_session(path):
+    if is_session(path):
         raise ItouchError("--plan shows the steps of a scene (.xml); a session or a recording has none of its own")
     return plan_facts(path)
 
@@ -52,7 +53,7 @@ def _draw(path: str, picture: str) -> None:
     from itouch_tools.viewer.context import write_png
     from itouch_tools.viewer.offscreen import Offscreen
 
-    if path.endswith(".mcap"):
+    if stored_kind(path) == "recording":
         raise ItouchError("--picture draws a scene or a session; `itouch-py report` draws a recording")
     session = restore(path, opens=False) if is_session(path) else build(path)
     shots = Offscreen(session.model)
@@ -64,7 +65,7 @@ def _draw(path: str, picture: str) -> None:
 def _facts(path: str) -> Facts:
     from itouch.session import is_session
 
-    if path.endswith(".mcap"):
+    if stored_kind(path) == "recording":
         return recording_facts(path)
     return session_facts(path) if is_session(path) else scene_facts(path)
 

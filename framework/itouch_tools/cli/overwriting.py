@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from itouch.schema import ItouchError
-from itouch.schema.files import open_regular, stored_kind
+from itouch.schema.files import is_document, open_regular, stored_kind
 from itouch_tools.cli.arguments import Output
 
 #: How much of a document is searched for files that it names [bytes]: a scene is not larger, a larger one is a session,
@@ -130,7 +130,7 @@ def _document(path: str, most: int) -> bytes:
             data = stream.read(most)
     except OSError:
         return b""
-    return data if data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") else b""
+    return data if is_document(data) else b""
 
 
 def _named_by(path: str) -> Iterator[str]:

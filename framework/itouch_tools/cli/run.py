@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.plugin import trace
 from itouch.schema import ItouchError
+from itouch.schema.files import stored_kind
 from itouch.schema.seeds import checked_seed
 from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
@@ -40,7 +41,7 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
     window = windows.wanted(options)
     if options.pace == "real" or window:
         return live.run(options, stop, window=window)
-    if options.scene.endswith(".mcap"):
+    if stored_kind(options.scene) == "recording":
         note("goes on from the last whole State; the contacts before it stand in the recording, for itouch-py report")
     with waiting(f"preparing {options.scene}"):
         session = _prepare(options)

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from itouch.schema import ItouchError
+from itouch.schema.files import stored_kind
 from itouch_tools.cli.arguments import Parser
 
 #: The default port for browsers, if nothing else listens there.
@@ -52,7 +53,7 @@ def main(argv: Sequence[str]) -> int:
         from itouch_tools.cli.bridges import ros2
 
         return ros2(options)
-    if options.rerun and not (options.session or "").endswith(".mcap"):
+    if options.rerun and stored_kind(options.session or "") != "recording":
         from itouch_tools.cli.bridges import rerun
 
         return rerun(options)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
+from itouch.schema.files import stored_kind
 from itouch.world import Model
 from itouch_tools.report.columns import measured
 from itouch_tools.report.curves import Curves, Sampler
@@ -66,7 +67,7 @@ def collect(path: str | os.PathLike[str], *, progress: Progress | None = None) -
         If the file can't be read.
     """
     name = os.fspath(path)
-    return _recording(name, progress) if name.endswith(".mcap") else _snapshot(name)
+    return _recording(name, progress) if stored_kind(name) == "recording" else _snapshot(name)
 
 
 def _recording(path: str, progress: Progress | None) -> Findings:

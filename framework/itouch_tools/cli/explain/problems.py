@@ -27,6 +27,7 @@ FILES = {
     "too-many-includes": scene('<include file="f1.xml"/>', _CHAIN,
                                note="scene.xml includes f1.xml, which includes f2.xml, and so on to f18.xml"),
     "too-large": Example({"scene.xml": b"<itouch>" + b" " * (9 << 20)}, note="a scene.xml of 9 MiB"),
+    "not-a-scene": scene('<include file="end.itouch"/>', {"end.itouch": b"PK\x03\x04" + bytes(26) + b"scene.xml"}),
     "not-utf-8": Example({"scene.xml": '<itouch version="1.0"><!-- für --></itouch>'.encode("latin-1")},
                          note='<itouch version="1.0"><!-- für --></itouch>\n(saved in Latin-1)'),
     "not-well-formed": scene("<world>"),
