@@ -26,7 +26,7 @@ class Plate:
     current: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Lapses:
     """Numbers of answers to lose, to damage, to replace by "busy", or to send with the previous request's number."""
 
@@ -233,7 +233,7 @@ class VirtualLine:
 _REMEMBERED = 0.18
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class VirtualT7:
     """A LabJack T7: Modbus-TCP requests in, answers out; ``volts`` are the voltages at its inputs.
 
