@@ -20,6 +20,23 @@ import python_api
 import units_page
 
 HERE = Path(__file__).parent
+#: The section on environment variables, after those that are the program's own.
+VARIABLES = """\
+## Environment variables
+
+A folder for what is cached is used only if it is the user's and nobody else can write to it. `itouch-py doctor` names
+each with what is in it, and `itouch-py doctor --clear-kept` empties them.
+
+| variable | meaning | default |
+|---|---|---|
+{kept}
+| `NUMBA_CACHE_DIR` | Numba's own folder: all compiled kernels lie there, and none elsewhere | not set |
+| `XDG_CACHE_HOME` | on Linux, the folder in which those three lie | `~/.cache` |
+| `XDG_STATE_HOME` | folder of what is noted of [participants](safety-limits.md) | `~/.local/state` |
+| `NO_COLOR` | anything: no colours on the terminal | not set |
+
+On macOS the three folders lie in `~/Library/Caches/itouch-py`, on Windows in `%LOCALAPPDATA%\\itouch-py`.
+"""
 
 
 def write_pages() -> None:
@@ -75,16 +92,41 @@ def _digest() -> str:
 
 
 def write_commands() -> None:
-    """Write the reference of the command line, out of each command's own help."""
+    """Write the reference of the command line, out of each command's own help, and the environment variables."""
     from itouch_tools.cli import COMMANDS, _plugin_commands
 
-    lines = ["# Command line", "", "Generated from the commands' own help.", ""]
+    lines = [
+        "# Command line",
+        "",
+        "Generated from the commands' own help. At the end: [environment variables](#environment-variables).",
+        "",
+    ]
     for name in sorted({*COMMANDS, *_plugin_commands()}):
         words = [sys.executable, "-m", "itouch_tools.cli", name, "--help"]
         done = subprocess.run(words, capture_output=True, text=True, check=True,
                               env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1"})  # fmt: skip
         lines += [f"## itouch-py {name}", "", "```text", done.stdout.rstrip(), "```", ""]
+    lines += [_variables()]
     _put(HERE / "reference" / "command-line.md", "\n".join(lines))
+
+
+def _variables() -> str:
+    """Return the section on environment variables."""
+    from itouch import compiling
+    from itouch.contact.meshfile import cache as meshes
+    from itouch.plugin import result_cache
+
+    kept = (
+        (
+            compiling.SWITCH,
+            "kernels",
+            "compiled kernels; or `off`: they lie beside the code that they are compiled from",
+        ),
+        (result_cache.SWITCH, "found", "results of compiling scenes: start temperatures, modal bases; or `off`"),
+        (meshes.SWITCH, "meshes", "surfaces built from [mesh files](mesh-files.md#the-cache); or `off`"),
+    )
+    rows = [f"| `{switch}` | folder for {what} | `~/.cache/itouch-py/{name}` |" for switch, name, what in kept]
+    return VARIABLES.format(kept="\n".join(rows))
 
 
 def _put(page: Path, text: str) -> None:

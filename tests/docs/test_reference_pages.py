@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -33,3 +34,11 @@ def test_all_pages_are_kept_and_name_all() -> None:
     assert [name for name in {*COMMANDS, *_plugin_commands()} if f"## itouch-py {name}\n" not in commands] == [], (
         _ADVICE
     )
+
+
+def test_each_switch_of_a_cache_stands_in_the_reference_of_the_command_line() -> None:
+    sources = [path.read_text(encoding="utf-8") for path in (DOCS.parent / "framework").rglob("*.py")]
+    switches = {name for text in sources for name in re.findall(r'^SWITCH = "(\w+)"', text, re.MULTILINE)}
+    assert len(switches) == 3
+    page = (REFERENCE / "command-line.md").read_text(encoding="utf-8").partition("\n## Environment variables\n")[2]
+    assert [name for name in switches if f"\n| `{name}` | " not in page] == [], _ADVICE

@@ -19,7 +19,8 @@ import itouch
 from itouch.plugin import bases, result_cache
 from itouch.plugin.bases import Bases, keeping, kept
 from itouch_tools.cli import main
-from itouch_tools.cli.doctor.disk_caches import compile_cache, kept_results
+from itouch_tools.cli.doctor.disk_caches import compile_cache, kept_meshes, kept_results
+from itouch_tools.cli.doctor.finding import Finding
 
 Array = bases.Array
 GIVEN = ("content", 1.5)
@@ -270,12 +271,61 @@ def test_the_doctor_shows_and_clears_what_is_kept(
     (tmp_path / "kernels" / "one.nbi").touch()
     (tmp_path / "kernels" / "one.1.nbc").touch()
     (tmp_path / "kernels" / "notes.txt").touch()
-    assert kept_results().found.startswith("1 result (0.0 MB), 0 meshes (0.0 MB) in ")
+    assert kept_results().found == f"1 result (0.0 MB) in '{folder}'"
+    assert kept_meshes().found == f"0 meshes (0.0 MB) in '{tmp_path / 'meshes'}'"
     assert compile_cache().found == "1 kernels in NUMBA_CACHE_DIR"
     assert main(["doctor", "--clear-kept"]) == 0
     assert capsys.readouterr().out.startswith("removed 1 compiled kernels, 1 results and 0 meshes")
     assert list(folder.iterdir()) == []
     assert [path.name for path in (tmp_path / "kernels").iterdir()] == ["notes.txt"]
-    solve()
-    folder.chmod(0o777)
-    assert (kept_results().status, kept_results().advice[:4]) == ("lack", "make")
+
+
+KEPT = pytest.mark.parametrize(
+    ("look", "switch"), [(kept_results, "ITOUCH_KEPT"), (kept_meshes, "ITOUCH_MESH_CACHE")], ids=["results", "meshes"]
+)
+
+
+@KEPT
+def test_the_doctor_says_where_nothing_can_be_kept_and_what_to_do(
+    look: Callable[[], Finding], switch: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each message names the folder that is meant; a folder that is not there yet, and can be made, is in order."""
+    place = tmp_path / "home" / "kept"
+    monkeypatch.setenv(switch, str(place))
+
+    def told() -> tuple[str, str, str]:
+        found = look()
+        return found.status, found.found, found.advice.removesuffix(f", or name another folder by {switch}")
+
+    assert told()[::2] == ("ok", "")
+    assert told()[1].endswith(f" (0.0 MB) in '{place}'")
+    (tmp_path / "home").touch()
+    said = f"nothing is kept: '{place}' can't be made, as '{tmp_path / 'home'}' is no folder"
+    assert told() == ("lack", said, f"make '{tmp_path / 'home'}' a folder")
+    (tmp_path / "home").unlink()
+    place.mkdir(parents=True, mode=0o700)
+    assert told()[0] == "ok"
+    place.chmod(0o770)
+    assert told() == ("lack", f"nothing is kept: '{place}' is not this user's alone", "make it yours alone (chmod 700)")
+    place.rmdir()
+    place.symlink_to(tmp_path / "nowhere")
+    assert told() == ("lack", f"nothing is kept: '{place}' is no folder", "remove it")
+    monkeypatch.setenv(switch, "off")
+    assert told()[:2] == ("note", f"switched off by {switch}")
+    assert not look().advice.startswith(";")
+
+
+@KEPT
+def test_the_doctor_says_that_a_home_cannot_be_written(
+    look: Callable[[], Finding], switch: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / "home" / "kept"
+    monkeypatch.setenv(switch, str(place))
+    place.mkdir(parents=True, mode=0o700)
+    monkeypatch.setattr(os, "access", lambda path, mode: not mode & os.W_OK)  # as where it is mounted read-only
+    assert look().found == f"nothing is kept: '{place}' can't be written"
+    place.rmdir()
+    found = look()
+    assert found.status == "lack"
+    assert found.found == f"nothing is kept: '{place}' can't be made, as '{tmp_path / 'home'}' can't be written"
+    assert found.advice == f"make '{tmp_path / 'home'}' writable, or name another folder by {switch}"

@@ -14,7 +14,11 @@ _MARKS = {"ok": "ok    ", "lack": "LACK  ", "note": "note  "}
 
 def main(argv: Sequence[str]) -> int:
     """Say what this machine can do, and what to do about each lack."""
-    parser = Parser(prog="itouch-py doctor", description=main.__doc__)
+    parser = Parser(
+        prog="itouch-py doctor", description=main.__doc__,
+        epilog="ITOUCH_KERNELS, ITOUCH_KEPT and ITOUCH_MESH_CACHE name other folders for cached kernels, results and "
+        "meshes, or are `off`.",
+    )  # fmt: skip
     parser.add_argument("--measure", type=seconds, metavar="10s",
                         help="run the loop for this long, idle and then beside a load, and judge by that")  # fmt: skip
     parser.add_argument("--rates", nargs="?", const="", metavar="SCENE",

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from itouch.platforms import SERVO_PROCESS, cores, limit
-from itouch_tools.cli.doctor.disk_caches import compile_cache, kept_results
+from itouch_tools.cli.doctor.disk_caches import compile_cache, kept_meshes, kept_results
 from itouch_tools.cli.doctor.extras import extras
 from itouch_tools.cli.doctor.finding import Finding
 
@@ -35,8 +35,8 @@ def examine() -> list[Finding]:
     looks: list[tuple[str, Callable[[], Finding]]] = [
         ("system", system), ("processors", processors), ("kernel", kernel), ("timer", timer), ("priority", priority),
         ("memory lock", memory_lock), ("shared memory", shared_memory), ("compile cache", compile_cache),
-        ("kept results", kept_results), ("display", display), ("graphics", graphics), ("sound", sound), ("usb", usb),
-        ("disk", disk), ("extras", extras),
+        ("kept results", kept_results), ("kept meshes", kept_meshes), ("display", display), ("graphics", graphics),
+        ("sound", sound), ("usb", usb), ("disk", disk), ("extras", extras),
     ]  # fmt: skip
     return [_safely(name, look) for name, look in looks]
 

@@ -30,18 +30,45 @@ def compile_cache() -> Finding:
 
 
 def kept_results() -> Finding:
-    """Describe the cached results of compiling scenes: start temperatures, modal bases, hierarchies of meshes."""
-    from itouch.contact.meshfile import cache as meshes
+    """Describe the cached results of compiling scenes: start temperatures, modal bases."""
     from itouch.plugin import result_cache
 
-    found, built = result_cache.folder(), meshes.folder()
-    if found is None:
-        return Finding("kept results", "note", f"switched off by {result_cache.SWITCH}", "every start finds them again")
-    if found.exists() and not (caches.owned(found) and os.access(found, os.W_OK)):
-        advice = f"make it yours alone (chmod 700), or name another folder by {result_cache.SWITCH}"
-        return Finding("kept results", "lack", f"'{found}' is not this user's alone", advice)
-    parts = [_sum(caches.entries(found, result_cache.SUFFIX), "result"), _sum(caches.entries(built, ".mesh"), "mesh")]
-    return Finding("kept results", "ok", f"{', '.join(parts)} in '{found.parent}'")
+    kept = _sum(caches.entries(result_cache.folder(), result_cache.SUFFIX), "result")
+    return _kept("kept results", kept, result_cache.folder(), result_cache.SWITCH, "every start finds them again")
+
+
+def kept_meshes() -> Finding:
+    """Describe the cached surfaces of mesh files, each with its hierarchy."""
+    from itouch.contact.meshfile import cache as meshes
+
+    kept = _sum(caches.entries(meshes.folder(), ".mesh"), "mesh")
+    return _kept("kept meshes", kept, meshes.folder(), meshes.SWITCH, "every start builds them again")
+
+
+def _kept(name: str, kept: str, place: Path | None, switch: str, otherwise: str) -> Finding:
+    if place is None:
+        why = f"switched off by {switch}" if os.environ.get(switch) else "nothing is kept: this user has no home folder"
+        return Finding(name, "note", why, f"{otherwise}; name a folder by {switch}")
+    lack, mend = _lack(place)
+    if lack:
+        return Finding(name, "lack", f"nothing is kept: {lack}", f"{mend}, or name another folder by {switch}")
+    return Finding(name, "ok", f"{kept} in '{place}'")
+
+
+def _lack(place: Path) -> tuple[str, str]:
+    """Return why nothing can be kept in a folder, and what to do about it; two empty words if it can."""
+    if os.path.lexists(place):
+        if not place.is_dir():
+            return f"'{place}' is no folder", "remove it"
+        if not caches.owned(place):
+            return f"'{place}' is not this user's alone", "make it yours alone (chmod 700)"
+        return ("", "") if os.access(place, os.W_OK | os.X_OK) else (f"'{place}' can't be written", "chmod 700 it")
+    there = next(above for above in place.absolute().parents if os.path.lexists(above))
+    if not there.is_dir():
+        return f"'{place}' can't be made, as '{there}' is no folder", f"make '{there}' a folder"
+    if not os.access(there, os.W_OK | os.X_OK):
+        return f"'{place}' can't be made, as '{there}' can't be written", f"make '{there}' writable"
+    return "", ""
 
 
 def clear_kept() -> str:
