@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
+from needed import need_program
 
 from itouch import shipped
 from itouch.servo import prepare
@@ -119,9 +120,7 @@ def test_a_processor_that_lacks_what_the_system_says_it_has_compiles_for_itself(
 )
 def test_on_emulated_processors(program: Path, model: str, hits: int) -> None:
     """What was compiled on this machine is loaded on another model, or compiled there if that one is too old for it."""
-    emulator = shutil.which("qemu-x86_64")
-    if emulator is None:
-        pytest.skip("apt install qemu-user")
+    emulator = need_program("qemu-x86_64", package="qemu-user")
     assert run(program, "use", PROCESSOR_LACKS="what it says", kept=model, command=(emulator, "-cpu", model)) == (
         5.0,
         hits,

@@ -260,6 +260,14 @@ def test_other_packages_ask_for_what_the_project_asks_for() -> None:
     assert f"--owner=touch --group=touch {mounted}\n" in image[: image.index("USER touch")]
 
 
+def test_packages_that_tests_ask_for_are_named_where_the_checks_install_them() -> None:
+    asked = re.compile(r'need_program\([^)]*package="([^"]+)"')
+    texts = [path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("test_*.py")]
+    needed = {package for text in texts for found in asked.findall(text) for package in found.split()}
+    listed = set(re.findall(r"[\w.+-]+", (ROOT / ".ci" / "run").read_text(encoding="utf-8").partition("need=()")[0]))
+    assert {"qemu-user", "gcc"} <= needed and needed - listed == set()
+
+
 def test_a_source_distribution_has_what_lies_at_the_root() -> None:
     told = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]["build"]["targets"]
     pages = {f"/{path.name}" for path in ROOT.iterdir() if path.suffix in (".md", ".cff") or path.name == "LICENSE"}
