@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.session import load_scene
 from itouch.world import Model
 from itouch_evidence import batch as bench
+from itouch_evidence import start as start_bench
 from itouch_evidence.start import Start, table
 from itouch_tools.cli import main
 from itouch_tools.cli.doctor import rates, timer
@@ -152,6 +154,11 @@ def test_the_gain_of_a_batch_stands_beside_what_it_must_be() -> None:
     assert bench.judged(0.89) == "0.89 of that, at least 0.9 MISSED"
 
 
+def start_of(seconds: float, functions: int) -> Start:
+    stage = {"stage": "model", "cpu": seconds, "wall": seconds, "compiled": functions}
+    return Start("first", seconds, seconds, (stage,))
+
+
 @pytest.mark.parametrize(
     ("first", "compiled", "says"),
     [
@@ -161,8 +168,34 @@ def test_the_gain_of_a_batch_stands_beside_what_it_must_be() -> None:
     ],
 )
 def test_a_first_start_stands_beside_what_it_may_take(first: float, compiled: int, says: str) -> None:
-    def start(seconds: float, functions: int) -> Start:
-        stage = {"stage": "model", "cpu": seconds, "wall": seconds, "compiled": functions}
-        return Start("first", seconds, seconds, (stage,))
+    assert table(start_of(first, compiled), start_of(1.0, 0))[-1] == f"first / later: {says}"
 
-    assert table(start(first, compiled), start(1.0, 0))[-1] == f"first / later: {says}"
+
+@pytest.mark.parametrize(
+    ("first", "compiled", "asked", "code"),
+    [(1.4, 0, 0.1, 0), (1.6, 0, 0.1, 1), (9.0, 3, 0.1, 0), (1.4, 0, 0.2, 1), (9.0, 3, 0.2, 1)],
+)
+def test_a_start_that_misses_its_bound_is_told_by_the_exit_code(
+    first: float,
+    compiled: int,
+    asked: float,
+    code: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(start_bench, "measure", lambda scene, times: (start_of(first, compiled), start_of(1.0, 0)))
+    monkeypatch.setattr(start_bench, "help_seconds", lambda: asked)
+    figures = tmp_path / "start.json"
+    assert main(["bench", "start", "--json", str(figures)]) == code
+    assert ("MISSED" in capsys.readouterr().out) is (code == 1)
+    assert json.loads(figures.read_text(encoding="utf-8"))["help_cpu_s"] == asked
+
+
+def test_a_start_that_fails_is_no_start_that_is_slow(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    figures = tmp_path / "start.json"
+    assert main(["bench", "start", str(tmp_path / "no.xml"), "--json", str(figures)]) == 2
+    told = capfd.readouterr().err
+    assert "error[no-such-file]" in told and told.endswith("a start failed; its error is above\n")
+    assert "Traceback" not in told
+    assert not figures.exists()

@@ -39,7 +39,7 @@ class Start:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Measure a first start, with nothing cached, and later ones, to the first tick."""
+    """Measure a first start, with nothing cached, and later ones, to the first tick; exit code 1: a bound is missed."""
     parser = argparse.ArgumentParser(prog="itouch-py bench start", description=main.__doc__)
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="default: the four-material scene")
     parser.add_argument("--times", type=int, default=TIMES, metavar="N", help="how many later starts; the least counts")
@@ -48,15 +48,25 @@ def main(argv: Sequence[str]) -> int:
     from itouch_evidence.faults import shipped_scene
 
     scene = os.fspath(options.scene or shipped_scene())
-    first, later = measure(scene, max(1, options.times))
-    asked = min(help_seconds() for _ in range(max(1, options.times)))
+    try:
+        first, later = measure(scene, max(1, options.times))
+        asked = min(help_seconds() for _ in range(max(1, options.times)))
+    except subprocess.SubprocessError as error:
+        late = isinstance(error, subprocess.TimeoutExpired)
+        print("a start did not end in time" if late else "a start failed; its error is above", file=sys.stderr)
+        return 2
     for line in table(first, later):
         print(line)
     print(f"`itouch-py --help`: {asked:.2f} s of CPU, at most {HELP:g}{_judged(asked, HELP)}")
     if options.json:
         content = {"first": asdict(first), "later": asdict(later), "help_cpu_s": asked}
         Path(options.json).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    return 0
+    return 1 if is_missed(first, later, asked) else 0
+
+
+def is_missed(first: Start, later: Start, asked: float) -> bool:
+    """Tell whether a first start that compiles nothing, or the help's CPU time ``asked`` [s], misses its bound."""
+    return asked > HELP or (not first.compiled and first.wall / later.wall > FIRST)
 
 
 def measure(scene: str, times: int) -> tuple[Start, Start]:

@@ -34,10 +34,11 @@ class Stages:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Start a scene up to its first tick, and print the stages."""
+    """Start a scene up to its first tick, and print the stages; exit code 2 if the scene cannot be started."""
     stages = Stages()
     from itouch.plugin.bases import Bases, keeping
     from itouch.plugin.discovery import Catalog
+    from itouch.schema import ItouchError
     from itouch.session import Session, load_scene
     from itouch.world import Model
 
@@ -45,10 +46,14 @@ def main(argv: Sequence[str]) -> int:
     with ExitStack() as stack:
         _count(stages)
         catalog, bases = Catalog(), Bases()
-        scene = load_scene(argv[0], catalog=catalog)
-        stages.done("scene")
-        stack.enter_context(keeping(bases))
-        model = Model.of(scene, catalog)
+        try:
+            scene = load_scene(argv[0], catalog=catalog)
+            stages.done("scene")
+            stack.enter_context(keeping(bases))
+            model = Model.of(scene, catalog)
+        except ItouchError as error:
+            print(error, file=sys.stderr)
+            return 2
         stages.done("model")
         session = Session(model, catalog=catalog, bases=bases)
         stages.done("session")
