@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import importlib.metadata
+import itertools
 import re
 import subprocess
 import sys
@@ -70,6 +71,15 @@ def test_each_test_is_there_on_every_machine() -> None:
         if isinstance(inner, ast.FunctionDef) and inner.name.startswith("test_")
     ]
     assert not hidden
+
+
+def test_every_decision_has_an_area() -> None:
+    """The page before them says what each range of numbers is about, and ranges do not overlap."""
+    page = (ROOT / "docs" / "explanation" / "decisions.md").read_text(encoding="utf-8")
+    areas = [(int(first), int(last or first)) for first, last in re.findall(r"\b(0\d{3})(?:\s+to\s+(0\d{3}))?\b", page)]
+    assert areas == sorted(areas) and all(before[1] < after[0] for before, after in itertools.pairwise(areas))
+    numbers = [int(path.name[:4]) for path in DECISIONS]
+    assert [number for number in numbers if not any(first <= number <= last for first, last in areas)] == []
 
 
 def test_decisions_are_numbered_once() -> None:
