@@ -58,6 +58,17 @@ def _system() -> str:
     return {"darwin": "macOS", "win32": "Windows"}.get(_SYSTEM, _SYSTEM)
 
 
+def reading_advice(error: Exception, otherwise: str) -> str:
+    """Return what to do about a file that cannot be read, by the cause; ``otherwise`` if it is not there."""
+    if isinstance(error, PermissionError):
+        return "it is there, but may not be read: change its permissions, or take a copy that is yours"
+    if isinstance(error, FileNotFoundError | NotADirectoryError | ValueError):
+        return otherwise
+    if "not a file" in str(error):
+        return "name an ordinary file"
+    return "the system cannot read it: look at its disk, or where its link leads"
+
+
 def keep_standard_numbers() -> None:
     """Open the null device on those of the file descriptors 0, 1 and 2 that are closed; child processes inherit it.
 

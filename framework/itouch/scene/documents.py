@@ -9,7 +9,7 @@ from pathlib import Path
 from itouch.scene import bundled_scenes
 from itouch.scene.elements import VERSION
 from itouch.scene.names import defined_names
-from itouch.scene.source import Attribute, Node, SourceError, parse, read_bytes
+from itouch.scene.source import CHECK, Attribute, Node, SourceError, parse, read_bytes
 from itouch.schema.diagnostics import Place, Problem, did_you_mean, meant
 
 #: How deeply includes may be nested, and how many files a scene may have.
@@ -55,12 +55,12 @@ class DocumentReader:
     _open: list[tuple[Path, Place | None]] = field(default_factory=list)
     _read: dict[tuple[Path, str], Place | None] = field(default_factory=dict)
 
-    def read(self, path: str | os.PathLike[str]) -> list[Document]:
-        """Read the file at ``path`` and its includes; faults become problems."""
+    def read(self, path: str | os.PathLike[str], place: Place | None = None) -> list[Document]:
+        """Read the file at ``path``, which ``place`` names if it is given, and its includes; faults become problems."""
         shown = os.fspath(path)
         self._top = os.path.dirname(shown) or "."
         self.root_folder = Path(os.path.realpath(self._top))
-        self._document(Path(os.path.realpath(shown)), shown, "", None)
+        self._document(Path(os.path.realpath(shown)), shown, "", place)
         return self.documents
 
     def read_text(self, data: bytes, shown: str) -> list[Document]:
@@ -100,6 +100,8 @@ class DocumentReader:
             return replace(problem, place=place)
         if place is None or problem.code != "no-such-file":
             return problem
+        if problem.advice != CHECK:
+            return replace(problem, place=place)
         advice = "paths are relative to the file that names them"
         named = [
             name for name in bundled_scenes.names() if problem.sentence.endswith(f"{name}': No such file or directory")

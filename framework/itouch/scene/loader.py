@@ -16,7 +16,7 @@ from itouch.scene.extensions import Extensions
 from itouch.scene.names import Names
 from itouch.scene.places import Places
 from itouch.scene.source import Node
-from itouch.schema.diagnostics import Adviser, Problem, SceneError, did_you_mean
+from itouch.schema.diagnostics import Adviser, Place, Problem, SceneError, did_you_mean
 from itouch.schema.fields import tag_of
 
 _SECTION_CLASSES: dict[str, type] = {
@@ -70,11 +70,15 @@ def read_scene(
     *,
     rig: str | os.PathLike[str] | None = None,
     edits: Iterable[Edit] = (),
+    place: Place | None = None,
 ) -> tuple[Scene, list[Problem]]:
-    """Load as much of a scene as possible, with all problems found; ``edits`` are made before it is checked."""
+    """Load as much of a scene as possible, with all problems found.
+
+    ``edits`` are made before it is checked; ``place`` is where another file names it, if one does.
+    """
     problems: list[Problem] = []
     reader = DocumentReader(problems)
-    documents = reader.read(path)
+    documents = reader.read(path, place)
     problems += apply_edits(documents, edits)
     assembly = _Assembly(extensions, problems, root=os.fspath(reader.root_folder), incomplete=reader.incomplete)
     assembly.add(documents)

@@ -7,6 +7,7 @@ So both read the file: first expat, which also refuses what a scene may not cont
 from __future__ import annotations
 
 import bisect
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from xml.parsers import expat
 
 from lxml import etree
 
+from itouch.platforms import reading_advice
 from itouch.schema.diagnostics import Place, Problem
 from itouch.schema.files import kind_of, open_regular
 
@@ -24,6 +26,8 @@ MAX_DEPTH = 64
 MAX_ATTRIBUTES = 128
 MAX_ELEMENTS = 100_000
 
+#: What to do about a file that is not there.
+CHECK = "check the path"
 _ATTRIBUTE = re.compile(rb"""([^\s=<>/]+)\s*=\s*("[^"]*"|'[^']*')""")
 _TAG = re.compile(rb"<[^\s/>]+")
 
@@ -107,12 +111,16 @@ def read_bytes(path: Path, shown: str) -> bytes:
     """
     try:
         if path.is_dir():
-            raise SourceError(Problem("no-such-file", f"'{shown}' is a folder, not a scene file", Place(shown, 1, 1)))
+            inner = sorted(path.glob("*.xml"))
+            advice = f"name a file in it, such as {os.path.join(shown, inner[0].name)}" if inner else "name a file"
+            sentence = f"'{shown}' is a folder, not a scene file"
+            raise SourceError(Problem("no-such-file", sentence, Place(shown, 1, 1), advice))
         with open_regular(path) as stream:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        problem = Problem("no-such-file", f"cannot read '{shown}': {reason}", Place(shown, 1, 1), "check the path")
+        advice = reading_advice(error, CHECK)
+        problem = Problem("no-such-file", f"cannot read '{shown}': {reason}", Place(shown, 1, 1), advice)
         raise SourceError(problem) from None
     if kind_of(data):
         raise SourceError(_stored(kind_of(data), shown))

@@ -294,7 +294,7 @@ def _unknown_task(file: StudyFile) -> Iterator[Problem]:
 
 def _scenes(file: StudyFile, catalog: Catalog) -> Iterator[Problem]:
     """Yield the problems of the scene, and of each level in it."""
-    base, problems = read_scene(file.scene_path, catalog)
+    base, problems = read_scene(file.scene_path, catalog, place=file.places.of(file.study, "scene"))
     yield from problems
     if any(problem.severity == "error" for problem in problems):
         return

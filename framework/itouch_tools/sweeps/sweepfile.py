@@ -47,7 +47,8 @@ class SweepFile:
 
     def scene(self, sets: Sequence[Setting], catalog: Catalog) -> tuple[Scene, list[Problem]]:
         """Return the scene with attributes set, and its problems, each at the place of the parameter that causes it."""
-        return read_scene(self.scene_path, catalog, edits=[Edit(p, Attribute(v, self._place(p))) for p, v in sets])
+        edits = [Edit(p, Attribute(v, self._place(p))) for p, v in sets]
+        return read_scene(self.scene_path, catalog, edits=edits, place=self.places.of(self.sweep, "scene"))
 
     def _place(self, path: str) -> Place:
         draws = () if self.sweep.draws is None else self.sweep.draws.over

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from itouch.contact.meshfile.faults import MeshError
 from itouch.contact.meshfile.gltf import embedded
+from itouch.platforms import reading_advice
 
 #: The file formats that are read, by the file name's extension.
 KINDS = ("stl", "obj", "ply", "glb", "gltf", "off")
@@ -147,7 +148,7 @@ def read_inside(path: str, root: str, shown: str, most: int) -> bytes:
             raise
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         advice = "paths are relative to the file that names them"
-        advice = "meshes are read from files only" if "://" in shown else advice
+        advice = "meshes are read from files only" if "://" in shown else reading_advice(error, advice)
         raise MeshError("no-such-file", f"cannot read '{shown}': {reason}", advice) from None
     if size > most:
         sentence = f"'{shown}' is larger than {most / (1 << 20):.4g} MiB, the most that it may take"
