@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import stat
 import tempfile
 from collections.abc import Sequence
@@ -18,6 +19,12 @@ from itouch_tools.cli.command_options import HELP
 
 class Parser(argparse.ArgumentParser):
     """A parser whose help also lists the options that every command has, and that refuses to overwrite an input."""
+
+    def __init__(self, *words: Any, **named: Any) -> None:
+        super().__init__(*words, **named)
+        self.register("type", int, whole_number)  # argparse itself would say "invalid int value"
+        self.register("type", float, number)
+        self._negative_number_matcher = re.compile(r"-\.?\d")  # -3s is a value, too, which its reader refuses
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
         """Read a command line, also as part of another one's, and refuse outputs that would destroy a file."""
@@ -45,6 +52,22 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 def as_json(result: Any) -> str:
     """Return a result as the text of one JSON document."""
     return json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False, default=str)
+
+
+def whole_number(text: str) -> int:
+    """Read a whole number."""
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number; write for example 3") from None
+
+
+def number(text: str) -> float:
+    """Read a number."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number; write for example 2.5") from None
 
 
 def seconds(text: str) -> float:
