@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import ParameterError, Role
 from itouch.recording.errors import RecordingError
-from itouch.recording.reader import parse
+from itouch.recording.reader import parse, unread
 from itouch.recording.tracks import Track
 from itouch.schema.diagnostics import did_you_mean
 
@@ -61,6 +61,9 @@ def from_recording(name: str, data: bytes, track: str) -> Motion:
         key: pose or (_HIP if _HIP in (content.rows[key].dtype.names or ()) else "") for key, pose in poses.items()
     }
     known = sorted(key for key, column in columns.items() if column)
+    damage = unread(content, f"no pose of '{track}'" if track else "no pose")
+    if damage and (not known or (track and track not in known)):
+        raise ParameterError("file", f"{damage[0]}; {damage[1]}")
     if not known:
         raise ParameterError("file", f"'{name}' has recorded no pose of a device or place of a probe")
     if track and track not in known:

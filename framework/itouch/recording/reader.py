@@ -56,6 +56,14 @@ class Content:
     chunks: list[Chunk] = field(default_factory=list)
 
 
+def unread(content: Content, what: str) -> tuple[str, str] | None:
+    """Return what is wrong and what to do if it may be the damage of a recording that something is missing in it."""
+    if content.whole:
+        return None
+    sentence = f"'{content.path}' is damaged or was cut, and {what} can be read of it: {content.losses[0]}"
+    return sentence, f"take a whole copy; `itouch-py recover {content.path}` writes what can be read, and says what not"
+
+
 class _RowBuffer:
     """A table that grows at its end; hours of rows take their memory about once, not twice."""
 

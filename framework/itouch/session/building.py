@@ -157,4 +157,9 @@ def rebuild(snapshot: Snapshot, name: str, catalog: Catalog, clock: Clock | None
     except ValueError as error:
         raise SessionError(f"'{name}' can't be restored: {error}") from error
     session.take_up(snapshot, replays=replays)
+    if snapshot.losses and not replays:
+        session.tell(
+            f"'{name}' is damaged or was cut: {snapshot.losses[0]}; the session goes on from the last whole State "
+            f"before that, which is of {session.seconds:g} s"
+        )
     return session

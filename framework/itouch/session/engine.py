@@ -94,6 +94,10 @@ class Session(Shown, Engine):
         with keeping(bases):
             return cls(Model.of(scene, catalog), seed=seed, clock=clock, catalog=catalog, bases=bases)
 
+    def tell(self, notice: str) -> None:
+        """Add a notice."""
+        self.notes += (notice,)
+
     def _snapshots(self) -> SnapshotWriter:
         if self._writer is None:
             if self._catalog is None:

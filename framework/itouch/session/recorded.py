@@ -39,7 +39,12 @@ def snapshot_at(recording: Recording, letter: Mapping[str, Any], catalog: Catalo
         state = state_of(letter)
     except (ValueError, KeyError, TypeError, AttributeError, zlib.error) as error:
         raise RecordingError(f"'{recording.path}' does not hold a whole session: {error}") from error
-    return Snapshot(scene, state, manifest, RunStatistics().dump(), stored, files)
+    return Snapshot(scene, state, manifest, RunStatistics().dump(), stored, files, _damage(recording))
+
+
+def _damage(recording: Recording) -> tuple[str, ...]:
+    """Return what says that the file itself is not whole; samples that were lost while recording are no damage."""
+    return () if recording.whole else recording.losses
 
 
 def last_snapshot(path: str, catalog: Catalog) -> Snapshot:

@@ -27,7 +27,8 @@ from itouch.world import Model
 class Snapshot:
     """The content of a snapshot; ``state`` is one record, shape (1,).
 
-    ``edited``: the scene is not the one that was stored; only a document that people can edit may be so.
+    ``edited``: the scene is not the one that was stored; only a document that people can edit may be so.  ``losses``: what
+    of its recording is missing.
     """
 
     scene: Scene
@@ -37,6 +38,7 @@ class Snapshot:
     bases: dict[str, Arrays] = field(default_factory=dict)
     files: dict[str, bytes] = field(default_factory=dict)
     edited: bool = False
+    losses: tuple[str, ...] = ()
 
     @property
     def seed(self) -> int:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from itouch.contact.meshfile import MeshError
 from itouch.recording.errors import RecordingError
-from itouch.recording.reader import parse
+from itouch.recording.reader import parse, unread
 from itouch.scene import Scene
 from itouch.scene.elements import Operator
 from itouch.schema import Problem
@@ -47,7 +47,9 @@ def recorded_motion(
     names = [track for track, table in content.rows.items() if "hip" in (table.dtype.names or ())]
     if rows is None or name not in names or not len(rows):
         sentence = f"'{motion.file}' has no recorded probe named '{name}'"
-        problems.append(Problem("bad-recording", sentence, place, did_you_mean(name, names, "its probes are")))
+        damage = unread(content, f"no place of a probe '{name}'")
+        told = damage if damage else (sentence, did_you_mean(name, names, "its probes are"))
+        problems.append(Problem("bad-recording", told[0], place, told[1]))
         return None
     positions = np.array(rows["hip"], np.float64)
     if positions.ndim != 2 or positions.shape[1] != 3 or not np.isfinite(positions).all():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -68,6 +69,9 @@ def _compare(recording: Recording, options: argparse.Namespace) -> int:
     seconds = outcome.ticks * recording.period
     print(f"{recording.path}: {outcome.ticks} ticks ({seconds:.3f} s) replayed in {spent:.1f} s, "
           f"{outcome.compared} commands compared, {outcome.mismatches} mismatches")  # fmt: skip
+    if not outcome.ticks:
+        why = "holds no samples" if recording.whole else "is damaged or was cut before the end of its first samples"
+        print(f"nothing was compared: '{recording.path}' {why}", file=sys.stderr)
     if outcome.first is not None:
         print(f"first difference: {outcome.first}")
     return 1 if outcome.mismatches or not outcome.ticks else 0
