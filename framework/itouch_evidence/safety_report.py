@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from itouch.schema import ItouchError
 from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
-from itouch_tools.cli.arguments import Parser, output_file
+from itouch_tools.cli.arguments import Parser
+from itouch_tools.cli.output_files import output_file
 
 if TYPE_CHECKING:
     from itouch.scene import Scene

@@ -15,8 +15,9 @@ from shipped import SCENES
 import itouch
 from itouch.schema import ItouchError
 from itouch_tools.cli import COMMANDS, listed
-from itouch_tools.cli.arguments import Output, Parser, output_folder
+from itouch_tools.cli.arguments import Parser
 from itouch_tools.cli.completion import _parser_of
+from itouch_tools.cli.output_files import Output, output_folder
 
 SCENE = """<itouch version="1.0">
   <include file="world.xml"/>

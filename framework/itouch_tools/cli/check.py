@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.schema import ItouchError
 from itouch.schema.terminal import MANNER, did
-from itouch_tools.cli.arguments import Parser, add_json, as_json, output_file
+from itouch_tools.cli.arguments import Parser, add_json, as_json
+from itouch_tools.cli.output_files import output_file
 
 if TYPE_CHECKING:
     from itouch.plugin.discovery import Catalog

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from itouch.scene import bundled_scenes
 from itouch.schema import ItouchError
-from itouch_tools.cli.arguments import Parser, output_folder
+from itouch_tools.cli.arguments import Parser
+from itouch_tools.cli.output_files import output_folder
 
 
 def scenes_folder() -> Path:

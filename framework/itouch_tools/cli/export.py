@@ -12,7 +12,8 @@ from itouch.schema.extras import need
 from itouch.schema.files import stored_kind
 from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
-from itouch_tools.cli.arguments import Output, Parser, add_json, as_json, output_file, output_folder, session_file
+from itouch_tools.cli.arguments import Parser, add_json, as_json
+from itouch_tools.cli.output_files import Output, output_file, output_folder, session_file
 
 if TYPE_CHECKING:
     from itouch.recording import Recording

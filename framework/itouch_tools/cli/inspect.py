@@ -8,7 +8,8 @@ from typing import Any
 
 from itouch.schema import ItouchError
 from itouch.schema.files import stored_kind
-from itouch_tools.cli.arguments import Parser, add_json, picture_file
+from itouch_tools.cli.arguments import Parser, add_json
+from itouch_tools.cli.output_files import picture_file
 from itouch_tools.cli.plan import plan_facts, plan_text
 
 Facts = dict[str, Any]

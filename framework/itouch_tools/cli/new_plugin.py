@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
-from itouch_tools.cli.arguments import Parser, output_folder
+from itouch_tools.cli.arguments import Parser
+from itouch_tools.cli.output_files import output_folder
 
 
 def main(argv: Sequence[str]) -> int:

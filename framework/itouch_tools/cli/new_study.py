@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
-from itouch_tools.cli.arguments import output_folder, parser_of
+from itouch_tools.cli.arguments import parser_of
+from itouch_tools.cli.output_files import output_folder
 
 
 def main(argv: Sequence[str]) -> int:

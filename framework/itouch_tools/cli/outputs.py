@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from itouch.platforms import answering, signals
 from itouch.schema import ItouchError
-from itouch_tools.cli.arguments import recording_file, seconds
+from itouch_tools.cli.arguments import seconds
+from itouch_tools.cli.output_files import recording_file
 
 if TYPE_CHECKING:
     from itouch.session import Session

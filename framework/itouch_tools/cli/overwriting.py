@@ -20,7 +20,7 @@ from pathlib import Path
 
 from itouch.schema import ItouchError
 from itouch.schema.files import is_document, open_regular, stored_kind
-from itouch_tools.cli.arguments import Output
+from itouch_tools.cli.output_files import Output
 
 #: How much of a document is searched for files that it names [bytes]: a scene is not larger, a larger one is a session,
 #: which names none.

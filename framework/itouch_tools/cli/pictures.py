@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from itouch.schema import ItouchError
 from itouch.schema.extras import need
-from itouch_tools.cli.arguments import Output, picture_file, picture_size, seconds
+from itouch_tools.cli.arguments import picture_size, seconds
+from itouch_tools.cli.output_files import Output, picture_file
 
 if TYPE_CHECKING:
     from itouch.session import Session

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from itouch_tools.cli.arguments import Parser, recording_file
+from itouch_tools.cli.arguments import Parser
+from itouch_tools.cli.output_files import recording_file
 
 
 def main(argv: Sequence[str]) -> int:

@@ -9,7 +9,8 @@ from itouch.schema import ItouchError
 from itouch.schema.extras import need
 from itouch.schema.terminal import did
 from itouch.schema.wait_notices import waiting
-from itouch_tools.cli.arguments import Parser, output_file
+from itouch_tools.cli.arguments import Parser
+from itouch_tools.cli.output_files import output_file
 
 
 def main(argv: Sequence[str]) -> int:

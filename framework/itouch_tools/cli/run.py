@@ -15,7 +15,8 @@ from itouch.schema.seeds import checked_seed
 from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli import arm_input, deprecations, live, outputs, pictures, sounds, windows
-from itouch_tools.cli.arguments import Output, Parser, output_file, seconds
+from itouch_tools.cli.arguments import Parser, seconds
+from itouch_tools.cli.output_files import Output, output_file
 from itouch_tools.cli.shutdown import Interrupted, Stopping, begin_report, unstarted, write_report
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 from itouch.schema import ItouchError
 from itouch.schema.terminal import did
-from itouch_tools.cli.arguments import Parser, output_folder
+from itouch_tools.cli.arguments import Parser
+from itouch_tools.cli.output_files import output_folder
 
 
 def main(argv: Sequence[str]) -> int:

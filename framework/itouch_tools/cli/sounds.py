@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from itouch.schema import ItouchError
-from itouch_tools.cli.arguments import Output
+from itouch_tools.cli.output_files import Output
 
 if TYPE_CHECKING:
     from itouch.session import Session

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 from itouch.schema.terminal import did, number_of
 from itouch_tools.cli import study_analyses, study_run, study_serve
-from itouch_tools.cli.arguments import Output, output_folder, parser_of
+from itouch_tools.cli.arguments import parser_of
+from itouch_tools.cli.output_files import Output, output_folder
 from itouch_tools.cli.study_participant import folder_of
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from itouch_tools.cli.arguments import Output, output_file, output_folder
+from itouch_tools.cli.output_files import Output, output_file, output_folder
 
 if TYPE_CHECKING:
     from itouch_tools.study.reading import StudyFile

@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from itouch_tools.cli.arguments import output_folder
+from itouch_tools.cli.output_files import output_folder
 
 if TYPE_CHECKING:
     from itouch_tools.study.reading import StudyFile

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from itouch_tools.cli.arguments import output_file
+from itouch_tools.cli.output_files import output_file
 from itouch_tools.cli.shutdown import Interrupted, Stopping
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from itouch.schema import ItouchError
-from itouch_tools.cli.arguments import Parser, output_folder, session_file
+from itouch_tools.cli.arguments import Parser
+from itouch_tools.cli.output_files import output_folder, session_file
 
 if TYPE_CHECKING:
     from itouch_tools.sweeps.client import Swept

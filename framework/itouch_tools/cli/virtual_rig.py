@@ -11,7 +11,8 @@ import signal
 import time
 from collections.abc import Sequence
 
-from itouch_tools.cli.arguments import Parser, output_file, seconds
+from itouch_tools.cli.arguments import Parser, seconds
+from itouch_tools.cli.output_files import output_file
 from itouch_tools.cli.served_twins import VirtualRig
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)

@@ -1,0 +1,99 @@
+"""The types of arguments that name a file or a folder to be written: checked before anything runs."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import stat
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+
+def output_folder(text: str) -> str:
+    """Check, before anything runs, that a folder can be made or written into where it is asked for."""
+    if os.path.exists(text) and not os.path.isdir(text):
+        raise argparse.ArgumentTypeError(f"'{text}' is a file; name a folder")
+    there = text
+    while there and not os.path.isdir(there):
+        there = os.path.dirname(there.rstrip(os.sep))
+    try:
+        with tempfile.TemporaryFile(dir=there or "."):
+            return text
+    except OSError as error:
+        raise argparse.ArgumentTypeError(f"'{text}' cannot be written: {error.strerror or error}") from None
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """The type of an argument that names a file to be written; ``overwriting`` tells what it may replace.
+
+    Parameters
+    ----------
+    noun
+        What is written, for messages.
+    endings
+        What its name must end in; nothing: in anything.
+    kind
+        ``document``, ``session`` or ``recording``, if it is one of these; ``ending``: the name's ending says it.
+    beside
+        Endings of further files that are written beside it under the same name.
+    in_place
+        Whether it may replace the session that the command goes on with.
+    folder
+        Whether any name without one of the endings is that of a folder for several files.
+    """
+
+    noun: str = ""
+    endings: tuple[str, ...] = ()
+    kind: str = ""
+    beside: tuple[str, ...] = ()
+    in_place: bool = False
+    folder: bool = False
+
+    def __call__(self, text: str) -> str:
+        """Check, before anything runs, that a file can be written where it is asked for."""
+        named = not self.endings or text.lower().endswith(self.endings)
+        if self.folder and not named:
+            return output_folder(text)
+        _writable(text)
+        if not named and (os.path.isfile(text) or not os.path.exists(text)):  # a terminal or a pipe has any name
+            raise argparse.ArgumentTypeError(f"'{text}': a {self.noun}'s name ends in {' or '.join(self.endings)}")
+        return text
+
+    def writes(self, path: str) -> list[str]:
+        """Return the files that are written, given the path of the argument."""
+        if self.folder and not path.lower().endswith(self.endings):
+            return []
+        return [path, *(str(Path(path).with_suffix(ending)) for ending in self.beside)]
+
+    def kind_at(self, path: str) -> str:
+        """Return what is written there: ``document``, ``session``, ``recording`` or nothing of these."""
+        return _KINDS.get(Path(path).suffix.lower(), "") if self.kind == "ending" else self.kind
+
+
+_KINDS = {".xml": "document", ".itouch": "session", ".mcap": "recording"}
+#: Files of any name and kind, pictures, and what a session is kept in.
+output_file = Output()
+picture_file = Output("picture", (".png",))
+session_file = Output("session", kind="session")
+recording_file = Output("recording", (".mcap",), kind="recording")
+
+
+def _writable(text: str) -> None:
+    """Refuse a path where no file can be written."""
+    folder = os.path.dirname(text) or "."
+    if os.path.isdir(text):
+        raise argparse.ArgumentTypeError(f"'{text}' is a folder; name a file")
+    if not os.path.isdir(folder):
+        raise argparse.ArgumentTypeError(f"there is no folder '{folder}'; make it first")
+    if os.path.exists(text) and stat.S_ISFIFO(os.lstat(text).st_mode):  # a link to a pipe is a shell's: it has a reader
+        raise argparse.ArgumentTypeError(f"'{text}' is a pipe, which may have no reader; name a file, or /dev/stdout")
+    if not os.access(text if os.path.exists(text) else folder, os.W_OK):
+        raise argparse.ArgumentTypeError(f"'{text}' cannot be written")
+    if not os.path.exists(text):
+        try:
+            with tempfile.TemporaryFile(dir=folder):  # some folders say that they can be written, and can't
+                return
+        except OSError as error:
+            raise argparse.ArgumentTypeError(f"'{text}' cannot be written: {error.strerror or error}") from None
