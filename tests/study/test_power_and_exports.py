@@ -233,7 +233,7 @@ def test_a_study_is_exported_by_a_command(tmp_path: Path, capsys: pytest.Capture
     assert (tmp_path / "b" / "sub-P01").is_dir()
     assert len((tmp_path / "t.tsv").read_text().splitlines()) == 4
     assert main(["study", "export", str(tmp_path)]) == 2
-    assert main(["study", "export", str(tmp_path / "none"), "--tsv", "x"]) == 2
+    assert main(["study", "export", str(tmp_path / "none"), "--tsv", "x.tsv"]) == 2
     assert "holds no study" in capsys.readouterr().err
     assert table_of(ROWS, tmp_path)[1]["answer"] == "n/a"
 
