@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 import tomllib
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -105,6 +106,20 @@ def test_the_line_of_a_serial_scaffold_carries_lines_with_the_package_that_it_as
             ours.lines()
             ours.send("F 0")
     ours.close()
+
+
+def test_an_emulator_that_can_not_listen_says_so_and_can_be_closed(tmp_path, monkeypatch):
+    wrong = {"tcp": ["192.0.2.1:4001", "nonsense"], "serial": ["/nowhere/port"]}
+    for transport, ports in wrong.items():
+        make_plugin(f"shut-{transport}", transport=transport, folder=str(tmp_path))
+        finish(tmp_path / f"itouch-shut-{transport}", f"itouch_shut_{transport}")
+        monkeypatch.syspath_prepend(str(tmp_path / f"itouch-shut-{transport}"))
+        cls = getattr(import_module(f"itouch_shut_{transport}"), f"Shut{transport.title()}")
+        for port in ports:
+            emulator = cls.Emulator(cls.Params(port=port))
+            with pytest.raises(DeviceError, match="127.0.0.1:4001" if transport == "tcp" else port):
+                emulator.open()
+            emulator.close()
 
 
 def test_a_finished_device_is_short(tmp_path):

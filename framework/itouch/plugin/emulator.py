@@ -107,4 +107,4 @@ class Emulator(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Close the connection and stop listening."""
+        """Close the connection and stop listening; also called once if ``open`` has failed, to close what it opened."""

@@ -39,7 +39,7 @@ def snapshot_at(recording: Recording, letter: Mapping[str, Any], catalog: Catalo
         state = state_of(letter)
     except (ValueError, KeyError, TypeError, AttributeError, zlib.error) as error:
         raise RecordingError(f"'{recording.path}' does not hold a whole session: {error}") from error
-    return Snapshot(scene, state, manifest, RunStatistics().dump(), stored, files, _damage(recording))
+    return Snapshot(scene, state, manifest, RunStatistics().dump(), stored, files, losses=_damage(recording))
 
 
 def _damage(recording: Recording) -> tuple[str, ...]:

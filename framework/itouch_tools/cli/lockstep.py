@@ -25,7 +25,7 @@ from itouch.loop import DeviceFaultError
 from itouch.plugin import Device, Trace
 from itouch.schema import ItouchError
 from itouch.schema.wait_notices import waiting
-from itouch_tools.cli.served_twins import VirtualRig
+from itouch_tools.cli.served_twins import VirtualRig, require_switch
 
 if TYPE_CHECKING:
     from itouch.loop.runner import Runner
@@ -164,7 +164,11 @@ class Lockstep:
         ------
         DeviceError
             If a device cannot be opened.
+        ItouchError
+            If nobody could hold the dead-man's switch.
         """
+        if not self.host.held:
+            require_switch(self.host.model.devices.values())
         with self.serving():
             try:
                 self.host.enable()

@@ -23,7 +23,7 @@ from itouch.loop.run_statistics import Histogram
 from itouch.plugin import Role
 from itouch.servo.serve import Servo, build
 from itouch.session import Session
-from itouch_tools.cli.served_twins import VirtualRig, placed
+from itouch_tools.cli.served_twins import VirtualRig, placed, require_switch
 from itouch_tools.cli.wake_ups import WakeUps
 
 if TYPE_CHECKING:
@@ -143,6 +143,7 @@ class RealRig:
         from itouch.servo import realtime
 
         with self._stack:
+            require_switch(self.world.model.devices.values())
             self.rig.open()
             self._stack.callback(self.rig.close)
             host = threading.Thread(target=self._host, args=(seconds,), name="itouch-host", daemon=True)

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from itouch.exchange import ServedEmulator, TruthWriter
+from itouch.loop import DeviceFaultError
+from itouch.loop.release import in_turn
 from itouch.loop.run_statistics import Histogram
 from itouch.plugin import Emulator, Role
+from itouch.safety import Trip
 from itouch.scene.elements import PluginPart
 from itouch.schema import ItouchError
+from itouch.schema.plugin_errors import failing, said
 from itouch.schema.terminal import note
 
 if TYPE_CHECKING:
@@ -20,6 +25,7 @@ if TYPE_CHECKING:
     from itouch.loop.runner import Runner
     from itouch.plugin.discovery import Catalog
     from itouch.scene import Scene
+    from itouch.world import DeviceModel
 
 #: A simulation that is later than this [s] gives up catching up; and the width [s] of the bins of its lateness.
 BEHIND, _BIN = 0.1, 1e-5
@@ -45,6 +51,8 @@ class VirtualRig:
         self._session = session
         self._period = session.model.period
         self._lines: list[tuple[Runner, Emulator]] = []
+        #: The emulators that are open; the last one perhaps by half, if that has failed.
+        self._opened: list[Emulator] = []
         for runner in session.runners:
             emulator = (wires or {}).get(runner.model.name) or _emulator(runner, places or {})
             emulator.speed = speed
@@ -62,16 +70,27 @@ class VirtualRig:
 
         Raises
         ------
-        DeviceError
-            If a device's address is taken.
+        SceneError
+            If a device's emulator cannot listen, as where its address is taken; all are closed again.
         """
         self.step()
-        return [(runner.model.name, emulator.open()) for runner, emulator in self._lines]
+        places = []
+        try:
+            for runner, emulator in self._lines:
+                self._opened.append(emulator)
+                with failing(f"device '{runner.model.name}'", "opening its emulator", runner.model.place):
+                    places.append((runner.model.name, emulator.open()))
+        except BaseException:
+            with contextlib.suppress(Exception):  # of one that was not opened, or by half
+                self._opened.pop().close()
+            self.close()
+            raise
+        return places
 
     def close(self) -> None:
-        """Close the connections."""
-        for _, emulator in self._lines:
-            emulator.close()
+        """Close the connections of all that are open."""
+        opened, self._opened = self._opened, []
+        in_turn(*(emulator.close for emulator in opened))
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Simulate in real time until ``stop`` returns true, with a thread for each device to answer its host."""
@@ -117,7 +136,11 @@ class VirtualRig:
         self._session.step_twins(self.driven)
         for runner, _ in self._lines:
             if runner.twin is not None:
-                runner.twin.read(runner.twin_state, runner.reading)
+                try:
+                    runner.twin.read(runner.twin_state, runner.reading)
+                except Exception as error:
+                    cause = f"failed in the reading of its twin: {said(error)}"
+                    raise DeviceFaultError(runner.model.name, self._session.ticks, Trip.DEVICE_ERROR, cause) from error
 
     def look(self) -> None:
         """Let every emulator answer once."""
@@ -155,6 +178,26 @@ def placed(scene: Scene, catalog: Catalog, folder: str) -> Scene:
         scene.places.succeed(moved, element)
         devices.append(moved)
     return replace(scene, devices=tuple(devices))
+
+
+def require_switch(devices: Iterable[DeviceModel]) -> None:
+    """Refuse to run a scene on a virtual rig if nobody could hold its dead-man's switch.
+
+    It is not held for the scene: of what a plugin names as its emulator's address nobody knows that nothing else is
+    there.
+
+    Raises
+    ------
+    ItouchError
+        If no device reads a switch of its own.
+    """
+    if any(channel.role is Role.DEADMAN for device in devices for channel in device.reads):
+        return
+    raise ItouchError(
+        "nobody could hold the dead-man's switch: --run opens no window, and no device of this scene reads a switch\n"
+        "  = help: start `itouch-py virtual-rig SCENE` without --run, and in another terminal `itouch-py SCENE`: "
+        "Space in its window holds the switch"
+    )
 
 
 def _emulator(runner: Runner, places: Mapping[str, Any]) -> Emulator:

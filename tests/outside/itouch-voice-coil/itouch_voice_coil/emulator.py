@@ -6,9 +6,13 @@ from itouch.plugin import Emulator, Terminal
 class VoiceCoilEmulator(Emulator):
     """Says how the mass is accelerated, hears what current shall flow."""
 
+    def __init__(self, params):
+        super().__init__(params)
+        self._terminal, self._rest, self._current = None, b"", 0.0
+
     def open(self):
         """Listen at the port that the parameters name."""
-        self._terminal, self._rest, self._current = Terminal(self.params.port), b"", 0.0
+        self._terminal = Terminal(self.params.port)
         return self.params.port
 
     def serve(self, now, reading, command):
@@ -21,5 +25,7 @@ class VoiceCoilEmulator(Emulator):
         return True
 
     def close(self):
-        """Hang up."""
-        self._terminal.close()
+        """Hang up; nothing is open if `open` has failed."""
+        if self._terminal is not None:
+            self._terminal.close()
+        self._terminal = None
