@@ -353,3 +353,11 @@ def test_sarif_offers_what_fix_would_do_and_nothing_else(tmp_path: Path) -> None
             break
         run("check", "s.xml", "--fix", "-q", cwd=tmp_path)
     assert (tmp_path / "s.xml").read_text(encoding="utf-8") == fixed
+
+
+@pytest.mark.parametrize("words", [("first_touch", "--scenes"), ("--headless", "--scenes")], ids=" ".join)
+def test_what_demo_would_ignore_is_refused(words: tuple[str, ...], tmp_path: Path) -> None:
+    done = run("demo", *words, str(tmp_path / "all"))
+    assert done.returncode == 2
+    assert f"--scenes writes all scenes and runs none: leave '{words[0]}' away" in done.stderr
+    assert not (tmp_path / "all").exists()

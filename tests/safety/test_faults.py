@@ -291,6 +291,7 @@ def test_a_fault_that_has_not_begun_is_not_told(write: Write) -> None:
         ('<fault device="arm" kind="bias" at="1 s" amount="3 mm"/>', "requires"),
         ('<fault device="arm" kind="bias" at="1 s" channel="pose" amount="3 kg"/>', "bad-value"),
         ('<fault device="arm" kind="nan" at="1 s" wen="3"/>', "unknown-attribute"),
+        ('<fault device="arm" kind="freeze" at="1 s" channel="pose" amount="5 mm"/>', "bad-value"),
     ],
 )
 def test_what_is_wrong_with_a_fault_has_a_place(write: Write, fault: str, code: str) -> None:
@@ -347,6 +348,12 @@ def test_faults_from_python(write: Write) -> None:
                   {"device": "arm", "kind": "nan", "channel": "x"}):  # fmt: skip
         with pytest.raises(ValueError, match="is not one of|no slot"):
             engine.inject(**wrong)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="kind 'freeze' has no amount: of bias, drift, spike only"):
+        engine.inject("arm", "freeze", channel="pose", amount=0.005)
+    for never in (-4.0, math.nan, math.inf):
+        for when in ("at", "duration"):
+            with pytest.raises(ValueError, match=f"{when} = .* is out of range: at least 0 s"):
+                engine.inject("arm", "nan", **{when: never})  # type: ignore[arg-type]
     with pytest.raises(DeviceError, match="there is no device named 'leg'"):
         engine.inject("leg", "nan")
     with pytest.raises(ValueError, match="no slot"):

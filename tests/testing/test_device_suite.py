@@ -14,9 +14,11 @@ import bad_meanings
 import bad_states
 import pytest
 from bad import BAD, Blocks
+from shipped import SCENES
 from slider import Slider, SliderParams
 
 from itouch.testing import DeviceSubject, DeviceTests, EmulatorTests, timing
+from itouch.testing.running import last_error
 from itouch.testing.suites import DEVICE_CHECKS, EMULATOR_CHECKS
 
 #: Checks that need the wire.
@@ -144,6 +146,24 @@ def test_the_command_prints_a_score_card(capsys):
     assert "device 'xyz-table'" in text and " 0 failed" in text and "state-declared" in text
     assert main(["test-plugin", "xyz-tabel"]) == 2
     assert "did you mean 'xyz-table'?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["thermal", "thermal.heat", "xyz-table"])
+def test_a_scene_that_does_not_use_the_plugin_is_refused(name, capsys):
+    from itouch_tools.cli import main
+
+    assert main(["test-plugin", name, "--scene", str(SCENES / "first_touch.xml")]) == 2
+    said = capsys.readouterr()
+    assert f"does not use '{name}'" in said.err and "it uses " in said.err and "usb-arm" in said.err
+    assert not said.out
+
+
+def test_of_another_process_its_last_error_is_told_whole():
+    frames = 'Traceback (most recent call last):\n  File "a.py", line 3, in f\n    raise error\n'
+    told = f"{frames}KeyError: 1\n\nDuring handling of it:\n\n{frames}ModuleNotFoundError: {'x' * 400}\n"
+    assert last_error(told) == f"ModuleNotFoundError: {'x' * 400}"
+    assert last_error("one\ntwo\n") == "two"
+    assert last_error("") == "it says nothing"
 
 
 def test_a_suite_in_a_strangers_tests(tmp_path):

@@ -44,6 +44,8 @@ class Kind(enum.IntEnum):
         raise ValueError(f"kind = {label!r} is not one of {', '.join(kind.label for kind in cls if kind)}")
 
 
+#: The kinds that have a size, in the order of `AMOUNTS`.
+SIZED = (Kind.BIAS, Kind.DRIFT, Kind.SPIKE)
 #: End [tick] of a fault that lasts to the end of the session.
 FOREVER = 1 << 62
 
@@ -63,10 +65,21 @@ UNITS: dict[str, tuple[float, float]] = {
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """One fault: its kind, first tick and tick of its end, channel (empty: all), and size (NaN: that of `AMOUNTS`)."""
+    """One fault: its kind, first tick and tick of its end, channel (empty: all), and size (NaN: that of `AMOUNTS`).
+
+    Raises
+    ------
+    ValueError
+        If a size is given to a kind that has none.
+    """
 
     kind: Kind
     begin: int
     end: int = FOREVER
     channel: str = ""
     amount: float = math.nan
+
+    def __post_init__(self) -> None:
+        if self.kind not in SIZED and not math.isnan(self.amount):
+            sized = ", ".join(kind.label for kind in SIZED)
+            raise ValueError(f"a fault of kind '{self.kind.label}' has no amount: of {sized} only it is the size")

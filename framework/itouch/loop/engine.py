@@ -509,8 +509,11 @@ class Engine:
         Raises
         ------
         ValueError
-            If there is no such slot, kind or channel.
+            If there is no such slot, kind or channel, the kind has no amount, or the time is none of this session's.
         """
+        for what, value in (("at", at), ("duration", duration)):
+            if value is not None and not 0.0 <= value < math.inf:
+                raise ValueError(f"{what} = {value!r} is out of range: at least 0 s, and finite")
         rate = self.model.scene.rates.servo
         begin = self.ticks if at is None else round(at * rate)
         end = FOREVER if duration is None else begin + max(1, round(duration * rate))

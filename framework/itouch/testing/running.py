@@ -112,6 +112,14 @@ def serve(subject: DeviceSubject, out: str) -> None:
     Path(out).write_text("closed")
 
 
+def last_error(told: str) -> str:
+    """Return the error with which a process has ended, whole, from what it wrote to its error stream."""
+    lines = [line for line in told.splitlines() if line.strip()]
+    begun = [number for number, line in enumerate(lines) if line.startswith("Traceback ")]
+    ends = (line for line in lines[begun[-1] + 1 :] if not line.startswith(" ")) if begun else reversed(lines)
+    return next(ends, "it says nothing")
+
+
 @check("sigterm", "SIGTERM ends a session safely")
 def sigterm(subject: DeviceSubject) -> None:
     """Run it in a process of its own, and end that by SIGTERM."""
@@ -123,7 +131,7 @@ def sigterm(subject: DeviceSubject) -> None:
         if "running" not in process.stdout.readline():
             _, told = process.communicate(timeout=60)
             raise CheckError(
-                f"it does not run in another process: {told.strip()[-300:]}",
+                f"it does not run in another process: {last_error(told)}",
                 cause="an import that fails",
                 advice="install the plugin, or make its module importable",
             )

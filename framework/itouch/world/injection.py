@@ -45,7 +45,13 @@ def injection(scene: Scene, fault: Fault, channels: Sequence[Channel], problems:
         problems.append(Problem("missing-channel", sentence, place, did_you_mean(fault.channel, names, "it has")))
     elif channel is not None and fault.amount:
         amount = _amount(scene, fault, channel, problems)
-    return Injection(Kind.of(fault.kind), begin, end, fault.channel if channel is not None else "", amount)
+    kind, where = Kind.of(fault.kind), fault.channel if channel is not None else ""
+    try:
+        return Injection(kind, begin, end, where, amount)
+    except ValueError as error:
+        place = scene.places.of(fault, "amount")
+        problems.append(Problem("bad-value", f"<fault amount>: {error}", place, "remove it, or choose another kind"))
+        return Injection(kind, begin, end, where)
 
 
 def _amount(scene: Scene, fault: Fault, channel: Channel, problems: list[Problem]) -> float:

@@ -56,6 +56,8 @@ def _examine(options: argparse.Namespace) -> int:
     scene = _scene(options.scene, catalog)
     known = [f"{plugin}.{local}" for plugin in catalog.plugin_names for local in catalog.modality_names(plugin)]
     chosen = [name for name in known if options.name in (name, name.split(".")[0])]
+    if scene is not None and (chosen or options.name in catalog.device_names):
+        _require_used(options, scene, chosen)
     good, found = True, False
     if options.name in catalog.device_names:
         good, found = _device(options, catalog, scene), True
@@ -74,6 +76,22 @@ def _scene(path: str | None, catalog: Catalog) -> Scene | None:
     from itouch.scene import load
 
     return load(path, catalog) if path else None
+
+
+def _require_used(options: argparse.Namespace, scene: Scene, modalities: Sequence[str]) -> None:
+    """Refuse a scene that uses nothing of what is examined: it would change nothing.
+
+    Raises
+    ------
+    ItouchError
+        If so.
+    """
+    used = {device.plugin for device in scene.devices} | {f"{one.plugin}.{one.local}" for one in scene.modalities}
+    if not used & {options.name, *modalities}:
+        raise ItouchError(
+            f"'{options.scene}' does not use '{options.name}', so nothing could be taken from it\n"
+            f"  = help: it uses {', '.join(sorted(used)) or 'no plugin'}; name another scene, or leave --scene away"
+        )
 
 
 def _device(options: argparse.Namespace, catalog: Catalog, scene: Scene | None) -> bool:
