@@ -13,7 +13,7 @@ from itouch.exchange import ServedEmulator, TruthWriter
 from itouch.loop import DeviceFaultError
 from itouch.loop.release import in_turn
 from itouch.loop.run_statistics import Histogram
-from itouch.plugin import Emulator, Role
+from itouch.plugin import DeviceError, Emulator, Role
 from itouch.safety import Trip
 from itouch.scene.elements import PluginPart
 from itouch.schema import ItouchError
@@ -70,16 +70,17 @@ class VirtualRig:
 
         Raises
         ------
-        SceneError
+        DeviceError
             If a device's emulator cannot listen, as where its address is taken; all are closed again.
+        SceneError
+            If it fails in another way; likewise.
         """
         self.step()
         places = []
         try:
             for runner, emulator in self._lines:
                 self._opened.append(emulator)
-                with failing(f"device '{runner.model.name}'", "opening its emulator", runner.model.place):
-                    places.append((runner.model.name, emulator.open()))
+                places.append((runner.model.name, _open(runner, emulator)))
         except BaseException:
             with contextlib.suppress(Exception):  # of one that was not opened, or by half
                 self._opened.pop().close()
@@ -178,6 +179,17 @@ def placed(scene: Scene, catalog: Catalog, folder: str) -> Scene:
         scene.places.succeed(moved, element)
         devices.append(moved)
     return replace(scene, devices=tuple(devices))
+
+
+def _open(runner: Runner, emulator: Emulator) -> str:
+    """Open an emulator; return where it listens.  That it cannot is no mistake of plugin or scene: a line says it."""
+    name, place = runner.model.name, runner.model.place
+    with failing(f"device '{name}'", "opening its emulator", place):
+        try:
+            return emulator.open()
+        except DeviceError as error:
+            cause = f"{place}: device '{name}': {error}" if place is not None else f"device '{name}': {error}"
+    raise DeviceError(cause)
 
 
 def require_switch(devices: Iterable[DeviceModel]) -> None:
