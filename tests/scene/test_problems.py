@@ -11,6 +11,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene.loader import in_file_order, read_scene
 from itouch.schema import Problem
 from itouch.world import compile_scene
+from itouch_tools.cli import main as cli
 
 Write = Callable[[str, str], Path]
 
@@ -212,7 +213,50 @@ def test_a_rate_that_does_not_divide_gives_the_nearest(scenes: Path) -> None:
     path.write_text(path.read_text().replace('servo="1 kHz"', 'servo="1 kHz" heat="60 Hz"'))
     (problem,) = problems_of(path)
     assert problem.code == "rate"
-    assert "58.8235 Hz" in problem.advice
+    assert problem.advice == "the nearest that does is 58.8235294 Hz"
+
+
+@pytest.mark.parametrize("rate", ["333.333 Hz", "333.333333 Hz", "58.8235294 Hz"])
+def test_a_rate_as_the_message_gives_it_is_taken(scenes: Path, rate: str) -> None:
+    """People write six or nine digits of a rate that has no end."""
+    path = scenes / "four_materials.xml"
+    path.write_text(path.read_text().replace('servo="1 kHz"', f'servo="1 kHz" heat="{rate}"'))
+    assert problems_of(path) == []
+
+
+def test_each_rate_and_pattern_of_a_record_is_told_at_its_attribute(
+    write: Write, capsys: pytest.CaptureFixture[str]
+) -> None:
+    body = (
+        '<devices><device name="arm" plugin="usb-arm"/></devices>\n'
+        '<record to="a.mcap" channels="arm.* amr.*"\n  rate="7 Hz"><channels of="amr.pose"\n rate="142.857 Hz"/></record>'
+    )
+    path = write("scene.xml", f'<itouch version="1.0">\n{body}\n</itouch>\n')
+    assert cli(["check", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert (
+        f"<record>: the rate 7 Hz does not divide the servo rate; the nearest that does is 6.99300699 Hz\n  --> {path}:4:3"
+        in said
+    )
+    assert f"<record>: no channel is named 'amr.*'\n  --> {path}:3:21" in said
+    assert f"<channels>: no channel is named 'amr.pose'\n  --> {path}:4:25" in said
+    path.write_text(path.read_text().replace("amr", "arm").replace('"7 Hz"', '"6.99301 Hz"'))
+    assert cli(["check", str(path)]) == 0
+
+
+def test_a_magnet_that_reaches_too_far_is_told_with_both_names(write: Write) -> None:
+    body = (
+        '<materials><material name="iron"><contact stiffness="1 N/mm"/><magnetic force="1 N" range="100 mm"/></material>'
+        '</materials><world><box name="b" size="1 1 1 cm" material="iron"/></world>'
+        '<devices><device name="arm" plugin="usb-arm"/></devices>'
+        '<interaction><probe name="f" pose-from="arm" force-to="arm"/></interaction>'
+    )
+    (problem,) = problems_of(write("scene.xml", f'<itouch version="1.0">{body}</itouch>'))
+    assert (
+        "the magnet of material 'iron' reaches 100 mm far, and probe 'f' looks for objects only up to"
+        in problem.sentence
+    )
+    assert problem.advice.startswith('write near="100 mm" in <probe name="f">')
 
 
 def test_a_device_without_a_driver_is_twin_only(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:

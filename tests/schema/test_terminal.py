@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itouch.schema.terminal import _UNSAFE, coloured, is_terminal, plain
+from itouch.schema.terminal import _UNSAFE, coloured, is_terminal, number_of, plain
 
 
 @given(st.characters().filter(_UNSAFE.match))
@@ -43,3 +43,9 @@ def test_a_stream_that_cannot_say_is_no_terminal(error: Exception) -> None:
             raise error
 
     assert not is_terminal(Stream())
+
+
+def test_what_is_counted_is_in_singular_or_plural() -> None:
+    assert number_of(1, "fault") == "1 fault"
+    assert (number_of(0, "fault"), number_of(2, "fault")) == ("0 faults", "2 faults")
+    assert (number_of(1, "touch", "touches"), number_of(3, "touch", "touches")) == ("1 touch", "3 touches")

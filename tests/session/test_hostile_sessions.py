@@ -53,6 +53,40 @@ def state_of(members: dict[str, bytes]) -> np.ndarray:
     return np.load(io.BytesIO(members["state.npy"]), allow_pickle=False)
 
 
+@pytest.mark.parametrize(
+    ("ledger", "said"),
+    [
+        ({"contacts": 5, "faults": []}, "'contacts' of its ledger is no list of objects"),
+        ({"contacts": [{"probe": "finger"}], "faults": []}, "contact 1 of its ledger has no 'object' that can be read"),
+        (None, "ledger.json is no JSON from line 1, column 2 on"),
+        ([], "a document of it is not a JSON object"),
+    ],
+    ids=str,
+)
+def test_a_damaged_ledger_is_told_in_plain_words_by_every_command(
+    members: dict[str, bytes], ledger: object, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = b"{" if ledger is None else json.dumps(ledger).encode()
+    path = str(write(tmp_path / "s.itouch", {**members, "ledger.json": data}))
+    for words in (["inspect", path], ["run", path, "--headless", "--for", "0.01s"]):
+        assert cli(words) == 2
+        assert said.replace("ledger.json", "a document of it") in capsys.readouterr().err
+
+
+def test_a_session_that_is_cut_or_damaged_is_told_in_plain_words(
+    members: dict[str, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = write(tmp_path / "s.itouch", members).read_bytes()
+    at = whole.index(b"state.npy") + 200
+    for data, said in (
+        (whole[: len(whole) // 2], "the file is cut off or damaged"),
+        (whole[:at] + b"\xff" * 40 + whole[at + 40 :], "damaged"),
+    ):
+        (tmp_path / "s.itouch").write_bytes(data)
+        assert cli(["inspect", str(tmp_path / "s.itouch")]) == 2
+        assert f"{said}; take an earlier copy of it, or its recording" in capsys.readouterr().err
+
+
 class Evil:
     """Writes a file when it is unpickled."""
 

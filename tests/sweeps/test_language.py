@@ -35,6 +35,12 @@ def test_all_problems_come_at_once_with_their_lines(tmp_path: Path) -> None:
     assert len({line for _, line, _ in found}) == 3
 
 
+def test_draws_are_not_said_to_be_empty_because_their_parameter_is_wrong(tmp_path: Path) -> None:
+    found = problems(tmp_path, '<draws kind="random" count="2"><over name="s" set="wood/contact.stiffness" low="5" '
+                     'high="2"/></draws>' + COLLECT)  # fmt: skip
+    assert [(code, line) for code, line, _ in found] == [("bad-value", 2)]
+
+
 @pytest.mark.parametrize(
     ("inside", "code"),
     [

@@ -143,7 +143,12 @@ def test_the_command_prints_a_score_card(capsys):
 
     assert main(["test-plugin", "xyz-table"]) == 0
     text = capsys.readouterr().out
-    assert "device 'xyz-table'" in text and " 0 failed" in text and "state-declared" in text
+    assert (
+        "device 'xyz-table'" in text
+        and " 0 failed" in text
+        and "state-declared" in text
+        and "twin-and-driver-agree the" in text
+    )
     assert main(["test-plugin", "xyz-tabel"]) == 2
     assert "did you mean 'xyz-table'?" in capsys.readouterr().err
 

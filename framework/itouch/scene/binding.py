@@ -42,6 +42,8 @@ class Binder:
     section: str = ""
     folder: str = ""
     root: str = "."
+    #: Identities of elements of which a child was wrong and is left out.
+    _incomplete: set[int] = field(default_factory=set)
 
     def bind(self, node: Node, cls: type, *, extra: frozenset[str] = frozenset()) -> Any:
         """Return an instance of ``cls``, or None if a fault prevents it; the caller reads the ``extra`` attributes."""
@@ -71,6 +73,8 @@ class Binder:
         try:
             instance = cls(**values)
         except (ValueError, ItouchError) as error:  # a plugin's own check in __post_init__
+            if id(node) in self._incomplete:  # it may only miss the element that is wrong
+                return None
             self.problems.append(Problem("bad-value", f"<{node.written}>: {error}", node.place))
             return None
         except KeyboardInterrupt:
@@ -205,7 +209,7 @@ class Binder:
             if child.namespace.startswith(PLUGIN_NAMESPACE) and plugin_slot:
                 self._part(node, child, parts)
             elif child.tag in slots and self._same_namespace(node, child):
-                self._child(child, slots[child.tag], values, listed, first)
+                self._child(node, child, slots[child.tag], values, listed, first)
             else:
                 self._unknown_element(node, child, list(slots), bool(plugin_slot))
         if node.text:
@@ -220,14 +224,16 @@ class Binder:
         return child.namespace in ("", node.namespace)
 
     def _child(
-        self, child: Node, slot: tuple[str, Spec, type], values: dict[str, Any], listed: Mapping[str, list[Any]],
-        first: dict[str, Node],
+        self, node: Node, child: Node, slot: tuple[str, Spec, type], values: dict[str, Any],
+        listed: Mapping[str, list[Any]], first: dict[str, Node],
     ) -> None:  # fmt: skip
         name, spec, element = slot
         bound = self.bind(child, element)
         if spec.kind == "children":
             if bound is not None:
                 listed[name].append(bound)
+            else:
+                self._incomplete.add(id(node))
             return
         if child.tag in first:
             sentence = f"<{child.written}> may stand only once here"

@@ -41,21 +41,25 @@ FILES = (
     Code("newer-version", "the file is written for a newer format", "install a newer itouch-py"),
 )  # fmt: skip
 NAMES = (
-    Code("unknown-element", "an element that does not exist, or may not stand there", "the nearest name is offered"),
-    Code("unknown-attribute", "an attribute that the element does not have", "the nearest name is offered"),
+    Code("unknown-element", "an element that does not exist, or may not stand there",
+         "write the name that the message offers, or remove the element"),
+    Code("unknown-attribute", "an attribute that the element does not have",
+         "write the name that the message offers, or remove the attribute"),
     Code("unknown-prefix", "a namespace prefix that is not declared", "declare the plugin's namespace on `<itouch>`"),
-    Code("unknown-name", "a reference to something that the scene does not have", "the nearest name is offered"),
+    Code("unknown-name", "a reference to something that the scene does not have",
+         "write the name that the message offers, or define what is named"),
     Code("duplicate-name", "two things of one scene have the same name", "rename one; both places are shown"),
-    Code("missing-attribute", "a required attribute is missing", "the message says what it takes"),
-    Code("missing-element", "a required element is missing", "the message says which"),
+    Code("missing-attribute", "a required attribute is missing", "add it; the message says what it takes"),
+    Code("missing-element", "a required element is missing", "add the one that the message names"),
     Code("duplicate-element", "an element stands twice where only one is allowed", "keep one; both places are shown"),
-    Code("unexpected-text", "text inside an element", "values are attributes"),
+    Code("unexpected-text", "text inside an element", "write values as attributes; remove the text"),
     Code("base-cycle", "a material is its own base, directly or through others", "remove one of the bases"),
     Code("mount-cycle", "a device is mounted on itself, directly or through others", "mount it elsewhere"),
 )  # fmt: skip
 VALUES = (
-    Code("bad-value", "a value of the wrong kind, unit or count", "the message says what is expected"),
-    Code("out-of-range", "a number outside its range; a temperature of 22 is 22 K", "the message says what is allowed"),
+    Code("bad-value", "a value of the wrong kind, unit or count", "write what the message says is expected"),
+    Code("out-of-range", "a number outside its range; a temperature of 22 is 22 K",
+         "write a value within the range that the message gives"),
     Code("exclusive", "attributes or elements that exclude one another", "keep one of them"),
     Code("together", "of attributes that must stand together, one is missing", "add the other, or remove both"),
     Code("requires", "an attribute that means nothing without another", "add the other"),
@@ -96,7 +100,8 @@ DEVICES = (
     Code("out-of-reach", "warning: the table cannot carry a surface to an object", "move the object or the table"),
 )  # fmt: skip
 SCENE = (
-    Code("rate", "a modality's rate does not divide the servo rate", "the message gives the nearest that does"),
+    Code("rate", "a modality's rate does not divide the servo rate",
+         "write the nearest that does, which the message gives"),
     Code("modality", "a modality rejects its parameters or a file; warning: it is left out, as its device is missing",
          "the message says what it expects"),
     Code("modality-cycle", "modalities that take their input from one another, in a circle", "break the circle"),

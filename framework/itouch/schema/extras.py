@@ -41,10 +41,8 @@ def need(extra: str, what: str = "") -> None:
     usual, modules = EXTRAS[extra]
     missing = [name for name in modules if not _there(name)]
     if missing:
-        noun = "a package" if len(missing) == 1 else "packages"
-        raise ItouchError(
-            f"{what or usual}: {noun} missing ({', '.join(missing)})\n  = help: pip install 'itouch-py[{extra}]'"
-        )
+        lack = "a package is missing" if len(missing) == 1 else "packages are missing"
+        raise ItouchError(f"{what or usual}: {lack} ({', '.join(missing)})\n  = help: pip install 'itouch-py[{extra}]'")
 
 
 def _there(name: str) -> bool:

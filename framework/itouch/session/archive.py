@@ -8,7 +8,7 @@ import zipfile
 from collections.abc import Mapping
 
 from itouch.schema.files import open_regular
-from itouch.session.errors import SessionError
+from itouch.session.errors import ADVICE, SessionError, plainly
 
 #: Greatest unpacked size of a member, and of all together [bytes].
 MAX_MEMBER, MAX_TOTAL = 64 << 20, 512 << 20
@@ -60,7 +60,7 @@ def read_members(path: str) -> dict[str, bytes]:
     except SessionError:
         raise
     except Exception as error:  # BadZipFile, zlib.error and what else a mutated archive may raise
-        raise SessionError(f"'{path}' is not a whole snapshot: {error}") from error
+        raise SessionError(f"'{path}' is not a whole snapshot: {plainly(error)}; {ADVICE}") from error
 
 
 def _members(archive: zipfile.ZipFile, path: str) -> dict[str, bytes]:

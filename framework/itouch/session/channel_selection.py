@@ -5,11 +5,13 @@ from __future__ import annotations
 import fnmatch
 import os
 import time
+from collections.abc import Iterator
 from pathlib import PurePath
 
 from itouch.plugin import Record
 from itouch.recording.tracks import Track
 from itouch.scene.elements import RecordElement
+from itouch.scene.elements.record import RecordChannels
 from itouch.schema import Problem, SceneError
 from itouch.session.row_layout import Wish, chosen_tracks, real_device_of, replay_tracks
 from itouch.world import Model, declared, make_state
@@ -26,12 +28,32 @@ def tracks_of(model: Model, state: Record) -> list[Track]:
     element, found = model.scene.record, replay_tracks(model, state)
     if element is None:
         return found
-    try:
-        return [*found, *chosen_tracks(model, state, selections_of(element, model.scene.rates.servo))]
-    except ValueError as error:
-        place = model.scene.places.of(element)
-        advice = "channels are names of State, such as arm.pose or finger.*; `itouch-py inspect SCENE` lists them"
-        raise SceneError([Problem("unknown-channel", f"<record>: {error}", place, advice)]) from error
+    problems = list(_wrong(model, state, element))
+    if problems:
+        raise SceneError(problems)
+    return [*found, *chosen_tracks(model, state, selections_of(element, model.scene.rates.servo))]
+
+
+def _wrong(model: Model, state: Record, element: RecordElement) -> Iterator[Problem]:
+    """Yield a problem for each rate that is impossible and each pattern that matches nothing, at its attribute."""
+    groups: list[tuple[RecordElement | RecordChannels, str, str, float | None]] = [
+        (element, "channels", element.channels, element.rate),
+        *((more, "of", more.of, more.rate) for more in element.more),
+    ]
+    servo, places = model.scene.rates.servo, model.scene.places
+    listed = "channels are names of State, such as arm.pose or finger.*; `itouch-py inspect SCENE` lists them"
+    for owner, attribute, text, rate in groups:
+        # a rate is tried without a pattern, a pattern with the servo's rate, so that each problem has its own place
+        tries: list[tuple[str, Wish, str]] = []
+        if rate and text.split():
+            tries.append(("rate", ([], rate), "write the rate that the message gives"))
+        tries += [(attribute, ([pattern], servo), listed) for pattern in text.split()]
+        for name, wish, advice in tries:
+            try:
+                chosen_tracks(model, state, [wish])
+            except ValueError as error:
+                place = places.of(owner, name) or places.of(owner) or places.of(element)
+                yield Problem("unknown-channel", f"<{owner.TAG}>: {error}", place, advice)
 
 
 def recording_problems(model: Model) -> list[Problem]:

@@ -17,7 +17,7 @@ from itouch.plugin.bases import Arrays
 from itouch.plugin.discovery import Catalog
 from itouch.scene import write
 from itouch.session.arrays import load_bases, pack_bases
-from itouch.session.errors import SessionError
+from itouch.session.errors import ADVICE, SessionError, check_ledger, plainly
 from itouch.session.manifest import digest
 from itouch.session.number_text import from_text, to_text
 from itouch.session.snapshot import Snapshot, check_format, checked_files, read_scene
@@ -159,7 +159,7 @@ def from_xml(name: str, data: bytes, catalog: Catalog) -> Snapshot:
     except SessionError:
         raise
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError) as error:
-        raise SessionError(f"'{name}' is not a whole session: {error}") from error
+        raise SessionError(f"'{name}' is not a whole session: {plainly(error)}; {ADVICE}") from error
     except expat.ExpatError as error:
         raise SessionError(f"'{name}' is not a whole session: {error}") from error
     if digest(state.tobytes()) != manifest.get("state"):
@@ -178,6 +178,7 @@ def _decoded(node: _Node) -> bytes:
 def _read(name: str, tree: _Node) -> tuple[dict[str, Any], dict[str, Any], NDArray[Any], dict[str, Arrays]]:
     manifest, ledger = json.loads(tree.only("manifest").content), json.loads(tree.only("ledger").content)
     check_format(name, manifest)
+    check_ledger(ledger)
     stated = tree.attributes.get("format", "")
     if stated != manifest["format"]:
         here = f'<session format="{stated[:40]}">'

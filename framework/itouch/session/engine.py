@@ -22,7 +22,7 @@ from itouch.scene import Scene
 from itouch.schema.notebook import Shown
 from itouch.session import channel_selection, layout, limits, marks
 from itouch.session.document import to_xml
-from itouch.session.errors import SessionError
+from itouch.session.errors import SessionError, plainly
 from itouch.session.participants import Participant
 from itouch.session.progress import told
 from itouch.session.recorder import Asked, Onwards, Recorder
@@ -452,7 +452,7 @@ class Session(Shown, Engine):
             self.statistics.load(snapshot.ledger)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             self.adopt(before)
-            raise SessionError(f"the session can't be taken up: {error}") from error
+            raise SessionError(f"the session can't be taken up: {plainly(error)}") from error
         self.notes = (*told, *said)
         here = self._snapshots().manifest(self.state)
         other = any(snapshot.manifest.get(key) not in (None, here[key]) for key in ("model", "contact"))

@@ -13,7 +13,7 @@ from itouch.loop.run_statistics import RunStatistics
 from itouch.plugin.discovery import Catalog
 from itouch.recording import Recording, RecordingError, read
 from itouch.session.arrays import load_bases, record_from
-from itouch.session.errors import SessionError
+from itouch.session.errors import SessionError, plainly
 from itouch.session.snapshot import Snapshot, checked_files, read_scene
 
 #: Greatest State that a recording may hold [bytes].
@@ -38,7 +38,7 @@ def snapshot_at(recording: Recording, letter: Mapping[str, Any], catalog: Catalo
         scene = read_scene(recording.path, str(said["scene"]).encode(), manifest, files, catalog)
         state = state_of(letter)
     except (ValueError, KeyError, TypeError, AttributeError, zlib.error) as error:
-        raise RecordingError(f"'{recording.path}' does not hold a whole session: {error}") from error
+        raise RecordingError(f"'{recording.path}' does not hold a whole session: {plainly(error)}") from error
     return Snapshot(scene, state, manifest, RunStatistics().dump(), stored, files, losses=_damage(recording))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from itouch.plugin import Field, Record
 from itouch.recording.tracks import KINDS, Column, Track
+from itouch.scene.elements.rates import CLOSE
 from itouch.world import Model, declared
 
 #: Fields that are recorded of each device besides its channels; those that a device does not have are left out.
@@ -85,10 +86,10 @@ def _track_name(owner: str, every: int, period: float) -> str:
 
 def _every(rate: float, period: float) -> int:
     every = max(1, round(1.0 / (rate * period)))
-    if abs(every * period * rate - 1.0) > 1e-9:
+    if abs(every * period * rate - 1.0) > CLOSE:
         nearest = 1.0 / (every * period)
         raise ValueError(
-            f"the rate {rate:g} Hz does not divide the servo rate; the nearest that does is {nearest:g} Hz"
+            f"the rate {rate:.9g} Hz does not divide the servo rate; the nearest that does is {nearest:.9g} Hz"
         )
     return every
 

@@ -18,7 +18,7 @@ from itouch.schema import SceneError
 from itouch.session.archive import ArchiveWriter, read_members
 from itouch.session.arrays import load_bases, npy_header, pack_bases, record_from, write_record
 from itouch.session.durable import write_whole
-from itouch.session.errors import SessionError
+from itouch.session.errors import ADVICE, SessionError, check_ledger, plainly
 from itouch.session.manifest import FORMAT, constant_part, digest
 from itouch.world import Model
 
@@ -115,13 +115,14 @@ def read_snapshot(path: str | os.PathLike[str], catalog: Catalog) -> Snapshot:
     try:
         manifest, ledger = _document(members["manifest.json"]), _document(members["ledger.json"])
         check_format(name, manifest)
+        check_ledger(ledger)
         state = record_from(members["state.npy"])
         bases = _bases(name, manifest, members.get("bases.npy"))
         files = checked_files(name, manifest, {k[7:]: v for k, v in members.items() if k.startswith("assets/")})
     except SessionError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError, SyntaxError) as error:
-        raise SessionError(f"'{name}' is not a whole snapshot: {error}") from error
+        raise SessionError(f"'{name}' is not a whole snapshot: {plainly(error)}; {ADVICE}") from error
     _check_digest(name, "state", manifest, state.tobytes())
     if manifest.get("format") != "1.0":
         _check_digest(name, "scene", manifest, members["scene.xml"])

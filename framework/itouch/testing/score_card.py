@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Protocol
 from itouch.testing.checks import Finding
 
 _MARKS = {"passed": "ok  ", "failed": "FAIL", "left out": "-   "}
-_WIDTH, _NAME = 80, 21
+_WIDTH, _NAME = 80, 20
 #: From this number on, checks that were left out for the same reason are counted and not named.
 _MANY = 12
 
@@ -65,7 +65,7 @@ class Card:
             self._stream.write(_wrapped(f"{told}: {reason}", "  -     ") + "\n")
 
     def _line(self, finding: Finding) -> None:
-        head = f"  {_MARKS[finding.outcome]}  {finding.check.name:<{_NAME}}"
+        head = f"  {_MARKS[finding.outcome]}  {finding.check.name:<{_NAME}} "
         note = f" [{finding.note}]" if finding.note and finding.outcome != "failed" else ""
         self._stream.write(_wrapped(finding.check.title + note, head) + "\n")
         if finding.outcome == "failed":

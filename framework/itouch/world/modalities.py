@@ -12,6 +12,7 @@ from itouch.plugin import Carries, Modality, ParameterError, World, WorldDevice,
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import Operator, PluginPart, Probe
+from itouch.scene.elements.rates import CLOSE
 from itouch.schema import Place, Problem
 from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.fields import default_of, specs, xml_name
@@ -265,13 +266,13 @@ def _objects(scene: Scene, plugin: str) -> tuple[WorldObject, ...]:
 def _every(scene: Scene, part: PluginPart, rate: float, problems: list[Problem]) -> int:
     servo = scene.rates.servo
     every = round(servo / rate) if rate <= servo else 0
-    if every >= 1 and abs(every * rate - servo) < 1e-9 * servo:
+    if every >= 1 and abs(every * rate - servo) < CLOSE * servo:
         return every
     divisors = [servo / n for n in range(1, 1001)]
     best = min(divisors, key=lambda divisor: abs(divisor - rate))
-    sentence = f"the rate of '{part.name}', {rate:g} Hz, does not divide the servo rate of {servo:g} Hz"
+    sentence = f"the rate of '{part.name}', {rate:.9g} Hz, does not divide the servo rate of {servo:.9g} Hz"
     place = scene.places.of(scene.rates, part.name)
-    problems.append(Problem("rate", sentence, place, f"the nearest that does is {best:g} Hz"))
+    problems.append(Problem("rate", sentence, place, f"the nearest that does is {best:.9g} Hz"))
     return 1
 
 

@@ -115,5 +115,9 @@ def _check(scene: Scene, material: elements.Material, problems: list[Problem]) -
         for probe in scene.probes:
             if magnet.range > probe.near:
                 reach, near = (f"{length * 1e3:g} mm" for length in (magnet.range, probe.near))
-                sentence, advice = f"it reaches {reach}, probe '{probe.name}' looks {near} far", f"near = {reach}"
+                sentence = (
+                    f"the magnet of material '{material.name}' reaches {reach} far, and probe '{probe.name}' looks for "
+                    f"objects only up to {near}"
+                )
+                advice = f'write near="{reach}" in <probe name="{probe.name}">, or a range of {near} at most'
                 problems.append(Problem("out-of-range", sentence, scene.places.of(magnet, "range"), advice))

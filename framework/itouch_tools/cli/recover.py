@@ -24,11 +24,12 @@ def main(argv: Sequence[str]) -> int:
     )
     options = parser.parse_args(argv)
     from itouch.recording.recover import recover
+    from itouch.schema.terminal import number_of
 
     source = Path(options.recording)
     target = options.to or str(source.with_name(f"{source.stem}-recovered.mcap"))
     found = recover(str(source), target)
-    print(f"{target}: {found.seconds:.3f} s in {found.chunks} chunks")
+    print(f"{target}: {found.seconds:.3f} s in {number_of(found.chunks, 'chunk')}")
     for loss in found.losses:
         print(f"missing: {loss}")
     if not found.losses:

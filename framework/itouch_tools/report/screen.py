@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO
 from itouch.loop.fault_messages import outcome, what
 from itouch.loop.missing_plate import missed_plates
 from itouch.loop.skin_waits import vain_waits, waiting_now
-from itouch.schema.terminal import MANNER, colours, control, is_terminal, plain
+from itouch.schema.terminal import MANNER, colours, control, is_terminal, number_of, plain
 from itouch_tools.report import columns
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ class Screen:
             parts.append(f"tick p99 {times['p99']:.0f} us")
         if engine.clock.pace == "real":
             late = engine.times.lateness()["p99"] or 0.0
-            parts.append(f"late p99 {late:.0f} us, {engine.times.overruns} overruns")
+            parts.append(f"late p99 {late:.0f} us, {number_of(engine.times.overruns, 'overrun')}")
         return parts
 
     def _new_contacts(self) -> None:
@@ -207,10 +207,10 @@ def _closing(report: dict[str, Any]) -> str:
     if servo["tick_us"]["p99"] is not None:
         parts.append(f"tick p50 {servo['tick_us']['p50']:.0f} us, p99 {servo['tick_us']['p99']:.0f} us")
     if servo["overruns"] is not None:
-        parts.append(f"{servo['overruns']} overruns")
+        parts.append(number_of(servo["overruns"], "overrun"))
     if tracking["p99"] is not None:
         parts.append(f"table within {tracking['p99']:.2f} mm of its command (p99)")
-    parts.append(f"{len(report['faults'])} faults")
+    parts.append(number_of(len(report["faults"]), "fault"))
     return "; ".join(parts)
 
 

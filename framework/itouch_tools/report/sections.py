@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from itouch.schema.terminal import number_of
 from itouch_tools.report import columns
 from itouch_tools.report.collect import Findings
 from itouch_tools.report.columns import measured
@@ -63,7 +64,7 @@ def answer(findings: Findings) -> dict[str, str]:
     else:
         parts = ["nothing was touched"]
     said = [f"{name}: {value}" for name, value in findings.summary.items() if name == "greatest force felt"]
-    wrong = f"{len(findings.faults)} faults, listed below" if findings.faults else "no fault"
+    wrong = f"{number_of(len(findings.faults), 'fault')}, listed below" if findings.faults else "no fault"
     lost = ["not all of it was kept"] if findings.losses else []
     twins = [device.twin for device in findings.model.devices.values()] if findings.model is not None else []
     kind = ["all devices were simulated"] if twins and all(twins) else []

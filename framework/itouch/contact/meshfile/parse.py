@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,6 +23,8 @@ from itouch.contact.meshfile.polygons import fans
 from itouch.contact.meshfile.preflight import checked, pieces
 from itouch.contact.meshfile.source import MeshFile
 
+#: What Python says of a word that is no number.
+_NO_NUMBER = re.compile(r"(?:invalid literal for int\(\) with base 10|could not convert string to float): b?'([^']*)'")
 _LOADERS = {"stl": "load_stl", "ply": "load_ply", "off": "load_off", "obj": "load_obj"}
 
 
@@ -95,9 +98,23 @@ def _loaded(data: bytes, kind: str, shown: str) -> Iterator[tuple[NDArray[np.flo
     except MeshError:
         raise
     except Exception as error:  # on untrusted bytes a parser may raise anything
-        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        reason = _plainly(error)
         sentence = f"'{shown}' is not a valid {kind.upper()} file: {reason}"
         raise MeshError("mesh-damaged", sentence, "is it complete? export it again") from None
+
+
+def _plainly(error: Exception) -> str:
+    """Return what a parser's error means to people; what it says itself where that is not known."""
+    said = " ".join(str(error).split())[:120]
+    if isinstance(error, IndexError) or "out of bounds" in said:
+        return "a face names a corner that the file does not have, or a line is too short"
+    if found := _NO_NUMBER.search(said):
+        return f"'{found.group(1)}' stands where a number must be"
+    if "unmatched data" in said:
+        return "a word stands where a number must be"
+    if any(word in said for word in ("reshape", "broadcast", "inhomogeneous", "buffer size")):
+        return "it has more or fewer numbers than it says"
+    return said if said and isinstance(error, ValueError) else "what it holds contradicts itself"
 
 
 def _ply(loader: Any, data: bytes) -> dict[str, Any]:

@@ -211,22 +211,38 @@ def _obj(data: bytes, shown: str) -> bytes:
         raise _not("OBJ", shown, data)
     if not faces:
         raise MeshError("mesh-empty", f"'{shown}' holds no triangles", "points and lines can't be touched")
-    return _plain_obj(data)
+    return _plain_obj(data, shown)
 
 
-def _plain_obj(data: bytes) -> bytes:
+def _plain_obj(data: bytes, shown: str) -> bytes:
     """Keep only an OBJ's vertices and faces, cut into triangles with plain positive indices.
 
     Names, materials, textures and normals cannot be felt; and negative indices, which count back from their line, mean
     something else to a parser that reads all vertices first.
+
+    Raises
+    ------
+    MeshError
+        If a face names a corner that the file does not have.
     """
-    lines, count = [], 0
-    for raw in io.BytesIO(data.replace(b"\\\n", b" ")):
+    lines, count, last, at = [], 0, 0, 0
+    for number, raw in enumerate(io.BytesIO(data.replace(b"\\\n", b" ")), 1):
         line = raw.split(b"#", 1)[0].split()
         if line[:1] == [b"v"]:
             count += 1
             lines.append(b" ".join(line[:4]))
         elif line[:1] == [b"f"]:
-            corners = [int(word.split(b"/", 1)[0]) for word in line[1:]]
-            lines += [b"f " + three for three in _fan([b"%d" % (c if c > 0 else count + 1 + c) for c in corners])]
+            words = [word.split(b"/", 1)[0] for word in line[1:]]
+            wrong = next((word for word in words if not word.removeprefix(b"-").isdigit() or not int(word)), None)
+            if wrong is not None:
+                named = wrong[:20].decode(errors="replace")
+                raise _not("OBJ", shown, data, f"line {number}: a face names its corner '{named}', which is no number")
+            corners = [c if c > 0 else count + 1 + c for c in map(int, words)]
+            if corners and min(corners) < 1:
+                raise _not("OBJ", shown, data, f"line {number}: a face names a corner before the first one")
+            if corners and max(corners) > last:
+                last, at = max(corners), number
+            lines += [b"f " + three for three in _fan([b"%d" % corner for corner in corners])]
+    if last > count:
+        raise _not("OBJ", shown, data, f"line {at}: a face names corner {last}, and the file has {count}")
     return b"\n".join(lines)

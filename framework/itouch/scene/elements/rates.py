@@ -7,6 +7,9 @@ from typing import ClassVar
 
 from itouch.schema.fields import Spec, quantity
 
+#: How far a rate may be from one that divides the servo rate, as a share: people write six digits, as 333.333 Hz.
+CLOSE = 1e-5
+
 
 @dataclass(frozen=True, slots=True)
 class Rates:
