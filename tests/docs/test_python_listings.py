@@ -63,6 +63,7 @@ def test_the_lever_of_the_readme_is_a_device(tmp_path: Path, monkeypatch: pytest
     exec(compile(listing.text, listing.name, "exec", dont_inherit=True), names)
     board = Terminal(str(tmp_path / "port"))
     lever = names["Lever"](names["LeverParams"](path=str(tmp_path / "port")))
+    assert lever.timing.watchdog, "without a watchdog of its own the hardware would be refused (no-watchdog)"
     lever.open()
     reading = Record.of([Field("pose", "f8", 7)])
     lever.read(reading)

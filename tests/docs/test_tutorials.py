@@ -36,7 +36,9 @@ def test_the_world_is_right_but_does_not_move(folder: Path, capsys: pytest.Captu
 
 
 @pytest.mark.parametrize(("number", "plate", "warm"), [(2, False, False), (3, True, False), (4, True, True)])
-def test_each_step_feels_more(folder: Path, number: int, plate: bool, warm: bool) -> None:
+def test_each_step_feels_more(
+    folder: Path, number: int, plate: bool, warm: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main([str(step(number)), "--headless", "--report", "report.json"]) == 0
     (contact,) = json.loads(Path("report.json").read_text())["contacts"]
     assert contact["object"] == "block"
@@ -47,6 +49,9 @@ def test_each_step_feels_more(folder: Path, number: int, plate: bool, warm: bool
     if warm:
         assert 1000 < contact["mean_flux_W_m2"] < 1500
         assert contact["flux_error_rms"] < 0.05
+        page = "docs/tutorials/four-materials.md"
+        (row,) = [one.text.strip() for one in listings() if one.page == page and one.text.startswith("block   wood")]
+        assert row in capsys.readouterr().out
 
 
 def test_the_first_scene_changed_as_the_tutorial_says(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

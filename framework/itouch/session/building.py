@@ -19,13 +19,11 @@ from itouch.session.open import read_session
 from itouch.session.snapshot import Snapshot
 from itouch.world import Model, further
 
-Path = str | os.PathLike[str]
-
 
 def load_scene(
-    path: Path,
+    path: str | os.PathLike[str],
     *,
-    rig: Path | None = None,
+    rig: str | os.PathLike[str] | None = None,
     twin: str | None = None,
     catalog: Catalog | None = None,
     records: bool = True,
@@ -85,11 +83,11 @@ def choose_twins(scene: Scene, twin: str) -> Scene:
 
 
 def build(
-    scene: Path | Scene,
+    scene: str | os.PathLike[str] | Scene,
     *,
     seed: int = 0,
     twin: str | None = None,
-    rig: Path | None = None,
+    rig: str | os.PathLike[str] | None = None,
     clock: Clock | None = None,
     catalog: Catalog | None = None,
 ) -> Session:
@@ -98,11 +96,13 @@ def build(
     Parameters
     ----------
     scene
-        A scene, or the path of one.
+        A scene, or the path of its file.
     seed
         Seed of all noise; equal seeds give equal runs, byte for byte.
-    twin, rig
-        As in ``load_scene``.
+    twin
+        ``"all"``, ``"none"``, or the names of the devices to run as twins, separated by commas; default: the scene's.
+    rig
+        A file whose devices replace those of the scene.
     clock
         What paces the loop; default: the virtual clock, as fast as it computes.
     catalog
@@ -121,7 +121,9 @@ def build(
     return Session.of(description, catalog=plugins, seed=seed, clock=clock)
 
 
-def restore(path: Path, *, clock: Clock | None = None, catalog: Catalog | None = None, opens: bool = True) -> Session:
+def restore(
+    path: str | os.PathLike[str], *, clock: Clock | None = None, catalog: Catalog | None = None, opens: bool = True
+) -> Session:
     """Restore a session from a snapshot or its XML; on twins it goes on byte for byte, hardware starts OPEN.
 
     A device that moves when it is opened stays CLOSED until it is enabled, as does one that can't be opened; the
