@@ -27,8 +27,8 @@ from itouch.world import Model
 class Snapshot:
     """The content of a snapshot; ``state`` is one record, shape (1,).
 
-    ``edited``: the scene is not the one that was stored; only a document that people can edit may be so.  ``losses``: what
-    of its recording is missing.
+    ``edited``: the scene is not the one that was stored; only a document that people can edit may be so.  ``losses``:
+    what of its recording is missing.
     """
 
     scene: Scene
