@@ -114,6 +114,8 @@ class PlainStream:
 
     #: Called before anything is written, so that a moving line on the terminal makes room.
     before: Callable[[], None] | None = None
+    #: Called with each text after it was written, so that the line can come back.
+    after: Callable[[str], None] | None = None
 
     def __init__(self, inner: TextIO) -> None:
         self.inner = inner
@@ -126,6 +128,8 @@ class PlainStream:
         safe = plain(text)
         with self.reached():
             self.inner.write(coloured(safe) if self._colours else safe)
+        if PlainStream.after is not None:
+            PlainStream.after(text)
         return len(text)
 
     def flush(self) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from itouch.plugin.discovery import BENCHES, Found, find
 from itouch.schema.diagnostics import did_you_mean
+from itouch_tools.cli.progress import measured
 
 
 def main(argv: Sequence[str]) -> int:
@@ -22,7 +23,10 @@ def main(argv: Sequence[str]) -> int:
         advice = did_you_mean(argv[0], found, "benches are")
         print(f"error: there is no bench named '{argv[0]}'\n  = help: {advice}", file=sys.stderr)
         return 2
-    return int(found[argv[0]].load()(list(argv[1:])))
+    if {"-h", "--help"} & set(argv[1:]):
+        return int(found[argv[0]].load()(list(argv[1:])))
+    with measured(f"bench {argv[0]}"):  # and nothing in the bench: one style, and no work beside what it measures
+        return int(found[argv[0]].load()(list(argv[1:])))
 
 
 def _measures(entry: Found) -> str:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from itouch.schema import ItouchError
+from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import Parser
 from itouch_tools.cli.output_files import output_folder, session_file
 
@@ -81,9 +81,12 @@ def _sweep(words: list[str]) -> int:
     file = _load(options.sweep, catalog)
     if file is None:
         return 2
-    terminal = _Terminal()
-    swept = Client(file, Path(options.output), engine, catalog, terminal).sweep()
-    terminal.end()
+    with waiting("sweep") as wait:
+
+        def told(progress: Progress) -> None:
+            wait.part(progress.share, progress.line())
+
+        swept = Client(file, Path(options.output), engine, catalog, told).sweep()
     return _told(swept)
 
 
@@ -95,29 +98,6 @@ def _told(swept: Swept) -> int:
     if swept.ended_by:
         print(f"  ended before its end: {swept.ended_by}; the same command goes on")
     return 130 if swept.ended_by == "interrupted" else 0
-
-
-class _Terminal:
-    """Prints progress: on a terminal one line that is updated, else a line now and then."""
-
-    def __init__(self) -> None:
-        self._live, self._last, self._width = sys.stderr.isatty(), 0.0, 0
-
-    def __call__(self, progress: Progress) -> None:
-        now = time.monotonic()
-        if now - self._last < (0.5 if self._live else 10.0):
-            return
-        self._last, line = now, progress.line()
-        if self._live:
-            print(f"\r{line.ljust(self._width)}", end="", file=sys.stderr, flush=True)
-            self._width = len(line)
-        else:
-            print(line, file=sys.stderr, flush=True)
-
-    def end(self) -> None:
-        """End the line with a newline, if there is one."""
-        if self._live and self._width:
-            print(file=sys.stderr)
 
 
 def _load(path: str, catalog: Any) -> SweepFile | None:

@@ -67,6 +67,11 @@ class Progress:
         """Seconds since this client began."""
         return time.monotonic() - self.began
 
+    @property
+    def share(self) -> float:
+        """The share of the runs that is there, 0 to 1."""
+        return (self.before + self.done) / self.total if self.total else 1.0
+
     def ended_by(self) -> str:
         """Return why the sweep is to end now; empty: it goes on."""
         stop = self.stop

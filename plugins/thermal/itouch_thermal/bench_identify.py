@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from itouch.plugin import waiting
 
 if TYPE_CHECKING:
     from itouch_thermal.identify.coverage import Row
@@ -15,15 +17,14 @@ if TYPE_CHECKING:
 
 def main(argv: Sequence[str]) -> int:
     """Print coverage, error and Cramer-Rao bound of each value; 1 if intervals hold too little or too much."""
-    from itouch_thermal.identify.coverage import LEAST, MOST, campaign
+    from itouch_thermal.identify.coverage import LEAST, MOST
 
     options = _parser().parse_args(list(argv))
     if options.fingers < 1 or options.seed < 0:
         print("error: --fingers is 1 or more, --seed 0 or more", file=sys.stderr)
         return 2
     try:
-        rows = campaign(options.fingers, options.seed, options.sample, other=options.other,
-                        each=_progress(options.fingers))  # fmt: skip
+        rows = _rows(options)
         if options.json is not None:
             options.json.write_text(json.dumps(document(options, rows), indent=1) + "\n", encoding="utf-8")
     except ValueError as error:  # of a material's name
@@ -39,6 +40,16 @@ def main(argv: Sequence[str]) -> int:
     return 1 if missed else 0
 
 
+def _rows(options: argparse.Namespace) -> list[Row]:
+    from itouch_thermal.identify.coverage import campaign
+
+    with waiting("estimating") as wait:
+        return campaign(
+            options.fingers, options.seed, options.sample, other=options.other,
+            each=lambda done: wait.part(done / options.fingers, f"{done} of {options.fingers} fingers"),
+        )  # fmt: skip
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="itouch-py bench identify", description=main.__doc__)
     parser.add_argument(
@@ -50,17 +61,6 @@ def _parser() -> argparse.ArgumentParser:
                         help="data of a finite-difference model with Laplace's noise")  # fmt: skip
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows to this file too")
     return parser
-
-
-def _progress(fingers: int) -> Callable[[int], None] | None:
-    """Return a function that shows the progress on a terminal; None without a terminal."""
-    if not sys.stderr.isatty():
-        return None
-
-    def said(done: int) -> None:
-        print(f"\r{done} of {fingers} fingers", end="\n" if done == fingers else "", file=sys.stderr, flush=True)
-
-    return said
 
 
 def table(rows: Sequence[Row]) -> str:

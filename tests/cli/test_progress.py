@@ -1,0 +1,150 @@
+"""Waits on a terminal: what their line shows while work goes on, prints, measures or waits in turn, and what it took."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from program import program
+from shipped import SCENES
+from test_command_options import Terminal, lines_on_screen
+
+BEGIN = """
+import sys, time, threading
+from itouch.schema.terminal import escaped
+from itouch.schema.wait_notices import shown_by, waiting
+from itouch_tools.cli import progress
+from itouch_tools.cli.progress import measured, shown
+"""
+
+
+def on_terminal(folder: Path, code: str) -> list[tuple[float, str]]:
+    """Run a program on a terminal; return what it wrote and when [s]."""
+    told = folder / "wait.py"
+    told.write_text(BEGIN + code)
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen([sys.executable, str(told)], stdin=theirs, stdout=theirs, stderr=theirs)
+    os.close(theirs)
+    found = list[tuple[float, str]]()
+    while True:
+        try:
+            block = os.read(ours, 65536)
+        except OSError:
+            break
+        found.append((time.monotonic(), block.decode()))
+    os.close(ours)
+    assert process.wait(60) == 0, found
+    return found
+
+
+def lines(found: list[tuple[float, str]]) -> list[str]:
+    return list(lines_on_screen("".join(text for _, text in found)))
+
+
+def in_pipes(folder: Path) -> tuple[str, str]:
+    """Run the same program with pipes; return what it wrote to both."""
+    done = subprocess.run([sys.executable, str(folder / "wait.py")], capture_output=True, text=True, check=True)
+    return done.stdout, done.stderr
+
+
+def test_a_bar_goes_when_nobody_knows_any_more_how_far_it_is(tmp_path: Path) -> None:
+    found = on_terminal(tmp_path, """
+with shown("reading") as wait:
+    time.sleep(1.3); wait.part(0.7); time.sleep(1.2)
+    wait.part(None, "drawing the page"); time.sleep(1.2)
+    wait.part(0.9); time.sleep(1.2)
+""")  # fmt: skip
+    seen = lines(found)
+    assert any("reading" in line and "70%" in line for line in seen), seen
+    drawing = [line for line in seen if "drawing the page" in line and "90%" not in line]
+    assert drawing and not any("%" in line or "━" in line for line in drawing), drawing
+    assert any("90%" in line for line in seen)
+
+
+def test_words_have_the_room_of_a_bar_that_would_cut_them(tmp_path: Path) -> None:
+    words = "1234 of 99999 runs, 12.34 a second, 12.3 h left"
+    found = on_terminal(tmp_path, f"""
+with shown("sweep") as wait:
+    wait.part(0.3, "{words}"); time.sleep(2.0)
+    wait.part(0.3, "few"); time.sleep(1.0)
+""")  # fmt: skip
+    seen = lines(found)
+    assert any(f"sweep: {words}" in line and "30%" in line and "━" not in line for line in seen), seen
+    assert any("sweep: few" in line and "━" in line for line in seen)
+    assert all(len(line) <= 80 for line in seen)
+
+
+def test_a_wait_inside_another_is_told_in_its_line(tmp_path: Path) -> None:
+    found = on_terminal(tmp_path, """
+with shown_by(shown), waiting("outer") as wait:
+    wait.part(None, "first"); time.sleep(1.3)
+    with waiting("inner") as inside:
+        inside.part(0.25, "a quarter"); time.sleep(1.2)
+    time.sleep(1.2)
+""")  # fmt: skip
+    seen = lines(found)
+    assert any("outer: inner: a quarter" in line and "25%" in line for line in seen), seen
+    assert "outer: first" in seen[-2] and "%" not in seen[-2], seen
+    assert re.fullmatch(r"outer: \d+\.\d s", seen[-1])
+
+
+def test_nothing_is_done_beside_work_that_measures(tmp_path: Path) -> None:
+    """Its line stands before the work begins, comes back below what it prints, and is never drawn by anybody else."""
+    found = on_terminal(tmp_path, """
+with escaped(), measured("bench x") as wait:
+    assert threading.active_count() == 1
+    time.sleep(2.0)
+    print("a row"); print("half", end="", flush=True); time.sleep(0.5); print(" and half")
+    time.sleep(1.5)
+    print("note", file=sys.stderr)
+    wait.part(0.5, "half of it"); time.sleep(0.3); wait.part(0.75, "more")
+""")  # fmt: skip
+    times = [when for when, text in found if text.strip()]
+    gaps = sorted((after - before for before, after in zip(times, times[1:], strict=False)), reverse=True)
+    assert gaps[0] > 1.6 and gaps[1] > 1.1, gaps  # silence while it works
+    seen = lines(found)
+    assert re.fullmatch(r"bench x, since \d\d:\d\d:\d\d", seen[0])
+    assert seen.count(seen[0]) >= 3 and "a row" in seen and "half and half" in seen and "note" in seen
+    assert seen[seen.index("half and half") + 1] == seen[0]
+    assert any("more" in line and "75%" in line for line in seen)
+    assert re.fullmatch(r"bench x: \d+\.\d s", seen[-1])
+    assert in_pipes(tmp_path) == ("a row\nhalf and half\n", "note\n")
+
+
+def test_a_bench_says_at_once_that_it_measures_and_at_its_end_what_it_took() -> None:
+    words = ("bench", "identify", "--fingers", "3", "--sample", "wood")
+    terminal = Terminal(*words)
+    assert terminal.end() in (0, 1), terminal.text
+    seen = list(lines_on_screen(terminal.text))
+    assert re.fullmatch(r"bench identify, since [\d:]{8}", seen[0]), seen
+    assert any("estimating: 1 of 3 fingers" in line and "33%" in line for line in seen)
+    rows = [line for line in seen if line.startswith(("value ", "lag ", "3 fingers"))]
+    assert len(rows) == 3 and (seen[-1] == seen[0] or re.fullmatch(r"bench identify: \d+\.\d s", seen[-1]))
+    plain = program(*words)
+    assert plain.stderr == "" and [line for line in plain.stdout.splitlines() if line in rows] == rows
+
+
+def test_help_of_a_bench_is_nothing_but_help() -> None:
+    terminal = Terminal("bench", "identify", "--help")
+    assert terminal.end() == 0 and "since" not in terminal.text and "--fingers" in terminal.text
+
+
+def test_a_sweep_says_nothing_in_a_pipe_and_how_far_it_is_on_a_terminal(tmp_path: Path) -> None:
+    sweep = tmp_path / "s.xml"
+    (tmp_path / "touch.xml").write_text((SCENES / "first_touch.xml").read_text(encoding="utf-8"), encoding="utf-8")
+    sweep.write_text(
+        '<sweep version="1.0" name="small" scene="touch.xml" seed="1"><seeds count="4"/>'
+        '<collect><field name="f" of="finger.force" reduce="max"/></collect></sweep>'
+    )
+    terminal = Terminal("sweep", str(sweep), "-o", str(tmp_path / "a"), "--workers", "1")
+    assert terminal.end() == 0, terminal.text
+    seen = list(lines_on_screen(terminal.text))
+    assert any(re.search(r"sweep: \d of 4 runs, .* a second", line) for line in seen), seen
+    assert re.fullmatch(r"sweep: \d+\.\d s", seen[-2]) and seen[-1].startswith("4 of 4 runs")
+    plain = program("sweep", str(sweep), "-o", str(tmp_path / "b"), "--workers", "1")
+    assert (plain.returncode, plain.stderr) == (0, "") and plain.stdout.startswith("4 of 4 runs")
