@@ -8,11 +8,20 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import pytest
 from program import program
 from shipped import SCENES
 from test_command_options import Terminal, lines_on_screen
+
+import itouch
+import itouch_tools.cli.replay
+from itouch.schema.wait_notices import shown_by
+from itouch.servo import compile_ahead, prepare
 
 BEGIN = """
 import sys, time, threading
@@ -50,6 +59,34 @@ def in_pipes(folder: Path) -> tuple[str, str]:
     """Run the same program with pipes; return what it wrote to both."""
     done = subprocess.run([sys.executable, str(folder / "wait.py")], capture_output=True, text=True, check=True)
     return done.stdout, done.stderr
+
+
+@contextmanager
+def listening(events: list[Any]) -> Iterator[None]:
+    """Note waits in place of showing them: their begin, what they report, their end."""
+
+    class Noted:
+        def part(self, done: float | None, words: str = "") -> None:
+            events.append((done, words))
+
+    @contextmanager
+    def shower(what: str) -> Iterator[Noted]:
+        events.append(what)
+        yield Noted()
+        events.append("end")
+
+    with shown_by(shower):
+        yield
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("progress") / "r.mcap"
+    session = itouch.build(SCENES / "first_touch.xml")
+    session.record(path)
+    session.run(1.2)
+    session.close()
+    return path
 
 
 def test_a_bar_goes_when_nobody_knows_any_more_how_far_it_is(tmp_path: Path) -> None:
@@ -132,6 +169,38 @@ def test_a_bench_says_at_once_that_it_measures_and_at_its_end_what_it_took() -> 
 def test_help_of_a_bench_is_nothing_but_help() -> None:
     terminal = Terminal("bench", "identify", "--help")
     assert terminal.end() == 0 and "since" not in terminal.text and "--fingers" in terminal.text
+
+
+def test_a_replay_is_told_from_the_reading_of_the_file_to_its_end(
+    recorded: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nearly all of a replay's first start is compiling, when its session is built."""
+    events: list[Any] = []
+    built, read = prepare.prepare_replay, itouch.recording.read
+    monkeypatch.setattr(prepare, "prepare_replay", lambda recording: (events.append("built"), built(recording))[1])
+    monkeypatch.setattr(itouch.recording, "read", lambda path: (events.append("read"), read(path))[1])
+    with listening(events):
+        assert itouch_tools.cli.replay.main([str(recorded)]) == 0
+    assert events[:3] == [f"replaying {recorded}", "read", "built"] and events[-1] == "end"
+    shares = [share for share, _ in events[3:-1] if share is not None]
+    assert shares == sorted(shares) and len(shares) >= 2
+
+
+def test_kernels_of_a_replay_are_compiled_on_several_processors(
+    recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those who help build the same engine: from a recording and a session, too, and not only from a scene."""
+    helped: list[list[str]] = []
+    monkeypatch.setattr(prepare._Companion, "__init__", lambda self, words: helped.append(words))
+    monkeypatch.setattr(prepare._Companion, "__enter__", lambda self: self)
+    monkeypatch.setattr(prepare._Companion, "__exit__", lambda self, *_: None)
+    prepare.prepare_replay(itouch.read(recorded))
+    assert helped == [[str(recorded)]]
+    saved = tmp_path / "s.itouch"
+    itouch.build(SCENES / "first_touch.xml").save(saved)
+    monkeypatch.setattr(compile_ahead, "end_with", lambda parent: None)
+    for file in (recorded, saved):
+        assert compile_ahead.main([str(file), "--parent", "1"]) == 0
 
 
 def test_a_sweep_says_nothing_in_a_pipe_and_how_far_it_is_on_a_terminal(tmp_path: Path) -> None:

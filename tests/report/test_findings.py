@@ -192,7 +192,7 @@ def test_the_last_line_of_a_run_says_what_is_known_of_it() -> None:
     report["servo"] = {"tick_us": {"p50": 20.4, "p99": 31.6}, "overruns": 1}
     report["table"] = {"tracking_mm": {"p99": 0.256}}
     assert _closing(report) == (
-        "3.000 s simulated in 1.5 s (2.0 x real time); tick p50 20 us, p99 32 us; 1 overruns; "
+        "3.000 s simulated in 1.5 s (2.0 x real time); tick p50 20 us, p99 32 us; 1 overrun; "
         "table within 0.26 mm of its command (p99); 2 faults"
     )
 

@@ -1,4 +1,7 @@
-"""``python -m itouch.servo.compile_ahead SCENE``: compile the kernels that a first start needs, the last ones first."""
+"""``python -m itouch.servo.compile_ahead FILE``: compile the kernels that a first start needs, the last ones first.
+
+The file is a scene, a session or a recording.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from itouch.servo.parent_process import end_with
 
 
 def main(argv: Sequence[str]) -> int:
-    """Build the scene's engine without running any of it, and compile its steps; hardware is not opened.
+    """Build the engine without running any of it, and compile its steps; hardware is not opened.
 
     Modalities without compiled calls are left out, and never called: their work in Python would be in vain here.
     """
@@ -31,19 +34,29 @@ def main(argv: Sequence[str]) -> int:
     from itouch.joining import listing
     from itouch.loop import Engine
     from itouch.plugin import Modality
+    from itouch.plugin.bases import Bases, keeping
     from itouch.plugin.discovery import Catalog
-    from itouch.session import load_scene
+    from itouch.session import is_session, load_scene
+    from itouch.session.open import read_session
     from itouch.world import Model
 
     compile_together(options.together)
     catalog = Catalog()
-    scene = load_scene(options.scene, rig=options.rig, twin=options.twin, catalog=catalog)
+    bases = Bases()
+    if is_session(options.scene):
+        snapshot = read_session(options.scene, catalog)
+        scene, bases = snapshot.scene, Bases(snapshot.bases)
+    else:
+        scene = load_scene(options.scene, rig=options.rig, twin=options.twin, catalog=catalog)
     classes = {part.name: catalog.modality(part.plugin, part.local) for part in scene.modalities}
     joins = {name for name, cls in classes.items() if cls and cls.bound_update is not Modality.bound_update}
     modalities = tuple(part for part in scene.modalities if part.name in joins)
     rates = replace(scene.rates, modalities=tuple(each for each in scene.rates.modalities if each[0] in joins))
     with listing() as compile_listed:
-        with contextlib.suppress(Exception):  # as nothing is run, some code may miss the result of what should have run
+        with (
+            keeping(bases),
+            contextlib.suppress(Exception),
+        ):  # as nothing is run, some code may miss the result of what should have run
             Engine(Model.of(replace(scene, modalities=modalities, rates=rates), catalog))
         compile_listed(options.part)
     return 0

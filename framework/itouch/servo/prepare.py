@@ -17,7 +17,10 @@ from itouch import shipped
 from itouch.schema.terminal import MANNER
 
 if TYPE_CHECKING:
+    from itouch.plugin.discovery import Catalog
+    from itouch.recording import Recording
     from itouch.session import Session
+    from itouch.session.replay import Replay
 
 #: After what time [s] a start that had to compile a kernel is helped, and how often [s] that is checked.
 _PATIENCE, _LOOK = 1.6, 0.3
@@ -106,6 +109,20 @@ def prepare(scene: str, *, seed: int, twin: str | None, rig: str | None, opens: 
             return restore(scene, opens=opens)
         catalog = Catalog()
         return Session.of(load_scene(scene, rig=rig, twin=twin, catalog=catalog), catalog=catalog, seed=seed)
+
+
+def prepare_replay(recording: Recording, *, catalog: Catalog | None = None, compares: bool = True) -> Replay:
+    """Build a replay of a recording, with ``catalog`` and ``compares`` as in ``Replay``.
+
+    Raises
+    ------
+    RecordingError, SessionError
+        If the recording does not hold its session, or that can't be built here.
+    """
+    from itouch.session.replay import Replay
+
+    with _Companion([recording.path]):
+        return Replay(recording, catalog=catalog, compares=compares)
 
 
 def prepare_text(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from itouch.schema import ItouchError
 from itouch.schema.terminal import note
-from itouch.schema.wait_notices import waiting
+from itouch.schema.wait_notices import Wait, waiting
 from itouch_tools.cli import pictures, sounds
 from itouch_tools.cli.arguments import Parser
 
@@ -31,16 +31,11 @@ def main(argv: Sequence[str]) -> int:
     pictures.add_options(parser)
     sounds.add_options(parser)
     options = parser.parse_args(argv)
-    from itouch.recording import read
-
     if options.view and (options.screenshot or options.film or options.wav):
         raise ItouchError("--view opens a window; --screenshot, --film and --wav need none: choose one")
     if options.view:
         _need_display()
-    recording = read(options.recording)
-    for loss in recording.losses:
-        note(loss)
-    return _view(recording) if options.view else _compare(recording, options)
+    return _view(options.recording) if options.view else _compare(options)
 
 
 def _need_display() -> None:
@@ -50,20 +45,34 @@ def _need_display() -> None:
         raise ItouchError("there is no display for --view; --screenshot FILE.png and --film FILE.mp4 need none")
 
 
-def _view(recording: Recording) -> int:
+def _read(path: str) -> Recording:
+    """Read a recording, and say what of it is lost."""
+    from itouch.recording import read
+
+    recording = read(path)
+    for loss in recording.losses:
+        note(loss)
+    return recording
+
+
+def _view(path: str) -> int:
     """Play a recording in a window until the window is closed."""
     from itouch_tools.viewer.offscreen import open_player
     from itouch_tools.viewer.playback import Playback
     from itouch_tools.viewer.recording_seek import SeekableRecording
 
-    open_player(Playback(SeekableRecording(recording)), time.perf_counter).show()
+    with waiting(f"reading {path}"):
+        playback = Playback(SeekableRecording(_read(path)))
+    open_player(playback, time.perf_counter).show()
     return 0
 
 
-def _compare(recording: Recording, options: argparse.Namespace) -> int:
-    begin = time.perf_counter()
-    outcome = _replay(recording, options)
-    spent = time.perf_counter() - begin
+def _compare(options: argparse.Namespace) -> int:
+    with waiting(f"replaying {options.recording}") as wait:
+        recording = _read(options.recording)
+        begin = time.perf_counter()
+        outcome = _replay(recording, options, wait)
+        spent = time.perf_counter() - begin
     if outcome.skipped:
         note(f"{outcome.skipped} ticks after gaps could not be replayed")
     seconds = outcome.ticks * recording.period
@@ -77,15 +86,16 @@ def _compare(recording: Recording, options: argparse.Namespace) -> int:
     return 1 if outcome.mismatches or not outcome.ticks else 0
 
 
-def _replay(recording: Recording, options: argparse.Namespace) -> Outcome:
+def _replay(recording: Recording, options: argparse.Namespace, wait: Wait) -> Outcome:
     """Replay a recording, and take the pictures and the sound that are asked for."""
-    from itouch.session.replay import Replay
+    from itouch.servo.prepare import prepare_replay
 
-    work = Replay(recording)
-    session, what = work.session, f"replaying {recording.path}"
+    work = prepare_replay(recording)
+    session = work.session
     end = (int(recording.ticks[-1]) + 1) * recording.period if len(recording.ticks) else None
-    with pictures.taking(session, options, end=end), sounds.keeping(session, options), waiting(what) as wait:
+    with pictures.taking(session, options, end=end), sounds.keeping(session, options):
         while work.step():
             if work.feed.at % _TOLD == 0:
                 wait.part(work.feed.at / len(work.feed.ticks))
+        wait.part(None)
     return work.outcome()

@@ -72,10 +72,10 @@ def collect(path: str | os.PathLike[str], *, progress: Progress | None = None) -
 
 def _recording(path: str, progress: Progress | None) -> Findings:
     from itouch.recording import read
-    from itouch.session.replay import Replay
+    from itouch.servo.prepare import prepare_replay
 
     recording = read(path)
-    work = Replay(recording)
+    work = prepare_replay(recording)
     ticks = len(recording.ticks)
     sampler = Sampler(work.session.model, ticks)
     shown = _Shown(work.session.model)

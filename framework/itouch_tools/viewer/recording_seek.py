@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
 from itouch.recording import Recording, RecordingError
-from itouch.session.replay import Place, Replay
+from itouch.servo.prepare import prepare_replay
+from itouch.session.replay import Place
 from itouch_tools.viewer.recorded_curves import RecordedCurves
 from itouch_tools.viewer.signals import WINDOW
 
@@ -60,7 +61,7 @@ class SeekableRecording:
         self.ticks = recording.ticks
         if not len(self.ticks):
             raise RecordingError(f"'{recording.path}' holds no tick that could be shown")
-        self._replay = Replay(recording, catalog=catalog, compares=False)
+        self._replay = prepare_replay(recording, catalog=catalog, compares=False)
         self.session = self._replay.session
         self.model = self.session.model
         self.curves = RecordedCurves(self.model, self.ticks)
