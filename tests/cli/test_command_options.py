@@ -201,9 +201,10 @@ def test_only_a_start_that_compiles_says_so(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(prepare, "_PATIENCE", 0.05)
     monkeypatch.setattr(prepare, "_LOOK", 0.05)
     monkeypatch.setattr(prepare._Companion, "_start", lambda self: said.append("compiling"))
-    for missed, expected in ((0, []), (2, ["compiling"])):
-        monkeypatch.setattr(KernelCache, "missed", missed)
+    for before, missed, expected in ((0, 0, []), (3, 3, []), (3, 5, ["compiling"])):
+        monkeypatch.setattr(KernelCache, "missed", before)
         with prepare._Companion(["x.xml"]):
+            monkeypatch.setattr(KernelCache, "missed", missed)
             time.sleep(0.4)
         assert said == expected
 

@@ -39,14 +39,14 @@ class _Companion:
         self._processes: list[subprocess.Popen[bytes]] = []
         self._folder: Path | None = None
         self._over = threading.Event()
+        self._before = _compiled()  # a process may have built sessions before this one
         self._watch = threading.Thread(target=self._look, name="itouch-companion", daemon=True)
 
     def _look(self) -> None:
         """Start the processes once compiling takes long; one that only loads gets no help, however long it takes."""
         wait = _PATIENCE
         while not self._over.wait(wait):
-            compiling = sys.modules.get("itouch.compiling")
-            if compiling is not None and compiling.KernelCache.missed:
+            if _compiled() > self._before:
                 self._start()
                 return
             wait = _LOOK
@@ -85,6 +85,12 @@ class _Companion:
         if self._folder is not None:
             sys.modules["itouch.compiling"].compile_together(None)
             shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _compiled() -> int:
+    """Return how many kernels this process has had to compile so far."""
+    compiling = sys.modules.get("itouch.compiling")
+    return compiling.KernelCache.missed if compiling is not None else 0
 
 
 def _processors() -> int:
