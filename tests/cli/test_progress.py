@@ -13,13 +13,18 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from program import program
 from shipped import SCENES
 from test_command_options import Terminal, lines_on_screen
 
 import itouch
+import itouch_tools.cli.check
+import itouch_tools.cli.inspect
+import itouch_tools.cli.recover
 import itouch_tools.cli.replay
+import itouch_tools.cli.study
 from itouch.schema.wait_notices import shown_by
 from itouch.servo import compile_ahead, prepare
 
@@ -169,6 +174,49 @@ def test_a_bench_says_at_once_that_it_measures_and_at_its_end_what_it_took() -> 
 def test_help_of_a_bench_is_nothing_but_help() -> None:
     terminal = Terminal("bench", "identify", "--help")
     assert terminal.end() == 0 and "since" not in terminal.text and "--fingers" in terminal.text
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("inspect", str(SCENES / "first_touch.xml"), "--plan"), "measuring "),
+        (("doctor", "--rates", str(SCENES / "first_touch.xml"), "--measure", "0.3s"), "doctor, since "),
+    ],
+)
+def test_other_commands_that_measure_say_so_at_once(words: tuple[str, ...], said: str) -> None:
+    terminal = Terminal(*words)
+    assert terminal.end() == 0, terminal.text
+    assert next(lines_on_screen(terminal.text)).startswith(said), terminal.text
+
+
+def test_other_commands_that_take_long_say_what_they_do(
+    recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenes = [str(SCENES / "first_touch.xml"), str(SCENES / "two_fingers.xml")]
+    events: list[Any] = []
+    with listening(events):
+        assert itouch_tools.cli.check.main(scenes) == 0
+        assert itouch_tools.cli.inspect.main([scenes[0]]) == 0
+        assert itouch_tools.cli.recover.main([str(recorded), "-o", str(tmp_path / "again.mcap")]) == 0
+    assert events == [
+        "checking 2 scenes", (0.0, scenes[0]), (0.5, scenes[1]), "end", f"reading {scenes[0]}", "end",
+        f"recovering {recorded}", "end",
+    ]  # fmt: skip
+
+
+def test_the_trials_of_an_audit_are_told_as_waits_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def observed(file: Any, catalog: Any, trials: int, *, seed: int, told: Any) -> tuple[list[str], Any]:
+        for count in range(1, trials + 1):
+            told(count)
+        return ["a", "b"] * (trials // 2), np.zeros((trials, 9))
+
+    monkeypatch.setattr("itouch_tools.study.audit.observe", observed)
+    events: list[Any] = []
+    with listening(events):
+        study = str(SCENES / "studies" / "real_and_rendered.xml")
+        itouch_tools.cli.study.main(["audit", study, "--trials", "100"])
+    assert events[:3] == ["auditing", (0.01, "1 of 100 trials"), (0.02, "2 of 100 trials")]
+    assert events[100:] == [(1.0, "100 of 100 trials"), (None, "guessing the conditions"), "end"]
 
 
 def test_a_replay_is_told_from_the_reading_of_the_file_to_its_end(

@@ -154,6 +154,14 @@ def crossed(folder: Path) -> StudyFile:
     return load_study(path, CATALOG)
 
 
+def test_the_touches_of_a_power_analysis_are_told_as_they_are_made(tmp_path: Path) -> None:
+    file, told = crossed(tmp_path), list[tuple[float, str]]()
+    library(file, lambda kelvin: Hands(kelvin, 1.0), told=lambda share, words: told.append((share, words)))
+    many = len(file.conditions())
+    assert [share for share, _ in told] == pytest.approx(np.arange(1, 3 * many + 1) / (3 * many))
+    assert told[many][1] == f"condition 1 of {many} with finger 2 of 3"
+
+
 def test_power_grows_with_the_panel_and_falls_with_the_difference(tmp_path: Path) -> None:
     file = crossed(tmp_path)
     found = {}

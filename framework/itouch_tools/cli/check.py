@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.schema import ItouchError
 from itouch.schema.terminal import MANNER, did
+from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import Parser, add_json, as_json
 from itouch_tools.cli.output_files import output_file
 
@@ -42,7 +43,12 @@ def main(argv: Sequence[str]) -> int:
         for path in options.scenes:
             found = fixed(path, lambda one: examined(one, options.rig, options.twin)[1])
             show_and_write(path, found, write=options.fix)
-    results = {path: examined(path, options.rig, options.twin) for path in options.scenes}
+    results, many = {}, len(options.scenes)
+    with waiting(f"checking {options.scenes[0]}" if many == 1 else f"checking {many} scenes") as wait:
+        for number, path in enumerate(options.scenes):
+            if many > 1:
+                wait.part(number / many, path)
+            results[path] = examined(path, options.rig, options.twin)
     bad = {path: _bad(*found, strict=options.strict) for path, found in results.items()}
     if options.sarif or options.json or options.output:
         _write(options, results, bad)

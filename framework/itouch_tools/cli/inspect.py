@@ -8,9 +8,11 @@ from typing import Any
 
 from itouch.schema import ItouchError
 from itouch.schema.files import stored_kind
+from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import Parser, add_json
 from itouch_tools.cli.output_files import picture_file
 from itouch_tools.cli.plan import plan_facts, plan_text
+from itouch_tools.cli.progress import measured
 
 Facts = dict[str, Any]
 
@@ -24,8 +26,10 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--plan", action="store_true", help="the steps of a tick of a scene, and what they cost here")
     options = parser.parse_args(argv)
     if options.picture:
-        _draw(options.file, options.picture)
-    facts = _plan(options.file) if options.plan else _facts(options.file)
+        with waiting(f"drawing {options.file}"):
+            _draw(options.file, options.picture)
+    with measured(f"measuring {options.file}") if options.plan else waiting(f"reading {options.file}"):
+        facts = _plan(options.file) if options.plan else _facts(options.file)
     if options.json:
         print(json.dumps(facts, indent=1))
     else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import Parser
 from itouch_tools.cli.output_files import recording_file
 
@@ -28,7 +29,8 @@ def main(argv: Sequence[str]) -> int:
 
     source = Path(options.recording)
     target = options.to or str(source.with_name(f"{source.stem}-recovered.mcap"))
-    found = recover(str(source), target)
+    with waiting(f"recovering {source}"):
+        found = recover(str(source), target)
     print(f"{target}: {found.seconds:.3f} s in {number_of(found.chunks, 'chunk')}")
     for loss in found.losses:
         print(f"missing: {loss}")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from itouch.schema.terminal import did, number_of
+from itouch.schema.wait_notices import waiting
 from itouch_tools.cli import study_analyses, study_run, study_serve
 from itouch_tools.cli.arguments import parser_of
 from itouch_tools.cli.output_files import Output, output_folder
@@ -272,10 +273,12 @@ def _simulate(options: argparse.Namespace) -> int:
         return file
     panel = Panel(options.observers, options.model, skin=not options.same_skin)
     try:
-        for done, made in enumerate(
-            simulate(options.study, Path(options.output), panel, processes=options.processes), 1
-        ):
-            print(f"{made} ({done} of {options.observers})", flush=True)
+        with waiting("simulating") as wait:
+            for done, made in enumerate(
+                simulate(options.study, Path(options.output), panel, processes=options.processes), 1
+            ):
+                print(f"{made} ({done} of {options.observers})", flush=True)
+                wait.part(done / options.observers, f"{done} of {options.observers} observers")
     except SessionError as error:
         print(f"{error}", file=sys.stderr)
         return 1
@@ -300,7 +303,8 @@ def _report(options: argparse.Namespace) -> int:
         with Store.open(folder) as store:
             check_same_study(file, store)
             rows, frozen, deviations = store.rows(), store.frozen() or {}, store.deviations()
-        result = analyse(file, rows)
+        with waiting(f"analysing {folder}"):
+            result = analyse(file, rows)
         provenance = {str(key): str(value) for key, value in frozen.items()}
         provenance |= {f"deviation {at}": what for at, what in deviations}
         target.write_text(page(result, provenance), encoding="utf-8")

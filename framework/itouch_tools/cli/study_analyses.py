@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.output_files import Output, output_file, output_folder
 
 if TYPE_CHECKING:
@@ -72,11 +73,13 @@ def power(file: StudyFile, options: argparse.Namespace) -> int:
         print("--studies is 1 or more", file=sys.stderr)
         return 2
     observer_of(options.model)
-    felt = library(file, toucher(file, Catalog()), told=lambda words: print(words, file=sys.stderr, flush=True))
-    found = powers(
-        file, felt, options.panel, model=options.model, repetitions=options.repetitions, studies=options.studies,
-        seed=options.seed,
-    )  # fmt: skip
+    with waiting("touching") as wait:
+        felt = library(file, toucher(file, Catalog()), told=wait.part)
+        wait.part(None, "drawing panels")
+        found = powers(
+            file, felt, options.panel, model=options.model, repetitions=options.repetitions, studies=options.studies,
+            seed=options.seed,
+        )  # fmt: skip
     print("panel  repetitions  right  95 % interval  power of equivalence (margin 10 %)")
     for one in found:
         equal = ", ".join(f"{name}: {100.0 * value:.0f} %" for name, value in one.equivalence.items()) or "-"
@@ -97,12 +100,14 @@ def audit(file: StudyFile, options: argparse.Namespace) -> int:
         return 2
     tried = without_blind(file) if options.without else file
 
-    def told(count: int) -> None:
-        if not count % 50:
-            print(f"{count} trials", file=sys.stderr, flush=True)
+    with waiting("auditing") as wait:
 
-    labels, table = observe(tried, Catalog(), options.trials, seed=options.seed, told=told)
-    guesses = judged(labels, table, seed=options.seed)
+        def told(count: int) -> None:
+            wait.part(count / options.trials, f"{count} of {options.trials} trials")
+
+        labels, table = observe(tried, Catalog(), options.trials, seed=options.seed, told=told)
+        wait.part(None, "guessing the conditions")
+        guesses = judged(labels, table, seed=options.seed)
     for one in guesses:
         words = "blind" if one.blind else "LEAKS" if one.leaks else "not shown to be blind"
         print(
@@ -120,14 +125,15 @@ def coverage(options: argparse.Namespace) -> int:
         print("--studies is 10 or more, --null 40 or more", file=sys.stderr)
         return 2
     broken = 0
-    for one in campaign(options.studies, options.null):
-        low, high = one.promised
-        broken += not one.kept
-        print(
-            f"{one.what}, {one.participants} participants, {one.studies} studies: {100.0 * one.share:.1f} % "
-            f"[{100.0 * one.low:.1f}, {100.0 * one.high:.1f}], promised {100.0 * low:.0f} to {100.0 * high:.0f} %"
-            f"{'' if one.kept else '  NOT KEPT'}", flush=True,
-        )  # fmt: skip
+    with waiting("checking the statistics"):
+        for one in campaign(options.studies, options.null):
+            low, high = one.promised
+            broken += not one.kept
+            print(
+                f"{one.what}, {one.participants} participants, {one.studies} studies: {100.0 * one.share:.1f} % "
+                f"[{100.0 * one.low:.1f}, {100.0 * one.high:.1f}], promised {100.0 * low:.0f} to {100.0 * high:.0f} %"
+                f"{'' if one.kept else '  NOT KEPT'}", flush=True,
+            )  # fmt: skip
     return 1 if broken else 0
 
 

@@ -129,7 +129,8 @@ def _check(words: list[str]) -> int:
     file = _load(options.sweep, catalog)
     if file is None:
         return 2
-    found = estimate(file, catalog, max(1, options.pilots))
+    with waiting("running pilots"):
+        found = estimate(file, catalog, max(1, options.pilots))
     if found.problems:
         print(render(found.problems), file=sys.stderr)
     count = options.cores or cores()
@@ -168,7 +169,8 @@ def _replay(words: list[str]) -> int:
         print(f"wrote {options.save}")
         return 0
     if options.headless:
-        found = replay(folder, options.row)
+        with waiting(f"running {options.row} again"):
+            found = replay(folder, options.row)
         print(f"{found.row['digest'][:12]}: {found.again['status']}, {found.again['simulated_s'] or 0.0:g} s simulated")
         for line in found.differs:
             print(f"  differs: {line}")
@@ -202,7 +204,8 @@ def _page(words: list[str]) -> int:
     )
     options = parser.parse_args(words)
     try:
-        written = write_page(options.kind, Path(options.folder), Path(options.output or options.folder))
+        with waiting("writing the page"):
+            written = write_page(options.kind, Path(options.folder), Path(options.output or options.folder))
     except OSError as error:
         raise ItouchError(f"cannot write '{error.filename}': {error.strerror}") from error
     print(written.read_text(encoding="utf-8"))

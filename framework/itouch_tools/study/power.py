@@ -62,20 +62,23 @@ class Power:
 
 
 def library(
-    file: StudyFile, made: Callable[[float], Touches], *, told: Callable[[str], None] = lambda words: None
+    file: StudyFile, made: Callable[[float], Touches], *, told: Callable[[float, str], None] = lambda done, words: None
 ) -> list[dict[str, list[Felt]]]:  # fmt: skip
     """Return what is felt: for each of `FINGERS` the touches of each condition, by the condition's repr.
 
-    ``made`` returns what makes touches with a finger of a temperature [K]; ``told`` is told the progress.
+    ``made`` returns what makes touches with a finger of a temperature [K]; ``told`` is told the progress: the
+    share that is done, 0 to 1, and words.
     """
     found: list[dict[str, list[Felt]]] = []
+    conditions = file.conditions()
     for number, celsius in enumerate(FINGERS, 1):
         touches = made(celsius + 273.15)
         felt: dict[str, list[Felt]] = {}
-        for condition in file.conditions():
+        for place, condition in enumerate(conditions, 1):
             felt[repr(condition)] = [touches.touch(condition, seed).felt for seed in range(TOUCHES)]
+            share = (number - 1 + place / len(conditions)) / len(FINGERS)
+            told(share, f"condition {place} of {len(conditions)} with finger {number} of {len(FINGERS)}")
         found.append(felt)
-        told(f"touched {len(felt)} conditions with finger {number} of {len(FINGERS)}")
     return found
 
 

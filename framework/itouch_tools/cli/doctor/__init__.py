@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from itouch_tools.cli.arguments import Parser, seconds
+from itouch_tools.cli.progress import measured
 
 _MARKS = {"ok": "ok    ", "lack": "LACK  ", "note": "note  "}
 
@@ -40,11 +41,17 @@ def main(argv: Sequence[str]) -> int:
 
         print(clear_kept())
         return 0
-    if options.rig is not None:
-        watched = 3.0 if options.duration is None else options.duration
-        return _rig(options.rig, options.twin, watched, as_json=options.json)
-    if options.rates is not None:
-        return _rates(options.rates, options.measure or 5.0, beside=options.busy, as_json=options.json)
+    with measured("doctor"):
+        if options.rig is not None:
+            watched = 3.0 if options.duration is None else options.duration
+            return _rig(options.rig, options.twin, watched, as_json=options.json)
+        if options.rates is not None:
+            return _rates(options.rates, options.measure or 5.0, beside=options.busy, as_json=options.json)
+        return _machine(options)
+
+
+def _machine(options: argparse.Namespace) -> int:
+    """Look at the machine, measure its loop if that is asked for, and print what was found and the verdict."""
     from itouch_tools.cli.doctor.checks import examine
     from itouch_tools.cli.doctor.verdict import judge, measure
 
@@ -54,18 +61,18 @@ def main(argv: Sequence[str]) -> int:
             print(f"{_MARKS[finding.status]}{finding.name:<15} {finding.found}")
             if finding.advice:
                 print(f"{'':<22}-> {finding.advice}")
-    measured = None if options.measure is None else measure(options.measure)
-    verdict = judge(findings, measured)
+    loops = None if options.measure is None else measure(options.measure)
+    verdict = judge(findings, loops)
     if options.json:
         content = {
             "checks": [asdict(finding) for finding in findings],
-            "measured": None if measured is None else [asdict(row) for row in measured],
+            "measured": None if loops is None else [asdict(row) for row in loops],
             "finger": verdict.finger,
             "verdict": verdict.sentence,
         }
         print(json.dumps(content, indent=1))
         return 0
-    for row in measured or ():
+    for row in loops or ():
         print(f"loop, {row.load:<10}    {row.sentence()}")
     print(f"\n{verdict.sentence}")
     return 0

@@ -10,7 +10,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from itouch.plugin import ItouchError
+from itouch.plugin import ItouchError, waiting
 from itouch_thermal.identify.fit import TOLD, UNITS, Fit, Problem
 from itouch_thermal.identify.records import DEPTH, Loaded, load, problem_of
 from itouch_thermal.whole_file import write_whole
@@ -22,7 +22,8 @@ def main(argv: Sequence[str]) -> int:
     try:
         loaded = load([Path(name) for name in options.touches])
         problem = problem_of(loaded, options.sample, press=options.press, noise=options.noise)
-        fit = problem.fit()
+        with waiting("estimating"):
+            fit = problem.fit()
         told = {name: found.told for name, found in fit.found.items()}
         print(table(problem, fit))
         if fit.misfit > 2.0:
@@ -30,7 +31,9 @@ def main(argv: Sequence[str]) -> int:
                 f"note: the data are {fit.misfit:.1f} times as far off as their noise: the model or --sample is "
                 f"not right"
             )
-        profiles = {name: problem.profile(name, fit) for name in fit.found if not told[name]} if options.profile else {}
+        with waiting("profiling"):
+            unknown = [name for name in fit.found if not told[name]] if options.profile else []
+            profiles = {name: problem.profile(name, fit) for name in unknown}
         for name, rows in profiles.items():
             print(f"{name}: " + ", ".join(f"{_shown(name, value)} worse by {cost:.2f}" for value, cost in rows))
         if options.output:
