@@ -73,7 +73,7 @@ def power(file: StudyFile, options: argparse.Namespace) -> int:
         print("--studies is 1 or more", file=sys.stderr)
         return 2
     observer_of(options.model)
-    with waiting("touching") as wait:
+    with waiting("power of equivalence") as wait:
         felt = library(file, toucher(file, Catalog()), told=wait.part)
         wait.part(None, "drawing panels")
         found = powers(
