@@ -56,7 +56,7 @@ class Sides:
 
     def changed(self, kept: Sequence[bytes]) -> str:
         """Say which number of the compiled form is another one than in a copy; empty: none."""
-        return "" if self.kept() == list(kept) else _first(self._compiled, self._as_it_was(kept), "before")
+        return "" if self.kept() == list(kept) else _first(self._compiled, self._as_it_was(kept), "before it")
 
     def lost(self, kept: Sequence[bytes]) -> bool:
         """Tell whether Python has made a NaN of what was a number in a copy."""
