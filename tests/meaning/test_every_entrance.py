@@ -232,4 +232,6 @@ def test_the_conformance_suite_says_the_same(plugin, capsys, tmp_path, monkeypat
             said.append(
                 re.findall(r"^ +(ok|FAILED|-) +([\w-]+)", words.back(out) if words else out, flags=re.MULTILINE)
             )
-    assert said[0] == said[1] and len(said[0]) > 20
+    # in a process of its own the plugin has its own names: what starts one is left out under others
+    assert [one for one in said[0] if one[1] != "sigterm"] == [one for one in said[1] if one[1] != "sigterm"]
+    assert len(said[0]) > 20

@@ -115,7 +115,7 @@ def test_a_modality_whose_forms_are_the_same_passes(which: int) -> None:
         (3, r"'count.count' is \d+ joined and \d+ in Python after update, in draw \d+ of seed \d+"),
         (4, r"'count.count' is \d+ joined and \d+ in Python after update, in draw \d+ of seed \d+"),
         (5, r"'count.told' is 0.0450*5 joined and 0.045 in Python, at tick 0, in which NEAR happened"),
-        (7, r"'count.count' is \d+ joined and \d+ before, though what joins for update returns 1, in draw \d+"),
+        (7, r"'count.count' is \d+ joined and \d+ before it, though what joins for update returns 1, in draw \d+"),
         (10, r"'count.heard' is 1.0 joined and 0.0 in Python, at tick 0, in which NEAR happened"),
         (11, r"'count.heard' is 4.0 joined and 3.0 in Python, at tick \d+, in which NEAR and END and BEGIN happened"),
         (12, r"'count.last' is .* joined and -.* in Python, at tick \d+, in which .*BEGIN happened"),
