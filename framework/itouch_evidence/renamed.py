@@ -61,7 +61,7 @@ class Relabelled(Record):
     A record that minds how it is looked into, as one of the conformance suite that fails, is asked for each field.
     """
 
-    __slots__ = ("_asked", "_names")
+    __slots__ = ("_through", "_names")
 
     def __init__(self, whole: Record, names: Mapping[str, str]) -> None:
         table: Any = whole.dtype.fields or {}
@@ -75,12 +75,12 @@ class Relabelled(Record):
         for name, view in whole.items():  # the other record's views: read-only where those are
             dict.__setitem__(self, names.get(name, name), view)
         minds = type(whole).__getitem__ is not Record.__getitem__
-        self._asked = whole.__getitem__ if minds else None
+        self._through = whole.__getitem__ if minds else None
         self._names = {names.get(name, name): name for name in whole} if minds else {}
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        if self._asked is not None:
-            self._asked(self._names.get(name, name))
+        if self._through is not None:
+            self._through(self._names.get(name, name))
         return super().__getitem__(name)
 
 
