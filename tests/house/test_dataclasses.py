@@ -40,6 +40,7 @@ def wrong(sources: dict[str, str]) -> Iterator[str]:
     """Yield the dataclasses that lack slots, or that could be frozen and are not."""
     trees = {file: ast.parse(text) for file, text in sources.items()}
     assigned = {file: stored(tree) for file, tree in trees.items()}
+    words = {file: set(re.findall(r"\w+", text)) for file, text in sources.items()}
     for file, tree in trees.items():
         stem = file.rpartition("/")[2].removesuffix(".py")
         for node in (node for node in ast.walk(tree) if isinstance(node, ast.ClassDef) and node.name not in OTHERS):
@@ -47,8 +48,7 @@ def wrong(sources: dict[str, str]) -> Iterator[str]:
                 if "slots" not in said:
                     yield f"{file}: {node.name} has no slots"
                 fields = {ast.unparse(one.target) for one in node.body if isinstance(one, ast.AnnAssign)}
-                knows = re.compile(rf"\b({node.name}|{stem})\b")
-                near = [name for name in assigned if name == file or knows.search(sources[name])]
+                near = [name for name in assigned if name == file or not words[name].isdisjoint((node.name, stem))]
                 if "setattr(" in ast.unparse(node):
                     continue
                 if "frozen" not in said and not any(fields & assigned[name] for name in near):
