@@ -136,6 +136,21 @@ def test_a_light_touch_of_a_plate_that_is_there_is_the_plates(folder: Path, deep
     assert [(entry["plate"], entry["plate_missed"]) for entry in report["contacts"]] == [(True, False)]
 
 
+@pytest.mark.parametrize(
+    ("stiffness", "depth", "told"), [(1e3, 0.5, True), (1e3, 0.3, False), (100.0, 0.45, False), (100.0, 0.9, False)]
+)
+def test_a_pad_that_is_soft_by_itself_is_no_plate_that_is_missing(stiffness: float, depth: float, told: bool) -> None:
+    """It gives less than a sensor tells from nothing, where a stiffer one is felt for sure."""
+    numbers = Numbers._make(np.zeros(len(Numbers._fields)))
+    numbers = numbers._replace(period=1e-3, has_load=True, stiffness=stiffness)
+    memory = np.zeros(len(own.FIELDS))
+    memory[own.TAKES] = 1.0
+    for _ in range(200):
+        if memory[own.LOST] == 0.0:
+            doubt(numbers, memory, depth * 1e-3, 0.04, True)
+    assert memory[own.LOST] == (own.LOW if told else 0.0)
+
+
 def hover(height: float, approach: float) -> tuple[str, str]:
     """Return a block, and a finger that comes so near to it [mm] in so many seconds, stays there, and leaves."""
     world, _ = ramp(0.0)

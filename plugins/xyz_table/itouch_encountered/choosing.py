@@ -11,10 +11,10 @@ from itouch_encountered.own import ABOUT, FREE, HIGH, LOST, LOW, TAKES, TOUCH, U
 #: the force is below this share of what the pad would give, for this long [s]; after so long out of contact [s] it is
 #: tried again.
 MISS_DEPTH, MISS_PART, MISS_TIME, TRY_AGAIN = 1e-3, 0.4, 0.04, 0.02
-#: A surface is missed, too, if a finger that seems deeper in it than this [m] does not feel it at all (`TOUCH`), for
-#: MISS_TIME: a light touch never gets as deep as MISS_DEPTH.  So deep even a pad that is eight times softer than it is
-#: said to be is felt.
-UNFELT_DEPTH = 4e-4
+#: A surface is missed, too, if it is not felt at all (`TOUCH`) where the pad would give more than this [N] and the finger
+#: seems deeper in it than this [m], for MISS_TIME: a light touch never gets as deep as MISS_DEPTH.  There even a pad that
+#: is eight times softer than it is said to be is felt.
+UNFELT_FORCE, UNFELT_DEPTH = 0.4, 4e-4
 #: A surface is too high if it presses with more than this [N] while it seems farther below the finger than this [m],
 #: for this long [s].
 EARLY_FORCE, EARLY_GAP, EARLY_TIME = 0.1, 1e-3, 0.010
@@ -89,7 +89,10 @@ def doubt(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> Non
     elif (
         touching and own[TAKES] > 0.0
         and depth - pressed / c.stiffness > MISS_DEPTH and pressed < MISS_PART * c.stiffness * depth
-    ) or (touching and own[TAKES] > 0.0 and depth > UNFELT_DEPTH and pressed < TOUCH):  # fmt: skip
+    ) or (
+        touching and own[TAKES] > 0.0
+        and depth > max(UNFELT_DEPTH, UNFELT_FORCE / c.stiffness) and pressed < TOUCH
+    ):  # fmt: skip
         what = LOW
     if what == 0.0:
         own[UNFELT] = 0.0
