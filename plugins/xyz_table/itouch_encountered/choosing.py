@@ -11,9 +11,9 @@ from itouch_encountered.own import ABOUT, FREE, HIGH, LOST, LOW, TAKES, TOUCH, U
 #: the force is below this share of what the pad would give, for this long [s]; after so long out of contact [s] it is
 #: tried again.
 MISS_DEPTH, MISS_PART, MISS_TIME, TRY_AGAIN = 1e-3, 0.4, 0.04, 0.02
-#: A surface is missed, too, if it is not felt at all (`TOUCH`) where the pad would give more than this [N] and the finger
-#: seems deeper in it than this [m], for MISS_TIME: a light touch never gets as deep as MISS_DEPTH.  There even a pad that
-#: is eight times softer than it is said to be is felt.
+#: A surface is missed, too, if it is not felt at all (`TOUCH`) where the pad would give more than this [N] and the
+#: finger seems deeper in it than this [m], for MISS_TIME: a light touch never gets as deep as MISS_DEPTH.  There even a
+#: pad that is eight times softer than it is said to be is felt.
 UNFELT_FORCE, UNFELT_DEPTH = 0.4, 4e-4
 #: A surface is too high if it presses with more than this [N] while it seems farther below the finger than this [m],
 #: for this long [s].
