@@ -28,7 +28,7 @@ PAGES = {
     "python-plugin.md": Page(
         "Python: plugins",
         "All that a plugin may import; the scene language is made of the fields of `itouch.plugin.schema`.",
-        ("itouch.plugin", "itouch.plugin.poses", "itouch.schema"),
+        ("itouch.plugin", "itouch.plugin.geometry", "itouch.plugin.poses", "itouch.schema"),
     ),
     "python-testing.md": Page(
         "Python: testing plugins",

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.joining import is_newest
+from itouch.plugin import Carries, ContactEvent, Modality, Touches, World
 from itouch.plugin.bound import Bound
 from itouch.plugin.channel import Channel
 from itouch.plugin.device import Device, Twin, TwinInputs
 from itouch.plugin.discovery import Catalog, Found
-from itouch.plugin.modality import ContactEvent, Modality, World
 from itouch.plugin.quantity import Quantity
 from itouch.plugin.record import Field, Record
 
@@ -212,6 +212,19 @@ def renamed_modality(cls: type[Modality], words: Words, known: dict[str, str]) -
             found = super().fields(model)
             known.update({f"{self._named}.{words(f.name)}": f"{self._named}.{f.name}" for f in found})
             return words.of(found)
+
+        def carries(self, model: Any) -> Carries | None:
+            """Return the declaration of its surface with the other names of its fields."""
+            found: Carries | None = super().carries(model)
+            return found and Carries(*found[:2], *(name and words(name) for name in found[2:]))
+
+        def touches(self, model: Any) -> Touches | None:
+            """Return the declaration of its contact with the other names of its fields."""
+            found: Touches | None = super().touches(model)
+            if found is None:
+                return None
+            touched, force, normal, point, proxy, whole = (name and words(name) for name in found[1:7])
+            return Touches(found.probe, touched, force, normal, point, proxy, whole, found.damped)
 
         def reset(self, model: Any, state: Record) -> None:
             """Begin."""

@@ -17,9 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.joining import runner
 from itouch.loop.clock import now, processor_time
 from itouch.loop.plan import Plan
 from itouch.loop.step import Step
+from itouch.loop.write_access import Fence
 from itouch.plugin import Contact
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, loads
@@ -153,6 +155,18 @@ def cost_of_a_split(session: Session, ticks: int) -> float:
     return float(np.median(found[:, 1] - found[:, 0]))
 
 
+def cost_of_a_fence(session: Session, ticks: int) -> float:
+    """Return the cost [s] of remembering and comparing State round a modality: the median of a call of both."""
+    fence = Fence([], session.state)
+    calls = runner((fence.keep, fence.look))
+    found = np.empty(ticks)
+    for i in range(ticks):
+        begin = now()
+        calls()
+        found[i] = now() - begin
+    return float(np.median(found))
+
+
 def turns(scene: Scene, rate: float) -> dict[str, float | None]:
     """Return the processor time [s] of the dearest tick of touches that begin, end or change their object; None: none.
 
@@ -234,6 +248,7 @@ def measure(scene: Scene, ticks: int) -> dict[str, Any]:
         "compiled_us": compiled * 1e6,
         "left_to_python": left / (rounds * ROUND),
         "split_us": cost_of_a_split(session, min(ticks, 400)) * 1e6,
+        "fence_us": cost_of_a_fence(session, min(ticks, 2000)) * 1e6,
     }
 
 
@@ -280,6 +295,7 @@ def _text(found: dict[str, Any]) -> Iterator[str]:
         yield f"                  {found['left_to_python']:.3f} steps a tick are Python's, and missing in the limit"
     split = f"{found['split_us']:.2f} us (bound {SPLIT:g})"
     yield f"  a Python step   that splits the plan and does nothing costs {split}"
+    yield f"  a modality      costs {found['fence_us']:.2f} us besides its own work: a fence, if it is the first"
     for row in found["turns"]:
         dearest = ", ".join(f"{name} {_us(row[name])}" for name in TURNS)
         bound = f"(bound {_us(1.0 / row['rate_hz'])})"

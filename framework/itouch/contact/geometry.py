@@ -10,6 +10,7 @@ from itouch.contact import layout
 from itouch.contact.bvh import CHILD_COUNT, CHILD_REF, MAX_TRIANGLES
 from itouch.contact.neighbours import NEIGHBOUR
 from itouch.contact.scratch import Mesh as Tables
+from itouch.contact.scratch import site_rows
 from itouch.contact.shading import vertex_normals
 from itouch.contact.shapes import Mesh, Shape
 from itouch.contact.surface import Surface
@@ -151,6 +152,11 @@ class Geometry:
     def new_memory(self) -> Floats:
         """Return the zeroed memory of one probe: its first step is a reset."""
         return np.zeros(self.memory_size())
+
+    def new_scratch(self) -> tuple[Floats, Floats]:
+        """Return what a step, or a search, needs besides its arguments; nothing in it lasts from one to the next."""
+        rows = site_rows(self.count)
+        return np.zeros((rows, layout.SITE_WIDTH)), np.zeros((self.count, 7))
 
     def new_result(self) -> Floats:
         """Return the result of one probe before its first step: no contact, nothing near."""

@@ -246,6 +246,42 @@ def step(
 
 
 @entry
+def step_within(
+    world: Floats,
+    mesh: Mesh | None,
+    poses: Floats,
+    twists: Floats,
+    stiffness: Floats,
+    hip_at: Floats,
+    radius: float,
+    near: float,
+    memory: Floats,
+    result: Floats,
+    scratch: tuple[Floats, Floats],
+) -> int:
+    """Move one probe by one step, as ``step`` does, and return 0; it makes no arrays.
+
+    ``scratch`` from ``Geometry.new_scratch``; all other arguments as in ``step``: arrays (objects, ...), (3,),
+    (MEMORY_POSES + 7 objects,) and (RESULT_SIZE,), ``radius`` and ``near`` [m].
+    """
+    advance(
+        borrowed(scratch[0]),
+        borrowed(mesh),
+        borrowed(world),
+        borrowed(poses),
+        borrowed(scratch[1]),
+        borrowed(twists),
+        borrowed(stiffness),
+        vector(hip_at, 0),
+        radius,
+        near,
+        borrowed(memory),
+        borrowed(result),
+    )
+    return 0
+
+
+@entry
 def follow_path(
     world: Floats,
     mesh: Mesh | None,

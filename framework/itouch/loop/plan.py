@@ -174,6 +174,19 @@ def _supervision(
         yield steps.share(finger, devices, rigs, state, model.period)
 
 
+def _contacts(
+    model: Model, state: Record, rigs: Sequence[ProbeRig], views: Mapping[str, Record]
+) -> Iterator[Step]:  # fmt: skip
+    """Yield the steps that find what each probe touches, by the framework's proxy or as a modality computes it."""
+    own = {rig.probe.name: one for rig in rigs if (one := model.contact_of(rig.probe.name)) is not None}
+    yield from (steps.follow(rig) for rig in rigs if rig.probe.name in own)
+    if given := list(own.values()):
+        yield from _fenced(given, model, views, [Fence(given, state)], " contacts")
+    for rig in rigs:
+        one = own.get(rig.probe.name)
+        yield steps.contact(rig, model) if one is None else steps.given_contact(rig, model, one)
+
+
 def _rendering(
     model: Model, state: Record, rigs: Sequence[ProbeRig], events: Events, views: Mapping[str, Record],
     supervised: Sequence[Step],
@@ -185,7 +198,8 @@ def _rendering(
     carried = [(rig, one) for rig in rigs if rig.table is not None and (one := model.carrier_to(rig.probe.name))]
     yield from (steps.look_below(rig) for rig, _ in carried)
     between = [*(steps.carried(rig, one, state, model) for rig, one in carried), *map(steps.force, rigs), *supervised]
-    carriers, others = [one for _, one in carried], [one for one in model.modalities if one.carries is None]
+    carriers = [one for _, one in carried]
+    others = [one for one in model.modalities if one.carries is None and one.touches is None]
     if not carriers or not others:
         yield from _fenced(carriers, model, views, [Fence(carriers, state)], " surfaces")
         yield from between
@@ -231,7 +245,7 @@ def build(
         listed += [steps.read(runner), steps.watch(runner)]
     if model.moving:
         listed.append(steps.move_objects(model, objects))
-    listed += [steps.contact(rig, model) for rig in rigs]
+    listed += _contacts(model, state, rigs, views)
     supervised = list(_supervision(model, state, runners, rigs, tracking))
     listed += _rendering(model, state, rigs, events, views, supervised)
     if hold.required:

@@ -159,12 +159,17 @@ class ProbeRig:
         moved = carrier.read_as(Role.TRACKED_POSE).tolist()[:3]
         return below.moved(below.vector(moved)).compose(frame)
 
-    def contact(self, tick: int, ready: bool) -> None:
-        """Find what the finger touches, from this tick's readings."""
+    def follow(self, tick: int, ready: bool) -> None:
+        """Take the tracker's reading of this tick as where the finger is."""
         if not self._fixed[0]:  # a calibration, or the motion of a carrier, may move frames
             self._fixed[0] = (ready or self._alone) and not self._moves
             self._place()
-        self.toucher.update()
+        self.toucher.follow()
+
+    def contact(self, tick: int, ready: bool) -> None:
+        """Find what the finger touches, from this tick's readings."""
+        self.follow(tick, ready)
+        self.toucher.find()
 
     def _place(self) -> None:
         """Set the frames of the devices in the world as they are now."""
@@ -175,9 +180,14 @@ class ProbeRig:
                 self.toucher.place(which, frame)
 
     @property
+    def bound_follow(self) -> tuple[Bound, ...]:
+        """``follow`` as compiled calls, which leave it to Python while frames may move."""
+        return (Bound(carrying.placed, self._fixed), *self.toucher.follows)
+
+    @property
     def bound_contact(self) -> tuple[Bound, ...]:
         """``contact`` as compiled calls, which leave it to Python while frames may move."""
-        return (Bound(carrying.placed, self._fixed), *self.toucher.finds)
+        return (*self.bound_follow, *self.toucher.finds)
 
     def bound_surface(self) -> tuple[Bound, ...]:
         """Return ``surface`` as compiled calls, which leave a withdrawal to Python; none: all of it is Python's."""

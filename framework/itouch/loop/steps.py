@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from itouch.contact.given import NO_SUCH_OBJECT, NOT_A_NORMAL
 from itouch.joining import is_newest
 from itouch.loop import carrying, interpreter
 from itouch.loop.events import Events
@@ -97,22 +98,64 @@ def move_objects(model: Model, objects: Objects) -> Step:
     return Step("move objects", objects.update, (*written, *poses), written, 1, CALLS_KERNELS)
 
 
+#: What is found of a probe's contact; the search for it also remembers.
+_FOUND = (
+    "proxy", "force", "normal", "point", "penetration", "normal_force", "near_distance", "time_to_contact",
+    "contact_force", "effect_force", "area", "result", "effects", "object", "beside", "beside_distance",
+)  # fmt: skip
+
+
+def _followed(rig: ProbeRig) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return what following the tracker, and adapting the coupling to how late it is, reads and what it writes."""
+    frames = tuple(f"{one.model.name}.frame" for one in (rig.tracker, rig.arm, rig.table) if one is not None)
+    written = (*_of(rig.probe.name, "hip", "velocity", "coupling.*"), *frames)
+    return (*_roles(rig.tracker, Role.TRACKED_POSE), "*.calibration", *written), written
+
+
+def _found(rig: ProbeRig, *more: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return what finding the contact reads and what it writes, ``more`` of the probe's fields included."""
+    written = _of(rig.probe.name, *_FOUND, *more, *(("felt_force",) if rig.table is None else ()))
+    return ("objects.pose", "objects.twist", *written), written
+
+
+def follow(rig: ProbeRig) -> Step:
+    """Take the tracker's position as the finger's, before a modality computes the contact."""
+    reads, written = _followed(rig)
+    name, work = f"follow {rig.probe.name}", rig.follow
+    return joinable(name, rig.bound_follow, reads, written, lambda code, tick, ready: work(tick, ready))
+
+
 def contact(rig: ProbeRig, model: Model) -> Step:
     """Take the tracker's position as the finger's, and find what it touches."""
-    name = rig.probe.name
-    figures = _of(
-        name, "hip", "velocity", "proxy", "force", "normal", "point", "penetration", "normal_force", "near_distance",
-        "time_to_contact", "contact_force", "effect_force", "area", "memory", "result", "effects", "object", "beside",
-        "beside_distance",
-    )  # fmt: skip
-    figures += _of(name, "felt_force") if rig.table is None else ()
-    stand = (rig.tracker, rig.arm, rig.table)
-    figures += tuple(f"{runner.model.name}.frame" for runner in stand if runner is not None)
-    tracked = _roles(rig.tracker, Role.TRACKED_POSE)
-    reads = (*tracked, "*.calibration", "objects.pose", "objects.twist", *figures)
-    return joinable(
-        f"contact {name}", rig.bound_contact, reads, figures, lambda code, tick, ready: rig.contact(tick, ready)
-    )
+    (here, placed), (there, found) = _followed(rig), _found(rig, "memory")
+    name, work = f"contact {rig.probe.name}", rig.contact
+    reads, written = (*here, *there), (*placed, *found)
+    return joinable(name, rig.bound_contact, reads, written, lambda code, tick, ready: work(tick, ready))
+
+
+def given_contact(rig: ProbeRig, model: Model, one: ModalityModel) -> Step:
+    """Take over what a modality says of the contact that it has computed."""
+    said = () if one.touches is None else _of(one.name, *one.touches.said)
+    reads, written = _found(rig)
+
+    def answer(code: int, tick: int, ready: bool) -> None:
+        raise modality_fault(model, one.instance, "update", tick, ValueError(_wrong(code, one, model)))
+
+    reads += (*_of(rig.probe.name, "hip", "velocity"), *said)
+    return joinable(f"contact {rig.probe.name}", rig.toucher.finds, reads, written, answer)
+
+
+def _wrong(code: int, one: ModalityModel, model: Model) -> str:
+    """Return what is wrong with what a modality says of its contact, by the code of `itouch.contact.given`."""
+    touches = one.touches
+    if touches is None:
+        return ""
+    if code == NO_SUCH_OBJECT:
+        where, last = f"{one.name}.{touches.object or touches.found}", len(model.objects) - 1
+        return f"'{where}' names an object that is not there: -1 is none, the last one is {last}"
+    if code == NOT_A_NORMAL:
+        return f"the normal in '{one.name}.{touches.normal or touches.found}' must have the length 1"
+    return f"one of {', '.join(_of(one.name, *touches.said))} is not a finite number"
 
 
 def look_below(rig: ProbeRig) -> Step:

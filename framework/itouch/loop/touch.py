@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from itouch.contact.effects import render_effects
+from itouch.contact.given import found, given
 from itouch.contact.step import step
 from itouch.contact.surfaces import effects_table
 from itouch.joining import runner
@@ -22,7 +23,7 @@ from itouch.loop.runner import Runner
 from itouch.loop.surface import memory, plate
 from itouch.loop.surface.force import SOON
 from itouch.monitors.surface_kernels import Nearing
-from itouch.plugin import Bound, Contact, ContactEvent, HeardContact, Record, Role
+from itouch.plugin import Bound, Contact, ContactEvent, HeardContact, Record, Role, Touches
 from itouch.world import Model, ProbeModel
 
 #: Time constant [s] of the filter on the HIP's velocity.
@@ -66,12 +67,17 @@ class Toucher:
             for which, runner in ((render.TRACKER, tracker), (render.ARM, arm), (render.TABLE, table))
             if runner is not None
         }
-        #: Stiffness [N/m] and damping [N s/m] of the coupling with each object, shape (objects,); behind a wire
-        #: computed anew in each tick.
-        self._stiffness = np.array([coupling.stiffness for coupling in probe.coupling], np.float64)
-        self._damping = np.array([coupling.damping for coupling in probe.coupling], np.float64)
+        #: Stiffness and damping of the coupling with each object, (objects, 2) [N/m, N s/m]; and each of them, shape
+        #: (objects,), as it is now: behind a wire computed anew in each tick.  If a modality computes the contact they
+        #: are in State, for it to read.
+        self._own = np.array([tuple(one) for one in probe.coupling], np.float64).reshape(-1, 2)
+        shown = (state.get(f"{name}.coupling.{which}") for which in ("stiffness", "damping"))
+        self._stiffness, self._damping = (
+            own.copy() if view is None else view for own, view in zip(self._own.T, shown, strict=True)
+        )  # fmt: skip
         self._bind(model, probe, state, tracker, arm, table)
-        self._found, self._carried = runner(self.finds), runner(self.carries)
+        self._followed, self._found = runner(self.follows), runner(self.finds) if self.finds else lambda: -1
+        self._carried = runner(self.carries)
         self._pushed = runner((self.pushes,))
 
     def _bind(
@@ -91,10 +97,10 @@ class Toucher:
         )  # fmt: skip
         eased = self._bind_ease(model, probe, state, tracker, arm) if model.objects else ()
         touched = self._bind_touch(model, probe, state) if model.objects else ()
-        #: The calls that follow the tracker and find what it touches; that look below the finger for the modality that
-        #: carries a surface to it; that take over what it says of the surface; and that command the arm's part of the
-        #: force.
-        self.finds = (follow, *eased, *touched)
+        #: The calls that follow the tracker; that find what it touches; that look below the finger for the modality
+        #: that carries a surface to it; that take over what it says of the surface; and that command the arm's part of
+        #: the force.
+        self.follows, self.finds = (follow, *eased), touched
         self.looks: tuple[Bound, ...] = ()
         self.carries: tuple[Bound, ...] = ()
         if table is not None:
@@ -117,12 +123,11 @@ class Toucher:
         name, arm_name = f"{probe.name}.coupling", arm.model.name
         pose = next(i for i, channel in enumerate(tracker.model.reads) if channel.role is Role.TRACKED_POSE)
         measured = state[f"{tracker.model.name}.measured"][pose : pose + 1]
-        own = np.column_stack((self._stiffness, self._damping))
         left = state.get(f"{arm_name}.left")  # without a wire a command acts from its own tick on
         return (
             Bound(
                 ease, state["tick"], measured, state["tick"] if left is None else left, state[f"{arm_name}.status"],
-                state[f"{name}.delay"], state[f"{name}.lost"], state[f"{name}.lost_object"], self.object, own,
+                state[f"{name}.delay"], state[f"{name}.lost"], state[f"{name}.lost_object"], self.object, self._own,
                 probe.relied, model.period, self._stiffness, self._damping,
             ),
         )  # fmt: skip
@@ -131,31 +136,49 @@ class Toucher:
         """Return the calls that find the proxy, its force with surface effects, and an object that begins beside it."""
         world, mesh, figures = model.geometry.world, model.geometry.mesh, self.figures
         stiffness, damping = self._stiffness, self._damping
-        found = [
-            Bound(
+        one = model.contact_of(probe.name)
+        if one is not None and one.touches is not None:
+            calls = [self._bind_given(model, probe, state, one.name, one.touches)]
+            damping = damping if one.touches.damped else np.zeros_like(damping)
+        else:
+            searched = Bound(
                 step, world, mesh, self._poses, self._twists, stiffness, figures[:3], probe.scene.radius,
                 probe.scene.near, self.memory, self.result,
-            )
-        ]  # fmt: skip
+            )  # fmt: skip
+            calls = [searched]
         if (effects := effects_table(probe.effects)) is not None:
             effect = Bound(
                 render_effects, *effects, world, self._poses, stiffness, figures[:3],
                 figures[render.VELOCITY : render.VELOCITY + 3], model.period, state[f"{probe.name}.effects"],
                 self.result, figures[render.EFFECT_FORCE : render.EFFECT_FORCE + 3],
             )  # fmt: skip
-            found.append(effect)
+            calls.append(effect)
         touched = Bound(
             carrying.touch, self._constants, self._poses, self._twists, damping, figures, self.result, self.object,
             self._nearest,
         )  # fmt: skip
-        found.append(touched)
+        calls.append(touched)
         if len(model.objects) > 1:
             place = (figures[render.POINT : render.POINT + 3], figures[render.NORMAL : render.NORMAL + 3])
             beside = Bound(
                 carrying.look_beside, world, mesh, self._poses, self.object, *place, probe.scene.radius, *self._beside
             )
-            found.append(beside)
-        return tuple(found)
+            calls.append(beside)
+        return tuple(calls)
+
+    def _bind_given(self, model: Model, probe: ProbeModel, state: Record, name: str, touches: Touches) -> Bound:
+        """Return the call that takes over what a modality says of the contact."""
+        if touches.found:
+            return Bound(found, model.geometry.world, state[f"{name}.{touches.found}"], self.result)
+        touched = state[f"{name}.{touches.object}"].reshape(1)
+        force, normal, point = (
+            state[f"{name}.{field}"] for field in (touches.force, touches.normal, touches.point)
+        )  # fmt: skip
+        proxy = state[f"{name}.{touches.proxy}"] if touches.proxy else np.zeros(0)
+        return Bound(
+            given, model.geometry.world, model.geometry.mesh, self._poses, self._twists, self.figures[:3],
+            probe.scene.radius, probe.scene.near, touched, force, normal, point, proxy, self.result,
+        )  # fmt: skip
 
     def _bind_surface(self, model: Model, probe: ProbeModel, state: Record, table: Runner) -> None:
         """Bind the calls that show what the modality that carries a surface needs, and take over what it says."""
@@ -191,6 +214,7 @@ class Toucher:
 
     def reset(self) -> None:
         """Begin without contact."""
+        self._stiffness[...], self._damping[...] = self._own.T
         for view in (self.object, self.near_object, self.below, self.current, self.begin, self._beside[0]):
             view[...] = -1
         self._beside[1][...] = math.inf
@@ -221,7 +245,7 @@ class Toucher:
     def restart(self) -> None:
         """Forget how the tracker moved before: take the position that it reads now, without a velocity."""
         self._afresh[0] = 1
-        self.finds[0].run()
+        self.follows[0].run()
         self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0
 
     @property
@@ -261,9 +285,14 @@ class Toucher:
             self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0
         self._afresh[0] = 1
 
-    def update(self) -> None:
-        """Follow the tracker, and find what it touches."""
-        self._found()
+    def follow(self) -> None:
+        """Take the tracker's position as the finger's."""
+        self._followed()
+
+    def find(self) -> int:
+        """Find what the finger touches; return what stopped it, as `itouch.contact.given` tells, or 0."""
+        found = self._found()
+        return found & 0xFFFFFFFF if found >= 0 else 0
 
     def carry(self) -> None:
         """Take over where the surface was brought, and determine whether it renders the contact."""

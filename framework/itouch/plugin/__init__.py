@@ -27,6 +27,7 @@ from itouch.plugin.channel import (
     twist,
     wrench,
 )
+from itouch.plugin.contact_events import Contact, ContactEvent, HeardContact
 from itouch.plugin.device import Attached, Device, DeviceError, Twin, TwinInputs
 from itouch.plugin.emulator import Emulator
 from itouch.plugin.fit import Fit, Fitted, line_through
@@ -34,18 +35,7 @@ from itouch.plugin.groups import Emulation, Mechanics, Opening, OperatorInput, T
 from itouch.plugin.ideal import IdealTwin
 from itouch.plugin.impedance import FingerTwin, ImpedanceArm
 from itouch.plugin.measured import Measured
-from itouch.plugin.modality import (
-    Carries,
-    Contact,
-    ContactEvent,
-    HeardContact,
-    Modality,
-    ParameterError,
-    World,
-    WorldDevice,
-    WorldObject,
-    WorldSurface,
-)
+from itouch.plugin.modality import Carries, Modality, ParameterError, Touches
 from itouch.plugin.monitor import Moment, Monitor, Rule, Watched
 from itouch.plugin.noise import gaussian
 from itouch.plugin.pseudo_terminal import Terminal
@@ -53,6 +43,7 @@ from itouch.plugin.quantity import HURTING, NEVER_HARMLESS, Quantity, Role
 from itouch.plugin.record import Field, Record
 from itouch.plugin.stamps import Stamps
 from itouch.plugin.trace import Trace, read_trace
+from itouch.plugin.world import World, WorldDevice, WorldObject, WorldSurface
 from itouch.schema import ItouchError
 from itouch.schema.extras import need
 from itouch.schema.quantities import QuantityError, parse_quantity
@@ -99,6 +90,7 @@ __all__ = [
     "Safe",
     "Stamps",
     "Terminal",
+    "Touches",
     "TwinInputs",
     "Trace",
     "Twin",

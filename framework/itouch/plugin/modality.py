@@ -2,204 +2,15 @@
 
 from __future__ import annotations
 
-import enum
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from itouch.plugin.bound import Bound
-from itouch.plugin.channel import Channel, of_role
+from itouch.plugin.contact_events import Contact, ContactEvent, HeardContact
 from itouch.plugin.measured import Measured
-from itouch.plugin.quantity import Role
 from itouch.plugin.record import Field, Record
-
-Vector = tuple[float, float, float]
-Floats = NDArray[np.float64]
-Numbers = NDArray[np.int64]
-
-
-class Contact(enum.IntEnum):
-    """Kinds of contact event."""
-
-    NEAR = 0
-    BEGIN = 1
-    MOVE = 2
-    END = 3
-
-
-class ContactEvent(NamedTuple):
-    """What happened between a probe and an object in this tick; lengths in m, world frame.
-
-    ``distance`` is the distance between surface and probe (0 in contact), ``speed`` the approach speed along the normal
-    [m/s] (> 0: closing), ``tangential_velocity`` the finger's velocity along the surface [m/s], both relative to it;
-    ``force`` is the normal force [N], ``area`` the area of contact by Hertz's law [m2]; ``time_to_contact`` [s] is
-    infinite unless the finger approaches.
-    """
-
-    kind: Contact
-    tick: int
-    probe: str
-    object: str
-    object_index: int
-    point: Vector
-    normal: Vector
-    distance: float
-    speed: float
-    tangential_velocity: Vector
-    penetration: float
-    force: float
-    time_to_contact: float
-    area: float = 0.0
-
-
-class HeardContact(NamedTuple):
-    """The numbers of a `ContactEvent` as compiled code is shown them: arrays that stay, written anew for each event.
-
-    Scalars have shape (1,), vectors (3,); ``probe`` is the number of the probe in `World.probes`, ``object`` that of
-    the object.
-    """
-
-    kind: Numbers
-    tick: Numbers
-    probe: Numbers
-    object: Numbers
-    point: Floats
-    normal: Floats
-    distance: Floats
-    speed: Floats
-    tangential_velocity: Floats
-    penetration: Floats
-    force: Floats
-    time_to_contact: Floats
-    area: Floats
-
-    @classmethod
-    def of(cls, event: ContactEvent, probe: int) -> HeardContact:
-        """Return the numbers of an event at the probe with a number."""
-        whole = (event.kind, event.tick, probe, event.object_index)
-        numbers = (np.array([number], np.int64) for number in whole)
-        return cls._make([*numbers, *(np.array(value, np.float64).reshape(-1) for value in event[5:])])
-
-
-@dataclass(frozen=True, slots=True)
-class WorldObject:
-    """An object as a modality sees it; ``material`` is the plugin's own element of the material, or None."""
-
-    name: str
-    index: int
-    material_name: str
-    temperature: float
-    material: Any
-
-
-@dataclass(frozen=True, slots=True)
-class WorldDevice:
-    """A device as a modality sees it: its plugin's name, parameters, channels and limits in force (name -> SI).
-
-    ``wire`` tells whether exchanges with it take time: then State has its ``out`` and ``left``.  ``twin_fields``
-    returns the State fields of its twin, whether the session runs on the twin or not.  A modality finds what it needs
-    by role and unit, so that a device works with it whatever names its author has chosen.
-    """
-
-    name: str
-    plugin: str
-    params: Any
-    reads: tuple[Channel, ...]
-    commands: tuple[Channel, ...]
-    limits: Mapping[str, float | tuple[float, float]]
-    twin: bool
-    wire: bool = False
-    twin_fields: Callable[[], Sequence[Field]] = tuple
-
-    def reading(self, role: Role, unit: str = "") -> Channel | None:
-        """Return the first reading with a role, and with a unit if one is given; or None."""
-        return of_role(self.reads, role, unit)
-
-    def command(self, role: Role, unit: str = "") -> Channel | None:
-        """Return the first command with a role, and with a unit if one is given; or None."""
-        return of_role(self.commands, role, unit)
-
-    def read_field(self, role: Role, unit: str = "") -> str:
-        """Return the field of State that has the first reading with a role; empty if there is none."""
-        channel = self.reading(role, unit)
-        return f"{self.name}.{channel.name}" if channel is not None else ""
-
-    def truth(self, role: Role) -> str:
-        """Return the field of its twin's State that has the true value of a role, without sensor error; empty: none."""
-        return next((field.name for field in self.twin_fields() if field.role is role), "")
-
-
-@dataclass(frozen=True, slots=True)
-class WorldSurface:
-    """The surface that a device brings to a probe's finger, as a modality sees it.
-
-    The device's frame in the world changes with a touch-off and with the device that carries it: State has it as
-    ``DEVICE.frame``, origin [m] and rotation matrix row by row, shape (12,), and the arm's frame likewise.
-
-    Attributes
-    ----------
-    device, arm
-        The device that brings the surface, and the arm that also pushes the finger; empty: there is no arm.
-    face
-        Position [m] of the flat top that the finger meets, in the frame whose pose the device reads.
-    pad_stiffness, pad_damping
-        Stiffness [N/m] and damping [N s/m] of the finger's pad.
-    touch_off
-        Whether a touch-off finds the height at the start; until it is done, ``ready`` in State is 0.
-    greatest_force
-        Greatest force with which the surface may press [N]: its share, if several surfaces meet one finger.
-    clearance, plate_angle
-        The probe's attributes: how far below the finger the surface waits [m], and the steepest slope that it renders
-        [rad].  A modality that respects one of them names it in ``Modality.keeps_to``.
-    """
-
-    device: str
-    arm: str
-    face: Vector
-    pad_stiffness: float
-    pad_damping: float
-    touch_off: bool
-    greatest_force: float
-    clearance: float
-    plate_angle: float
-
-
-def no_file(file: str, most: int) -> bytes:
-    """Refuse to read a file: the default of ``World.read``, for a world without a scene.
-
-    Raises
-    ------
-    ValueError
-        Always.
-    """
-    raise ValueError(f"cannot read '{file}': there is no scene whose folder it could be in")
-
-
-@dataclass(frozen=True, slots=True)
-class World:
-    """What a modality may know of the scene when it is compiled.
-
-    ``ambient`` is the room's temperature [K], ``skin_temperature`` [K] that of the operator's twin, if there is one;
-    ``period`` [s] is that of the modality's own updates, ``servo_period`` [s] that of a tick.  ``read`` takes the name
-    of a file, relative to the scene's folder, and the greatest size [bytes], and returns its content or raises
-    ValueError; the content is stored with sessions.  ``probes`` has the radius [m] of each finger, ``surfaces`` the
-    surface of each finger that one is brought to.
-    """
-
-    objects: tuple[WorldObject, ...]
-    devices: Mapping[str, WorldDevice]
-    probes: Mapping[str, float]
-    modalities: Mapping[str, Any]
-    period: float
-    ambient: float
-    skin_temperature: float
-    servo_period: float = 1e-3
-    read: Callable[[str, int], bytes] = no_file
-    surfaces: Mapping[str, WorldSurface] = field(default_factory=dict)
+from itouch.plugin.world import World
 
 
 class ParameterError(ValueError):
@@ -266,6 +77,51 @@ class Carries(NamedTuple):
         return tuple(name for name in self[2:] if name)
 
 
+class Touches(NamedTuple):
+    """A modality's declaration that it computes the contact of a probe, and which of its fields say what it found.
+
+    Each field is one that the modality declares (``fields``) and is named without the modality's name in front.  All is
+    in the world frame.  It names ``object``, ``force``, ``normal`` and ``point``, or else ``found``.
+
+    Attributes
+    ----------
+    probe
+        The probe.
+    object
+        Field, one number: the number of the object that is touched; -1: none.
+    force
+        Field, three numbers: the force on the finger [N].  It may have any direction, except that the part along the
+        normal never pulls: below 0 it counts as 0.
+    normal
+        Field, three numbers: the unit normal of the touched surface, out of the object.
+    point
+        Field, three numbers: the point of the surface that is touched [m].
+    proxy
+        Field, three numbers: where the finger's centre would be, were the surface not to give way [m].  Left out: where
+        the finger touches ``point`` from outside.
+    found
+        Field: all of that as `itouch.plugin.geometry.proxy_step` writes it (``FOUND`` numbers), with up to four objects
+        that are touched at once.
+    damped
+        Whether the framework is to add the damping of ``PROBE.coupling.damping`` along the normal; else ``force`` has
+        all damping.
+    """
+
+    probe: str
+    object: str = ""
+    force: str = ""
+    normal: str = ""
+    point: str = ""
+    proxy: str = ""
+    found: str = ""
+    damped: bool = False
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """The fields that are named."""
+        return tuple(name for name in self[1:7] if name)
+
+
 class Modality(ABC):
     """A modality plugin.  ``model`` is what ``compile`` returned, read-only; everything that changes is in State.
 
@@ -320,6 +176,18 @@ class Modality(ABC):
         surface in ``PROBE.surface_height`` (the highest below the finger), ``PROBE.normal`` and ``PROBE.object`` (-1:
         nothing is touched), and commands the device.  Touch-off, the withdrawal of T4, the speed at which a surface
         may approach, and every other limit stay with the framework, and have the last word.
+        """
+        return None
+
+    def touches(self, model: Any) -> Touches | None:
+        """Return the declaration of the contact that it computes in place of the framework's proxy, or None.
+
+        Its ``update`` then runs in each tick right after the readings, and finds the finger in ``PROBE.hip`` [m] and
+        ``PROBE.velocity`` [m/s], the objects in ``objects.pose`` and ``objects.twist``, and how stiff and damped each
+        is to be in ``PROBE.coupling.stiffness`` [N/m] and ``PROBE.coupling.damping`` [N s/m], one number per object:
+        that of its material, less what would not be stable on the arm; behind a wire that changes while running.  The
+        shapes are in ``World.geometry``.  Effects of surfaces, events, limits, heat and what a surface renders follow
+        from what it says as they do from the framework's own contact.
         """
         return None
 

@@ -25,6 +25,7 @@ from itouch.testing import (
     monitoring,
     running,
     timing,
+    touched,
     twins,
 )
 from itouch.testing.checks import VITAL, Check, Finding, unexamined
@@ -108,6 +109,7 @@ MODALITY_CHECKS: tuple[Check, ...] = (
     hygiene.opens_nothing,
     modalities.runs,
     carried.carries,
+    touched.touches,
     joined.modality,
     modalities.state_declared,
     modalities.determinism,

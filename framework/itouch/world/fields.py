@@ -185,6 +185,15 @@ _CONTACT = (
 )
 
 
+def stiffness_fields(objects: int) -> tuple[Field, ...]:
+    """Return the State of a probe whose contact a modality computes: how stiff and damped each object is to be."""
+    stiff = "stiffness with which each object is to be rendered now"
+    return (
+        Field("coupling.stiffness", "f8", (objects,), low=0.0, unit="N/m", doc=stiff),
+        Field("coupling.damping", "f8", (objects,), low=0.0, unit="N*s/m", doc="damping, likewise"),
+    )
+
+
 def coupling_fields(objects: int) -> tuple[Field, ...]:
     """Return the State of a probe whose arm is behind a wire: how late it is (`itouch.loop.late_coupling`)."""
     late = "how old the pose is and for how long a force has acted, together, a mean"

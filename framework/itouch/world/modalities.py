@@ -8,7 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from itouch.plugin import Carries, Modality, ParameterError, World, WorldDevice, WorldObject, WorldSurface
+from itouch.contact import Geometry
+from itouch.plugin import (
+    Carries,
+    Modality,
+    ParameterError,
+    Touches,
+    World,
+    WorldDevice,
+    WorldObject,
+    WorldSurface,
+)
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.elements import Operator, PluginPart, Probe
@@ -19,8 +29,10 @@ from itouch.schema.fields import default_of, specs, xml_name
 from itouch.schema.plugin_errors import ReturnedError, failing, failure
 from itouch.world.fields import declared_by
 from itouch.world.files import SceneFiles
+from itouch.world.own_contacts import check_alone, check_touched
 from itouch.world.presented_surfaces import check_carried
 from itouch.world.rig import DeviceModel
+from itouch.world.surfaces import contact_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +48,8 @@ class ModalityModel:
     attends: bool = False
     #: The surface that it brings to a finger, if it brings one.
     carries: Carries | None = None
+    #: The contact that it computes in place of the framework's own, if it computes one.
+    touches: Touches | None = None
     #: The fields that it declares, without its name in front.
     fields: tuple[str, ...] = ()
     #: The probe whose surface it brings by default, because no modality of the scene does; it has no element itself.
@@ -47,12 +61,13 @@ def build_modalities(
     catalog: Catalog,
     devices: Mapping[str, DeviceModel],
     surfaces: Mapping[str, WorldSurface],
+    geometry: Geometry,
     reader: SceneFiles,
     period: float,
     problems: list[Problem],
 ) -> list[ModalityModel]:
     """Return the modalities in the order of their updates; faulty ones are left out, with problems."""
-    world = _world(scene, devices, surfaces, reader, period)
+    world = replace(_world(scene, devices, surfaces, reader, period), geometry=geometry)
     rates = dict(scene.rates.modalities)
     found: list[ModalityModel] = []
     for part in _ordered(scene, problems):
@@ -62,6 +77,7 @@ def build_modalities(
             continue
         own = replace(world, objects=_objects(scene, part.plugin), period=period * every)
         found += _compiled(scene, part, cls, own, every, devices, problems)
+    problems += check_alone(scene, [(one.name, one.touches) for one in found if one.touches is not None])
     if not any(problem.severity == "error" for problem in problems):
         found += _default_carriers(scene, catalog, devices, world, found, problems)
     return found
@@ -92,6 +108,7 @@ def _compiled(
         unknown = list(_unknown(scene, who, commands, devices, place))
         problems += unknown
         attends, carries = every > 1 and instance.attends(model), instance.carries(model)
+        touches = instance.touches(model)
     if unknown:
         return
     with failing(who, "fields", place):
@@ -99,9 +116,11 @@ def _compiled(
         fields = {field.name: (np.dtype(field.dtype).str[1:], field.size) for field in declared}
         if carries is not None:
             problems += check_carried(scene, part, carries, fields, commands, devices, every, instance.keeps_to)
+        if touches is not None:
+            problems += check_touched(scene, part, touches, fields, every, carries is not None)
         served = "" if probe is None else probe.name
         yield ModalityModel(
-            part.name, part.plugin, instance, model, every, commands, attends, carries, tuple(fields), served
+            part.name, part.plugin, instance, model, every, commands, attends, carries, touches, tuple(fields), served
         )  # fmt: skip
 
 
@@ -250,6 +269,7 @@ def _world(
         servo_period=period,
         read=reader.read,
         surfaces=surfaces,
+        near={probe.name: probe.near for probe in scene.probes},
     )
 
 
@@ -259,7 +279,9 @@ def _objects(scene: Scene, plugin: str) -> tuple[WorldObject, ...]:
         material = next((m for m in scene.materials if m.name == element.material), None)
         part = next((p.params for p in material.parts if p.plugin == plugin), None) if material else None
         temperature = scene.world.temperature if element.temperature is None else element.temperature
-        found.append(WorldObject(element.name, index, element.material, temperature, part))
+        contact = contact_of(scene, element, [])
+        friction = contact.static_friction, contact.dynamic_friction
+        found.append(WorldObject(element.name, index, element.material, temperature, part, friction))
     return tuple(found)
 
 

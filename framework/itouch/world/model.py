@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.contact import Geometry, Shape, layout
+from itouch.contact import Geometry, Plane, Shape, layout
 from itouch.contact.surfaces import Effects
 from itouch.plugin import Role, WorldSurface
 from itouch.plugin.bases import keeping_anyhow
@@ -86,6 +86,10 @@ class Model:
     def carrier_to(self, probe: str) -> ModalityModel | None:
         """Return the modality that brings a surface to a probe, or None."""
         return next((one for one in self.modalities if one.carries and one.carries.probe == probe), None)
+
+    def contact_of(self, probe: str) -> ModalityModel | None:
+        """Return the modality that computes the contact of a probe, or None: the framework's own proxy does."""
+        return next((one for one in self.modalities if one.touches and one.touches.probe == probe), None)
 
     @property
     def framed(self) -> frozenset[str]:
@@ -166,7 +170,9 @@ def _compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[P
     probes = _probes(scene, devices, effects, notices, reader, problems)
     period = 1.0 / scene.rates.servo
     presented = surfaces_of(scene, devices, {probe.name: probe.operator for probe in probes})
-    modalities = build_modalities(scene, catalog, devices, presented, reader, period, problems)
+    whole = not any(problem.severity == "error" for problem in problems)
+    geometry = Geometry.build(shapes, surfaces) if whole else Geometry.build([Plane()] * len(shapes))
+    modalities = build_modalities(scene, catalog, devices, presented, geometry, reader, period, problems)
     notices += notices_of(modalities)
     notices += [
         f"device '{name}' is only read, it can't be enabled: {why}" for name, why in blind(scene, devices).items()
@@ -178,7 +184,7 @@ def _compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[P
         return None, problems
     poses.setflags(write=False)
     model = Model(
-        scene, period, tuple(o.name for o in scene.objects), poses, tuple(shapes), Geometry.build(shapes, surfaces),
+        scene, period, tuple(o.name for o in scene.objects), poses, tuple(shapes), geometry,
         devices, tuple(probes), tuple(modalities), tuple(notices), layout.MEMORY_POSES + 7 * len(shapes),
         layout.RESULT_SIZE, reader.all(), effects, motions, presented,
     )  # fmt: skip

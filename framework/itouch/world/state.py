@@ -20,6 +20,7 @@ from itouch.world.fields import (
     probe_fields,
     rising_fields,
     skin_fields,
+    stiffness_fields,
     wait_fields,
 )
 from itouch.world.modalities import ModalityModel
@@ -123,6 +124,8 @@ def _probe(model: Model, probe: ProbeModel) -> list[Field]:
     if any(effects.any for effects in probe.effects):
         what = "what the effects of the surfaces remember"
         fields.append(Field(f"{name}.effects", "f8", EFFECTS_MEMORY, unit="mixed", doc=what))
+    if model.contact_of(name) is not None and model.objects:
+        fields += _own(name, stiffness_fields(len(model.objects)))
     if probe.relied is not None:
         fields += _own(name, coupling_fields(len(model.objects)))
     surface = model.surfaces.get(name)
