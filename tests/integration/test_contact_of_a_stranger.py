@@ -291,3 +291,15 @@ def test_other_names_for_all_channels_and_fields_change_nothing(written: Callabl
         session.run(1.5)
         rows.append(seen)
     assert rows[0] == rows[1]
+
+
+@pytest.mark.parametrize("element", ["penalty", "proxy"])
+def test_where_there_is_no_object_nothing_is_touched(written: Callable[..., Path], element: str) -> None:
+    path = written("first_touch.xml", element)
+    text, count = re.subn(r"<box[^>]*/>", "", path.read_text())
+    assert count == 1
+    path.write_text(text, encoding="utf-8")
+    session = itouch.build(path)
+    session.run(0.1)
+    assert session.state["finger.object"].item() == -1
+    assert session.report()["faults"] == []

@@ -124,7 +124,7 @@ def _probe(model: Model, probe: ProbeModel) -> list[Field]:
     if any(effects.any for effects in probe.effects):
         what = "what the effects of the surfaces remember"
         fields.append(Field(f"{name}.effects", "f8", EFFECTS_MEMORY, unit="mixed", doc=what))
-    if model.contact_of(name) is not None and model.objects:
+    if model.contact_of(name) is not None:
         fields += _own(name, stiffness_fields(len(model.objects)))
     if probe.relied is not None:
         fields += _own(name, coupling_fields(len(model.objects)))
