@@ -24,7 +24,7 @@ def _scene(tmp_path: Path, more: str) -> str:
 
 def _found(session: Session, seconds: float = 0.3) -> dict[str, Finding]:
     found = {finding.name: finding for finding in rig.examine_rig(session, seconds)}
-    assert not any(runner.enabled and not runner.model.twin for runner in session.runners)
+    assert not any(runner.latch.enabled and not runner.model.twin for runner in session.runners)
     return found
 
 
@@ -90,4 +90,4 @@ def test_devices_behind_their_wires_are_looked_at_by_the_same_entrance() -> None
     assert list(failed) == ["W3"] and "reads as held" in failed["W3"]  # the simulated operator never lets go
     assert found["W2 table"].status == "pass" and found["W2 arm"].status == "not possible"
     assert found["W1 table"].status == found["K6 table"].status == found["W2"].status == "pass"
-    assert not any(runner.enabled for runner in both.world.runners if not runner.model.twin)
+    assert not any(runner.latch.enabled for runner in both.world.runners if not runner.model.twin)

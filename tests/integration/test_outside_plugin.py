@@ -79,7 +79,7 @@ for _ in range(1200):
     engine.hold()
     engine.tick()
     assert abs(float(engine.state["stick.sent.wrench"][2])) <= 3.0
-device = engine._runners["stick"].device
+device = engine._runners["stick"].gate.device
 print("sent", max(device.sent), "status", engine.status("stick").name)
 engine.close()
 print("closed", engine.status("stick").name, device.sent[-1])

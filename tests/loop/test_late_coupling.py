@@ -14,7 +14,7 @@ from strangers import install
 
 import itouch
 from itouch.loop.late_coupling import allowed, ease
-from itouch.safety.lifecycle import ENABLED
+from itouch.safety.latch import ENABLED
 
 NUMBERS = itertools.count()
 PLUGIN = """

@@ -62,13 +62,13 @@ def test_a_fault_is_told_before_anything_is_safe_and_what_a_listener_raises_is_h
     speed: list[bool] = []
 
     def fails(fault: DeviceFaultError) -> None:
-        speed.append(engine.runners[0].enabled)
+        speed.append(engine.runners[0].latch.enabled)
         raise OSError("no space left")
 
     engine.on.fault.insert(0, fails)
     fault = DeviceFaultError("arm", engine.ticks, Trip.DEVICE_ERROR, "was unplugged")
     engine.make_safe(fault)
-    assert speed == [True] and not engine.runners[0].enabled
+    assert speed == [True] and not engine.runners[0].latch.enabled
     assert heard == [("fault", fault), ("safe", None)]
     assert "when it was told: OSError: no space left" in fault.__notes__
 

@@ -27,6 +27,7 @@ from itouch.plugin import (
     sink_temperature,
     wrench,
 )
+from itouch.safety import Gate, Lifecycle
 from itouch.world.limits import DeviceLimits
 from itouch.world.rig import DeviceModel
 from itouch.world.supervision import monitors_of, supervision, watched
@@ -47,6 +48,20 @@ PLATE = (
     (current(limit=4.0),),
 )
 Channels = tuple[tuple[Channel, ...], tuple[Channel, ...]]
+
+
+class Supervised:
+    """A device as the loop has it: with a gate and a lifecycle, which go by one latch."""
+
+    __slots__ = ("command", "gate", "latch", "lifecycle", "model", "reading", "sent")
+
+    def __init__(
+        self, model: DeviceModel, state: Record, period: float, *, device: Device | None = None,
+        twin: Twin | None = None,
+    ) -> None:  # fmt: skip
+        self.model, self.gate = model, Gate(model, state, period, device=device, twin=twin)
+        self.lifecycle, self.latch = Lifecycle(self.gate, state, period), self.gate.latch
+        self.reading, self.command, self.sent = self.gate.reading, self.gate.command, self.gate.sent
 
 
 class Fake(Device):

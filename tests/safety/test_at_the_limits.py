@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Asked, FakeTwin, model, record, state
+from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Asked, FakeTwin, Supervised, model, record, state
 
 from itouch.monitors import (
     Arm,
@@ -47,7 +47,7 @@ from itouch.plugin import (
     measured_wrench,
     temperature_target,
 )
-from itouch.safety import Supervisor, guard
+from itouch.safety import guard
 from itouch.world.supervision import watched
 
 K0 = 273.15
@@ -543,28 +543,28 @@ def test_a_surface_behind_a_wire_is_astray_from_where_it_was_sent_when_it_was_me
     """Of the commands that have left it is the newest that acted by then; while none is known, the one given."""
     one = model(TABLE, twin=True)
     data = state(one, wire=True)
-    table = Supervisor(one, data, PERIOD, twin=FakeTwin())
+    table = Supervised(one, data, PERIOD, twin=FakeTwin())
     table.reading["pose"][:3] = 0.0, 0.003, 0.020
-    table._measured[...] = 100
-    assert table.strayed(0.5) == 0.5
+    table.gate._measured[...] = 100
+    assert table.gate.strayed(0.5) == 0.5
     for left, height in ((60, 0.030), (80, 0.024), (101, 0.010)):
-        table._out["pose_target"][2] = height
-        table._note_goal(left)
-    assert table.strayed(0.5) == pytest.approx(0.005)
-    table._measured[...] = 79
-    assert table.strayed(0.5) == pytest.approx(math.hypot(0.003, 0.010))
-    table._measured[...] = 59
-    assert table.strayed(0.5) == 0.5
+        table.gate._out["pose_target"][2] = height
+        table.gate._note_goal(left)
+    assert table.gate.strayed(0.5) == pytest.approx(0.005)
+    table.gate._measured[...] = 79
+    assert table.gate.strayed(0.5) == pytest.approx(math.hypot(0.003, 0.010))
+    table.gate._measured[...] = 59
+    assert table.gate.strayed(0.5) == 0.5
     for left in range(200, 300):  # what left long ago is forgotten
-        table._out["pose_target"][2] = 0.020
-        table._note_goal(left)
-    table._measured[...] = 150
-    assert table.strayed(0.5) == 0.5
-    table._measured[...] = 400
-    assert table.strayed(0.5) == pytest.approx(0.003)
-    other = Supervisor(model(TABLE, twin=True), state(model(TABLE, twin=True)), PERIOD, twin=FakeTwin())
-    other._note_goal(3)
-    assert other.strayed(0.25) == 0.25  # no wire
+        table.gate._out["pose_target"][2] = 0.020
+        table.gate._note_goal(left)
+    table.gate._measured[...] = 150
+    assert table.gate.strayed(0.5) == 0.5
+    table.gate._measured[...] = 400
+    assert table.gate.strayed(0.5) == pytest.approx(0.003)
+    other = Supervised(model(TABLE, twin=True), state(model(TABLE, twin=True)), PERIOD, twin=FakeTwin())
+    other.gate._note_goal(3)
+    assert other.gate.strayed(0.25) == 0.25  # no wire
 
 
 def test_the_clock_of_contact_at_its_limits() -> None:
@@ -696,18 +696,18 @@ class Times(Monitor):
 
 def test_a_monitor_is_told_how_long_ago_it_looked_last() -> None:
     one = model(PLATE, twin=True, offered=(Times,))
-    device = Supervisor(one, state(one), 0.001, twin=FakeTwin())
-    device.reset()
-    device.open()
+    device = Supervised(one, state(one), 0.001, twin=FakeTwin())
+    device.lifecycle.reset()
+    device.lifecycle.open()
     for name, view in device.reading.items():
         view[...] = 0.0 if name == "heat_flux" else 300.0
     Times.seen.clear()
     for tick in range(25):
-        device.read(tick)
+        device.gate.read(tick)
     assert Times.seen == [(0.0, 0.0), (0.01, 0.01), (0.02, 0.01)]
-    device.leave_out(7)
+    device.gate.leave_out(7)
     for tick in range(25, 30):
-        device.read(tick)
+        device.gate.read(tick)
     assert Times.seen[3:] == [(0.032, 0.012)]
 
 
@@ -730,12 +730,12 @@ class Placed(Moments):
     placed: ClassVar[bool] = True
 
 
-def listened(kind: type[Monitor]) -> tuple[Supervisor, FakeTwin]:
+def listened(kind: type[Monitor]) -> tuple[Supervised, FakeTwin]:
     """Return an open display whose monitors are asked what they are told, with readings that can be believed."""
     twin, one = FakeTwin(), model(PLATE, twin=True, offered=(kind,))
-    device = Supervisor(one, state(one), 0.001, twin=twin)
-    device.reset()
-    device.open()
+    device = Supervised(one, state(one), 0.001, twin=twin)
+    device.lifecycle.reset()
+    device.lifecycle.open()
     for name, view in device.reading.items():
         view[...] = 0.0 if name == "heat_flux" else 300.0
     Moments.told.clear()
@@ -744,10 +744,10 @@ def listened(kind: type[Monitor]) -> tuple[Supervisor, FakeTwin]:
 
 def test_a_monitor_is_told_how_old_the_reading_is() -> None:
     device, twin = listened(Moments)
-    device.read(0)
+    device.gate.read(0)
     twin.says = lambda reading: False
     for tick in range(1, 11):
-        device.read(tick)
+        device.gate.read(tick)
     assert Moments.told == [(0.0, True, 0.0), (0.01, False, pytest.approx(0.01))]
 
 
@@ -766,11 +766,11 @@ class Gaps(Moments):
 def test_what_is_enabled_anew_was_not_looked_at_before() -> None:
     device, _ = listened(Gaps)
     Gaps.times.clear()
-    device.read(0)
-    device.device_monitors.look_placed(100)
-    device.device_monitors.look_placed(103)
-    device.device_monitors.begin()
-    device.device_monitors.look_placed(500)
+    device.gate.read(0)
+    device.gate.device_monitors.look_placed(100)
+    device.gate.device_monitors.look_placed(103)
+    device.gate.device_monitors.begin()
+    device.gate.device_monitors.look_placed(500)
     assert Gaps.times[-3:] == [0.0, pytest.approx(0.003), 0.0]
 
 
@@ -789,60 +789,60 @@ class Measured(Moments):
 def test_a_monitor_is_told_when_a_reading_was_measured_that_came_late() -> None:
     device, _ = listened(Measured)
     Measured.times.clear()
-    device.read(0)
-    device.device_monitors.begin()
+    device.gate.read(0)
+    device.gate.device_monitors.begin()
     for measured in (5, 3):
-        device._measured[...] = measured
-        device.device_monitors.look_placed(5)
-    device.leave_out(7)
-    device._measured[...] = 5
-    device.device_monitors.look_placed(5)
+        device.gate._measured[...] = measured
+        device.gate.device_monitors.look_placed(5)
+    device.gate.leave_out(7)
+    device.gate._measured[...] = 5
+    device.gate.device_monitors.look_placed(5)
     assert Measured.times == [pytest.approx(0.005), pytest.approx(0.003), pytest.approx(0.012)]
-    assert device.device_monitors.moment.now == pytest.approx(0.012)
+    assert device.gate.device_monitors.moment.now == pytest.approx(0.012)
 
 
 def test_silence_is_looked_at_in_the_time_that_has_truly_passed() -> None:
     device, _ = listened(Moments)
-    device.read(0)
-    device.leave_out(7)
-    device.device_monitors.wait(3, 0.01)
-    assert device.device_monitors.moment.now == pytest.approx(0.010)
+    device.gate.read(0)
+    device.gate.leave_out(7)
+    device.gate.device_monitors.wait(3, 0.01)
+    assert device.gate.device_monitors.moment.now == pytest.approx(0.010)
 
 
 def test_what_acts_elsewhere_on_the_finger_counts_from_its_first_word() -> None:
     device, _ = listened(Moments)
-    device.device_monitors.leave("tip", 0.0)
-    assert device.device_monitors.share == 0.0
-    device.device_monitors.leave("thumb", 0.5)
-    assert device.device_monitors.share == 0.0
-    device.device_monitors.leave("tip", 1.0)
-    assert device.device_monitors.share == 0.5
+    device.gate.device_monitors.leave("tip", 0.0)
+    assert device.gate.device_monitors.share == 0.0
+    device.gate.device_monitors.leave("thumb", 0.5)
+    assert device.gate.device_monitors.share == 0.0
+    device.gate.device_monitors.leave("tip", 1.0)
+    assert device.gate.device_monitors.share == 0.5
 
 
 def test_nothing_is_fresh_before_the_first_reading_and_after_all_was_forgotten() -> None:
     device, _ = listened(Placed)
-    device.device_monitors.begin()
-    device.device_monitors.look_placed(1)
+    device.gate.device_monitors.begin()
+    device.gate.device_monitors.look_placed(1)
     assert [fresh for _, fresh, _ in Moments.told] == [False]
-    device.read(2)
-    device.device_monitors.look_placed(2)
-    device.device_monitors.look_placed(3)
+    device.gate.read(2)
+    device.gate.device_monitors.look_placed(2)
+    device.gate.device_monitors.look_placed(3)
     assert [fresh for _, fresh, _ in Moments.told] == [False, True, False]
 
 
 def test_the_first_reading_is_looked_at_when_it_comes() -> None:
     device, _ = listened(Moments)
-    device.device_monitors.due[0] = -1
-    device.read(3)
-    assert device.device_monitors.due[0] == 3  # whatever the clock says
+    device.gate.device_monitors.due[0] = -1
+    device.gate.read(3)
+    assert device.gate.device_monitors.due[0] == 3  # whatever the clock says
 
 
 def test_a_reading_is_believed_once() -> None:
     device, _ = listened(Moments)
-    device.read(0)
-    assert device._sequence.item() == 1
-    device.watch_reading(0)
-    assert device._sequence.item() == 1
+    device.gate.read(0)
+    assert device.gate._sequence.item() == 1
+    device.gate.watch_reading(0)
+    assert device.gate._sequence.item() == 1
 
 
 @pytest.mark.parametrize(("high", "said"), [(1e300, False), (9e299, True)])
@@ -1073,19 +1073,19 @@ def test_a_drive_that_changes_forgets_how_fast_the_plate_went() -> None:
 
 def test_of_a_slow_loop_every_reading_is_looked_at_at_once() -> None:
     one = model(PLATE)
-    slow = Supervisor(one, state(one), 0.005, device=None)
-    assert (slow.device_monitors.apart, slow.device_monitors.clock) == (1, 2)
+    slow = Supervised(one, state(one), 0.005, device=None)
+    assert (slow.gate.device_monitors.apart, slow.gate.device_monitors.clock) == (1, 2)
 
 
 @pytest.mark.parametrize(("ramp", "share"), [(0.5, 0.0), (1e-3, 0.0), (0.0, 1.0)])
 def test_a_device_begins_with_nothing_where_it_ramps_in(ramp: float, share: float) -> None:
     one = model(ARM, limits=dataclasses.replace(LIMITS, ramp=ramp), twin=True)
-    arm = Supervisor(one, state(one), PERIOD, twin=FakeTwin())
-    arm.reset()
-    arm.open()
-    arm.read(0)
-    arm.enable()
-    assert arm._ramp.item() == share
+    arm = Supervised(one, state(one), PERIOD, twin=FakeTwin())
+    arm.lifecycle.reset()
+    arm.lifecycle.open()
+    arm.gate.read(0)
+    arm.lifecycle.enable()
+    assert arm.gate._ramp.item() == share
 
 
 def test_of_two_sensors_that_disagree_the_first_is_named() -> None:

@@ -427,7 +427,7 @@ def test_a_monitor_made_from_one_of_the_frameworks_is_a_plugins(tmp_path: Path) 
 
     session = itouch.build(scene(tmp_path, "pad"), catalog=catalog({"stranger": plate("t", "i")}, {"mine": Own}))
     session.run(0.1)
-    (panel,) = [runner.device_monitors for runner in session.runners]
+    (panel,) = [runner.gate.device_monitors for runner in session.runners]
     assert panel.seen["t"].item() > 290.0
     assert [post.own for post in panel.installed if post.monitor.name == "mine"] == [False]
 
@@ -564,10 +564,10 @@ class Inflated(Device):
 def test_a_surface_that_is_blown_up_counts_once(tmp_path: Path) -> None:
     session = itouch.build(scene(tmp_path, "pad"), catalog=catalog({"stranger": Inflated}))
     (runner,) = session.runners
-    finger = Finger("tip", [runner])
-    runner.device_monitors.seen["f"][2] = -3.0
+    finger = Finger("tip", [runner.gate])
+    runner.gate.device_monitors.seen["f"][2] = -3.0
     assert finger.pressed() == 3.0
-    assert finger.pressed(but=runner) == 0.0
+    assert finger.pressed(but=runner.gate) == 0.0
     finger.check(5)
 
 

@@ -15,9 +15,9 @@ import pytest
 from parts import ARM, PERIOD, TABLE, Fake, model, state
 
 from itouch.plugin import pose_target
-from itouch.safety import Supervisor, TrackedFinger, Trip
+from itouch.safety import Gate, TrackedFinger, Trip
 from itouch.safety.blind_retreat import BLIND, FIRM, FITS, FOLLOWS, HARDER, KNOWN, LEG, SHORTEST, BlindRetreat
-from itouch.safety.lifecycle import BACKWARDS, HELD
+from itouch.safety.gate import BACKWARDS, HELD
 
 #: Where a surface stands when all stop [m]: sums of whole legs from here are exact in binary numbers.
 STOOD = 0.0
@@ -56,10 +56,10 @@ class Legs:
         arms = [model(ARM, name=f"arm{index}") for index in range(fingers)]
         one = model(channels, name="table", cls=kind)
         self.state = state(*arms, one, wire=leaves is not None)
-        self.table = Supervisor(one, self.state, PERIOD, device=kind(None))
-        self.arms = [Supervisor(arm, self.state, PERIOD, device=Fake()) for arm in arms]
-        for supervisor in (*self.arms, self.table):
-            supervisor.reset()
+        self.table = Gate(one, self.state, PERIOD, device=kind(None))
+        self.arms = [Gate(arm, self.state, PERIOD, device=Fake()) for arm in arms]
+        for gate in (*self.arms, self.table):
+            gate.reset()
         self.legs, self.age, self.leaves = legs, age, leaves
         self.base = [0.0] * fingers
         self.felt = 0.0

@@ -15,14 +15,14 @@ from typing import Any
 import campaign
 import pytest
 from numpy.typing import NDArray
-from parts import ARM, LIMITS, PERIOD, TABLE, Fake, model, state
+from parts import ARM, LIMITS, PERIOD, TABLE, Fake, Supervised, model, state
 
 from itouch.monitors.limits import PLATE_FORCE_ABSOLUTE
 from itouch.plugin import Record
 from itouch.plugin.stamps import Stamped
-from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Supervisor, TrackedFinger, Trip
+from itouch.safety import DeviceFaultError, Outcome, SafeSequence, TrackedFinger, Trip
 from itouch.safety.blind_retreat import BLIND, HARDER, LEG, along
-from itouch.safety.lifecycle import BACKWARDS, HELD
+from itouch.safety.gate import BACKWARDS, HELD
 from itouch.safety.sequence import RETREAT, SAFE_TIME, WATCH_TIME
 
 #: Where a plate stands when all stop [m], how stiff a finger's pad is [N/m].
@@ -60,7 +60,7 @@ class World:
         models = [model(ARM, name="arm", cls=Wire), model(TABLE, name="table", cls=kind, limits=limits)]
         self.state = state(*models, wire=leaves is not None)
         self.leaves, self.sent_since = leaves, [STOOD] * ((leaves or 0) + 1)
-        self.all = [Supervisor(one, self.state, PERIOD, device=one.cls(None)) for one in models]
+        self.all = [Supervised(one, self.state, PERIOD, device=one.cls(None)) for one in models]
         self.arm, self.table = self.all
         self.hand, self.way, self.wire, self.stiffness, self.feels = hand, way, wire, stiffness, feels
         self.ticks, self.phase, self.lies, self.heard = 0, phase, True, True
@@ -71,18 +71,20 @@ class World:
         self.ways: set[int] = set()
         self.touch()
         self.said = [self.finger] * (behind + 1)
-        assert isinstance(self.arm.device, Wire) and isinstance(self.table.device, Wire)
-        self.arm.device.behind = behind
-        self.arm.device.says, self.table.device.says = self.say_arm, self.say_table
+        assert isinstance(self.arm.gate.device, Wire) and isinstance(self.table.gate.device, Wire)
+        self.arm.gate.device.behind = behind
+        self.arm.gate.device.says, self.table.gate.device.says = self.say_arm, self.say_table
         self.lies = False
         for one in self.all:
-            one.reset()
-            one.open()
-            one.read(0)
-            one.enable()
+            one.lifecycle.reset()
+            one.lifecycle.open()
+            one.gate.read(0)
+            one.lifecycle.enable()
         self.lies = True
-        fingers = {"table": [TrackedFinger(self.arm, lambda: self.arm.reading["pose"][2].item())]} if tracked else {}
-        self.sequence = SafeSequence(self.all, self.state, PERIOD, self.move, fingers)
+        fingers = (
+            {"table": [TrackedFinger(self.arm.gate, lambda: self.arm.reading["pose"][2].item())]} if tracked else {}
+        )
+        self.sequence = SafeSequence([one.gate for one in self.all], self.state, PERIOD, self.move, fingers)
 
     def touch(self) -> None:
         """Let the finger find its place between hand and plate."""
@@ -132,8 +134,8 @@ class World:
 
     @property
     def stopped(self) -> int:
-        assert self.table.stopped is not None
-        return int(self.table.stopped.item())
+        assert self.table.gate.stopped is not None
+        return int(self.table.gate.stopped.item())
 
 
 def still(depth: float = 0.003) -> Motion:
@@ -288,13 +290,13 @@ def test_a_stiff_hand_moves_by_a_part_of_each_leg_and_its_force_tells_which_way(
 def test_a_tracker_that_is_not_believed_or_has_fallen_silent_is_no_witness() -> None:
     for silent in (False, True):
         world = World(still(), way=-1.0, behind=2)
-        assert isinstance(world.arm.device, Wire)
+        assert isinstance(world.arm.gate.device, Wire)
         if silent:
-            world.arm.device.says = lambda reading: False
+            world.arm.gate.device.says = lambda reading: False
             world.state["tick"][...] = 500
             outcome = world.stop()
         else:
-            world.arm.fault(Trip.SENSOR_FROZEN, 0)
+            world.arm.gate.fault(Trip.SENSOR_FROZEN, 0)
             outcome = world.stop()
         assert "; it was told to go back by 6.0 mm" in outcome.devices["table"]
 
@@ -311,10 +313,10 @@ def test_one_that_has_pushed_is_held_where_it_stood_if_its_witness_is_lost_on_th
     def moves() -> None:
         move()
         if world.ticks == lost and how == "trips":
-            world.arm.fault(Trip.SENSOR_FROZEN, lost)
+            world.arm.gate.fault(Trip.SENSOR_FROZEN, lost)
         elif world.ticks == lost and how == "is silent" or world.stopped == BACKWARDS and how == "freezes":
-            assert isinstance(world.arm.device, Wire)
-            world.arm.device.says = lambda reading: how == "freezes"
+            assert isinstance(world.arm.gate.device, Wire)
+            world.arm.gate.device.says = lambda reading: how == "freezes"
 
     world.sequence._move = moves
     outcome = world.stop()
@@ -354,7 +356,7 @@ def test_one_that_answers_again_is_believed_and_goes_on_as_any_other() -> None:
     assert min(low[:60]) == pytest.approx(STOOD - 0.0075, abs=6e-4)
     assert outcome.devices["table"].startswith("retracted ")
     assert world.stopped == 0
-    assert world.table.way is not None and math.isnan(world.table.way[1].item())
+    assert world.table.gate.way is not None and math.isnan(world.table.gate.way[1].item())
 
 
 def test_one_that_answers_again_in_the_middle_of_a_leg_goes_further_than_that_leg() -> None:
@@ -370,7 +372,7 @@ def test_one_that_answers_again_in_the_middle_of_a_leg_goes_further_than_that_le
     world.sequence._move = moves
     outcome = world.stop(Trip.SILENT)
     assert outcome.devices["table"].startswith("retracted ")
-    assert world.table.way is not None and all(math.isnan(end) for end in world.table.way[1:])
+    assert world.table.gate.way is not None and all(math.isnan(end) for end in world.table.gate.way[1:])
 
 
 def test_forces_that_grow_by_no_more_than_noise_may_do_not_stop_it() -> None:
@@ -379,13 +381,13 @@ def test_forces_that_grow_by_no_more_than_noise_may_do_not_stop_it() -> None:
     goals: set[float] = set()
 
     def say(reading: Record) -> bool:
-        goal = world.table.way[1].item() if world.table.way is not None else math.nan
+        goal = world.table.gate.way[1].item() if world.table.gate.way is not None else math.nan
         goals.update({goal} if not math.isnan(goal) else ())
         reading["pose"], reading["wrench"] = math.nan, (0.0, 0.0, -HARDER * len(goals), 0.0, 0.0, 0.0)
         return True
 
-    assert isinstance(world.table.device, Wire)
-    world.table.device.says = say
+    assert isinstance(world.table.gate.device, Wire)
+    world.table.gate.device.says = say
     world.stop()
     assert len(goals) == 3
     assert world.top == pytest.approx(STOOD - BLIND, abs=3e-4)
@@ -458,8 +460,8 @@ def test_near_the_end_of_its_travel_legs_lead_to_that_end() -> None:
     world.table.sent["pose_target"][2] = world.top = world.obeyed = 0.004
     world.touch()
     world.said = [world.finger] * 3
-    world.arm.device_monitors.forget()
-    world.arm.read(0)
+    world.arm.gate.device_monitors.forget()
+    world.arm.gate.read(0)
     world.stop()
     assert world.top < 0.004 - RETREAT
 
@@ -472,8 +474,8 @@ def test_what_is_held_blindly_goes_no_further_in_the_next_stop_until_it_was_enab
     assert world.top == low
     world.lies = False
     for one in world.all:
-        one.rearm(world.state["tick"].item())
-        one.enable()
+        one.lifecycle.rearm(world.state["tick"].item())
+        one.lifecycle.enable()
     assert world.stopped == 0
     world.stop(Trip.SPEED, "arm")
     assert world.top < low - RETREAT

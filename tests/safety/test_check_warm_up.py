@@ -11,7 +11,7 @@ import pytest
 from parts import ARM, PERIOD, PLATE, TABLE, Channels, Fake, model, state
 
 from itouch.plugin import Field, Moment, Monitor, Record, Rule, Watched
-from itouch.safety import Supervisor
+from itouch.safety import Gate
 from itouch.safety.check_warm_up import warm_up
 
 ENTRANCES = ("look", "watch_placed", "guard", "glance", "fault")
@@ -29,7 +29,7 @@ def test_every_entrance_is_gone_through_and_no_device_is_made(
             super().__init__(*args, **more)
 
     def counted(name: str) -> Callable[..., object]:
-        kept = getattr(Supervisor, name)
+        kept = getattr(Gate, name)
 
         def through(*words: object) -> object:
             called[name] += 1
@@ -38,7 +38,7 @@ def test_every_entrance_is_gone_through_and_no_device_is_made(
         return through
 
     for name in ENTRANCES:
-        monkeypatch.setattr(Supervisor, name, counted(name))
+        monkeypatch.setattr(Gate, name, counted(name))
     one = model(channels, cls=Watched)
     scratch = state(one)
     before = [dict(vars(monitor)) for monitor in one.monitors]

@@ -13,7 +13,7 @@ from itouch.monitors.history import History
 from itouch.monitors.surface_kernels import SurfaceObservation, pace
 from itouch.monitors.thresholds import READINGS
 from itouch.plugin import Channel, Record
-from itouch.safety import Finger, Supervisor
+from itouch.safety import Finger, Gate
 from itouch.world.supervision import watched
 
 #: What is printed of each: number, quantity, limit, trip, never.
@@ -168,7 +168,7 @@ def test_a_reading_at_the_edge_of_sense_can_be_worked_with() -> None:
 
 def test_no_monitors_turn_is_before_a_reading_has_come() -> None:
     made = model(PLATE, twin=True)
-    supervisor = Supervisor(made, state(made), PERIOD, twin=FakeTwin())
+    supervisor = Gate(made, state(made), PERIOD, twin=FakeTwin())
     supervisor.reset()
     assert supervisor.device_monitors.due[0] < 0
     assert supervisor.device_monitors.share == 1.0
@@ -178,7 +178,7 @@ def test_what_is_simple_has_one_of_each_kind() -> None:
     models = [model(kind, name=name, twin=True) for name, kind in
               (("arm", ARM), ("arm2", ARM), ("table", TABLE), ("one", PLATE), ("two", PLATE))]  # fmt: skip
     memory = state(*models)
-    arm, arm2, table, one, two = (Supervisor(made, memory, PERIOD, twin=FakeTwin()) for made in models)
+    arm, arm2, table, one, two = (Gate(made, memory, PERIOD, twin=FakeTwin()) for made in models)
     assert Finger("finger", [arm, table, one]).simple
     assert not Finger("finger", [arm, table, one, two]).simple
     assert not Finger("finger", [arm, arm2, table]).simple

@@ -104,7 +104,7 @@ def test_a_fault_that_is_there_when_all_is_stopped_lasts_until_the_stop_is_over(
     assert after is not None
     monkeypatch.setattr(behind_wires, "LASTS", after + 0.3)
     assert run(pair, "contact", phases["contact"], both).good
-    assert all((runner.twin_state["fault.end"] > pair.world.ticks).all() for runner in pair.world.runners)
+    assert all((runner.gate.twin_state["fault.end"] > pair.world.ticks).all() for runner in pair.world.runners)
 
 
 @pytest.mark.parametrize(("table", "display"), campaign.some([(13, 29), (7, 29), (13, 7), (29, 13)], 1))

@@ -6,12 +6,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, model, state
+from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, Supervised, model, state
 
 from itouch.monitors import DeviceFaultError, Trip
 from itouch.monitors.surface_kernels import Nearing
 from itouch.plugin import Channel, DeviceError, Record, Role, measured_wrench, plate_temperature, temperature_target
-from itouch.safety import Finger, Supervisor
+from itouch.safety import Finger, Gate
 from itouch.world.limits import DeviceLimits
 
 Parts = dict[str, Channels]
@@ -23,35 +23,35 @@ PAD: Channels = (
 HOLDER: Channels = ((plate_temperature(),), (temperature_target("goal", low=0.0, high=330.0, safe=0.0),))
 
 
-def hand(parts: Parts, limits: DeviceLimits = LIMITS, on: str = "") -> tuple[Record, list[Supervisor], Finger]:
+def hand(parts: Parts, limits: DeviceLimits = LIMITS, on: str = "") -> tuple[Record, list[Supervised], Finger]:
     models = [
         model(channels, name=name, limits=limits, carrier=on if channels is PLATE else "")
         for name, channels in parts.items()
     ]
     data = state(*models)
-    devices = [Supervisor(one, data, PERIOD, device=Fake()) for one in models]
+    devices = [Supervised(one, data, PERIOD, device=Fake()) for one in models]
     for device in devices:
-        device.reset()
-        device.open()
+        device.lifecycle.reset()
+        device.lifecycle.open()
         for name, view in device.reading.items():
             view[...] = 300.0 if name.endswith("temperature") else 0.0
-        device.read(0)
-        device.enable()
-    finger = Finger("tip", devices)
-    for device in finger.arms:
-        device.leave_room = lambda device=device: finger.leave(device)  # type: ignore[misc]
+        device.gate.read(0)
+        device.lifecycle.enable()
+    finger = Finger("tip", [one.gate for one in devices])
+    for arm in finger.arms:
+        arm.leave_room = lambda arm=arm: finger.leave(arm)  # type: ignore[misc]
     return data, devices, finger
 
 
-def press(table: Supervisor, force: float, tick: int = 1) -> None:
+def press(table: Supervised, force: float, tick: int = 1) -> None:
     table.reading["wrench"][2] = -force
-    table.read(tick)
+    table.gate.read(tick)
 
 
-def push(arm: Supervisor, force: float, ticks: int = 10) -> float:
+def push(arm: Supervised, force: float, ticks: int = 10) -> float:
     for tick in range(ticks):
         arm.command["wrench"][0] = force
-        arm.write(tick)
+        arm.gate.write(tick)
     return float(arm.sent["wrench"][0])
 
 
@@ -92,7 +92,7 @@ def test_an_arm_leaves_what_surfaces_may_press_with_next() -> None:
     _, devices, _ = hand({"arm": ARM, "one": TABLE, "two": TABLE})
     down, over = np.array([0.0, 0.0, -0.1]), np.array([0.0, 0.0, 0.1])
     near = Nearing(over, down, np.array([0.092]), np.zeros(1), np.array([0.008, 1000.0, 2.0, PERIOD]))
-    finger = Finger("tip", devices, {"one": near})
+    finger = Finger("tip", [one.gate for one in devices], {"one": near})
     assert finger.taken() == pytest.approx(0.06 + 0.2 + 0.2)
     press(devices[1], 0.5)
     press(devices[2], 0.4)  # of this one it is not known where the finger is
@@ -131,8 +131,8 @@ def test_two_plates_that_press_together_trip() -> None:
 def test_touching_one_plate_and_then_another_is_one_contact() -> None:
     data, tables, finger = hand({"one": TABLE, "two": TABLE})
     for tick in range(1, 12001):
-        tables[0].device_monitors.touch(tick // 500 % 2 == 0, 1.0)
-        tables[1].device_monitors.touch(tick // 500 % 2 == 1, 1.0)
+        tables[0].gate.device_monitors.touch(tick // 500 % 2 == 0, 1.0)
+        tables[1].gate.device_monitors.touch(tick // 500 % 2 == 1, 1.0)
         finger.check(tick)
     for name in ("one", "two"):
         assert data[f"{name}.surface.contact_time"].item() == pytest.approx(12.0, abs=0.03)
@@ -143,7 +143,7 @@ def test_what_the_compiled_clock_has_found_is_told_of_the_plate_it_found_it_of()
     data, (one, two), finger = hand({"one": TABLE, "two": TABLE})
     finger.check(1)
     finger.told(2)  # nothing was found
-    surface = two.device_monitors.surface
+    surface = two.gate.device_monitors.surface
     assert surface is not None
     surface.said[0] = -float(Trip.CONTACT_TIME)
     data["two.surface.contact_time"] = 60.0
@@ -155,7 +155,7 @@ def test_what_the_compiled_clock_has_found_is_told_of_the_plate_it_found_it_of()
 def test_a_hand_without_surfaces_has_nothing_to_tell_of_them() -> None:
     _, (one,), finger = hand({"one": PLATE})
     finger.told(1)
-    one.device_monitors.told_of_contact(1)
+    one.gate.device_monitors.told_of_contact(1)
 
 
 def test_a_plate_that_is_touched_for_too_long_trips_whichever_it_is() -> None:
@@ -177,9 +177,9 @@ def test_two_plates_share_dose_and_cold(what: str, words: str) -> None:
     with pytest.raises(DeviceFaultError, match=words) as caught:
         finger.check(2)
     assert caught.value.device == "one"
-    one.disable()
+    one.latch.disable()
     with pytest.raises(DeviceError, match="with others on the same finger"):
-        one.enable()
+        one.lifecycle.enable()
 
 
 def worn(data: Record, finger: Finger, current: float, ticks: range) -> float:
@@ -192,7 +192,7 @@ def worn(data: Record, finger: Finger, current: float, ticks: range) -> float:
 
 def test_a_worn_display_is_in_contact_while_it_is_driven() -> None:
     data, (table, _), finger = hand({"table": TABLE, "plate": PLATE})
-    table.device_monitors.touch(False, 0.0)
+    table.gate.device_monitors.touch(False, 0.0)
     assert worn(data, finger, 1.5, range(1, 5001)) == pytest.approx(5.0, abs=0.03)
     assert worn(data, finger, 0.0, range(5001, 7001)) == pytest.approx(3.0, abs=0.03)
     assert worn(data, finger, -1.5, range(7001, 8001)) == pytest.approx(4.0, abs=0.03)
@@ -200,23 +200,23 @@ def test_a_worn_display_is_in_contact_while_it_is_driven() -> None:
 
 def test_a_worn_display_lets_go_when_the_surface_withdraws() -> None:
     data, (table, plate), finger = hand({"table": TABLE, "plate": PLATE})
-    table.device_monitors.touch(False, 0.0)
-    other = Finger("other", [plate])
+    table.gate.device_monitors.touch(False, 0.0)
+    other = Finger("other", [plate.gate])
     assert worn(data, finger, 1.5, range(1, 10051)) > 10.0
     assert data["table.surface.withdrawn"].item() == 1
     other.check(10051)
-    assert plate.device_monitors.share == 0.0
+    assert plate.gate.device_monitors.share == 0.0
     plate.command["current"][...] = 1.5
-    plate.write(10051)
+    plate.gate.write(10051)
     assert plate.sent["current"].item() == 0.0
     data["table.surface.withdrawn"], data["table.surface.contact_time"] = 0, 4.9
     finger.check(10060)
-    assert plate.device_monitors.share == 1.0
+    assert plate.gate.device_monitors.share == 1.0
 
 
 def test_a_display_that_the_surface_brings_is_not_worn() -> None:
     data, (table, _), finger = hand({"table": TABLE, "plate": PLATE}, on="table")
-    table.device_monitors.touch(False, 0.0)
+    table.gate.device_monitors.touch(False, 0.0)
     assert finger.worn == []
     assert worn(data, finger, 1.5, range(1, 1001)) == 0.0
 
@@ -231,7 +231,7 @@ def holding(data: Record, finger: Finger, goal: float, ticks: range) -> float:
 
 def test_a_worn_display_is_in_contact_while_it_only_holds_a_temperature() -> None:
     data, (table, _), finger = hand({"table": TABLE, "pad": HOLDER})
-    table.device_monitors.touch(False, 0.0)
+    table.gate.device_monitors.touch(False, 0.0)
     assert holding(data, finger, 300.0, range(1, 3001)) == pytest.approx(3.0, abs=0.03)
     assert holding(data, finger, 0.0, range(3001, 4001)) == pytest.approx(2.0, abs=0.03)
     assert holding(data, finger, 200.0, range(4001, 5001)) == pytest.approx(3.0, abs=0.03)
@@ -240,14 +240,14 @@ def test_a_worn_display_is_in_contact_while_it_only_holds_a_temperature() -> Non
 def test_what_the_safe_target_of_a_withdrawn_display_is_does_not_count() -> None:
     """A pad without an off is told to hold the middle of its limits: T4 must not trip on that."""
     data, (table, pad), finger = hand({"table": TABLE, "pad": HOLDER})
-    table.device_monitors.touch(False, 0.0)
+    table.gate.device_monitors.touch(False, 0.0)
     data["table.surface.contact_time"] = 9.99
     assert holding(data, finger, 300.0, range(1, 41)) == pytest.approx(10.0, abs=0.03)
-    assert pad.device_monitors.share == 0.0
+    assert pad.gate.device_monitors.share == 0.0
     before = holding(data, finger, 300.65, range(41, 1041))
     assert before == pytest.approx(9.0, abs=0.04)
     pad.command["goal"][...] = 312.0
-    pad.write(1041)
+    pad.gate.write(1041)
     assert pad.sent["goal"].item() == 0.0
 
 
@@ -255,27 +255,27 @@ def test_a_display_on_a_bracket_that_the_surface_brings_is_not_worn() -> None:
     bracket = model(ARM, name="bracket", carrier="table")
     models = [model(TABLE, name="table"), bracket, model(PLATE, name="plate", carrier="bracket")]
     data = state(*models)
-    finger = Finger("tip", [Supervisor(one, data, PERIOD, device=Fake()) for one in models])
+    finger = Finger("tip", [Gate(one, data, PERIOD, device=Fake()) for one in models])
     assert finger.worn == []
-    elsewhere = Finger("tip", [Supervisor(one, data, PERIOD, device=Fake()) for one in (models[0], models[2])])
+    elsewhere = Finger("tip", [Gate(one, data, PERIOD, device=Fake()) for one in (models[0], models[2])])
     assert [one.model.name for one, _ in elsewhere.worn] == ["plate"]  # what carries it is not known to be the table
 
 
 def test_one_plate_alone_has_nothing_to_share() -> None:
     _, (plate,), finger = hand({"plate": PLATE})
     assert finger.alone
-    assert plate.shared == []
+    assert plate.gate.shared == []
     assert not hand({"table": TABLE})[2].alone
     assert not hand({"one": ARM, "two": ARM})[2].alone
     _, both, two = hand({"one": PLATE, "two": PLATE})
     assert not two.alone
-    assert two.plates == [post for one in both for post, _ in one.device_monitors.heats]
+    assert two.plates == [post for one in both for post, _ in one.gate.device_monitors.heats]
 
 
 def test_a_load_of_the_touch_force_itself_is_none_yet() -> None:
     _, (table,), finger = hand({"table": TABLE})
     for load, pressed in ((0.03, 0.0), (0.0301, 0.0301)):
-        table.device_monitors.seen["wrench"] = (0.0, 0.0, -load, 0.0, 0.0, 0.0)
+        table.gate.device_monitors.seen["wrench"] = (0.0, 0.0, -load, 0.0, 0.0, 0.0)
         assert finger.pressed() == pytest.approx(pressed)
 
 
@@ -287,8 +287,8 @@ def test_what_one_plate_alone_has_given_is_said_by_its_own_monitor() -> None:
 
 def test_the_clock_of_contact_goes_on_in_periods_that_a_late_loop_has_left_out() -> None:
     data, (_, table), finger = hand({"arm": ARM, "table": TABLE})
-    table.device_monitors.touch(True, 1.0)
+    table.gate.device_monitors.touch(True, 1.0)
     finger.check(1)
-    table.leave_out(500)
+    table.gate.leave_out(500)
     finger.check(2)
     assert float(data["table.surface.contact_time"]) == pytest.approx(0.501, abs=1e-6)

@@ -8,34 +8,34 @@ import threading
 import time
 
 import pytest
-from parts import ARM, PERIOD, TABLE, Fake, lost, model, state
+from parts import ARM, PERIOD, TABLE, Fake, Supervised, lost, model, state
 
 from itouch.exchange import EveryNth
 from itouch.plugin import Channel, DeviceError, Record, Role
 from itouch.plugin.wire_claims import WireClaims, WireHeldError
-from itouch.safety import DeviceFaultError, HoldToRun, Status, Supervisor, Trip, connect
+from itouch.safety import DeviceFaultError, HoldToRun, Status, Trip, connect
 
 #: In the names of wires, which belong to one process of the machine: the same test may run in another one meanwhile.
 ME = f"process {os.getpid()}"
 
 
-def supervised(*kinds: tuple[str, object], twin: bool = True) -> tuple[Record, list[Supervisor]]:
+def supervised(*kinds: tuple[str, object], twin: bool = True) -> tuple[Record, list[Supervised]]:
     models = [model(channels, name=name, twin=twin) for name, channels in kinds]  # type: ignore[arg-type]
     data = state(*models)
-    return data, [Supervisor(one, data, PERIOD, device=Fake()) for one in models]
+    return data, [Supervised(one, data, PERIOD, device=Fake()) for one in models]
 
 
 def test_hardware_needs_somebody_twins_only_if_asked() -> None:
     data, twins = supervised(("arm", ARM), twin=True)
-    assert not HoldToRun(data, twins, PERIOD, asked=False).required
-    assert HoldToRun(data, twins, PERIOD, asked=True).required
+    assert not HoldToRun(data, [one.gate for one in twins], PERIOD, asked=False).required
+    assert HoldToRun(data, [one.gate for one in twins], PERIOD, asked=True).required
     data, hardware = supervised(("arm", ARM), twin=False)
-    assert HoldToRun(data, hardware, PERIOD, asked=False).required
+    assert HoldToRun(data, [one.gate for one in hardware], PERIOD, asked=False).required
 
 
 def test_a_word_holds_for_eighty_milliseconds() -> None:
     data, twins = supervised(("arm", ARM))
-    hold = HoldToRun(data, twins, PERIOD, asked=True)
+    hold = HoldToRun(data, [one.gate for one in twins], PERIOD, asked=True)
     assert not hold.held(0)
     hold.press(5, True)
     assert hold.held(5)
@@ -50,24 +50,24 @@ def test_a_word_holds_for_eighty_milliseconds() -> None:
 def test_a_switch_of_a_device_holds() -> None:
     switch = Channel("button", 1, "1", role=Role.DEADMAN)
     data, twins = supervised(("arm", ((*ARM[0], switch), ARM[1])))
-    hold = HoldToRun(data, twins, PERIOD, asked=True)
-    twins[0].open()
-    twins[0].device_monitors.seen["button"][0] = 1.0
+    hold = HoldToRun(data, [one.gate for one in twins], PERIOD, asked=True)
+    twins[0].lifecycle.open()
+    twins[0].gate.device_monitors.seen["button"][0] = 1.0
     data["arm.measured"][:] = 10**6
     assert hold.held(10**6)
     assert hold.held(10**6 + 80)
     assert not hold.held(10**6 + 81)  # nobody knows whether it is still pressed
-    twins[0].device_monitors.seen["button"][0] = 0.5
+    twins[0].gate.device_monitors.seen["button"][0] = 0.5
     assert not hold.held(10**6)
 
 
 def test_letting_go_stops_what_acts() -> None:
     data, twins = supervised(("arm", ARM), ("table", TABLE))
-    hold = HoldToRun(data, twins, PERIOD, asked=True)
+    hold = HoldToRun(data, [one.gate for one in twins], PERIOD, asked=True)
     hold.check(0)  # nothing acts yet
     for one in twins:
-        one.open()
-        one.enable()
+        one.lifecycle.open()
+        one.lifecycle.enable()
     hold.press(0, True)
     hold.check(79)
     with pytest.raises(
@@ -75,50 +75,50 @@ def test_letting_go_stops_what_acts() -> None:
     ) as caught:
         hold.check(80)
     assert caught.value.trip is Trip.RELEASED
-    twins[1].disable()
+    twins[1].latch.disable()
     with pytest.raises(DeviceFaultError, match="device 'arm'"):
         hold.check(80)
-    HoldToRun(data, twins, PERIOD, asked=False).check(80)
+    HoldToRun(data, [one.gate for one in twins], PERIOD, asked=False).check(80)
 
 
 def test_all_devices_are_opened_at_once_and_read() -> None:
     data, devices = supervised(("one", ARM), ("two", ARM), ("three", ARM), twin=False)
     barrier = threading.Barrier(3, timeout=10.0)
     for one in devices:
-        assert isinstance(one.device, Fake)
-        one.device.open = barrier.wait  # type: ignore[method-assign,assignment]  # opens only if all do
-    assert connect(devices, 0) == {}
-    assert [one.status for one in devices] == [Status.OPEN] * 3
+        assert isinstance(one.gate.device, Fake)
+        one.gate.device.open = barrier.wait  # type: ignore[method-assign,assignment]  # opens only if all do
+    assert connect([one.lifecycle for one in devices], 0) == {}
+    assert [one.latch.status for one in devices] == [Status.OPEN] * 3
     assert [data[f"{name}.sequence"].item() for name in ("one", "two", "three")] == [1, 1, 1]
 
 
 def test_all_that_fail_are_told_together() -> None:
     _, devices = supervised(("one", ARM), ("two", ARM), ("three", ARM), ("four", ARM), twin=False)
     one, two, three, four = devices
-    assert isinstance(one.device, Fake)
-    assert isinstance(two.device, Fake)
-    assert isinstance(three.device, Fake)
-    one.device.open_fails = DeviceError("no power")
-    two.device.open_fails = OSError()
+    assert isinstance(one.gate.device, Fake)
+    assert isinstance(two.gate.device, Fake)
+    assert isinstance(three.gate.device, Fake)
+    one.gate.device.open_fails = DeviceError("no power")
+    two.gate.device.open_fails = OSError()
 
     def nonsense(reading: Record) -> bool:
         reading["pose"][0] = float("nan")
         return True
 
-    three.device.says = nonsense
-    found = connect(devices, 0)
+    three.gate.device.says = nonsense
+    found = connect([one.lifecycle for one in devices], 0)
     assert found.pop("three").startswith("reads NaN (pose) (T8 plausibility of its readings: trips at not a number,")
     assert found == {"one": "no power", "two": "OSError"}
-    assert four.status is Status.OPEN
+    assert four.latch.status is Status.OPEN
 
 
 def test_a_device_that_never_opens_is_told() -> None:
     _, devices = supervised(("one", ARM), ("two", ARM), twin=False)
     done = threading.Event()
-    assert isinstance(devices[0].device, Fake)
-    devices[0].device.open = done.wait  # type: ignore[method-assign,assignment]
+    assert isinstance(devices[0].gate.device, Fake)
+    devices[0].gate.device.open = done.wait  # type: ignore[method-assign,assignment]
     begin = time.monotonic()
-    failures = connect(devices, 0, patience=0.05)
+    failures = connect([one.lifecycle for one in devices], 0, patience=0.05)
     done.set()
     assert failures == {"one": "did not open within 0.05 s"}
     assert time.monotonic() - begin < 10.0
@@ -126,21 +126,21 @@ def test_a_device_that_never_opens_is_told() -> None:
 
 def test_what_is_open_is_not_opened_again() -> None:
     _, devices = supervised(("one", ARM), twin=False)
-    devices[0].open()
-    assert connect(devices, 0) == {}
-    assert isinstance(devices[0].device, Fake)
-    assert devices[0].device.calls == ["open"]
+    devices[0].lifecycle.open()
+    assert connect([one.lifecycle for one in devices], 0) == {}
+    assert isinstance(devices[0].gate.device, Fake)
+    assert devices[0].gate.device.calls == ["open"]
 
 
 def test_the_loss_of_an_optional_device_while_it_connects_is_told_by_connect() -> None:
     _, devices = supervised(("one", ARM), twin=False)
     told: list[DeviceFaultError] = []
-    devices[0].on_loss = told.append
-    assert isinstance(devices[0].device, Fake)
-    devices[0].device.says = lost
-    assert connect(devices, 0) == {"one": "failed: the plug is out"}
+    devices[0].gate.on_loss = told.append
+    assert isinstance(devices[0].gate.device, Fake)
+    devices[0].gate.device.says = lost
+    assert connect([one.lifecycle for one in devices], 0) == {"one": "failed: the plug is out"}
     assert told == []
-    assert devices[0].on_loss is not None
+    assert devices[0].gate.on_loss is not None
 
 
 @pytest.mark.parametrize("optional", [False, True])
@@ -151,24 +151,24 @@ def test_a_wire_that_is_in_use_keeps_all_that_is_needed_closed(optional: bool) -
     kinds = [("one", f"wire a of {ME}", False), ("two", f"wire b of {ME}", optional)]
     models = [model(ARM, name=name, cls=wired(wire), optional=needed) for name, wire, needed in kinds]
     data = state(*models)
-    devices = [Supervisor(one, data, PERIOD, device=one.cls()) for one in models]
+    devices = [Supervised(one, data, PERIOD, device=one.cls()) for one in models]
     elsewhere = WireClaims()
     elsewhere.take([f"WIRE B of {ME}"])
-    found = connect(devices, 0)
+    found = connect([one.lifecycle for one in devices], 0)
     assert set(found) == {"two"} and f"'wire b of {ME}' is in use by another session of this process" in found["two"]
-    assert devices[0].status is (Status.OPEN if optional else Status.CLOSED)
-    assert devices[1].status is Status.CLOSED
+    assert devices[0].latch.status is (Status.OPEN if optional else Status.CLOSED)
+    assert devices[1].latch.status is Status.CLOSED
     if not optional:  # nor is the wire kept of what could have been opened
         free = WireClaims()
         free.take([f"wire a of {ME}"])
         free.release()
     elsewhere.release()
-    assert connect(devices, 0) == {}
+    assert connect([one.lifecycle for one in devices], 0) == {}
     for one in devices:
-        one.close()
+        one.lifecycle.close()
     for one in devices:
-        one.claim_wires()
-        one.close()  # was never opened again, and lets go of its wire all the same
+        one.lifecycle.claim_wires()
+        one.lifecycle.close()  # was never opened again, and lets go of its wire all the same
     elsewhere.take([f"wire a of {ME}", f"wire b of {ME}"])
     elsewhere.release()
 
@@ -176,15 +176,15 @@ def test_a_wire_that_is_in_use_keeps_all_that_is_needed_closed(optional: bool) -
 def test_a_device_that_cannot_be_closed_keeps_its_wire() -> None:
     cls = type("Wired", (Fake,), {"wires": classmethod(lambda cls, params: (f"wire c of {ME}",))})
     one = model(ARM, cls=cls)
-    it = Supervisor(one, state(one), PERIOD, device=cls())
-    it.open()
+    it = Supervised(one, state(one), PERIOD, device=cls())
+    it.lifecycle.open()
 
     def hangs() -> None:
         raise DeviceError("does not answer")
 
-    it.device.close = hangs  # type: ignore[union-attr,method-assign]
+    it.gate.device.close = hangs  # type: ignore[union-attr,method-assign]
     with pytest.raises(DeviceError, match="does not answer"):
-        it.close()
+        it.lifecycle.close()
     with pytest.raises(WireHeldError):
         WireClaims().take([f"wire c of {ME}"])
     del it
@@ -195,23 +195,23 @@ def test_a_device_that_cannot_be_closed_keeps_its_wire() -> None:
 def test_the_wire_of_a_device_behind_an_exchange_is_its_own() -> None:
     cls = type("Wired", (Fake,), {"wires": classmethod(lambda cls, params: (f"wire d of {ME}",))})
     one = model(ARM, cls=cls)
-    it = Supervisor(one, state(one), PERIOD, device=EveryNth(cls(), 2, 0, PERIOD))
-    it.claim_wires()
+    it = Supervised(one, state(one), PERIOD, device=EveryNth(cls(), 2, 0, PERIOD))
+    it.lifecycle.claim_wires()
     with pytest.raises(WireHeldError):
         WireClaims().take([f"wire d of {ME}"])
-    it.free_wires()
-    stands_in = Supervisor(one, state(one), PERIOD, device=Fake())  # on no wire, whatever the scene names
-    stands_in.claim_wires()
+    it.lifecycle.free_wires()
+    stands_in = Supervised(one, state(one), PERIOD, device=Fake())  # on no wire, whatever the scene names
+    stands_in.lifecycle.claim_wires()
     WireClaims().take([f"wire d of {ME}"])
 
 
 def test_hardware_is_not_opened_where_no_guardian_can_watch(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("itouch.platforms.SERVO_PROCESS", False)
     _, devices = supervised(("one", ARM), ("two", ARM), twin=False)
-    found = connect(devices, 0)
+    found = connect([one.lifecycle for one in devices], 0)
     assert set(found) == {"one", "two"} and "hardware needs Linux" in found["one"]
-    assert isinstance(devices[0].device, Fake)
-    assert devices[0].device.calls == []
+    assert isinstance(devices[0].gate.device, Fake)
+    assert devices[0].gate.device.calls == []
 
 
 def test_a_switch_of_hardware_is_asked_anew_and_who_lets_one_go_stops_all() -> None:
@@ -226,19 +226,19 @@ def test_a_switch_of_hardware_is_asked_anew_and_who_lets_one_go_stops_all() -> N
     device.says = says
     model_ = model((switches, ARM[1]))
     data = state(model_)
-    pedal = Supervisor(model_, data, PERIOD, device=device)
-    pedal.reset()
-    hold = HoldToRun(data, [pedal], PERIOD, asked=False)
+    pedal = Supervised(model_, data, PERIOD, device=device)
+    pedal.lifecycle.reset()
+    hold = HoldToRun(data, [pedal.gate], PERIOD, asked=False)
     assert not hold.held(0)
-    pedal.open()
+    pedal.lifecycle.open()
     hold.ask(0)
     assert hold.held(0)
-    pedal.enable()
+    pedal.lifecycle.enable()
     hold.check(0)
     now["one"] = 0.0
     hold.ask(1)  # let go before it counted
     hold.check(1)
     now["other"], now["one"] = 0.0, 1.0
-    pedal.read(2)
+    pedal.gate.read(2)
     with pytest.raises(DeviceFaultError, match="one of those who held the switch let it go"):
         hold.check(2)

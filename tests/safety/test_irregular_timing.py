@@ -90,8 +90,8 @@ def in_step(folder: Path, says: Callable[[float], tuple[float, float]], rhythm: 
     session = itouch.build(scene(folder, "pad", twin="no"), catalog=catalog({"stranger": cls}))
     cls.now = staticmethod(lambda: session.seconds)
     (runner,) = session.runners
-    assert isinstance(runner.device, ThreadedDevice)
-    runner.device = Exchanges(runner.device.device, rhythm)
+    assert isinstance(runner.gate.device, ThreadedDevice)
+    runner.gate.device = Exchanges(runner.gate.device.device, rhythm)
     session.hold()
     session.enable()
     return session

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from parts import ARM, PERIOD, PLATE, TABLE, Channels, Fake, FakeTwin, Slow, model, state
+from parts import ARM, PERIOD, PLATE, TABLE, Channels, Fake, FakeTwin, Slow, Supervised, model, state
 
 from itouch.compiling import kernel
 from itouch.joining import SKIP
@@ -25,7 +25,7 @@ from itouch.plugin import (
     wrench,
 )
 from itouch.plugin.stamps import Stamped
-from itouch.safety import Finger, Supervisor
+from itouch.safety import Finger
 from itouch.safety.monitor_step import LOOK, TOLD
 from itouch.world.rig import DeviceModel
 
@@ -52,12 +52,12 @@ class Bench:
 
     def _make(
         self, channels: Channels, cls: type[Fake], offered: Sequence[type[Monitor]]
-    ) -> tuple[DeviceModel, Record, Supervisor]:
+    ) -> tuple[DeviceModel, Record, Supervised]:
         made = model(channels, twin=True, cls=cls, offered=offered)
         memory, twin = state(made), Reading(self.source)
-        found = Supervisor(made, memory, PERIOD, twin=twin)
-        found.reset()
-        found.open()
+        found = Supervised(made, memory, PERIOD, twin=twin)
+        found.lifecycle.reset()
+        found.lifecycle.open()
         return made, memory, found
 
     def say(self, numbers: Sequence[float]) -> None:
@@ -65,7 +65,7 @@ class Bench:
         self.source[0] = 0.0
         self.source[1 : 1 + len(numbers)] = numbers
 
-    def both(self, act: Callable[[Supervisor], None]) -> None:
+    def both(self, act: Callable[[Supervised], None]) -> None:
         """Do something with both."""
         for _, _, one in (self.one, self.other):
             act(one)
@@ -75,14 +75,14 @@ class Bench:
         for _, memory, _ in (self.one, self.other):
             memory["tick"] = tick
         said = [
-            _told(lambda: (self.one[2].read(tick), self.one[2].guard(tick))),
+            _told(lambda: (self.one[2].gate.read(tick), self.one[2].gate.guard(tick))),
             _told(lambda: _joined(self.other[2], tick)),
         ]
         assert said[0] == said[1]
         for name, view in self.one[1].items():
             assert view.tobytes() == self.other[1][name].tobytes(), (name, view, self.other[1][name])
-        assert self.one[2].device_monitors.share == self.other[2].device_monitors.share
-        assert self.one[2].device_monitors.seen == self.other[2].device_monitors.seen
+        assert self.one[2].gate.device_monitors.share == self.other[2].gate.device_monitors.share
+        assert self.one[2].gate.device_monitors.seen == self.other[2].gate.device_monitors.seen
         return said[0]
 
 
@@ -118,23 +118,23 @@ def _run(bounds: Sequence[Bound], answer: Callable[[int], None]) -> None:
             return
 
 
-def _answer(supervisor: Supervisor, code: int, tick: int) -> None:
+def _answer(supervisor: Supervised, code: int, tick: int) -> None:
     if code >= TOLD:
-        supervisor.told(code - TOLD, tick)
+        supervisor.gate.told(code - TOLD, tick)
     elif code == LOOK:
-        supervisor.look(tick)
+        supervisor.gate.look(tick)
     else:
-        supervisor.watch_reading(tick)
+        supervisor.gate.watch_reading(tick)
 
 
-def _joined(supervisor: Supervisor, tick: int) -> None:
-    take, watch, guard = supervisor.bound_take(), supervisor.bound_watch(), supervisor.bound_guard()
+def _joined(supervisor: Supervised, tick: int) -> None:
+    take, watch, guard = supervisor.gate.bound_take(), supervisor.gate.bound_watch(), supervisor.gate.bound_guard()
     assert take
     assert watch
     assert guard
-    _run(take, lambda code: supervisor.take(tick))
+    _run(take, lambda code: supervisor.gate.take(tick))
     _run(watch, lambda code: _answer(supervisor, code, tick))
-    _run(guard, lambda code: supervisor.guard(tick))
+    _run(guard, lambda code: supervisor.gate.guard(tick))
 
 
 def _numbers(channels: Channels, rng: np.random.Generator) -> list[float]:
@@ -157,7 +157,7 @@ def test_a_device_goes_the_same_way_joined(channels: Channels, cls: type[Fake]) 
     rng = np.random.default_rng(3)
     bench, faults = Bench(channels, cls), 0
     bench.say(_numbers(channels, rng))
-    bench.both(lambda one: one.enable())
+    bench.both(lambda one: one.lifecycle.enable())
     for tick in range(400):
         if rng.random() < 0.1:
             bench.source[0] = 99.0
@@ -167,20 +167,20 @@ def test_a_device_goes_the_same_way_joined(channels: Channels, cls: type[Fake]) 
         if tick % 97 == 96:
             wanted[0] = math.nan
         bench.both(lambda one: one.command.numbers.__setitem__(slice(None), wanted))  # noqa: B023
-        bench.both(lambda one: setattr(one, "closing", 0.05))
+        bench.both(lambda one: setattr(one.gate, "closing", 0.05))
         if tick % 31 == 30:
-            bench.both(lambda one: one.leave_out(3))
+            bench.both(lambda one: one.gate.leave_out(3))
         if bench.tick(tick):
             faults += 1
-            bench.both(lambda one: one.fault(one.trip, tick))  # noqa: B023
+            bench.both(lambda one: one.gate.fault(one.latch.trip, tick))  # noqa: B023
             bench.tick(tick)  # a reading that only tells how a stopped device is
-            bench.both(lambda one: one.close())
+            bench.both(lambda one: one.lifecycle.close())
             bench.tick(tick)  # nothing is taken of a closed one
-            bench.both(lambda one: one._trip.__setitem__(..., 0))
-            bench.both(lambda one: one.open())
+            bench.both(lambda one: one.latch._trip.__setitem__(..., 0))
+            bench.both(lambda one: one.lifecycle.open())
             bench.tick(tick)  # open, not enabled
-            bench.both(lambda one: one.enable())
-            bench.both(lambda one: one.ramp_in())
+            bench.both(lambda one: one.lifecycle.enable())
+            bench.both(lambda one: one.gate.ramp_in())
     assert faults
 
 
@@ -199,28 +199,28 @@ def test_a_twin_behind_a_wire_or_in_python_is_read_by_python() -> None:
             return None
 
     for twin in (Late(np.zeros(40)), Plain(np.zeros(40)), Unsure(np.zeros(40)), FakeTwin(), None):
-        assert Supervisor(made, state(made), PERIOD, twin=twin).bound_take() == ()
+        assert Supervised(made, state(made), PERIOD, twin=twin).gate.bound_take() == ()
 
 
 def test_a_device_that_reads_nothing_is_watched_by_python() -> None:
     made = model(((), (current(limit=1.0),)), twin=True)
-    assert Supervisor(made, state(made), PERIOD, twin=FakeTwin()).bound_watch() == ()
+    assert Supervised(made, state(made), PERIOD, twin=FakeTwin()).gate.bound_watch() == ()
 
 
 def test_an_arm_that_shares_a_finger_with_others_is_limited_by_python() -> None:
     made = model(ARM, twin=True)
-    supervisor = Supervisor(made, state(made), PERIOD, twin=FakeTwin())
-    assert supervisor.bound_guard()
-    supervisor.leave_room = lambda: None
-    assert supervisor.bound_guard() == ()
+    supervisor = Supervised(made, state(made), PERIOD, twin=FakeTwin())
+    assert supervisor.gate.bound_guard()
+    supervisor.gate.leave_room = lambda: None
+    assert supervisor.gate.bound_guard() == ()
 
 
 def test_a_state_of_odd_bytes_is_watched_by_python() -> None:
     made = model(PLATE, twin=True)
     whole = state(made)
     odd = Record(np.dtype([("odd", "u1"), *whole.dtype.descr]))
-    assert Supervisor(made, whole, PERIOD, twin=FakeTwin()).bound_watch()
-    assert Supervisor(made, odd, PERIOD, twin=FakeTwin()).bound_watch() == ()
+    assert Supervised(made, whole, PERIOD, twin=FakeTwin()).gate.bound_watch()
+    assert Supervised(made, odd, PERIOD, twin=FakeTwin()).gate.bound_watch() == ()
 
 
 def test_what_is_looked_at_together_is_simple_with_one_surface() -> None:
@@ -228,11 +228,11 @@ def test_what_is_looked_at_together_is_simple_with_one_surface() -> None:
         model(channels, name=name, twin=True) for name, channels in (("arm", ARM), ("one", TABLE), ("two", TABLE))
     ]
     memory = state(*models)
-    arm, one, two = (Supervisor(made, memory, PERIOD, twin=FakeTwin()) for made in models)
-    assert Finger("finger", [arm, one]).simple
-    assert not Finger("finger", [arm, one, two]).simple
-    assert not Finger("finger", [arm]).simple
-    post = one.device_monitors.surface
+    arm, one, two = (Supervised(made, memory, PERIOD, twin=FakeTwin()) for made in models)
+    assert Finger("finger", [arm.gate, one.gate]).simple
+    assert not Finger("finger", [arm.gate, one.gate, two.gate]).simple
+    assert not Finger("finger", [arm.gate]).simple
+    post = one.gate.device_monitors.surface
     assert post is not None and isinstance(post.monitor, Surface)
     assert post.monitor.allowed[:3] == (5.0, 10.0, 60.0)
 
@@ -241,7 +241,7 @@ def test_a_twin_that_is_replaced_in_a_run_is_read_by_python() -> None:
     bench = Bench(ARM)
     bench.say([0.1] * 3 + [0.5] * 4)
     bench.tick(0)
-    bench.both(lambda one: setattr(one, "twin", Reading(np.array([0.0] + [0.2] * 3 + [-0.5] * 4 + [0.0] * 32))))
+    bench.both(lambda one: setattr(one.gate, "twin", Reading(np.array([0.0] + [0.2] * 3 + [-0.5] * 4 + [0.0] * 32))))
     bench.tick(1)
     assert bench.one[2].reading["pose"].tolist() == [0.2] * 3 + [-0.5] * 4
 
@@ -251,7 +251,7 @@ def test_a_quiet_tick_leaves_nothing_to_python(channels: Channels) -> None:
     """Nor do the turns of the monitors of plates, every ten milliseconds, in which a sensor changes by next to nothing."""
     bench = Bench(channels)
     bench.say(_numbers(channels, np.random.default_rng(1)))
-    bench.both(lambda one: one.enable())
+    bench.both(lambda one: one.lifecycle.enable())
     bench.tick(0)
     joined, memory = bench.other[2], bench.other[1]
     looks = 0
@@ -260,7 +260,7 @@ def test_a_quiet_tick_leaves_nothing_to_python(channels: Channels) -> None:
         if channels is PLATE:
             bench.source[1] += 1e-4
             looks += int(memory["it.heat.checked"]) == tick - 1
-        for bound in (*joined.bound_take(), *joined.bound_watch(), *joined.bound_guard()):
+        for bound in (*joined.gate.bound_take(), *joined.gate.bound_watch(), *joined.gate.bound_guard()):
             assert bound() in (0, SKIP)
     assert looks == (10 if channels is PLATE else 0)  # what is placed is looked at where the finger is
 
@@ -269,7 +269,7 @@ def test_a_quiet_tick_leaves_nothing_to_python(channels: Channels) -> None:
 def test_a_share_that_a_reading_had_is_given_back_by_the_next_that_is_believed(channels: Channels) -> None:
     bench = Bench(channels)
     bench.say(_numbers(channels, np.random.default_rng(1)))
-    bench.both(lambda one: one.enable())
+    bench.both(lambda one: one.lifecycle.enable())
     bench.tick(0)
     for _, memory, _ in (bench.one, bench.other):
         memory["it.readings.share"] = 0.5
@@ -283,10 +283,10 @@ def test_what_was_bound_before_a_twin_was_replaced_leaves_every_reading_to_pytho
     bench.say(_numbers(PLATE, np.random.default_rng(1)))
     bench.tick(0)
     joined, memory = bench.other[2], bench.other[1]
-    due, *_ = joined.bound_take()
+    due, *_ = joined.gate.bound_take()
     memory["tick"] = 1
     assert due() == 0
-    joined.twin = Reading(bench.source)
+    joined.gate.twin = Reading(bench.source)
     assert due() == 1
 
 
@@ -318,10 +318,10 @@ def test_a_stranger_s_monitor_is_asked_by_python_and_trips_as_it_does_there() ->
 def test_the_goal_that_a_wire_is_known_to_have_taken_is_the_newest() -> None:
     made = model(TABLE, name="it")
     memory = state(made, wire=True)
-    supervisor = Supervisor(made, memory, PERIOD)
-    assert supervisor.gone_to is None  # none yet
+    supervisor = Supervised(made, memory, PERIOD)
+    assert supervisor.gate.gone_to is None  # none yet
     for count in range(1, 20):
         memory["it.gone"].reshape(-1, 4)[(count - 1) % 8] = (count, 0.0, 0.0, 0.001 * count)
         memory["it.goings"] = count
-        assert supervisor.gone_to == 0.001 * count
-    assert Supervisor(made, state(made), PERIOD).gone_to is None  # no wire
+        assert supervisor.gate.gone_to == 0.001 * count
+    assert Supervised(made, state(made), PERIOD).gate.gone_to is None  # no wire

@@ -73,9 +73,9 @@ def late(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Pair, Phase
     pair = wired()
     phases, clock = wired_phases(tmp_path_factory), Late()
     for runner in pair.host.runners:
-        wire = runner.device
+        wire = runner.gate.device
         assert isinstance(wire, EveryNth)
-        runner.device = InTime(wire, wire._every * PERIOD, clock)
+        runner.gate.device = InTime(wire, wire._every * PERIOD, clock)
     yield pair, phases, clock
     pair.close()
 
@@ -86,7 +86,7 @@ class HoldUp:
     def __init__(self, pair: Pair, clock: Late, phase: int, seconds: float, *, wire: bool) -> None:
         self._stopping, self._clock, self._phase, self._seconds = pair.host.state["stopping"], clock, phase, seconds
         self._begun = -1
-        table = next(runner.device for runner in pair.host.runners if runner.model.name == "table")
+        table = next(runner.gate.device for runner in pair.host.runners if runner.model.name == "table")
         assert isinstance(table, InTime)
         self._wire = table if wire else None
 

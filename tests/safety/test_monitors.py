@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Asked, Fake, FakeTwin, model, state
+from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Asked, Fake, FakeTwin, Supervised, model, state
 
 from itouch.monitors import (
     Arm,
@@ -39,7 +39,7 @@ from itouch.plugin import (
     temperature_target,
 )
 from itouch.plugin.stamps import Stamped
-from itouch.safety import DeviceMonitors, Guard, Supervisor
+from itouch.safety import DeviceMonitors, Guard
 from itouch.safety.monitor_step import clocked
 from itouch.world.supervision import monitors_of, watched
 
@@ -163,22 +163,22 @@ def test_names_of_monitors_are_unique() -> None:
 def test_a_late_loop_leaves_out_periods_but_not_time() -> None:
     one = model(PLATE, twin=True)
     data = state(one)
-    device = Supervisor(one, data, PERIOD, device=Fake())
-    device.reset()
-    device.open()
+    device = Supervised(one, data, PERIOD, device=Fake())
+    device.lifecycle.reset()
+    device.lifecycle.open()
     for name in ("plate_temperature", "sink_temperature"):
         device.reading[name] = 314.0
-    device.read(0)
-    device.leave_out(500)
+    device.gate.read(0)
+    device.gate.leave_out(500)
     device.reading["plate_temperature"] = 314.001
-    device.read(1)
+    device.gate.read(1)
     assert data["it.heat.dose"].item() == pytest.approx(0.501 * 0.25 ** (316.15 - 314.0), rel=1e-2)
 
 
 def test_a_panel_without_a_surface_has_none() -> None:
     one = model(((), ()), twin=True)
     data = state(one)
-    panel = Supervisor(one, data, PERIOD).device_monitors
+    panel = Supervised(one, data, PERIOD).gate.device_monitors
     assert isinstance(panel, DeviceMonitors)
     panel.reset()
     assert panel.closing(0.0, 0.0) == 0.0
@@ -193,7 +193,7 @@ def test_a_panel_without_a_surface_has_none() -> None:
 
 def test_a_panel_without_monitors_lets_a_device_be_silent() -> None:
     one = dataclasses.replace(model(((), ()), twin=True), monitors=())
-    panel = Supervisor(one, state(one), PERIOD).device_monitors
+    panel = Supervised(one, state(one), PERIOD).gate.device_monitors
     panel.reset()
     panel.wait(1, 1e9)
     assert panel.sane()
@@ -243,11 +243,11 @@ class PlacedToy(Toy):
     placed: ClassVar[bool] = True
 
 
-def toyed(says: Any, kind: type[Toy] = Toy, twin: Any = None) -> Supervisor:
+def toyed(says: Any, kind: type[Toy] = Toy, twin: Any = None) -> Supervised:
     one = model(PLATE, offered=[type("Toy", (kind,), {"says": says})], twin=twin is not None)
-    device = Supervisor(one, state(one), PERIOD, device=None if twin else Fake(), twin=twin)
-    device.reset()
-    device.open()
+    device = Supervised(one, state(one), PERIOD, device=None if twin else Fake(), twin=twin)
+    device.lifecycle.reset()
+    device.lifecycle.open()
     for name in ("plate_temperature", "sink_temperature"):
         device.reading[name] = 300.0
     return device
@@ -266,23 +266,23 @@ def toyed(says: Any, kind: type[Toy] = Toy, twin: Any = None) -> Supervisor:
 )  # fmt: skip
 def test_what_a_monitor_may_return(says: Any, trip: Trip, words: str) -> None:
     with pytest.raises(DeviceFaultError, match=words) as caught:
-        toyed(says).read(0)
+        toyed(says).gate.read(0)
     assert caught.value.trip is trip
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_a_monitor_may_leave_nothing_or_all(share: float) -> None:
     device = toyed(share)
-    device.read(0)
-    assert device.device_monitors.share == share
+    device.gate.read(0)
+    assert device.gate.device_monitors.share == share
 
 
 def test_what_a_monitor_of_a_plugin_writes_is_seen_by_nobody() -> None:
     device = toyed(0.5)
-    device.read(0)
-    assert device.device_monitors.seen["plate_temperature"].item() == 300.0
+    device.gate.read(0)
+    assert device.gate.device_monitors.seen["plate_temperature"].item() == 300.0
     assert device.sent["current"].item() == 0.0
-    assert device.device_monitors.moment.touched
+    assert device.gate.device_monitors.moment.touched
 
 
 def test_ctrl_c_in_a_plugin_is_ctrl_c() -> None:
@@ -291,22 +291,22 @@ def test_ctrl_c_in_a_plugin_is_ctrl_c() -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        toyed(KeyboardInterrupt()).read(0)
+        toyed(KeyboardInterrupt()).gate.read(0)
     with pytest.raises(KeyboardInterrupt):
-        toyed(-1.0, Interrupted).read(0)
+        toyed(-1.0, Interrupted).gate.read(0)
     device = toyed(1.0)
-    assert isinstance(device.device, Fake)
+    assert isinstance(device.gate.device, Fake)
 
     def stop(reading: Record) -> bool:
         raise KeyboardInterrupt
 
-    device.read(0)
-    device.device.write_fails = KeyboardInterrupt()  # type: ignore[assignment]
+    device.gate.read(0)
+    device.gate.device.write_fails = KeyboardInterrupt()  # type: ignore[assignment]
     with pytest.raises(KeyboardInterrupt):
-        device.write(1)
-    device.device.says = stop
+        device.gate.write(1)
+    device.gate.device.says = stop
     with pytest.raises(KeyboardInterrupt):
-        device.read(2)
+        device.gate.read(2)
 
 
 def test_the_words_of_a_monitor_that_says_nothing() -> None:
@@ -318,42 +318,42 @@ def test_the_words_of_a_monitor_that_says_nothing() -> None:
 
 def test_a_monitor_that_is_told_where_the_finger_is() -> None:
     device = toyed(0.5, PlacedToy)
-    device.read(0)
-    device.enable()
-    device.watch_placed(0)
-    assert device.device_monitors.share == 0.5
-    device.device_monitors.restore()
-    assert device.device_monitors.share == 0.5
+    device.gate.read(0)
+    device.lifecycle.enable()
+    device.gate.watch_placed(0)
+    assert device.gate.device_monitors.share == 0.5
+    device.gate.device_monitors.restore()
+    assert device.gate.device_monitors.share == 0.5
     broken = toyed(-1.0, PlacedToy)
     with pytest.raises(DeviceFaultError, match="was stopped by one"):
-        broken.watch_placed(0)
-    assert broken.tripped == -1
+        broken.gate.watch_placed(0)
+    assert broken.latch.tripped == -1
 
 
 def test_a_surface_says_what_is_touched_and_how_fast_it_may_close_in() -> None:
     one = model(TABLE)
-    device = Supervisor(one, state(one), PERIOD, device=Fake())
-    device.reset()
-    device.open()
+    device = Supervised(one, state(one), PERIOD, device=Fake())
+    device.lifecycle.reset()
+    device.lifecycle.open()
     device.reading["wrench"][2] = -1.0
-    device.read(0)
-    device.device_monitors.moment.gap, device.device_monitors.moment.strayed = -0.001, 0.0
-    device.watch_placed(0)
-    assert device.device_monitors.touched
-    assert device.device_monitors.force == 1.0
-    device.watch_placed(1)  # not its turn
-    assert device.device_monitors.closing(0.05, 0.0) == 0.25
-    count = device.device_monitors._clamped.item()
-    assert device.device_monitors.closing(0.05, 0.004) == 0.0
-    assert device.device_monitors._clamped.item() == count + 1
-    assert device.device_monitors.follow(0.03, False) == 0.03
-    assert device.device_monitors._clamped.item() == count + 1
-    surface = device.device_monitors.surface
+    device.gate.read(0)
+    device.gate.device_monitors.moment.gap, device.gate.device_monitors.moment.strayed = -0.001, 0.0
+    device.gate.watch_placed(0)
+    assert device.gate.device_monitors.touched
+    assert device.gate.device_monitors.force == 1.0
+    device.gate.watch_placed(1)  # not its turn
+    assert device.gate.device_monitors.closing(0.05, 0.0) == 0.25
+    count = device.gate.device_monitors._clamped.item()
+    assert device.gate.device_monitors.closing(0.05, 0.004) == 0.0
+    assert device.gate.device_monitors._clamped.item() == count + 1
+    assert device.gate.device_monitors.follow(0.03, False) == 0.03
+    assert device.gate.device_monitors._clamped.item() == count + 1
+    surface = device.gate.device_monitors.surface
     assert surface is not None
     surface.state["withdrawn"][...] = 1
-    assert device.device_monitors.withdrawn
-    assert device.device_monitors.follow(0.03, False) == 0.0
-    assert device.device_monitors._clamped.item() == count + 2
+    assert device.gate.device_monitors.withdrawn
+    assert device.gate.device_monitors.follow(0.03, False) == 0.0
+    assert device.gate.device_monitors._clamped.item() == count + 2
 
 
 class StampedTwin(FakeTwin, Stamped):
@@ -371,14 +371,14 @@ class StampedTwin(FakeTwin, Stamped):
 def test_a_reading_may_be_older_than_it_comes() -> None:
     twin = StampedTwin()
     device = toyed(1.0, twin=twin)
-    device.read(0)
-    assert set(device._measured.tolist()) == {-2}
-    device._left = np.zeros((), np.int64)
-    device.read(1)
-    assert device._left.item() == 3
+    device.gate.read(0)
+    assert set(device.gate._measured.tolist()) == {-2}
+    device.gate._left = np.zeros((), np.int64)
+    device.gate.read(1)
+    assert device.gate._left.item() == 3
     twin.left, twin.says = None, lambda reading: False
-    device.read(2)
-    assert (device._left.item(), set(device._measured.tolist())) == (3, {-1})
+    device.gate.read(2)
+    assert (device.gate._left.item(), set(device.gate._measured.tolist())) == (3, {-1})
 
 
 @pytest.mark.parametrize("channels", [PLATE, ARM, TABLE], ids=["plate", "arm", "table"])
@@ -392,18 +392,18 @@ def test_a_reading_is_as_old_as_what_was_measured_first(channels: Any, behind: i
             ticks[0] = tick - behind
 
     one = model(channels, twin=True)
-    device = Supervisor(one, state(one), PERIOD, twin=Old())
-    device.reset()
-    device.open()
+    device = Supervised(one, state(one), PERIOD, twin=Old())
+    device.lifecycle.reset()
+    device.lifecycle.open()
     for name, view in device.reading.items():
         view[...] = 300.0 if name.endswith("temperature") else 0.0
-    device.read(0)
-    device.enable()
+    device.gate.read(0)
+    device.lifecycle.enable()
     if not silent:
-        device.read(1)
+        device.gate.read(1)
         return
     with pytest.raises(DeviceFaultError, match=r"was silent for 0\.021 s") as caught:
-        device.read(1)
+        device.gate.read(1)
     assert caught.value.trip is Trip.SILENT
 
 
@@ -413,13 +413,13 @@ def test_a_heat_sink_may_be_asked_now_and_then() -> None:
             ticks[...] = tick, tick - 500, tick
 
     one = model(PLATE, twin=True)
-    device = Supervisor(one, state(one), PERIOD, twin=Sink())
-    device.reset()
-    device.open()
+    device = Supervised(one, state(one), PERIOD, twin=Sink())
+    device.lifecycle.reset()
+    device.lifecycle.open()
     device.reading["plate_temperature"] = device.reading["sink_temperature"] = 300.0
-    device.read(0)
-    device.enable()
-    device.read(1)
+    device.gate.read(0)
+    device.lifecycle.enable()
+    device.gate.read(1)
 
 
 def test_a_target_goes_to_the_middle_as_less_is_left() -> None:

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Fake, FakeTwin, model, state
+from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Fake, FakeTwin, Supervised, model, state
 
 from itouch.plugin import HOLD, RETRACT, Channel, DeviceError, Record, Role, pose_target
 from itouch.plugin.stamps import Stamped
-from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Supervisor, Trip
-from itouch.safety.lifecycle import BACKWARDS, HELD
+from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Trip
+from itouch.safety.gate import BACKWARDS, HELD
 from itouch.safety.sequence import (
     AT_END,
     CLEAR,
@@ -56,7 +56,7 @@ class Rig:
         if twin:
             parts[1] = {"twin": self.twin}
         self.all = [
-            Supervisor(one, self.state, PERIOD, **part)  # type: ignore[arg-type]
+            Supervised(one, self.state, PERIOD, **part)  # type: ignore[arg-type]
             for one, part in zip(models, parts, strict=True)
         ]
         self.arm, self.table, self.plate = self.all
@@ -65,22 +65,22 @@ class Rig:
         self.obey: Callable[[float], None] = self.follow
         self.noise = True
         self.sent: list[tuple[float, float, float]] = []
-        if self.arm.device is not None and self.plate.device is not None:
-            self.arm.device.read = self.say_arm  # type: ignore[method-assign]
-            self.plate.device.read = self.say_plate  # type: ignore[method-assign]
+        if self.arm.gate.device is not None and self.plate.gate.device is not None:
+            self.arm.gate.device.read = self.say_arm  # type: ignore[method-assign]
+            self.plate.gate.device.read = self.say_plate  # type: ignore[method-assign]
         if twin:
             self.twin.says = self.say_table
-        elif self.table.device is not None:
-            self.table.device.read = self.say_table  # type: ignore[method-assign]
+        elif self.table.gate.device is not None:
+            self.table.gate.device.read = self.say_table  # type: ignore[method-assign]
         for one in self.all:
-            one.reset()
-            one.open()
-            one.read(0)
-            one.enable()
+            one.lifecycle.reset()
+            one.lifecycle.open()
+            one.gate.read(0)
+            one.lifecycle.enable()
         self.arm.sent["wrench"][0] = 1.0
         self.plate.sent["current"][0] = 1.5
         self.finger = 0.03
-        self.sequence = SafeSequence(self.all, self.state, PERIOD, self.move)
+        self.sequence = SafeSequence([one.gate for one in self.all], self.state, PERIOD, self.move)
 
     def say_arm(self, reading: Record) -> bool:
         reading["pose"] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
@@ -137,9 +137,9 @@ def test_force_off_and_retract_at_once_the_plate_when_the_finger_has_left() -> N
     assert drops == pytest.approx([0.03 - 0.00025 * (n + 1) for n in range(len(drops))])
     left = next(n for n, (_, height, _) in enumerate(rig.sent) if 0.03 - height >= 0.005)
     assert [drive for _, _, drive in rig.sent] == [1.5] * (left + 1) + [0.0] * (len(rig.sent) - left - 1)
-    assert rig.arm.status is Status.FAULT
-    assert rig.arm.trip is Trip.SPEED
-    assert rig.table.status is rig.plate.status is Status.OPEN
+    assert rig.arm.latch.status is Status.FAULT
+    assert rig.arm.latch.trip is Trip.SPEED
+    assert rig.table.latch.status is rig.plate.latch.status is Status.OPEN
     assert outcome.devices["arm"] == "wrench off"
     assert outcome.devices["table"].startswith("retracted 5.")
     assert outcome.devices["plate"] == "current off, plate at 26.9 degC"
@@ -150,7 +150,7 @@ def test_a_plate_at_fault_is_cut_at_once() -> None:
     rig = Rig()
     assert rig.stop("plate", Trip.PLATE_TEMPERATURE).safe
     assert {drive for _, _, drive in rig.sent} == {0.0}
-    assert rig.plate.status is Status.FAULT
+    assert rig.plate.latch.status is Status.FAULT
 
 
 def test_a_finger_that_stays_is_waited_for_three_tenths_of_a_second() -> None:
@@ -162,7 +162,7 @@ def test_a_finger_that_stays_is_waited_for_three_tenths_of_a_second() -> None:
     assert not outcome.safe
     assert outcome.seconds == pytest.approx(SAFE_TIME)
     assert outcome.devices["table"].endswith(", still touched")
-    assert not rig.plate.keeping
+    assert not rig.plate.gate.keeping
 
 
 def test_ticks_that_a_late_machine_leaves_out_are_waited_for_too() -> None:
@@ -202,8 +202,8 @@ def test_a_surface_at_the_end_of_its_travel_is_safe() -> None:
     rig = Rig()
     rig.height = rig.table.sent["pose_target"][2] = 0.0009
     rig.load = 0.0
-    rig.table.device_monitors.forget()
-    rig.table.read(1)
+    rig.table.gate.device_monitors.forget()
+    rig.table.gate.read(1)
     rig.obey = lambda goal: None
     outcome = rig.stop("arm")
     assert outcome.safe
@@ -223,8 +223,8 @@ def test_a_surface_that_goes_the_wrong_way_is_held_then_driven_back() -> None:
     assert outcome.devices["table"] == "goes the wrong way: held 8.0 mm further back"
     highest = min(height for _, height, _ in rig.sent)
     assert highest == pytest.approx(0.03 - 0.0015, abs=5.1e-4)
-    assert rig.table.stopped is not None
-    assert rig.table.stopped.item() == 1
+    assert rig.table.gate.stopped is not None
+    assert rig.table.gate.stopped.item() == 1
     held = [height for _, height, _ in rig.sent].count(highest)
     assert held * PERIOD == pytest.approx(0.05, abs=0.004)
     assert held == 52  # for more than 50 ms, and the tick in which it was seen
@@ -276,8 +276,8 @@ def test_what_is_still_being_driven_back_at_the_end_is_held_there() -> None:
     rig.obey = reversed_drive
     outcome = rig.stop("table")
     assert not outcome.safe
-    assert rig.table.stopped is not None
-    assert rig.table.stopped.item() == 1
+    assert rig.table.gate.stopped is not None
+    assert rig.table.gate.stopped.item() == 1
 
 
 def test_a_second_fault_on_the_way_is_latched_and_told() -> None:
@@ -290,15 +290,15 @@ def test_a_second_fault_on_the_way_is_latched_and_told() -> None:
     rig.obey = broken
     outcome = rig.stop("arm")
     assert outcome.also == {"plate": "not-a-number"}
-    assert rig.plate.status is Status.FAULT
+    assert rig.plate.latch.status is Status.FAULT
     assert outcome.devices["plate"] == "can't be verified: its sensors are not believed, or it does not answer"
     assert not outcome.safe
 
 
 def test_a_device_that_fails_to_obey_does_not_stop_the_others() -> None:
     rig = Rig()
-    assert isinstance(rig.plate.device, Fake)
-    rig.plate.device.write_fails = OSError("gone")
+    assert isinstance(rig.plate.gate.device, Fake)
+    rig.plate.gate.device.write_fails = OSError("gone")
     outcome = rig.stop("arm")
     assert outcome.also == {"plate": "device-error"}
     assert rig.height < 0.025
@@ -318,8 +318,8 @@ def test_hardware_that_is_not_believed_can_not_be_verified() -> None:
 def slow_table(rig: Rig, silent: int, behind: int) -> None:
     """Let the table say nothing for so many ticks of the sequence, then what was true so many ticks before."""
     past = [(rig.height, rig.load)] * (behind + 1)
-    assert rig.table.device is not None
-    device = rig.table.device
+    assert rig.table.gate.device is not None
+    device = rig.table.gate.device
 
     def read(reading: Record) -> bool:
         past.append((rig.height, rig.load))
@@ -371,16 +371,16 @@ def test_a_glance_that_brings_nothing_judges_nothing() -> None:
     """A number that stands still because nothing has come is not frozen, and one that was bad is bad once."""
     rig = Rig()
     seen: list[int] = []
-    rig.table.device_monitors.believe = lambda tick, seconds: seen.append(tick)  # type: ignore[method-assign]
-    assert rig.table.device is not None
-    rig.table.device.read = lambda reading: False  # type: ignore[method-assign]
-    assert not rig.table.glance(5)
+    rig.table.gate.device_monitors.believe = lambda tick, seconds: seen.append(tick)  # type: ignore[method-assign]
+    assert rig.table.gate.device is not None
+    rig.table.gate.device.read = lambda reading: False  # type: ignore[method-assign]
+    assert not rig.table.gate.glance(5)
     assert not seen
-    rig.table.device.read = lambda reading: True  # type: ignore[method-assign]
-    assert rig.table.glance(6)
+    rig.table.gate.device.read = lambda reading: True  # type: ignore[method-assign]
+    assert rig.table.gate.glance(6)
     assert seen == [6]
-    rig.table.fault(Trip.SPEED, 7)
-    assert rig.table.glance(8)
+    rig.table.gate.fault(Trip.SPEED, 7)
+    assert rig.table.gate.glance(8)
     assert seen == [6]
 
 
@@ -456,7 +456,7 @@ def test_what_has_not_answered_for_a_tenth_of_a_second_is_not_verified(until: in
     """The table does not obey, and all wait for half a second; meanwhile the arm falls silent."""
     rig = Rig()
     rig.obey = lambda goal: None
-    rig.arm.device.read = lambda reading: rig.ticks < until and rig.say_arm(reading)  # type: ignore[method-assign,union-attr]
+    rig.arm.gate.device.read = lambda reading: rig.ticks < until and rig.say_arm(reading)  # type: ignore[method-assign,union-attr]
     outcome = rig.stop("table")
     assert outcome.seconds == pytest.approx(SAFE_TIME, abs=2 * PERIOD)
     assert (outcome.devices["arm"] == "wrench off") is known
@@ -476,9 +476,9 @@ def test_a_surface_without_ends_retracts_nowhere() -> None:
 def test_a_plate_beyond_what_may_ever_be_is_not_safe() -> None:
     rig = Rig()
     for one in rig.all:
-        one.disable()
+        one.latch.disable()
     rig.temperature = 318.5
-    rig.plate.device_monitors.forget()
+    rig.plate.gate.device_monitors.forget()
     outcome = rig.stop("plate", Trip.PLATE_TEMPERATURE)
     assert not outcome.safe
     assert outcome.devices["plate"] == "off, but the plate is at 45.4 degC"
@@ -486,8 +486,8 @@ def test_a_plate_beyond_what_may_ever_be_is_not_safe() -> None:
 
 def test_a_command_that_stays_on_is_told() -> None:
     rig = Rig()
-    rig.plate.fault(Trip.FLUX, 0)
-    rig.plate.keeping = True
+    rig.plate.gate.fault(Trip.FLUX, 0)
+    rig.plate.gate.keeping = True
     rig.plate.sent["current"][0] = 0.5
     rig.sequence._carried = []
     outcome = rig.stop("arm")
@@ -498,9 +498,9 @@ def test_a_command_that_stays_on_is_told() -> None:
 def test_a_device_that_only_reads_has_nothing_to_switch_off() -> None:
     one = model((ARM[0], ()), name="tracker")
     data = state(one)
-    it = Supervisor(one, data, PERIOD, device=Fake())
-    it.open()
-    sequence = SafeSequence([it], data, PERIOD, lambda: None)
+    it = Supervised(one, data, PERIOD, device=Fake())
+    it.lifecycle.open()
+    sequence = SafeSequence([it.gate], data, PERIOD, lambda: None)
     outcome = sequence.carry_out(DeviceFaultError("tracker", 0, Trip.SPEED, "x"), lambda: None)
     assert outcome == Outcome(True, PERIOD, {"tracker": "nothing to switch off"}, {})
 
@@ -558,7 +558,7 @@ def test_a_sequence_in_which_each_tick_fails_ends() -> None:
     )
     assert round(SAFE_TIME / PERIOD) <= len(calls) <= round(WATCH_TIME / PERIOD)
     assert paced == list(range(paced[0], paced[0] + len(calls)))
-    assert not outcome.safe and not rig.plate.keeping
+    assert not outcome.safe and not rig.plate.gate.keeping
 
 
 def test_the_numbers_of_the_sequence() -> None:
@@ -576,8 +576,8 @@ def test_the_numbers_of_the_sequence() -> None:
     for height, safe in ((0.0009, True), (0.001, True), (0.0015, False)):
         rig = Rig()
         rig.height, rig.load = height, 0.0
-        rig.table.device_monitors.forget()
-        rig.table.read(1)
+        rig.table.gate.device_monitors.forget()
+        rig.table.gate.read(1)
         rig.obey = lambda goal: None
         assert rig.stop("arm").safe is safe
 
@@ -591,11 +591,11 @@ def test_a_second_sequence_begins_anew() -> None:
     rig.obey = reversed_drive
     rig.stop("table")
     first = rig.sequence._begun["table"]
-    rig.table.rearm(0)
+    rig.table.lifecycle.rearm(0)
     rig.height = 0.03
-    rig.table.device_monitors.forget()
-    rig.table.read(2)
-    rig.table.enable()
+    rig.table.gate.device_monitors.forget()
+    rig.table.gate.read(2)
+    rig.table.lifecycle.enable()
     rig.obey, rig.ticks = rig.follow, 0
     outcome = rig.stop("table")
     assert outcome.safe
@@ -609,20 +609,20 @@ def test_only_what_is_carried_by_what_retracts_keeps_its_drive() -> None:
     assert [one.model.name for one in rig.sequence._carried] == ["plate"]
     models = [model(PLATE, name="a", carrier="b"), model(ARM, name="b")]
     data = state(*models)
-    both = [Supervisor(one, data, PERIOD, device=Fake()) for one in models]
-    assert SafeSequence(both, data, PERIOD, lambda: None)._carried == []
+    both = [Supervised(one, data, PERIOD, device=Fake()) for one in models]
+    assert SafeSequence([one.gate for one in both], data, PERIOD, lambda: None)._carried == []
 
 
 @pytest.mark.parametrize(("every", "safe"), [(20, True), (10**9, False)])
 def test_a_display_may_answer_now_and_then_but_must_not_fall_silent(every: int, safe: bool) -> None:
     """Over a wire a reading comes every 20 ms or so: that one is waited for; one that never comes is not safe."""
     rig = Rig()
-    assert rig.plate.device is not None
+    assert rig.plate.gate.device is not None
 
     def say(reading: Record) -> bool:
         return rig.say_plate(reading) and rig.ticks % every == every - 1
 
-    rig.plate.device.read = say  # type: ignore[method-assign]
+    rig.plate.gate.device.read = say  # type: ignore[method-assign]
     assert rig.stop("arm", Trip.SPEED).safe is safe
 
 
@@ -640,9 +640,9 @@ def test_a_backlog_from_before_any_stop_says_nothing_of_the_retreat(behind: int)
 
 def test_readings_that_were_all_measured_before_the_stop_verify_nothing() -> None:
     rig = Rig()
-    assert rig.table.device is not None
+    assert rig.table.gate.device is not None
     stuck = rig.state["tick"].item() - 1
-    rig.table.device.measured = lambda state, tick, ticks: ticks.__setitem__(Ellipsis, stuck)  # type: ignore[attr-defined]
+    rig.table.gate.device.measured = lambda state, tick, ticks: ticks.__setitem__(Ellipsis, stuck)  # type: ignore[attr-defined]
     outcome = rig.stop("arm", Trip.SPEED)
     assert not outcome.safe
     assert outcome.devices["table"] == "not measured since it was told to retract"
@@ -681,8 +681,8 @@ def test_one_that_turns_round_again_and_again_is_held() -> None:
 
     def contrary() -> float:
         """Go up, whatever it is told."""
-        assert rig.table.stopped is not None
-        ways[0] = 1.0 if rig.table.stopped.item() == BACKWARDS else -1.0
+        assert rig.table.gate.stopped is not None
+        ways[0] = 1.0 if rig.table.gate.stopped.item() == BACKWARDS else -1.0
         return ways[0]
 
     pushed(rig, contrary)
@@ -723,9 +723,9 @@ def test_what_was_found_of_a_surface_in_one_stop_is_over_in_the_next() -> None:
     rig.height, rig.load = 0.03, 1.0
     rig.obey = rig.follow
     for one in rig.all:
-        one.read(rig.state["tick"].item())
-        one.rearm(rig.state["tick"].item())
-        one.enable()
+        one.gate.read(rig.state["tick"].item())
+        one.lifecycle.rearm(rig.state["tick"].item())
+        one.lifecycle.enable()
     outcome = rig.stop("arm", Trip.SPEED)
     assert outcome.safe
     assert outcome.devices["table"].startswith("retracted ")
@@ -738,8 +738,8 @@ def test_one_that_goes_wrong_twice_is_turned_twice_and_then_held() -> None:
 
     def way() -> float:
         """Go up as long as it was not turned round so often."""
-        assert rig.table.stopped is not None
-        now = rig.table.stopped.item()
+        assert rig.table.gate.stopped is not None
+        now = rig.table.gate.stopped.item()
         if not turned or turned[-1] != now:
             turned.append(now)
         up_when_driven = 1.0 if now == BACKWARDS else -1.0
@@ -760,17 +760,17 @@ class Two(Rig):
         one = [model(TABLE, name=name) for name in ("first", "second")]
         self.state = state(*one)
         self.places = [0.03, 0.03]
-        self.all = [Supervisor(m, self.state, PERIOD, device=Line()) for m in one]
+        self.all = [Supervised(m, self.state, PERIOD, device=Line()) for m in one]
         for place, supervisor in enumerate(self.all):
-            assert supervisor.device is not None
-            supervisor.device.read = lambda reading, place=place: self.say(reading, place)  # type: ignore[method-assign,misc]
-            supervisor.reset()
-            supervisor.open()
-            supervisor.read(0)
-            supervisor.enable()
-        assert self.all[0].device is not None
-        self.all[0].device.behind = late  # type: ignore[attr-defined]
-        self.sequence = SafeSequence(self.all, self.state, PERIOD, self.move)
+            assert supervisor.gate.device is not None
+            supervisor.gate.device.read = lambda reading, place=place: self.say(reading, place)  # type: ignore[method-assign,misc]
+            supervisor.lifecycle.reset()
+            supervisor.lifecycle.open()
+            supervisor.gate.read(0)
+            supervisor.lifecycle.enable()
+        assert self.all[0].gate.device is not None
+        self.all[0].gate.device.behind = late  # type: ignore[attr-defined]
+        self.sequence = SafeSequence([one.gate for one in self.all], self.state, PERIOD, self.move)
 
     def say(self, reading: Record, place: int) -> bool:
         reading["pose"] = (0.0, 0.0, self.places[place], 1.0, 0.0, 0.0, 0.0)
@@ -791,9 +791,9 @@ def test_a_surface_of_which_nothing_new_is_known_keeps_no_other_from_being_minde
 @pytest.mark.parametrize(("stamp", "said"), [(-1, "not measured since it was told to retract"), (0, "retracted ")])
 def test_what_was_measured_in_the_very_tick_of_the_stop_is_of_the_retreat(stamp: int, said: str) -> None:
     rig = Rig()
-    assert rig.table.device is not None
+    assert rig.table.gate.device is not None
     stuck = rig.state["tick"].item() + stamp
-    rig.table.device.measured = lambda state, tick, ticks: ticks.__setitem__(Ellipsis, stuck)  # type: ignore[attr-defined]
+    rig.table.gate.device.measured = lambda state, tick, ticks: ticks.__setitem__(Ellipsis, stuck)  # type: ignore[attr-defined]
     assert rig.stop("arm", Trip.SPEED).devices["table"].startswith(said)
 
 
@@ -835,12 +835,12 @@ def test_what_stands_at_its_end_and_reads_the_same_is_no_reason_not_to_rest() ->
         rig = Rig()
         rig.noise, rig.load = False, 0.0
         rig.height = rig.table.sent["pose_target"][2] = height
-        rig.table.device_monitors.forget()
-        rig.table.read(1)
+        rig.table.gate.device_monitors.forget()
+        rig.table.gate.read(1)
         rig.obey = lambda goal: None
-        assert rig.table.device is not None
+        assert rig.table.gate.device is not None
         if silent:
-            rig.table.device.read = lambda reading: False  # type: ignore[method-assign]
+            rig.table.gate.device.read = lambda reading: False  # type: ignore[method-assign]
         return park(rig)
 
     assert still(0.0009).unsafe == ()
@@ -850,15 +850,15 @@ def test_what_stands_at_its_end_and_reads_the_same_is_no_reason_not_to_rest() ->
 
 def test_a_drive_that_is_on_and_a_fault_are_reasons_not_to_rest() -> None:
     rig = Rig()
-    assert rig.plate.device is not None
+    assert rig.plate.gate.device is not None
 
     def fails(command: Record) -> None:
         raise DeviceError("its amplifier does not answer")
 
-    rig.plate.device.write = fails  # type: ignore[method-assign]
+    rig.plate.gate.device.write = fails  # type: ignore[method-assign]
     outcome = park(rig)
     assert outcome.unsafe == ("plate",)
-    assert rig.plate.status is Status.FAULT
+    assert rig.plate.latch.status is Status.FAULT
 
 
 @pytest.mark.parametrize("trip", [Trip.NOT_A_NUMBER, Trip.TRACKING])
@@ -918,15 +918,15 @@ def test_a_surface_stands_that_was_told_nothing_and_moved_by_nothing_for_a_twent
 
 def test_a_reading_that_stands_still_is_believed_for_as_long_as_a_surface_needs_to_begin() -> None:
     rig = Rig()
-    rig.sequence._begun = {"table": rig.table.device_monitors.values}
+    rig.sequence._begun = {"table": rig.table.gate.device_monitors.values}
     for ticks, believed in ((round(SETTLE / PERIOD) - 1, True), (round(SETTLE / PERIOD), False)):
         rig.sequence._passed = ticks
-        assert rig.sequence._believed(rig.table) is believed
+        assert rig.sequence._believed(rig.table.gate) is believed
 
 
 def test_a_torque_is_no_push() -> None:
     rig = Rig()
-    assert rig.table.device is not None
+    assert rig.table.gate.device is not None
     say = rig.say_table
 
     def turned(reading: Record) -> bool:
@@ -934,7 +934,7 @@ def test_a_torque_is_no_push() -> None:
         reading["wrench"][3:] = (2.0, 2.0, 2.0)
         return True
 
-    rig.table.device.read = turned  # type: ignore[method-assign]
+    rig.table.gate.device.read = turned  # type: ignore[method-assign]
     outcome = rig.stop("arm")
     assert outcome.safe
     assert outcome.devices["table"].startswith("retracted 5.")
@@ -944,17 +944,17 @@ def test_where_a_surface_stood_is_that_of_the_first_stop_until_it_was_enabled() 
     """A surface whose place is not believed in the second one may go no further than 6 mm from there."""
     rig = Rig()
     rig.stop("arm")
-    assert rig.table.way is not None and rig.table.way[0] == 0.03
+    assert rig.table.gate.way is not None and rig.table.gate.way[0] == 0.03
     rig.stop("arm")
-    assert rig.table.way[0] == 0.03
+    assert rig.table.gate.way[0] == 0.03
 
 
 def test_a_surface_of_which_nothing_new_was_measured_is_not_taken_to_have_gone_back() -> None:
     """What comes late says that it went down before: that it still feels something is no finger that has followed."""
     rig = Rig()
     slow_table(rig, 0, 0)
-    assert rig.table.device is not None
-    rig.table.device.behind = 10**4  # type: ignore[attr-defined]
+    assert rig.table.gate.device is not None
+    rig.table.gate.device.behind = 10**4  # type: ignore[attr-defined]
     rig.leaves_after = math.inf
     outcome = rig.stop("arm")
     assert outcome.devices["table"] == "not measured since it was told to retract"
@@ -969,7 +969,7 @@ def test_a_surface_that_moves_by_no_more_than_that_stands() -> None:
     for height, stands in ((STANDS, True), (-STANDS, True), (STANDS + 1e-9, False)):
         rig.sequence._moved = {"table": (0.0, sent, 0)}
         rig.table.reading["pose"][2] = height
-        assert rig.sequence._arrived(rig.table) is stands
+        assert rig.sequence._arrived(rig.table.gate) is stands
 
 
 def test_one_that_was_held_because_it_went_the_wrong_way_is_held_in_the_next_stop_too() -> None:
@@ -986,10 +986,10 @@ def test_one_that_was_held_because_it_went_the_wrong_way_is_held_in_the_next_sto
 def test_one_that_is_held_stands_nearer_by_more_than_it_may_or_at_all_if_it_is_not_believed() -> None:
     rig = Rig()
     for gone, nearer in ((0.001, False), (0.0, False), (-NEARER, False), (-NEARER - 1e-9, True)):
-        assert rig.sequence._nearer(rig.table, gone) is nearer
-    rig.table.fault(Trip.NOT_A_NUMBER, 0)
+        assert rig.sequence._nearer(rig.table.gate, gone) is nearer
+    rig.table.gate.fault(Trip.NOT_A_NUMBER, 0)
     for gone, nearer in ((0.001, False), (0.0, False), (-1e-9, True)):
-        assert rig.sequence._nearer(rig.table, gone) is nearer
+        assert rig.sequence._nearer(rig.table.gate, gone) is nearer
 
 
 def test_one_that_came_up_again_has_not_gone_back_as_it_was_told_though_it_is_lower_than_it_was() -> None:
@@ -1039,32 +1039,32 @@ def test_a_place_that_was_measured_in_the_tick_of_the_command_counts() -> None:
     rig = Rig()
     rig.stop("arm")
     before = rig.table.reading["pose"][2].item() + 0.02
-    measured = rig.table.measured_at(Role.TRACKED_POSE)
+    measured = rig.table.gate.measured_at(Role.TRACKED_POSE)
     rig.sequence._ways[0][1][...] = 0
     for since, back in ((measured, True), (measured + 1, False)):
         rig.sequence._since = since
-        assert rig.sequence._back(rig.table, before) is back
+        assert rig.sequence._back(rig.table.gate, before) is back
 
 
 def test_a_surface_is_at_its_end_within_a_millimetre_of_it() -> None:
     rig = Rig()
-    end = _end(rig.table)
+    end = _end(rig.table.gate)
     for height, there in ((end + AT_END, True), (end + AT_END + 1e-9, False)):
-        assert rig.sequence._stands(rig.table, {"table": height}) is there
+        assert rig.sequence._stands(rig.table.gate, {"table": height}) is there
 
 
 def test_how_far_one_has_retracted_is_told_in_millimetres() -> None:
     rig = Rig()
     rig.table.reading["pose"][2], rig.table.reading["wrench"][:] = 0.01, 0.0
-    assert rig.sequence._seen_surface(rig.table, 0.01 + 0.02493) == ("retracted 24.9 mm", False)
+    assert rig.sequence._seen_surface(rig.table.gate, 0.01 + 0.02493) == ("retracted 24.9 mm", False)
 
 
 def test_one_of_which_nothing_is_heard_is_led_by_what_touches_it_after_thirty_milliseconds(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rig = Rig()
-    assert rig.table.device is not None
-    rig.table.device.read = lambda reading: False  # type: ignore[method-assign]
+    assert rig.table.gate.device is not None
+    rig.table.gate.device.read = lambda reading: False  # type: ignore[method-assign]
     led: list[int] = []
     monkeypatch.setattr(rig.sequence._blind["table"], "mind", lambda *_: led.append(rig.sequence._passed))
     rig.stop("arm")
@@ -1075,8 +1075,8 @@ def test_one_of_which_nothing_is_heard_is_led_by_what_touches_it_after_thirty_mi
 def test_one_that_rises_by_a_little_at_the_end_of_its_travel_has_not_retracted_by_less_than_nothing() -> None:
     rig = Rig()
     rig.height = rig.table.sent["pose_target"][2] = 0.0002
-    rig.table.device_monitors.forget()
-    rig.table.read(1)
+    rig.table.gate.device_monitors.forget()
+    rig.table.gate.read(1)
 
     def yields(goal: float) -> None:  # as soon as the finger lets go of it
         rig.height, rig.load = (0.0002, 1.0) if rig.ticks < 20 else (0.0009, 0.0)

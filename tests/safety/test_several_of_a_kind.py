@@ -89,9 +89,9 @@ def test_whatever_is_false_is_no_news(tmp_path: Path, no: object, behind: str) -
     session = built(tmp_path, says, (PLATE,), (current(limit=4.0),), blocking=behind != "inline", period=0.002)
     (runner,) = session.runners
     if behind == "in step":
-        runner.device = Exchanges(runner.device.device, itertools.repeat(7))
+        runner.gate.device = Exchanges(runner.gate.device.device, itertools.repeat(7))
     if behind == "in a thread":
-        assert isinstance(runner.device, ThreadedDevice)
+        assert isinstance(runner.gate.device, ThreadedDevice)
         session.clock = WallClock()
     session.hold()
     session.enable()
@@ -115,7 +115,7 @@ def test_no_reading_is_from_the_future_or_from_never(tmp_path: Path, time: dict[
     session = built(tmp_path, warm, (PLATE,), (current(limit=4.0),), blocking=True, period=0.002, read=read)
     (runner,) = session.runners
     if behind == "in step":
-        runner.device = EveryNth(runner.device.device, 3)
+        runner.gate.device = EveryNth(runner.gate.device.device, 3)
     else:
         session.clock = WallClock()
     session.enable()
@@ -190,7 +190,7 @@ def test_a_flux_trips_at_every_rate_of_the_loop(tmp_path: Path) -> None:
         with pytest.raises(itouch.DeviceFaultError, match="mean flux"):
             session.run(1.5)
         (runner,) = session.runners
-        assert runner.device_monitors.clock / rate <= 0.010 + 1e-9
+        assert runner.gate.device_monitors.clock / rate <= 0.010 + 1e-9
 
 
 def switch(name: str) -> Channel:
@@ -223,7 +223,7 @@ def test_of_several_heat_sinks_the_hottest_counts(tmp_path: Path) -> None:
     session = built(tmp_path, says, (plate_temperature("plate"), *sinks), (current(limit=4.0),))
     session.enable()
     session.run(0.5)
-    assert session.runners[0].device_monitors.share == pytest.approx(0.2)
+    assert session.runners[0].gate.device_monitors.share == pytest.approx(0.2)
 
 
 # --- a switch that is lost while it is held -------------------------------------------------------------------------
@@ -369,7 +369,7 @@ def test_what_a_script_would_command_on_a_finger_that_no_probe_tells_of_is_not_e
     for act in (session.enable, session.rearm):
         with pytest.raises(DeviceError, match=re.escape(f"device 'pad' can't be enabled: {said}")):
             act()
-        assert not session.runners[0].enabled
+        assert not session.runners[0].latch.enabled
     session.close()
 
 
@@ -488,7 +488,7 @@ def test_rearming_asks_the_devices_own_switch_anew(
     if restored:
         session.save(tmp_path / "stopped.itouch")
         session.close()
-        devices = catalog({"stranger": type(session.runners[0].device)})
+        devices = catalog({"stranger": type(session.runners[0].gate.device)})
         session = itouch.restore(tmp_path / "stopped.itouch", catalog=devices)
     if pressed:
         session.rearm()

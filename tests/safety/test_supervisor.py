@@ -8,10 +8,10 @@ import threading
 
 import numpy as np
 import pytest
-from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, FakeTwin, Slow, lost, model, state
+from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, FakeTwin, Slow, Supervised, lost, model, state
 
 from itouch.plugin import HOLD, Channel, DeviceError, Record
-from itouch.safety import DeviceFaultError, Status, Supervisor, Trip, lifecycle
+from itouch.safety import DeviceFaultError, Status, Trip, lifecycle
 
 
 class Rig:
@@ -21,12 +21,12 @@ class Rig:
         self.device = cls()
         one = model(channels, cls=cls, **of_model)  # type: ignore[arg-type]
         self.state = state(one)
-        self.it = Supervisor(one, self.state, PERIOD, device=self.device)
-        self.it.reset()
+        self.it = Supervised(one, self.state, PERIOD, device=self.device)
+        self.it.lifecycle.reset()
         self.place = [0.0, 0.0, 0.03]
         self.temperature = 300.0
         self.device.says = self.say
-        self.it.closing = 0.1
+        self.it.gate.closing = 0.1
 
     def say(self, reading: Record) -> bool:
         if "pose" in reading:
@@ -37,9 +37,9 @@ class Rig:
         return True
 
     def enabled(self) -> Rig:
-        self.it.open()
-        self.it.read(0)
-        self.it.enable()
+        self.it.lifecycle.open()
+        self.it.gate.read(0)
+        self.it.lifecycle.enable()
         return self
 
     def last(self, name: str = "wrench") -> list[float]:
@@ -49,82 +49,82 @@ class Rig:
 def test_a_device_is_opened_enabled_disabled_and_closed_once() -> None:
     rig = Rig()
     it = rig.it
-    assert (it.status, it.enabled, it.trip) == (Status.CLOSED, False, Trip.NONE)
-    it.open()
-    assert (it.status, it.enabled) == (Status.OPEN, False)
+    assert (it.latch.status, it.latch.enabled, it.latch.trip) == (Status.CLOSED, False, Trip.NONE)
+    it.lifecycle.open()
+    assert (it.latch.status, it.latch.enabled) == (Status.OPEN, False)
     with pytest.raises(DeviceError, match="has not read anything yet: nothing could watch what it does"):
-        it.enable()
-    it.read(0)
-    it.enable()
-    assert (it.status, it.enabled) == (Status.ENABLED, True)
-    it.disable()
-    assert it.status is Status.OPEN
-    it.disable()
-    assert it.status is Status.OPEN
-    it.close()
-    assert it.status is Status.CLOSED
-    it.close()
+        it.lifecycle.enable()
+    it.gate.read(0)
+    it.lifecycle.enable()
+    assert (it.latch.status, it.latch.enabled) == (Status.ENABLED, True)
+    it.latch.disable()
+    assert it.latch.status is Status.OPEN
+    it.latch.disable()
+    assert it.latch.status is Status.OPEN
+    it.lifecycle.close()
+    assert it.latch.status is Status.CLOSED
+    it.lifecycle.close()
     assert rig.device.calls == ["open", "close"]
 
 
 def test_only_an_open_device_can_be_enabled() -> None:
     rig = Rig()
     with pytest.raises(DeviceError, match="device 'it' is CLOSED, it can't be enabled"):
-        rig.it.enable()
+        rig.it.lifecycle.enable()
     rig.enabled()
     with pytest.raises(DeviceError, match="ENABLED"):
-        rig.it.enable()
+        rig.it.lifecycle.enable()
 
 
 def test_a_device_that_refuses_stays_closed() -> None:
     rig = Rig()
     rig.device.open_fails = DeviceError("no power")
     with pytest.raises(DeviceError, match="no power"):
-        rig.it.open()
-    assert rig.it.status is Status.CLOSED
+        rig.it.lifecycle.open()
+    assert rig.it.latch.status is Status.CLOSED
 
 
 def test_closed_nothing_open_only_what_is_safe_enabled_what_is_asked() -> None:
     rig = Rig()
     rig.it.command["wrench"][0] = 0.5
-    rig.it.write(0)
-    rig.it.read(0)
+    rig.it.gate.write(0)
+    rig.it.gate.read(0)
     assert rig.device.written == []
     assert rig.state["it.sequence"].item() == 0
-    rig.it.open()
-    rig.it.write(0)
+    rig.it.lifecycle.open()
+    rig.it.gate.write(0)
     assert rig.last() == [0.0] * 6
-    rig.it.read(1)
-    rig.it.enable()
-    rig.it.write(1)
+    rig.it.gate.read(1)
+    rig.it.lifecycle.enable()
+    rig.it.gate.write(1)
     assert rig.last() == [0.0] * 6  # what was asked for before it was enabled is forgotten
     rig.it.command["wrench"][0] = 0.5
-    rig.it.write(2)
+    rig.it.gate.write(2)
     assert rig.last() == [0.5, 0, 0, 0, 0, 0]
-    rig.it.disable()
-    rig.it.write(3)
+    rig.it.latch.disable()
+    rig.it.gate.write(3)
     assert rig.last() == [0.0] * 6
 
 
 def test_commands_are_limited_counted_and_dropped() -> None:
     rig = Rig().enabled()
     rig.it.command["wrench"][:] = (9.0, 0, 0, 1.0, 1.0, 0)
-    rig.it.write(0)
+    rig.it.gate.write(0)
     assert rig.last() == [1.0, 0, 0, 0, 0, 0]
     assert rig.state["it.clamped"].item() == 1
     assert rig.state["it.dropped"].item() == 2
     rig.it.command["wrench"][:] = (0.5, 0, 0, 0, 0, 0)
-    rig.it.write(1)
+    rig.it.gate.write(1)
     assert rig.state["it.clamped"].item() == 1
     assert rig.state["it.dropped"].item() == 2
 
 
 def test_enabling_begins_with_what_is_safe() -> None:
     rig = Rig()
-    rig.it.open()
-    rig.it.read(0)
+    rig.it.lifecycle.open()
+    rig.it.gate.read(0)
     rig.it.sent["wrench"][0] = rig.it.command["wrench"][0] = 2.0
-    rig.it.enable()
+    rig.it.lifecycle.enable()
     assert not np.any(rig.it.sent["wrench"])
     assert not np.any(rig.it.command["wrench"])
 
@@ -134,10 +134,10 @@ def test_a_surface_begins_where_it_stands() -> None:
     rig.place = [0.01, 0.02, 0.04]
     rig.enabled()
     assert rig.it.command["pose_target"][:3].tolist() == [0.01, 0.02, 0.04]
-    rig.it.write(0)
+    rig.it.gate.write(0)
     assert rig.last("pose_target")[:3] == [0.01, 0.02, 0.04]
     rig.it.command["pose_target"][2] = 0.06
-    rig.it.write(1)
+    rig.it.gate.write(1)
     assert rig.last("pose_target")[2] == pytest.approx(0.0401)
 
 
@@ -154,12 +154,12 @@ def test_the_ramp_of_enabling() -> None:
     rig.it.command["wrench"][0] = 3.0
     shares = []
     for tick in range(3):
-        rig.it.write(tick)
+        rig.it.gate.write(tick)
         shares.append(rig.last()[0])
     assert shares == pytest.approx([0.0015, 0.003, 0.0045])
     rig.state["it.ramp"] = 0.99999
     rig.it.sent["wrench"][0] = 3.0
-    rig.it.write(3)
+    rig.it.gate.write(3)
     assert rig.last()[0] == pytest.approx(3.0)
     assert rig.state["it.ramp"].item() == 1.0
     assert Rig().enabled().state["it.ramp"].item() == 1.0
@@ -167,18 +167,18 @@ def test_the_ramp_of_enabling() -> None:
 
 def test_after_re_arming_a_second_of_ramp() -> None:
     rig = Rig().enabled()
-    rig.it.ramp_in()
+    rig.it.gate.ramp_in()
     rig.it.command["wrench"][0] = 3.0
-    rig.it.write(0)
+    rig.it.gate.write(0)
     assert rig.last()[0] == pytest.approx(0.003)
 
 
 def test_fading_and_heat_cut_down_what_is_sent() -> None:
     rig = Rig().enabled()
-    rig.it.device_monitors.moment.speed = 1.16  # K2 leaves a tenth
-    rig.it.watch_placed(0)
+    rig.it.gate.device_monitors.moment.speed = 1.16  # K2 leaves a tenth
+    rig.it.gate.watch_placed(0)
     rig.it.command["wrench"][0] = 3.0
-    rig.it.write(0)
+    rig.it.gate.write(0)
     assert rig.last()[0] == pytest.approx(0.3)
     plate = Rig(PLATE).enabled()
     plate = Rig(PLATE)
@@ -186,7 +186,7 @@ def test_fading_and_heat_cut_down_what_is_sent() -> None:
     plate.enabled()
     assert plate.state["it.heat.share"].item() == pytest.approx(0.25)
     plate.it.command["current"][0] = 2.0
-    plate.it.write(0)
+    plate.it.gate.write(0)
     assert plate.last("current") == pytest.approx([0.5])
 
 
@@ -196,7 +196,7 @@ def test_a_command_that_is_no_number_is_a_fault(bad: float) -> None:
     rig.it.command["wrench"][2] = bad
     count = len(rig.device.written)
     with pytest.raises(DeviceFaultError, match=r"device 'it' was commanded with .* \(wrench\) at tick 7") as caught:
-        rig.it.write(7)
+        rig.it.gate.write(7)
     assert (caught.value.trip, caught.value.device, caught.value.tick) == (Trip.NOT_A_NUMBER, "it", 7)
     assert len(rig.device.written) == count
 
@@ -205,7 +205,7 @@ def test_a_reading_that_is_no_number_is_a_fault_and_nobody_sees_it() -> None:
     rig = Rig().enabled()
     rig.place[1] = math.nan
     with pytest.raises(DeviceFaultError, match=r"reads NaN \(pose\)") as caught:
-        rig.it.read(3)
+        rig.it.gate.read(3)
     assert caught.value.trip is Trip.NOT_A_NUMBER
     assert rig.it.reading["pose"][:3].tolist() == [0.0, 0.0, 0.03]
 
@@ -214,18 +214,18 @@ def test_a_hot_plate_is_a_fault_that_everybody_may_see() -> None:
     rig = Rig(PLATE).enabled()
     rig.temperature = 315.5
     with pytest.raises(DeviceFaultError, match="past its trip"):
-        rig.it.read(1)
+        rig.it.gate.read(1)
     assert rig.it.reading["plate_temperature"].item() == 315.5
 
 
 def test_heat_is_checked_every_ten_milliseconds() -> None:
     rig = Rig(PLATE).enabled()
     for tick in range(1, 31):
-        rig.it.read(tick)
+        rig.it.gate.read(tick)
     assert rig.state["it.heat.samples"].item() == 4  # ticks 0, 10, 20, 30
     slow = Rig(PLATE, cls=Slow).enabled()
     for tick in range(1, 31):
-        slow.it.read(tick)
+        slow.it.gate.read(tick)
     assert slow.state["it.sequence"].item() == 7
     assert slow.state["it.heat.samples"].item() == 7  # each of its readings
 
@@ -245,7 +245,7 @@ def test_a_device_that_fails_to_read_is_a_fault(error: Exception, words: str) ->
 
     rig.device.says = fail
     with pytest.raises(DeviceFaultError) as caught:
-        rig.it.read(1)
+        rig.it.gate.read(1)
     assert caught.value.trip is Trip.DEVICE_ERROR
     assert caught.value.cause.startswith(words)
     assert caught.value.__cause__ is not None
@@ -262,10 +262,10 @@ def test_a_device_that_fails_to_write_is_a_fault(error: Exception, words: str) -
     for enabled in (True, False):
         rig = Rig().enabled()
         if not enabled:
-            rig.it.disable()
+            rig.it.latch.disable()
         rig.device.write_fails = error
         with pytest.raises(DeviceFaultError) as caught:
-            rig.it.write(4)
+            rig.it.gate.write(4)
         assert (caught.value.trip, caught.value.tick) == (Trip.DEVICE_ERROR, 4)
         assert caught.value.cause.startswith(words)
 
@@ -274,10 +274,10 @@ def test_silence_is_a_fault_after_the_watchdogs_time() -> None:
     rig = Rig().enabled()
     rig.device.says = lambda reading: False
     for tick in range(1, 21):
-        rig.it.read(tick)
+        rig.it.gate.read(tick)
     assert rig.state["it.age"].item() == 20
     with pytest.raises(DeviceFaultError, match="was silent for 0.021 s") as caught:
-        rig.it.read(21)
+        rig.it.gate.read(21)
     assert caught.value.trip is Trip.SILENT
 
 
@@ -285,27 +285,27 @@ def test_an_answer_ends_the_silence() -> None:
     rig = Rig().enabled()
     for tick in range(1, 200):
         rig.device.says = rig.say if tick % 15 == 0 else lambda reading: False
-        rig.it.read(tick)
+        rig.it.gate.read(tick)
     assert rig.state["it.age"].item() == 4
     assert rig.state["it.sequence"].item() == 14
 
 
 def test_a_device_that_is_only_open_may_be_silent() -> None:
     rig = Rig()
-    rig.it.open()
+    rig.it.lifecycle.open()
     rig.device.says = lambda reading: False
     for tick in range(100):
-        rig.it.read(tick)
+        rig.it.gate.read(tick)
     assert rig.state["it.age"].item() == 100
 
 
 def test_a_slow_device_is_read_in_its_own_time() -> None:
     rig = Rig(cls=Slow).enabled()
     for tick in range(1, 12):
-        rig.it.read(tick)
+        rig.it.gate.read(tick)
     assert rig.state["it.sequence"].item() == 3  # ticks 0, 5, 10
     rig.device.says = lambda reading: False
-    rig.it.read(15)
+    rig.it.gate.read(15)
     assert rig.state["it.age"].item() == 5
 
 
@@ -313,128 +313,128 @@ def test_after_a_silence_a_reading_may_be_further_away() -> None:
     rig = Rig().enabled()
     rig.device.says = lambda reading: False
     for tick in range(1, 11):
-        rig.it.read(tick)
+        rig.it.gate.read(tick)
     rig.device.says = rig.say
     rig.place[0] = 0.050
-    rig.it.read(11)
+    rig.it.gate.read(11)
     rig.place[0] = 0.0
     with pytest.raises(DeviceFaultError, match="not believable"):
-        rig.it.read(12)
+        rig.it.gate.read(12)
 
 
 def test_a_fault_latches_and_sends_what_is_safe() -> None:
     rig = Rig().enabled()
     rig.it.command["wrench"][0] = 1.0
-    rig.it.write(0)
-    rig.it.fault(Trip.SPEED, 5)
-    assert (rig.it.status, rig.it.trip) == (Status.FAULT, Trip.SPEED)
+    rig.it.gate.write(0)
+    rig.it.gate.fault(Trip.SPEED, 5)
+    assert (rig.it.latch.status, rig.it.latch.trip) == (Status.FAULT, Trip.SPEED)
     assert rig.state["it.tripped"].item() == 5
     assert rig.state["it.ramp"].item() == 0.0
     assert rig.last() == [0.0] * 6
-    rig.it.write(6)
-    rig.it.disable()
-    assert rig.it.status is Status.FAULT
+    rig.it.gate.write(6)
+    rig.it.latch.disable()
+    assert rig.it.latch.status is Status.FAULT
     assert rig.last() == [0.0] * 6
     with pytest.raises(DeviceError, match="FAULT"):
-        rig.it.enable()
+        rig.it.lifecycle.enable()
 
 
 def test_in_a_fault_nothing_raises_any_more() -> None:
     rig = Rig().enabled()
     rig.device.write_fails = OSError("gone")
-    rig.it.fault(Trip.DEVICE_ERROR, 5)
+    rig.it.gate.fault(Trip.DEVICE_ERROR, 5)
     rig.device.says = lost
-    rig.it.read(6)
-    rig.it.write(6)
+    rig.it.gate.read(6)
+    rig.it.gate.write(6)
     rig.device.says = rig.say
     rig.place[2] = math.nan
-    rig.it.read(7)
+    rig.it.gate.read(7)
     assert rig.it.reading["pose"][2] == 0.03
     rig.place[2] = 1.5
-    rig.it.read(8)
+    rig.it.gate.read(8)
     assert rig.it.reading["pose"][2] == 1.5
 
 
 def test_re_arming_needs_a_reading_that_is_believed() -> None:
     rig = Rig().enabled()
-    rig.it.rearm(0)
-    assert rig.it.status is Status.ENABLED  # nothing to re-arm
-    rig.it.fault(Trip.NOT_A_NUMBER, 5)
+    rig.it.lifecycle.rearm(0)
+    assert rig.it.latch.status is Status.ENABLED  # nothing to re-arm
+    rig.it.gate.fault(Trip.NOT_A_NUMBER, 5)
     rig.place[0] = math.nan
     with pytest.raises(DeviceError, match=r"device 'it' can't be re-armed: it reads NaN \(pose\)"):
-        rig.it.rearm(0)
-    assert rig.it.status is Status.FAULT
+        rig.it.lifecycle.rearm(0)
+    assert rig.it.latch.status is Status.FAULT
     assert rig.it.reading["pose"][0] == 0.0
     rig.device.says = lost
     with pytest.raises(DeviceError, match="it failed: the plug is out"):
-        rig.it.rearm(0)
+        rig.it.lifecycle.rearm(0)
     rig.device.says = rig.say
     rig.place[0] = 0.5
-    rig.it.rearm(0)
-    assert (rig.it.status, rig.it.trip) == (Status.OPEN, Trip.NONE)
+    rig.it.lifecycle.rearm(0)
+    assert (rig.it.latch.status, rig.it.latch.trip) == (Status.OPEN, Trip.NONE)
     assert rig.state["it.sequence"].item() == 1
     rig.it.command["wrench"][0] = 9.0
-    rig.it.enable()
+    rig.it.lifecycle.enable()
     assert rig.it.command["wrench"].tolist() == [0.0] * 6
-    rig.it.read(9)
+    rig.it.gate.read(9)
 
 
 def test_a_used_up_dose_is_not_given_back() -> None:
     rig = Rig(PLATE).enabled()
-    rig.it.fault(Trip.DOSE, 5)
+    rig.it.gate.fault(Trip.DOSE, 5)
     rig.state["it.heat.dose"] = 120.1
-    for act in (lambda: rig.it.rearm(6), rig.it.reconnect):
+    for act in (lambda: rig.it.lifecycle.rearm(6), rig.it.lifecycle.reconnect):
         with pytest.raises(DeviceError, match="has given the whole thermal dose of a session"):
             act()
-    assert rig.it.status is Status.FAULT
+    assert rig.it.latch.status is Status.FAULT
     rig.state["it.trip"] = 0
-    rig.it.become(int(Status.OPEN))  # as whatever way back to enabling may leave it
+    rig.it.latch.become(int(Status.OPEN))  # as whatever way back to enabling may leave it
     with pytest.raises(DeviceError, match="has given the whole thermal dose of a session"):
-        rig.it.enable()
+        rig.it.lifecycle.enable()
 
 
 def test_a_latched_trip_refuses_to_be_enabled() -> None:
     rig = Rig(PLATE).enabled()
-    rig.it.fault(Trip.FLUX, 5)
-    rig.it.become(int(Status.OPEN))
+    rig.it.gate.fault(Trip.FLUX, 5)
+    rig.it.latch.become(int(Status.OPEN))
     with pytest.raises(DeviceError, match="was stopped by flux: it must be re-armed first"):
-        rig.it.enable()
+        rig.it.lifecycle.enable()
 
 
 def test_re_arming_is_bounded() -> None:
     rig = Rig(PLATE).enabled()
     for tick in range(5):
-        rig.it.fault(Trip.FLUX, tick)
-        rig.it.rearm(tick)
-    rig.it.fault(Trip.FLUX, 6)
+        rig.it.gate.fault(Trip.FLUX, tick)
+        rig.it.lifecycle.rearm(tick)
+    rig.it.gate.fault(Trip.FLUX, 6)
     with pytest.raises(
         DeviceError, match=r"was re-armed 5 times within a minute: find out why it stops, and wait 60 s"
     ):
-        rig.it.rearm(6)
-    rig.it.rearm(60_000)
+        rig.it.lifecycle.rearm(6)
+    rig.it.lifecycle.rearm(60_000)
 
 
 def test_reconnecting_begins_anew_and_sends_nothing_old() -> None:
     rig = Rig().enabled()
     rig.it.command["wrench"][0] = rig.it.sent["wrench"][0] = 1.0
-    rig.it.fault(Trip.DEVICE_ERROR, 5)
+    rig.it.gate.fault(Trip.DEVICE_ERROR, 5)
     rig.it.command["wrench"][0] = 1.0
     rig.device.close_fails = OSError("gone")
     rig.state["it.age"] = 7
-    rig.it.reconnect()
-    assert (rig.it.status, rig.it.trip) == (Status.OPEN, Trip.NONE)
+    rig.it.lifecycle.reconnect()
+    assert (rig.it.latch.status, rig.it.latch.trip) == (Status.OPEN, Trip.NONE)
     assert rig.device.calls == ["open", "close", "open"]
     assert not np.any(rig.it.command["wrench"])
     assert not np.any(rig.it.sent["wrench"])
     assert rig.state["it.age"].item() == rig.state["it.sequence"].item() == 0
     rig.place = [1.5, 0.0, 0.0]
-    rig.it.read(6)  # wherever it is now
+    rig.it.gate.read(6)  # wherever it is now
 
 
 def test_a_surface_that_is_reconnected_keeps_its_target_until_it_is_enabled() -> None:
     rig = Rig(TABLE).enabled()
     rig.it.sent["pose_target"][2] = 0.02
-    rig.it.reconnect()
+    rig.it.lifecycle.reconnect()
     assert rig.it.sent["pose_target"][2] == pytest.approx(0.02 - 0.00025)  # closing had it retract
 
 
@@ -442,19 +442,19 @@ def test_reconnecting_what_is_missing_leaves_it_closed() -> None:
     rig = Rig().enabled()
     rig.device.open_fails = DeviceError("not there")
     with pytest.raises(DeviceError, match="not there"):
-        rig.it.reconnect()
-    assert rig.it.status is Status.CLOSED
+        rig.it.lifecycle.reconnect()
+    assert rig.it.latch.status is Status.CLOSED
 
 
 def test_closing_sends_what_is_safe_and_releases_even_if_that_fails() -> None:
     rig = Rig().enabled()
     rig.it.sent["wrench"][0] = 1.0
-    rig.it.close()
+    rig.it.lifecycle.close()
     assert rig.last() == [0.0] * 6
     failing = Rig().enabled()
     failing.device.write_fails = OSError("gone")
-    failing.it.leave()
-    assert failing.it.status is Status.CLOSED
+    failing.it.lifecycle.leave()
+    assert failing.it.latch.status is Status.CLOSED
     assert failing.device.calls == ["open", "close"]
 
 
@@ -463,122 +463,122 @@ def test_a_device_that_does_not_return_from_closing_is_not_waited_for(monkeypatc
     rig, held = Rig().enabled(), threading.Event()
     rig.device.close = held.wait  # type: ignore[assignment,method-assign]
     with pytest.raises(DeviceError, match="did not return from closing within 0.02 s"):
-        rig.it.close()
+        rig.it.lifecycle.close()
     held.set()
-    assert rig.it.status is Status.CLOSED
+    assert rig.it.latch.status is Status.CLOSED
     assert rig.last() == [0.0] * 6
 
 
 def test_what_a_device_could_not_be_given_is_known() -> None:
     rig = Rig().enabled()
-    rig.it.write(1)
-    assert not rig.it.unsent
+    rig.it.gate.write(1)
+    assert not rig.it.gate.unsent
     rig.device.write_fails = OSError("gone")
     with pytest.raises(DeviceFaultError):
-        rig.it.write(2)
-    rig.it.fault(Trip.DEVICE_ERROR, 2)
-    assert rig.it.unsent
+        rig.it.gate.write(2)
+    rig.it.gate.fault(Trip.DEVICE_ERROR, 2)
+    assert rig.it.gate.unsent
     rig.device.write_fails = None
-    rig.it.write(3)
-    assert not rig.it.unsent
+    rig.it.gate.write(3)
+    assert not rig.it.gate.unsent
 
 
 def test_what_is_written_over_a_status_lets_nothing_through_and_is_put_right() -> None:
     rig = Rig().enabled()
-    assert rig.it.forged() == ""
-    rig.it.write(1)
-    rig.it.fault(Trip.SPEED, 2)
+    assert rig.it.latch.forged() == ""
+    rig.it.gate.write(1)
+    rig.it.gate.fault(Trip.SPEED, 2)
     rig.state["it.status"], rig.it.sent["wrench"][0] = Status.ENABLED, 1.0  # as compiled code would leave it then
-    rig.it.send(3)
+    rig.it.gate.send(3)
     assert rig.last() == [0.0] * 6
     assert rig.state["it.status"] == Status.FAULT
     rig.state["it.status"] = 99
-    assert rig.it.forged() == "something has written 99 over its status"
+    assert rig.it.latch.forged() == "something has written 99 over its status"
 
 
 def test_the_loss_of_an_optional_device_is_told_not_raised() -> None:
     rig = Rig().enabled()
     told: list[DeviceFaultError] = []
-    rig.it.on_loss = told.append
+    rig.it.gate.on_loss = told.append
     rig.device.says = lost
-    rig.it.read(3)
+    rig.it.gate.read(3)
     assert [(fault.device, fault.tick, fault.trip) for fault in told] == [("it", 3, Trip.DEVICE_ERROR)]
-    assert (rig.it.status, rig.it.trip) == (Status.FAULT, Trip.DEVICE_ERROR)
-    rig.it.read(4)
+    assert (rig.it.latch.status, rig.it.latch.trip) == (Status.FAULT, Trip.DEVICE_ERROR)
+    rig.it.gate.read(4)
     assert len(told) == 1
 
 
 def test_a_limit_of_an_optional_device_stops_all() -> None:
     rig = Rig().enabled()
-    rig.it.on_loss = lambda fault: None
+    rig.it.gate.on_loss = lambda fault: None
     rig.place[0] = math.nan
     with pytest.raises(DeviceFaultError):
-        rig.it.read(3)
+        rig.it.gate.read(3)
 
 
 def test_a_glance_judges_but_does_not_raise() -> None:
     rig = Rig().enabled()
-    assert rig.it.glance(1) is True
+    assert rig.it.gate.glance(1) is True
     rig.device.says = lambda reading: False
-    assert rig.it.glance(2) is False
+    assert rig.it.gate.glance(2) is False
     rig.device.says = lost
-    rig.it.disable()
-    assert rig.it.glance(3) is False
-    assert (rig.it.status, rig.it.trip) == (Status.FAULT, Trip.DEVICE_ERROR)
+    rig.it.latch.disable()
+    assert rig.it.gate.glance(3) is False
+    assert (rig.it.latch.status, rig.it.latch.trip) == (Status.FAULT, Trip.DEVICE_ERROR)
     assert rig.state["it.tripped"].item() == 3
-    assert rig.it.glance(4) is False
+    assert rig.it.gate.glance(4) is False
     assert rig.state["it.tripped"].item() == 3
     rig.device.says = rig.say
     rig.place[0] = math.nan
-    assert rig.it.glance(5) is True
+    assert rig.it.gate.glance(5) is True
     assert rig.it.reading["pose"][0] == 0.0
-    rig.it.leave()
-    assert rig.it.glance(6) is False
+    rig.it.lifecycle.leave()
+    assert rig.it.gate.glance(6) is False
 
 
 def test_a_glance_at_a_jump_is_a_fault() -> None:
     rig = Rig().enabled()
     rig.place[0] = 0.0069
-    assert rig.it.glance(1) is True
-    assert rig.it.status is Status.ENABLED
+    assert rig.it.gate.glance(1) is True
+    assert rig.it.latch.status is Status.ENABLED
     rig.place[0] = 0.0141
-    assert rig.it.glance(2) is True
-    assert (rig.it.status, rig.it.trip) == (Status.FAULT, Trip.SENSOR_JUMP)
+    assert rig.it.gate.glance(2) is True
+    assert (rig.it.latch.status, rig.it.latch.trip) == (Status.FAULT, Trip.SENSOR_JUMP)
     slow = Rig(cls=Slow).enabled()
     slow.place[0] = 0.0269
-    assert slow.it.glance(5) is True
-    assert slow.it.status is Status.ENABLED
+    assert slow.it.gate.glance(5) is True
+    assert slow.it.latch.status is Status.ENABLED
 
 
 def test_a_surface_retracts_is_kept_held_or_driven_back() -> None:
     rig = Rig(TABLE).enabled()
-    rig.it.disable()
+    rig.it.latch.disable()
     heights = []
-    rig.it.write(0)
+    rig.it.gate.write(0)
     heights.append(rig.last("pose_target")[2])
-    rig.it.keeping = True
-    rig.it.write(1)
+    rig.it.gate.keeping = True
+    rig.it.gate.write(1)
     heights.append(rig.last("pose_target")[2])
-    rig.it.keeping = False
+    rig.it.gate.keeping = False
     for mode in (1, 2, 0):
         rig.state["it.stopped"] = mode
-        rig.it.write(2)
+        rig.it.gate.write(2)
         heights.append(rig.last("pose_target")[2])
     assert np.diff(heights).tolist() == pytest.approx([0.0, 0.0, 0.00025, -0.00025])
     rig.state["it.stopped"] = 1
-    rig.it.fault(Trip.TRACKING, 3)
-    rig.it.rearm(0)
+    rig.it.gate.fault(Trip.TRACKING, 3)
+    rig.it.lifecycle.rearm(0)
     assert rig.state["it.stopped"].item() == 0
 
 
 def test_without_a_device_nothing_is_written_and_nothing_is_new() -> None:
     one = model(ARM)
-    it = Supervisor(one, state(one), PERIOD)
-    it.open()
-    it.read(0)
-    assert it._age.item() == 1
-    it.write(0)
-    it.close()
+    it = Supervised(one, state(one), PERIOD)
+    it.lifecycle.open()
+    it.gate.read(0)
+    assert it.gate._age.item() == 1
+    it.gate.write(0)
+    it.lifecycle.close()
 
 
 def test_a_twin_is_read_in_place_of_the_device() -> None:
@@ -590,34 +590,34 @@ def test_a_twin_is_read_in_place_of_the_device() -> None:
         return True
 
     twin.says = say
-    it = Supervisor(one, data, PERIOD, twin=twin)
-    it.open()
-    it.read(0)
+    it = Supervised(one, data, PERIOD, twin=twin)
+    it.lifecycle.open()
+    it.gate.read(0)
     assert it.reading["pose"][:3].tolist() == [0.1, 0.2, 0.3]
 
 
 def test_a_restored_session_compares_with_the_reading_in_state() -> None:
     rig = Rig().enabled()
-    rig.it.read(1)
+    rig.it.gate.read(1)
     other = Rig()
     other.state.raw[:] = rig.state.raw
-    other.it.restore()
+    other.it.gate.restore()
     other.place = [0.5, 0.0, 0.03]
     with pytest.raises(DeviceFaultError, match="not believable"):
-        other.it.read(2)
+        other.it.gate.read(2)
     fresh = Rig()
-    fresh.it.open()
-    fresh.it.restore()
+    fresh.it.lifecycle.open()
+    fresh.it.gate.restore()
     fresh.place = [0.5, 0.0, 0.03]
-    fresh.it.read(0)
+    fresh.it.gate.read(0)
 
 
 def test_starting_anew_forgets_the_last_trip() -> None:
     rig = Rig(PLATE).enabled()
-    rig.it.fault(Trip.FLUX, 5)
+    rig.it.gate.fault(Trip.FLUX, 5)
     rig.state["it.heat.share"] = 0.0
     rig.state["it.rearmed"] = 3
-    rig.it.reset()
+    rig.it.lifecycle.reset()
     assert set(rig.state["it.rearmed"].tolist()) == {-1}
     assert rig.state["it.tripped"].item() == -1
     assert rig.state["it.heat.share"].item() == 1.0
@@ -626,16 +626,16 @@ def test_starting_anew_forgets_the_last_trip() -> None:
 
 def test_what_acts_on_a_finger_of_which_nothing_tells_is_not_enabled() -> None:
     one = model(ARM)
-    it = Supervisor(one, state(one), PERIOD, device=Fake())
-    it.reset()
-    it.open()
-    it.read(0)
-    it.blind = "no probe"
+    it = Supervised(one, state(one), PERIOD, device=Fake())
+    it.lifecycle.reset()
+    it.lifecycle.open()
+    it.gate.read(0)
+    it.lifecycle.blind = "no probe"
     with pytest.raises(DeviceError, match="device 'it' can't be enabled: no probe"):
-        it.enable()
-    it.blind = ""
-    it.enable()
-    assert it.enabled
+        it.lifecycle.enable()
+    it.lifecycle.blind = ""
+    it.lifecycle.enable()
+    assert it.latch.enabled
 
 
 def test_the_trip_has_a_name_in_reports() -> None:
@@ -646,54 +646,54 @@ def test_the_trip_has_a_name_in_reports() -> None:
 
 def test_at_first_nothing_may_approach_and_the_whole_force_is_let_through() -> None:
     one = model(TABLE)
-    it = Supervisor(one, state(one), PERIOD)
-    assert (it.closing, it.device_monitors.share, it.keeping, it.on_loss) == (0.0, 1.0, False, None)
+    it = Supervised(one, state(one), PERIOD)
+    assert (it.gate.closing, it.gate.device_monitors.share, it.gate.keeping, it.gate.on_loss) == (0.0, 1.0, False, None)
 
 
 def test_hardware_is_handed_from_one_session_to_the_next() -> None:
     old, new = Rig().enabled(), Rig()
     with pytest.raises(DeviceError, match="must be made safe before another scene takes it over"):
-        new.it.take_over(old.it)
-    assert old.it.device is old.device
-    old.it.disable()
-    new.it.take_over(old.it)
-    assert (old.it.status, old.it.device) == (Status.CLOSED, None)
-    assert (new.it.status, new.it.device) == (Status.OPEN, old.device)
-    old.it.write(1)
+        new.it.lifecycle.take_over(old.it.lifecycle)
+    assert old.it.gate.device is old.device
+    old.it.latch.disable()
+    new.it.lifecycle.take_over(old.it.lifecycle)
+    assert (old.it.latch.status, old.it.gate.device) == (Status.CLOSED, None)
+    assert (new.it.latch.status, new.it.gate.device) == (Status.OPEN, old.device)
+    old.it.gate.write(1)
     assert old.device.written == []  # whoever gave it up can send nothing
-    new.it.read(1)
-    new.it.enable()
+    new.it.gate.read(1)
+    new.it.lifecycle.enable()
     new.it.command["wrench"][2] = 1.0
-    new.it.write(1)
+    new.it.gate.write(1)
     assert len(old.device.written) == 1
-    new.it.close()
-    old.it.close()
+    new.it.lifecycle.close()
+    old.it.lifecycle.close()
     assert old.device.calls == ["open", "close"]
 
 
 def test_a_latched_trip_is_handed_over_and_what_is_closed_is_not() -> None:
     old, new = Rig().enabled(), Rig()
-    old.it.fault(Trip.NOT_A_NUMBER, 3)
+    old.it.gate.fault(Trip.NOT_A_NUMBER, 3)
     new.state.raw[:] = old.state.raw
-    new.it.take_over(old.it)
-    assert (new.it.status, new.it.trip) == (Status.FAULT, Trip.NOT_A_NUMBER)
+    new.it.lifecycle.take_over(old.it.lifecycle)
+    assert (new.it.latch.status, new.it.latch.trip) == (Status.FAULT, Trip.NOT_A_NUMBER)
     closed, other = Rig(), Rig()
-    other.it.take_over(closed.it)
-    assert (other.it.status, other.it.device) == (Status.CLOSED, other.device)
+    other.it.lifecycle.take_over(closed.it.lifecycle)
+    assert (other.it.latch.status, other.it.gate.device) == (Status.CLOSED, other.device)
 
 
 def held_for(seconds: float, away: list[float], monkeypatch: pytest.MonkeyPatch, *, timed: bool = True) -> list[bool]:
     """Tell which readings of an arm trip that goes so far [m] in each tick; the first was held for so long [s]."""
     rig, clock = Rig().enabled(), [100.0]
-    monkeypatch.setattr("itouch.safety.supervisor.time.monotonic", lambda: clock[0])
-    rig.it.timed = timed
-    rig.it.read(1)
+    monkeypatch.setattr("itouch.safety.gate.time.monotonic", lambda: clock[0])
+    rig.it.gate.timed = timed
+    rig.it.gate.read(1)
     found = []
     for tick, way in enumerate(away, 2):
         clock[0] += PERIOD + (seconds if tick == 2 else 0.0)
         rig.place[2] += way
         try:
-            rig.it.read(tick)
+            rig.it.gate.read(tick)
         except DeviceFaultError as error:
             assert error.trip is Trip.SENSOR_JUMP
             found.append(True)
@@ -717,13 +717,13 @@ def test_hardware_may_have_gone_on_as_long_as_a_tick_was_held(
 
 def test_time_that_was_left_out_counts_for_what_is_read_after_it() -> None:
     rig = Rig().enabled()
-    rig.it.read(1)
-    rig.it.leave_out(30)
+    rig.it.gate.read(1)
+    rig.it.gate.leave_out(30)
     rig.place[2] += 0.15
-    rig.it.read(2)
+    rig.it.gate.read(2)
     rig.place[2] += 0.15
     with pytest.raises(DeviceFaultError, match="not believable"):
-        rig.it.read(3)
+        rig.it.gate.read(3)
 
 
 @pytest.mark.parametrize(("seconds", "away", "trips"), [(0.0, 0.008, True), (0.02, 0.1, False), (0.02, 0.12, True)])
@@ -731,21 +731,21 @@ def test_a_glance_knows_for_how_long_its_tick_was_held(
     seconds: float, away: float, trips: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig, clock = Rig().enabled(), [100.0]
-    monkeypatch.setattr("itouch.safety.supervisor.time.monotonic", lambda: clock[0])
-    rig.it.timed = True
-    rig.it.read(1)
+    monkeypatch.setattr("itouch.safety.gate.time.monotonic", lambda: clock[0])
+    rig.it.gate.timed = True
+    rig.it.gate.read(1)
     for _ in range(300):
         clock[0] += PERIOD
-        assert rig.it.glance(1)
+        assert rig.it.gate.glance(1)
     clock[0] += PERIOD + seconds
     rig.place[2] += away
-    rig.it.glance(2)
-    assert (rig.it.trip is Trip.SENSOR_JUMP) is trips
+    rig.it.gate.glance(2)
+    assert (rig.it.latch.trip is Trip.SENSOR_JUMP) is trips
     if not trips:  # and what was glanced at is no time that a later reading has not been looked at
         clock[0] += PERIOD
         rig.place[2] += 0.008
         with pytest.raises(DeviceFaultError, match="not believable"):
-            rig.it.read(3)
+            rig.it.gate.read(3)
 
 
 @pytest.mark.parametrize("number", [0, 1, 3, 99])
@@ -753,9 +753,9 @@ def test_what_is_written_over_a_status_changes_nothing_of_what_a_device_may_do(n
     rig = Rig().enabled()
     rig.state["it.status"] = number
     with pytest.raises(DeviceFaultError, match=f"something has written {number} over its status"):
-        rig.it.send(1)
-    assert rig.it.status is Status.ENABLED  # it is for the safe sequence to change that
-    rig.it.fault(Trip.MODALITY_ERROR, 1)
+        rig.it.gate.send(1)
+    assert rig.it.latch.status is Status.ENABLED  # it is for the safe sequence to change that
+    rig.it.gate.fault(Trip.MODALITY_ERROR, 1)
     rig.state["it.status"] = number
-    rig.it.send(2)  # what is stopped is sent what is safe, whatever State says
-    assert rig.it.status is Status.FAULT
+    rig.it.gate.send(2)  # what is stopped is sent what is safe, whatever State says
+    assert rig.it.latch.status is Status.FAULT

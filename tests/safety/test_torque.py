@@ -115,7 +115,7 @@ def test_two_arms_on_one_finger_share_its_torque_and_give_way_to_a_plate() -> No
 
     def turn(arm: Any, torque: float) -> float:
         arm.command["wrench"][3] = torque
-        arm.write(1)
+        arm.gate.write(1)
         return float(arm.sent["wrench"][3])
 
     finger.check(1)

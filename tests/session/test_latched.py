@@ -154,10 +154,10 @@ def test_how_often_a_device_was_re_armed_counts_after_a_restore(scene: Path, for
     session.enable()
     for _ in range(5):
         session.run(0.01)
-        session.runners[0].fault(Trip.FLUX, session.ticks)
+        session.runners[0].gate.fault(Trip.FLUX, session.ticks)
         session.rearm()
     session.run(0.01)
-    session.runners[0].fault(Trip.FLUX, session.ticks)
+    session.runners[0].gate.fault(Trip.FLUX, session.ticks)
     restored = itouch.restore(stored(session, form, scene.parent), catalog=catalog(pad()))
     for act in (restored.rearm, lambda: restored.reconnect("pad"), restored.rearm):
         with contextlib.suppress(DeviceError):

@@ -36,12 +36,12 @@ def scene(folder: Path, name: str = "pad") -> Path:
 
 def used(session: itouch.Session) -> tuple[float, float]:
     (runner,) = session.runners
-    (post,) = runner.heats
+    (post,) = runner.gate.heats
     return post.state["dose"].item(), post.state["cold_time"].item()
 
 
 def use(session: itouch.Session, dose: float, cold: float = 0.0) -> None:
-    (post,) = session.runners[0].heats
+    (post,) = session.runners[0].gate.heats
     post.state["dose"][...], post.state["cold_time"][...] = dose, cold
 
 
@@ -91,7 +91,7 @@ import itouch, os, signal, time
 from itouch.session.participants import read
 session = itouch.build({str(scene(tmp_path))!r})
 session.run(0.01)
-(post,) = session.runners[0].heats
+(post,) = session.runners[0].gate.heats
 post.state["dose"][...] = 5.0
 session.run(3.0)
 until = time.monotonic() + 60.0  # it is written beside the loop, which runs ahead of real time here
@@ -156,7 +156,7 @@ def test_a_code_that_is_no_name_of_a_file_is_refused_at_its_place(tmp_path: Path
 @pytest.mark.parametrize("text", ["null", "[" * 50_000])
 def test_files_that_are_spoilt_meanwhile_are_told_and_hold_up_nobody(tmp_path: Path, home: Path, text: str) -> None:
     session = itouch.build(scene(tmp_path))
-    views = session.runners[0].heats[0].state
+    views = session.runners[0].gate.heats[0].state
 
     def each() -> None:
         views["dose"][...] += 1e-3
@@ -187,7 +187,7 @@ def test_what_several_plates_gave_one_finger_counts_together_in_the_next_session
         path.write_text(TWO.replace("MORE", '<device name="other" plugin="thermal"/>'), encoding="utf-8")
         session = itouch.build(path)
         session.run(0.002)
-        views = [runner.heats[0].state["dose"] for runner in session.runners]
+        views = [runner.gate.heats[0].state["dose"] for runner in session.runners]
         assert sum(view.item() for view in views) == pytest.approx(begins)
         for view, more in zip(views, given, strict=True):
             view[...] += more
@@ -241,7 +241,7 @@ def test_a_participant_is_in_one_session_on_hardware_at_a_time(tmp_path: Path) -
     for act in (other.enable, other.rearm):
         with pytest.raises(SessionError, match="participant 'P01' is in another session that runs: end that one first"):
             act()
-        assert not other.runners[0].enabled
+        assert not other.runners[0].latch.enabled
     other.close()
     twin = itouch.build(scene(tmp_path))  # a simulated finger is nobody's
     twin.run(0.01)
@@ -273,7 +273,7 @@ def test_a_killed_session_keeps_no_participant(tmp_path: Path) -> None:
         held.kill()
         held.wait()
         session.enable()
-        assert session.runners[0].enabled
+        assert session.runners[0].latch.enabled
         session.close()
 
 

@@ -16,7 +16,7 @@ from itouch.faults import Kind
 from itouch.loop import DeviceFaultError
 from itouch.plugin import DeviceError
 from itouch.safety import Status
-from itouch.safety.lifecycle import BACKWARDS, HELD
+from itouch.safety.gate import BACKWARDS, HELD
 from itouch.session import Session
 from itouch_evidence.faults import phases, prepared
 from itouch_evidence.faults.behind_wires import Pair, run
@@ -69,7 +69,7 @@ def test_a_surface_is_minded_after_a_restore_as_it_was_before(stored: dict[int, 
     assert max(heights) <= begin + 1e-4
     session.run(0.2)  # nothing acts, and nothing moves
     assert heights[-1] == pytest.approx(heights[-150], abs=1e-4)
-    assert all(one.status is not Status.ENABLED for one in session.runners)
+    assert all(one.latch.status is not Status.ENABLED for one in session.runners)
 
 
 def test_what_goes_the_wrong_way_when_the_sequence_begins_anew_is_noticed(stored: dict[int, Path]) -> None:
@@ -92,7 +92,7 @@ def test_rearming_ends_what_was_under_way(stored: dict[int, Path]) -> None:
     session.rearm()
     assert session.state["stopping"].item() == 0
     session.run(0.02)
-    assert all(one.status is Status.ENABLED for one in session.runners)
+    assert all(one.latch.status is Status.ENABLED for one in session.runners)
 
 
 def test_a_session_that_was_coming_to_rest_comes_to_rest(tmp_path: Path) -> None:
@@ -129,7 +129,7 @@ def test_hardware_that_is_restored_in_the_middle_of_a_blind_retreat_stays_stoppe
     ticks: list[int] = []
 
     def keep(tick: int) -> None:
-        if pair.host.state["stopping"].item() and table.trip:
+        if pair.host.state["stopping"].item() and table.latch.trip:
             ticks.append(tick)
             if len(ticks) % 120 == 30:
                 kept.append((pair.world.state.tobytes(), pair.host.state.tobytes()))
@@ -142,7 +142,7 @@ def test_hardware_that_is_restored_in_the_middle_of_a_blind_retreat_stays_stoppe
     assert place is not None
     for states in kept:
         pair.adopt(states)
-        assert {one.status for one in pair.host.runners} == {Status.CLOSED}
+        assert {one.latch.status for one in pair.host.runners} == {Status.CLOSED}
         begin, pressed = float(place[2]), pair.world.state["finger.plate_force"].item()
         for _ in range(500):
             pair._exchange()
@@ -150,7 +150,7 @@ def test_hardware_that_is_restored_in_the_middle_of_a_blind_retreat_stays_stoppe
         assert pair.world.state["finger.plate_force"].item() < pressed + 0.5
         with pytest.raises(DeviceError, match="device 'table' was stopped by sensor-jump"):
             pair.enable()
-        assert Status.ENABLED not in {one.status for one in pair.host.runners}
+        assert Status.ENABLED not in {one.latch.status for one in pair.host.runners}
     pair.close()
 
 
@@ -169,7 +169,7 @@ for stop in stops:
     table = next(one for one in pair.host.runners if one.model.name == "table")
     place = next(one.true_position() for one in pair.world.runners if one.model.name == "table")
     before, pressed, said = float(place[2]), pair.world.state["finger.plate_force"].item(), []
-    statuses, highest = {one.status.name for one in pair.host.runners}, 0.0
+    statuses, highest = {one.latch.status.name for one in pair.host.runners}, 0.0
     for act in (pair.host.tick, pair.enable, pair.host.rearm, pair.enable, pair.host.tick):
         try:
             act()
@@ -180,9 +180,9 @@ for stop in stops:
             pair._exchange()
             time.sleep(1e-3)
             highest = max(highest, float(place[2]))
-        statuses |= {one.status.name for one in pair.host.runners}
+        statuses |= {one.latch.status.name for one in pair.host.runners}
     found = dict(rose=highest - before, harder=pair.truth.plate_force - pressed, said=said, statuses=sorted(statuses),
-                 trip=table.trip.label, threads=[type(one.device).__name__ for one in pair.host.runners])
+                 trip=table.latch.trip.label, threads=[type(one.gate.device).__name__ for one in pair.host.runners])
     print(json.dumps(found), flush=True)
     with contextlib.suppress(DeviceError):
         pair.close()
@@ -199,7 +199,7 @@ def test_hardware_behind_threads_that_is_restored_in_the_middle_of_a_blind_retre
     ticks: list[int] = []
 
     def keep(tick: int) -> None:
-        if pair.host.state["stopping"].item() and table.trip:
+        if pair.host.state["stopping"].item() and table.latch.trip:
             ticks.append(tick)
             if len(ticks) % 120 == 30:
                 stops.append(tmp_path / f"{tick}.session")

@@ -52,7 +52,10 @@ class Latched:
 
     def __init__(self, latched: bool, *devices: tuple[bool, Status]) -> None:
         self.latched, self.rearmed = latched, 0
-        self.runners = [SimpleNamespace(model=SimpleNamespace(twin=twin), status=status) for twin, status in devices]
+        self.runners = [
+            SimpleNamespace(model=SimpleNamespace(twin=twin), latch=SimpleNamespace(status=status))
+            for twin, status in devices
+        ]
 
     def enable(self) -> None:
         if self.latched:

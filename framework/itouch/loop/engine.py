@@ -74,9 +74,9 @@ class Engine:
         self._rigs = [ProbeRig(model, probe, self.state, self._runners, self.statistics) for probe in model.probes]
         join_fingers(self._rigs)
         for name, why in blind(model.scene, model.devices).items():
-            self._runners[name].blind = why
+            self._runners[name].lifecycle.blind = why
         self._all = list(self._runners.values())
-        self._twins = [runner for runner in self._all if runner.device is None]
+        self._twins = [runner for runner in self._all if runner.gate.device is None]
         self._objects = Objects(model, self.state, self._runners, [rig.toucher for rig in self._rigs])
         self._hands = [rig.coupling.hand for rig in self._rigs if rig.coupling.hand is not None]
         #: Length of the longest motion of an operator twin [s], 0: none; and whether anything follows a script.
@@ -151,7 +151,7 @@ class Engine:
             rig.reset()
         for runner in self._all:
             if runner.model.twin:
-                runner.open()
+                runner.lifecycle.open()
         reset_modalities(self.model, self.state)
 
     @property
@@ -232,7 +232,7 @@ class Engine:
 
     def status(self, device: str) -> Status:
         """Return what a device may do now."""
-        return self._runners[device].status
+        return self._runners[device].latch.status
 
     def enable(self, *, opens: bool = True) -> None:
         """Open and enable every device; all that fail are reported together.
@@ -368,7 +368,7 @@ class Engine:
                 self.make_safe(broken_off(self.model, tick, raised, replaced))
             raise
         for runner in self._twins:
-            if forged := runner.forged():
+            if forged := runner.latch.forged():
                 cause = f"was stopped: {forged}"
                 self.make_safe(fault := DeviceFaultError(runner.model.name, tick, Trip.MODALITY_ERROR, cause))
                 raise fault
@@ -396,7 +396,7 @@ class Engine:
 
     def _park_hardware(self) -> None:
         """Make everything safe if hardware is enabled and no fault has done so already."""
-        if self.fault is None and any(runner.enabled and not runner.model.twin for runner in self._all):
+        if self.fault is None and any(runner.latch.enabled and not runner.model.twin for runner in self._all):
             self.park()
 
     def _finish_stop(self) -> None:
@@ -408,13 +408,15 @@ class Engine:
             The fault for which all was stopped, if it was one.
         """
         self._unfinished = False
-        stopped = sorted((one for one in self._all if one.status is Status.FAULT), key=lambda one: one.tripped)
+        stopped = sorted(
+            (one for one in self._all if one.latch.status is Status.FAULT), key=lambda one: one.latch.tripped
+        )
         if not stopped:
             self.park()
             return
         first = stopped[0]
-        cause = f"was stopped by {first.trip.label}"
-        self.make_safe(fault := DeviceFaultError(first.model.name, first.tripped, first.trip, cause))
+        cause = f"was stopped by {first.latch.trip.label}"
+        self.make_safe(fault := DeviceFaultError(first.model.name, first.latch.tripped, first.latch.trip, cause))
         raise fault
 
     def _move(self, tick: int, ready: bool) -> None:
@@ -639,10 +641,10 @@ class Engine:
         DeviceError
             Naming the first device that raised anything when it was released; by then, all have been released.
         """
-        hardware = [one for one in self._all if one.status is not Status.CLOSED and not one.model.twin]
+        hardware = [one for one in self._all if one.latch.status is not Status.CLOSED and not one.model.twin]
         steps = [partial(released, runner) for runner in hardware]
         self._enabled = False
-        if any(runner.enabled for runner in hardware):
+        if any(runner.latch.enabled for runner in hardware):
             raise_unless_failing(partial(in_turn, self.park, *steps))
         else:
             raise_unless_failing(partial(in_turn, *steps))
@@ -670,16 +672,16 @@ class Engine:
         for runner in hardware:
             self.state[f"{runner.model.name}.status"] = Status.CLOSED
         for runner in self._all:
-            runner.recall()
+            runner.latch.recall()
         if hardware:  # whoever held the switch when it was stored does not now
             self.state["hold"] = min(self.state["hold"].item(), self.ticks)
         begun = int(self._tick) > 0  # a session that has run is not enabled a second time
-        self._enabled = not hardware and (begun or any(r.status is Status.ENABLED for r in self._all))
+        self._enabled = not hardware and (begun or any(r.latch.status is Status.ENABLED for r in self._all))
         stopping = self.state["stopping"]
         stopping[...] = bool(stopping.item()) and len(hardware) < len(self._all)  # hardware is closed: it starts anew
         self._unfinished = bool(stopping.item())
         for runner in self._all:
-            runner.restore()
+            runner.gate.restore()
         self._operator.hold.recall(self.ticks)
         self._objects.restore()
         for rig in self._rigs:

@@ -22,7 +22,7 @@ def fingers(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator
     named = {one.model.name for rig in rigs for one in (rig.arm, rig.table) if one is not None}
     chains = {name: {*_carriers(runners, name)} for name in runners}
     somewhere = {*trackers, *named}
-    acting = {name: one for name, one in runners.items() if one.heats or one.presses}
+    acting = {name: one for name, one in runners.items() if one.gate.heats or one.gate.presses}
     pushing = {name: one for name, one in runners.items() if one.model.command(Role.FORCE_ON_OPERATOR) is not None}
     free = [one for name, one in acting.items() if not {name, *chains[name]} & somewhere]
     for tracker in trackers:
@@ -61,11 +61,10 @@ def _finger(
     name: str, devices: Sequence[Runner], nearing: Mapping[str, Nearing]
 ) -> Iterator[tuple[Finger, list[Runner]]]:
     listed = list({one.model.name: one for one in devices}.values())
-    finger = Finger(name, listed, nearing)
+    finger = Finger(name, [one.gate for one in listed], nearing)
     for near in nearing.values():
         rise(near, 0.0)  # called once now, so that no tick has to compile it
-    for arm in listed:
-        if arm in finger.arms:
-            arm.leave_room = partial(finger.leave, arm)
+    for arm in finger.arms:
+        arm.leave_room = partial(finger.leave, arm)
     if not finger.alone:
         yield finger, listed

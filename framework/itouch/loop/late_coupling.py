@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel
 from itouch.plugin import Record
-from itouch.safety.lifecycle import ENABLED
+from itouch.safety.latch import ENABLED
 from itouch.world import Model
 
 Floats = NDArray[np.float64]

@@ -46,7 +46,7 @@ def leave_out(
         return 0
     for runner in runners:
         if running or not runner.model.twin:
-            runner.leave_out(periods)
+            runner.gate.leave_out(periods)
     if any(not runner.model.twin for runner in runners):
         for rig in rigs:
             rig.toucher.settle(moves=periods * period < MOVES_ON)

@@ -31,7 +31,9 @@ class OperatorCommands:
     ) -> None:
         self._model, self._runners, self._rigs, self._statistics = model, runners, rigs, statistics
         self._tick = state["tick"]
-        self.hold = HoldToRun(state, list(runners.values()), model.period, asked=model.scene.safety.hold_to_run)
+        self.hold = HoldToRun(
+            state, [one.gate for one in runners.values()], model.period, asked=model.scene.safety.hold_to_run
+        )
 
     def enable(self, *, opens: bool = True) -> None:
         """Connect all devices at once, and let commands through; ``opens``: also open those that are CLOSED.
@@ -48,12 +50,12 @@ class OperatorCommands:
         if latched:
             told = [str(fault) for fault in latched]
             raise LatchedError("\n".join([*told, "it is still stopped: re-arm first, when what stopped it is over"]))
-        wanted = [one for one in self._runners.values() if opens or one.status is not Status.CLOSED]
+        wanted = [one for one in self._runners.values() if opens or one.latch.status is not Status.CLOSED]
         self._require_sight(wanted)
-        failures = connect(wanted, tick)
+        failures = connect([one.lifecycle for one in wanted], tick)
         for name, why in failures.items():
             if self._runners[name].model.optional:
-                self._runners[name].leave()
+                self._runners[name].lifecycle.leave()
                 self._statistics.faults.append(self._absent(name, why))
         needed = [f"device '{name}': {why}" for name, why in failures.items() if not self._runners[name].model.optional]
         if needed:
@@ -61,19 +63,21 @@ class OperatorCommands:
         self._require_hold(tick)
         self.hold.recall(tick)
         for runner in self._runners.values():
-            if runner.status is Status.OPEN:
-                runner.enable()
+            if runner.latch.status is Status.OPEN:
+                runner.lifecycle.enable()
 
     @property
     def latched(self) -> list[Runner]:
         """The devices stopped by a trip that only re-arming releases; no twins, and no optional device that is lost."""
-        stopped = [one for one in self._runners.values() if one.trip is not Trip.NONE and not one.model.twin]
-        return [one for one in stopped if not (one.model.optional and one.trip in LOSSES)]
+        stopped = [one for one in self._runners.values() if one.latch.trip is not Trip.NONE and not one.model.twin]
+        return [one for one in stopped if not (one.model.optional and one.latch.trip in LOSSES)]
 
     def latched_faults(self) -> list[DeviceFaultError]:
         """Return the latched trips as the faults that caused them."""
         return [
-            DeviceFaultError(one.model.name, one.tripped, one.trip, f"was stopped by {one.trip.label}")
+            DeviceFaultError(
+                one.model.name, one.latch.tripped, one.latch.trip, f"was stopped by {one.latch.trip.label}"
+            )
             for one in self.latched
         ]
 
@@ -93,7 +97,11 @@ class OperatorCommands:
         DeviceError
             If there are any.
         """
-        if told := [f"device '{one.model.name}' can't be enabled: {one.blind}" for one in wanted if one.blind]:
+        if told := [
+            f"device '{one.model.name}' can't be enabled: {one.lifecycle.blind}"
+            for one in wanted
+            if one.lifecycle.blind
+        ]:
             raise DeviceError("\n".join(told))
 
     def _require_hold(self, tick: int) -> None:
@@ -110,14 +118,14 @@ class OperatorCommands:
             With everything that still stands in the way; nothing is enabled then.
         """
         tick = self._tick.item()
-        stopped = any(runner.status is Status.FAULT for runner in self._runners.values())
+        stopped = any(runner.latch.status is Status.FAULT for runner in self._runners.values())
         self._require_sight(self._runners.values())
         failures = self._open_latched(tick)
         self.hold.ask(tick)
         self._require_hold(tick)
         for runner in self._runners.values():
             try:
-                runner.rearm(tick)
+                runner.lifecycle.rearm(tick)
             except DeviceError as error:
                 failures.append(str(error))
         if failures:
@@ -126,9 +134,9 @@ class OperatorCommands:
             if stopped or not rig.tracker.model.twin:  # a twin moves unfollowed in a stop only
                 rig.rearm()
         for runner in self._runners.values():
-            if runner.status is Status.OPEN:
-                runner.enable()
-                runner.ramp_in()
+            if runner.latch.status is Status.OPEN:
+                runner.lifecycle.enable()
+                runner.gate.ramp_in()
         if self._statistics.faults:
             self._statistics.faults[-1]["rearmed_s"] = tick * self._model.period
 
@@ -139,8 +147,10 @@ class OperatorCommands:
         """
         latched = self.latched
         asked = [one for one in self._runners.values() if one in latched or one.model.reading(Role.DEADMAN) is not None]
-        closed = [one for one in asked if one.status is Status.CLOSED and not one.model.optional] if latched else []
-        return [f"device '{name}': {why}" for name, why in connect(closed, tick).items()]
+        closed = (
+            [one for one in asked if one.latch.status is Status.CLOSED and not one.model.optional] if latched else []
+        )
+        return [f"device '{name}': {why}" for name, why in connect([one.lifecycle for one in closed], tick).items()]
 
     def reconnect(self, device: str) -> None:
         """Close a device and open it anew; it is then OPEN, and re-arming enables it.
@@ -151,10 +161,10 @@ class OperatorCommands:
             If it is missing or refuses.
         """
         runner = self._runner(device)
-        runner.reconnect()
-        failures = connect([runner], self._tick.item())
+        runner.lifecycle.reconnect()
+        failures = connect([runner.lifecycle], self._tick.item())
         if failures:
-            runner.leave()
+            runner.lifecycle.leave()
             raise DeviceError(f"device '{device}': {failures[device]}")
 
     def _runner(self, device: str) -> Runner:
@@ -171,9 +181,9 @@ class OperatorCommands:
             If the device's twin has no such slot, or no such channel.
         """
         runner = self._runner(device)
-        if not isinstance(runner.twin, FaultyTwin) or not 0 <= slot < len(runner.twin.plan):
+        if not isinstance(runner.gate.twin, FaultyTwin) or not 0 <= slot < len(runner.gate.twin.plan):
             raise ValueError(f"device '{device}' has no slot {slot} for a fault: give the scene a <fault> of it")
-        runner.twin.write_plan(runner.twin_state, slot, injection)
+        runner.gate.twin.write_plan(runner.gate.twin_state, slot, injection)
 
     def injected(self, *, lately: bool = False) -> list[dict[str, Any]]:
         """Return the injected faults that have begun; ``lately``: only those that last or ended within a second."""
@@ -181,11 +191,11 @@ class OperatorCommands:
         earliest = now - rate if lately else -1.0
         found = []
         for name, runner in self._runners.items():
-            if not isinstance(runner.twin, FaultyTwin):
+            if not isinstance(runner.gate.twin, FaultyTwin):
                 continue
             elements = [fault for fault in self._model.scene.faults if fault.device == name]
             for slot, element in enumerate(elements):
-                kind, begin, end = runner.twin.planned(runner.twin_state, slot)
+                kind, begin, end = runner.gate.twin.planned(runner.gate.twin_state, slot)
                 if kind is not Kind.NONE and begin <= now and end > earliest:
                     found.append(self._entry(name, element, kind, begin, end))
         return found

@@ -46,7 +46,7 @@ class Pacing:
         if engine.clock.pace == "real" and engine.stamps[-1] > 0.0:  # hardware has gone on since another run, or a stop
             engine.leave_out(engine.since)
         for runner in engine.runners:
-            runner.timed = engine.clock.pace == "real" and not runner.model.twin
+            runner.gate.timed = engine.clock.pace == "real" and not runner.model.twin
         engine.clock.start(engine.model.period)
         begin = now()
         try:
@@ -111,8 +111,8 @@ class Pacing:
         if slept <= SLEPT or not hardware:
             return
         for runner in hardware:
-            runner.leave_out(round(slept / engine.model.period))
-        acting = [runner.model.name for runner in hardware if runner.enabled]
+            runner.gate.leave_out(round(slept / engine.model.period))
+        acting = [runner.model.name for runner in hardware if runner.latch.enabled]
         if acting:
             cause = f"was stopped: this machine has slept for {slept:.0f} s while devices were enabled"
             fault = DeviceFaultError(acting[0], engine.ticks, Trip.OVERRUN, cause)
@@ -138,7 +138,7 @@ class Pacing:
         if culprit is None:
             return
         stops = engine.model.scene.safety.servo_overrun == "stop"
-        if stops and late > HOPELESS * engine.model.period and any(runner.enabled for runner in engine.runners):
+        if stops and late > HOPELESS * engine.model.period and any(runner.latch.enabled for runner in engine.runners):
             cause = f"was {late * 1e3:.1f} ms late: the servo loop cannot keep up ({culprit})"
             fault = DeviceFaultError(next(iter(engine.model.devices)), engine.ticks, Trip.OVERRUN, cause)
             engine.make_safe(fault)

@@ -26,7 +26,7 @@ from itouch.monitors.surface_kernels import check as watch
 from itouch.monitors.thresholds import TOUCH_FORCE
 from itouch.plugin import Bound, Record
 from itouch.safety import Finger
-from itouch.safety.lifecycle import ENABLED
+from itouch.safety.latch import ENABLED
 from itouch.safety.monitor_step import TOLD, Clocks, clocked, moment
 from itouch.twin.frame_rotation import turned_in
 
@@ -147,13 +147,13 @@ def bound_supervision(
     runner: Runner, rig: ProbeRig, carried: Sequence[Runner], state: Record, tracking: Counts
 ) -> tuple[Bound, ...]:  # fmt: skip
     """Return the supervision of an arm or a table of one finger as compiled calls; none: it is left to Python."""
-    panel = runner.device_monitors
+    panel = runner.gate.device_monitors
     placed = [post for post in panel.installed if post.monitor.placed]
     if len(placed) != 1 or not all(post.own for post in panel.installed):
         return ()
     (post,), name = placed, runner.model.name
     monitor, tick = post.monitor, state["tick"]
-    own = Post(runner.gate, panel.clocks[0], post.checked, post.share)
+    own = Post(runner.latch.seen, panel.clocks[0], post.checked, post.share)
     if isinstance(monitor, Arm) and rig.moves(runner):
         wrench, velocity = monitor.sent_of(runner.sent), state[f"{rig.probe.name}.velocity"]
         looks = Bound(arm, own, monitor.pushing, wrench, velocity, post.state["figure"], tick, int(ENABLED))
@@ -172,7 +172,7 @@ def bound_supervision(
         return ()
     mine = (state[f"{name}.touched"], state[f"{name}.felt"])
     told = [(state[f"{one.model.name}.touched"], state[f"{one.model.name}.felt"]) for one in carried]
-    return (looks, *(Bound(shown, runner.gate, int(ENABLED), *mine, *its) for its in told))
+    return (looks, *(Bound(shown, runner.latch.seen, int(ENABLED), *mine, *its) for its in told))
 
 
 def bound_together(finger: Finger, state: Record, period: float) -> Bound | None:
@@ -188,6 +188,6 @@ def bound_together(finger: Finger, state: Record, period: float) -> Bound | None
     panel, monitor = table.device_monitors, post.monitor
     return Bound(
         together, monitor.load(panel.seen), nearing, TOUCH_FORCE, finger.force, room, monitor.allowed,
-        monitor.memory(post.state), table.gate, state[f"{table.model.name}.touched"], panel.times.missed, post.said,
-        state["tick"], period, int(ENABLED),
+        monitor.memory(post.state), table.latch.seen, state[f"{table.model.name}.touched"], panel.times.missed,
+        post.said, state["tick"], period, int(ENABLED),
     )  # fmt: skip

@@ -242,7 +242,7 @@ def build(
     """
     listed: list[Step] = []
     for runner in runners.values():
-        listed += [steps.read(runner), steps.watch(runner)]
+        listed += [steps.read(runner.gate), steps.watch(runner.gate)]
     if model.moving:
         listed.append(steps.move_objects(model, objects))
     listed += _contacts(model, state, rigs, views)
@@ -252,9 +252,9 @@ def build(
         listed.append(steps.hold(hold, runners.values()))
     for runner in runners.values():
         if runner.model.commands:
-            listed.append(steps.guard(runner))
+            listed.append(steps.guard(runner.gate))
         if not runner.model.twin:
-            listed.append(steps.write(runner))
+            listed.append(steps.write(runner.gate))
     for rig in rigs:
         listed += steps.finger(rig, state)
         listed += [steps.worn(rig, rig.skin)] if rig.skin is not None else []

@@ -36,7 +36,7 @@ def released(runner: Runner) -> None:
         Naming the device, if it raises anything but KeyboardInterrupt.
     """
     try:
-        runner.close()
+        runner.lifecycle.close()
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # a plugin that exits does not end the program

@@ -192,12 +192,17 @@ class ProbeRig:
     def bound_surface(self) -> tuple[Bound, ...]:
         """Return ``surface`` as compiled calls, which leave a withdrawal to Python; none: all of it is Python's."""
         table = self.table
-        post = table.device_monitors.surface if table is not None else None
+        post = table.gate.device_monitors.surface if table is not None else None
         if table is None or post is None or not isinstance(post.monitor, Surface):
             return ()
         led = Bound(carrying.led, post.state["withdrawn"], self.toucher.surface)
         closing = Bound(
-            carrying.close_in, self._figures, self._radius, *post.monitor.paces, table.moving.closing, table.clamped
+            carrying.close_in,
+            self._figures,
+            self._radius,
+            *post.monitor.paces,
+            table.gate.moving.closing,
+            table.gate.clamped,
         )
         seek = self.touch_off.bounds if self.touch_off is not None else ()
         return (led, *self.toucher.carries, closing, *seek)
@@ -225,19 +230,19 @@ class ProbeRig:
         A touch-off that is not done yet commands the table instead.
         """
         table = self.table
-        if table is None or table.device_monitors.surface is None:
+        if table is None or table.gate.device_monitors.surface is None:
             self.toucher.carry()
             return
-        self.toucher.stay_away(table.device_monitors.withdrawn)
+        self.toucher.stay_away(table.gate.device_monitors.withdrawn)
         self.toucher.carry()
         strayed = self._figures[render.TRACKING].item()
-        table.closing = table.device_monitors.closing(self._gap(), strayed)
-        if self.touch_off is not None and not self.touch_off.done and table.enabled:
+        table.gate.closing = table.gate.device_monitors.closing(self._gap(), strayed)
+        if self.touch_off is not None and not self.touch_off.done and table.latch.enabled:
             self.touch_off.update()
-        elif table.device_monitors.withdrawn:
+        elif table.gate.device_monitors.withdrawn:
             target = table.commanded(Role.SURFACE_POSE)
             leaves = self.toucher.leave(target, table.sent_as(Role.SURFACE_POSE))
-            target[2] = table.device_monitors.follow(target[2].item(), self.toucher.current.item() < 0, leaves)
+            target[2] = table.gate.device_monitors.follow(target[2].item(), self.toucher.current.item() < 0, leaves)
             self.toucher.gone()
 
     def _gap(self) -> float:
@@ -279,12 +284,12 @@ class ProbeRig:
 
     def present(self, runner: Runner, counting: bool) -> None:
         """Tell the monitors of an arm or a table where the finger is and how fast; ``counting``: scripts run."""
-        figures, moment = self._figures, runner.device_monitors.moment
+        figures, moment = self._figures, runner.gate.device_monitors.moment
         if self.moves(runner):  # also an arm whose force a modality commands
             moment.speed = size(figures[render.VELOCITY : render.VELOCITY + 3])
         if runner is self.table:
             distance = figures[render.TRACKING].item()
-            moment.strayed = runner.strayed(distance)
+            moment.strayed = runner.gate.strayed(distance)
             if counting:
                 self._statistics.tracking.add(distance)
             moment.gap = self._gap()

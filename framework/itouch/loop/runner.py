@@ -11,19 +11,32 @@ from itouch.joining import is_newest
 from itouch.loop.frames import Frame, frame
 from itouch.plugin import Bound, Channel, Record, Role, TwinInputs
 from itouch.plugin.quantity import SIZES
-from itouch.safety import DeviceFaultError, Status, Supervisor, Trip
+from itouch.safety import DeviceFaultError, Gate, Lifecycle, Status, Trip
 from itouch.schema.plugin_errors import failing, said
 from itouch.world import DeviceModel
 
 __all__ = ["DeviceFaultError", "Runner", "Status"]
 
 
-class Runner(Supervisor):
-    """Runs one device, or its twin, on its part of State."""
+class Runner:
+    """Runs one device, or its twin, on its part of State.
+
+    It has a ``gate``, through which readings and commands pass, and a ``lifecycle``, which opens and enables it;
+    both go by one ``latch``, which has its status.
+    """
+
+    __slots__ = (
+        "_calibration", "_frame", "_framed_for", "_mount", "_period", "_true_frame", "command", "gate", "latch",
+        "lifecycle", "model", "reading", "sent", "touch", "worn_by",
+    )  # fmt: skip
 
     def __init__(self, model: DeviceModel, state: Record, period: float) -> None:
         device = None if model.twin else model.make_device()
-        super().__init__(model, state, period, device=device, twin=model.make_twin() if model.twin else None)
+        self.model, self._period = model, period
+        #: What passes, when it may act, and its status; and the views of State that the gate lets through.
+        self.gate = Gate(model, state, period, device=device, twin=model.make_twin() if model.twin else None)
+        self.lifecycle, self.latch = Lifecycle(self.gate, state, period), self.gate.latch
+        self.reading, self.command, self.sent = self.gate.reading, self.gate.command, self.gate.sent
         self._calibration = state[f"{model.name}.calibration"]
         self._mount = self._frame = frame(model.mount)
         self._framed_for: list[float] = []
@@ -47,11 +60,11 @@ class Runner(Supervisor):
 
     def start(self, seed: int) -> None:
         """Set the device's part of State to its start; ``seed`` and the device's name seed the twin's noise."""
-        self.reset()
+        self.lifecycle.reset()
         self._calibration[:] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-        if self.twin is not None:
+        if self.gate.twin is not None:
             words = [seed, *self.model.name.encode()]
-            self.twin.reset(self.twin_state, np.random.default_rng(words))
+            self.gate.twin.reset(self.gate.twin_state, np.random.default_rng(words))
 
     def base_frame(self) -> Frame:
         """Return the device's frame in its carrier, from mount and calibration."""
@@ -67,10 +80,10 @@ class Runner(Supervisor):
 
     def bound_twin(self) -> Bound | None:
         """Return the step of the twin as one compiled call; None: there is no twin, or its step is Python's."""
-        if self.twin is None or not is_newest(type(self.twin), "bound_step", "step"):
+        if self.gate.twin is None or not is_newest(type(self.gate.twin), "bound_step", "step"):
             return None
         with failing(f"device '{self.model.name}'", "the step of its twin", self.model.place):
-            return self.twin.bound_step(self.twin_state, self.sent, self.touch, self._period)
+            return self.gate.twin.bound_step(self.gate.twin_state, self.sent, self.touch, self._period)
 
     def step_twin(self, tick: int) -> None:
         """Advance the twin by one period under the commands that were sent.
@@ -80,10 +93,10 @@ class Runner(Supervisor):
         DeviceFaultError
             If the twin has raised anything but KeyboardInterrupt.
         """
-        if self.twin is None:
+        if self.gate.twin is None:
             return
         try:
-            self.twin.step(self.twin_state, self.sent, self.touch, self._period)
+            self.gate.twin.step(self.gate.twin_state, self.sent, self.touch, self._period)
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
@@ -92,15 +105,15 @@ class Runner(Supervisor):
 
     def settle(self) -> None:
         """Step the twin once before the first tick, so that its first reading is true; no planned fault acts yet."""
-        twin = self.twin.twin if isinstance(self.twin, FaultyTwin) else self.twin
+        twin = self.gate.twin.twin if isinstance(self.gate.twin, FaultyTwin) else self.gate.twin
         if twin is not None:
             with failing(f"device '{self.model.name}'", "the step of its twin", self.model.place):
                 settle = twin.settle if isinstance(twin, LateTwin) else twin.step
-                settle(self.twin_state, self.sent, self.touch, self._period)
+                settle(self.gate.twin_state, self.sent, self.touch, self._period)
 
     def true_position(self) -> NDArray[np.float64] | None:
         """Return the view of the true position of the twin's end, in the device's frame; None: the twin has none."""
-        return self.twin.position(self.twin_state) if self.twin is not None else None
+        return self.gate.twin.position(self.gate.twin_state) if self.gate.twin is not None else None
 
 
 def _view(record: Record, channel: Channel | None, role: Role) -> NDArray[np.float64]:

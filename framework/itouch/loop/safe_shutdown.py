@@ -26,11 +26,13 @@ class SafeShutdown:
     ) -> None:  # fmt: skip
         self._model, self._runners, self._rigs, self._statistics = model, runners, rigs, statistics
         self._tick, self._injected = state["tick"], injected
-        self._sequence = SafeSequence(runners, state, model.period, self._move, _tracked_fingers(rigs))
+        self._sequence = SafeSequence(
+            [one.gate for one in runners], state, model.period, self._move, _tracked_fingers(rigs)
+        )
         needed = {rig.tracker.model.name for rig in rigs}
         for runner in runners:
             if runner.model.optional and runner.model.name not in needed:
-                runner.on_loss = self._lost
+                runner.gate.on_loss = self._lost
 
     def carry_out(
         self, fault: DeviceFaultError, taps: Sequence[Callable[[int], None]], clock: Clock | None = None
@@ -96,7 +98,7 @@ class SafeShutdown:
             clock.start(period)
             self._sequence.leave_out(late)
             for runner in self._runners:
-                runner.leave_out(late)
+                runner.gate.leave_out(late)
 
     def _move(self) -> None:
         for rig in self._rigs:
@@ -135,7 +137,7 @@ def _tracked_fingers(rigs: Sequence[ProbeRig]) -> dict[str, list[TrackedFinger]]
     for rig in rigs:
         if rig.table is not None and rig.tracker is not rig.table and not rig.tracker.model.carrier:
             found.setdefault(rig.table.model.name, []).append(
-                TrackedFinger(rig.tracker, partial(_finger_over, rig, rig.table))
+                TrackedFinger(rig.tracker.gate, partial(_finger_over, rig, rig.table))
             )
     return found
 

@@ -25,11 +25,11 @@ from itouch.loop.step import CALLS_KERNELS, PYTHON, Step, joinable
 from itouch.loop.touchoff import DONE
 from itouch.loop.write_access import Fence, mended, shown_fields
 from itouch.plugin import Bound, Record, Role
-from itouch.safety import Finger, HoldToRun
+from itouch.safety import Finger, Gate, HoldToRun
 from itouch.safety.monitor_step import LOOK, TOLD
 from itouch.schema.plugin_errors import failing
 from itouch.twin.skin import Skin
-from itouch.world import ModalityModel, Model
+from itouch.world import DeviceModel, ModalityModel, Model
 
 #: Fields of a device that a trip changes, besides what is sent to it.
 _TRIPPED = ("status", "trip", "tripped", "ramp")
@@ -50,42 +50,45 @@ def _roles(runner: Runner | None, *roles: Role, kind: str = "") -> tuple[str, ..
     return () if runner is None else tuple(f for role in roles if (f := runner.model.field(role, kind)))
 
 
-def _readings(runner: Runner) -> tuple[str, ...]:
-    return _of(runner.model.name, *(channel.name for channel in runner.model.reads))
+def _readings(model: DeviceModel) -> tuple[str, ...]:
+    return _of(model.name, *(channel.name for channel in model.reads))
 
 
-def _watched(runner: Runner) -> tuple[str, ...]:
+def _watched(model: DeviceModel) -> tuple[str, ...]:
     """Return the State of the monitors that look at every reading, or when their time has come."""
-    names = [monitor.name for monitor in runner.model.monitors if not monitor.placed]
+    names = [monitor.name for monitor in model.monitors if not monitor.placed]
     return ("heard", *(f"{name}.*" for name in names))
 
 
-def read(runner: Runner) -> Step:
+def read(gate: Gate) -> Step:
     """Take the newest reading of a device or its twin."""
-    name = runner.model.name
-    written = (*_readings(runner), *_of(name, "age", "measured", "left", "out.*", "twin.*", "watchdog.*", *_TRIPPED))
-    reads, bounds = _of(name, "status", "twin.*"), runner.bound_take()
+    name = gate.model.name
+    written = (
+        *_readings(gate.model),
+        *_of(name, "age", "measured", "left", "out.*", "twin.*", "watchdog.*", *_TRIPPED),
+    )
+    reads, bounds = _of(name, "status", "twin.*"), gate.bound_take()
     if bounds:
-        return joinable(f"read {name}", bounds, reads, written, lambda code, tick, ready: runner.take(tick))
-    return Step(f"read {name}", lambda tick, ready: runner.take(tick), reads, written)
+        return joinable(f"read {name}", bounds, reads, written, lambda code, tick, ready: gate.take(tick))
+    return Step(f"read {name}", lambda tick, ready: gate.take(tick), reads, written)
 
 
-def watch(runner: Runner) -> Step:
+def watch(gate: Gate) -> Step:
     """Check the reading that was taken; one that is not believed is passed on to nobody."""
-    name = runner.model.name
-    written = (*_readings(runner), *_of(name, "age", "sequence", *_watched(runner), *_TRIPPED))
-    reads = (*_readings(runner), *_of(name, "status", "age", "sent.*", "touched", "felt", *_watched(runner)))
-    bounds = runner.bound_watch()
+    name = gate.model.name
+    written = (*_readings(gate.model), *_of(name, "age", "sequence", *_watched(gate.model), *_TRIPPED))
+    reads = (*_readings(gate.model), *_of(name, "status", "age", "sent.*", "touched", "felt", *_watched(gate.model)))
+    bounds = gate.bound_watch()
     if not bounds:
-        return Step(f"watch {name}", lambda tick, ready: runner.watch_reading(tick), reads, written)
+        return Step(f"watch {name}", lambda tick, ready: gate.watch_reading(tick), reads, written)
 
     def answer(code: int, tick: int, ready: bool) -> None:
         if code >= TOLD:
-            runner.told(code - TOLD, tick)
+            gate.told(code - TOLD, tick)
         elif code == LOOK:
-            runner.look(tick)
+            gate.look(tick)
         else:
-            runner.watch_reading(tick)
+            gate.watch_reading(tick)
 
     return joinable(f"watch {name}", bounds, reads, written, answer)
 
@@ -339,17 +342,17 @@ def supervise(
     present = [rig.present for rig in rigs]
 
     def run(tick: int, ready: bool) -> None:
-        if runner.enabled:
+        if runner.latch.enabled:
             for tell in present:
                 tell(runner, ready)
-            runner.watch_placed(tick)
+            runner.gate.watch_placed(tick)
             show()
 
     def show() -> None:
         for one in carried:
-            one.device_monitors.touch(runner.device_monitors.touched, runner.device_monitors.force)
+            one.gate.device_monitors.touch(runner.gate.device_monitors.touched, runner.gate.device_monitors.force)
 
-    reads = (*_readings(runner), *_of(name, "sent.*", "status", "arm.*", "surface.*"))
+    reads = (*_readings(runner.model), *_of(name, "sent.*", "status", "arm.*", "surface.*"))
     for rig in rigs:
         reads += _of(rig.probe.name, "velocity", "tracking", "hip", "plate_top")
     written = _of(name, "arm.*", "surface.*", "touched", "felt")
@@ -359,8 +362,8 @@ def supervise(
     def answer(code: int, tick: int, ready: bool) -> None:
         if code != TOLD:
             run(tick, ready)
-        elif (post := runner.device_monitors.surface) is not None:
-            runner.device_monitors.told_at(post, tick)
+        elif (post := runner.gate.device_monitors.surface) is not None:
+            runner.gate.device_monitors.told_at(post, tick)
             show()
 
     bounds = bound_supervision(runner, rigs[0], carried, state, tracking) if len(rigs) == 1 else ()
@@ -392,9 +395,9 @@ def hold(switch: HoldToRun, runners: Iterable[Runner]) -> Step:
     return Step("hold", lambda tick, ready: switch.check(tick), ("hold", *switches, "*.status"))
 
 
-def guard(runner: Runner) -> Step:
+def guard(gate: Gate) -> Step:
     """Limit the commands of a device."""
-    name = runner.model.name
+    name = gate.model.name
     reads = _of(
         name,
         "command.*",
@@ -402,20 +405,20 @@ def guard(runner: Runner) -> Step:
         "status",
         "ramp",
         "stopped",
-        *(f"{one.name}.share" for one in runner.model.monitors),
+        *(f"{one.name}.share" for one in gate.model.monitors),
     )
     written = _of(name, "sent.*", "clamped", "dropped", *_TRIPPED)
-    bounds = runner.bound_guard()
+    bounds = gate.bound_guard()
     if bounds:
-        return joinable(f"guard {name}", bounds, reads, written, lambda code, tick, ready: runner.guard(tick))
-    return Step(f"guard {name}", lambda tick, ready: runner.guard(tick), reads, written)
+        return joinable(f"guard {name}", bounds, reads, written, lambda code, tick, ready: gate.guard(tick))
+    return Step(f"guard {name}", lambda tick, ready: gate.guard(tick), reads, written)
 
 
-def write(runner: Runner) -> Step:
+def write(gate: Gate) -> Step:
     """Write to a device the commands that safety let through."""
-    name = runner.model.name
+    name = gate.model.name
     return Step(
-        f"write {name}", lambda tick, ready: runner.send(tick), _of(name, "sent.*", "status"), _of(name, *_TRIPPED)
+        f"write {name}", lambda tick, ready: gate.send(tick), _of(name, "sent.*", "status"), _of(name, *_TRIPPED)
     )
 
 
@@ -465,7 +468,7 @@ def twin(runner: Runner) -> Step:
     if runner.worn_by:
         own, reads = (*own, f"{runner.worn_by}.taken"), (*reads, f"{runner.worn_by}.skin")
     if bound is not None:
-        bounds = (Bound(carrying.original, runner.replaced), bound)
+        bounds = (Bound(carrying.original, runner.gate.replaced), bound)
         return joinable(f"twin {name}", bounds, reads, own, lambda code, tick, ready: runner.step_twin(tick))
     return Step(f"twin {name}", lambda tick, ready: runner.step_twin(tick), reads, own)
 

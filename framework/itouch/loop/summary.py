@@ -86,9 +86,9 @@ def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -
 def _dose(engine: Running, name: str) -> dict[str, Any]:
     """Return the thermal dose that a plate has given in this session, and whether that is much of what it may."""
     runner = next(one for one in engine.runners if one.model.name == name)
-    if not runner.heats:
+    if not runner.gate.heats:
         return {}
-    dose = sum(float(post.state["dose"]) for post in runner.heats)
+    dose = sum(float(post.state["dose"]) for post in runner.gate.heats)
     most = runner.model.limits.dose or limits.DOSE
     much = dose > min(limits.DOSE_WARNING, 0.5 * most)
     told = f"has given {dose / 60.0:.2f} of at most {most / 60.0:g} CEM43 in this session" if much else None
@@ -106,6 +106,6 @@ def _worn(engine: Running, name: str) -> dict[str, Any]:
 
 def _exchanges(engine: Running, name: str) -> dict[str, Any]:
     """Return how fast a device that is exchanged with in a thread has answered."""
-    device = next(runner.device for runner in engine.runners if runner.model.name == name)
+    device = next(runner.gate.device for runner in engine.runners if runner.model.name == name)
     figures = device.figures() if isinstance(device, ThreadedDevice) else None
     return {"exchanges": figures} if figures is not None else {}

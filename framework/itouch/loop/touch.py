@@ -200,7 +200,7 @@ class Toucher:
             here, self.figures, self.surface, self._load, self._presses, risen, self.below,
             np.array([0.0, 0.0, -1.0]), np.zeros(3), np.zeros(3),
         )  # fmt: skip
-        measured, read = table.measured_of(Role.TRACKED_POSE), np.zeros(0)
+        measured, read = table.gate.measured_of(Role.TRACKED_POSE), np.zeros(0)
         if table.model.wire:
             read = state.flat(f"{probe.name}.rising.read_at", f"{probe.name}.rising.between")
         taken = Bound(

@@ -25,7 +25,7 @@ from itouch.loop.surface import plate
 from itouch.loop.touch import Toucher
 from itouch.plugin import Bound, Record, Role
 from itouch.safety import Trip
-from itouch.safety.lifecycle import ENABLED
+from itouch.safety.latch import ENABLED
 from itouch.twin.hand import LEAD_SPEED, Hand
 from itouch.twin.mechanics import lower
 
@@ -258,10 +258,10 @@ class TouchOff:
         search_on = Bound(
             seek, toucher.constants, search, reach, points, table.read_as(Role.TRACKED_POSE),
             self._load, toucher.figures, table.commanded(Role.SURFACE_POSE),
-            table.moving.closing, fixed,
+            table.gate.moving.closing, fixed,
         )  # fmt: skip
         #: One tick of it as compiled calls, which must be the last ones of their step.
-        self.bounds = (Bound(sought, self.stage.reshape(1), table.gate), search_on)
+        self.bounds = (Bound(sought, self.stage.reshape(1), table.latch.seen), search_on)
         self._seek = runner((search_on,))
 
     @property

@@ -118,15 +118,15 @@ def _event(model: Model, kind: Contact, probe: str, index: int) -> ContactEvent:
 
 def warm_up_twin(runner: Runner, scratch: Record, period: float) -> None:
     """Step a twin untouched and pressed, and read it."""
-    if runner.twin is None:
+    if runner.gate.twin is None:
         return
     name = runner.model.name
-    fields = runner.twin_state.dtype.names or ()
-    state = scratch.part(f"{name}.twin.", fields) if fields else runner.twin_state.copy()
+    fields = runner.gate.twin_state.dtype.names or ()
+    state = scratch.part(f"{name}.twin.", fields) if fields else runner.gate.twin_state.copy()
     sent, reading = runner.sent.copy(), runner.reading.copy()
     who, place = f"device '{name}'", runner.model.place
     for touch in (TwinInputs(), TwinInputs(force=1.0, gap=-1e-3)):
         with failing(who, "the step of its twin", place):
-            runner.twin.step(state, sent, touch, period)
+            runner.gate.twin.step(state, sent, touch, period)
         with failing(who, "the reading of its twin", place), contextlib.suppress(DeviceError):
-            runner.twin.read(state, reading)  # a DeviceError: a fault that is injected from the start
+            runner.gate.twin.read(state, reading)  # a DeviceError: a fault that is injected from the start

@@ -5,23 +5,25 @@ from itouch.safety.blind_retreat import TrackedFinger
 from itouch.safety.connect import claim_wires, connect
 from itouch.safety.device_monitors import DeviceMonitors
 from itouch.safety.finger import Finger
+from itouch.safety.gate import Gate
 from itouch.safety.guard import Guard
 from itouch.safety.hold_to_run import HoldToRun
-from itouch.safety.lifecycle import Status
+from itouch.safety.latch import Status
+from itouch.safety.lifecycle import Lifecycle
 from itouch.safety.sequence import Outcome, SafeSequence
-from itouch.safety.supervisor import Supervisor
 
 __all__ = [
     "LOSSES",
     "DeviceFaultError",
     "Finger",
+    "Gate",
     "Guard",
     "HoldToRun",
     "Outcome",
     "DeviceMonitors",
     "SafeSequence",
+    "Lifecycle",
     "Status",
-    "Supervisor",
     "TrackedFinger",
     "Trip",
     "TripError",

@@ -31,8 +31,7 @@ from numpy.typing import NDArray
 
 from itouch.monitors import DOUBTS
 from itouch.plugin import RETRACT, Role
-from itouch.safety.lifecycle import BACKWARDS, HELD
-from itouch.safety.supervisor import Supervisor
+from itouch.safety.gate import BACKWARDS, HELD, Gate
 
 #: Length [m] of a leg, and of all legs together, from where a surface was sent when all stopped.
 LEG, BLIND = 0.002, 0.006
@@ -59,7 +58,7 @@ SHORTEST, _NEAR = 0.001, 1e-9
 class TrackedFinger(NamedTuple):
     """The device that tracks a finger over a surface, and the finger's height [m] along the surface's axis of lift."""
 
-    tracker: Supervisor
+    tracker: Gate
     height: Callable[[], float]
 
 
@@ -109,14 +108,12 @@ class BlindRetreat:
     ``fingers``: the tracked fingers over it.
     """
 
-    def __init__(
-        self, supervisor: Supervisor, tick: NDArray[np.int64], period: float, fingers: Sequence[TrackedFinger]
-    ) -> None:
-        model = supervisor.model
+    def __init__(self, gate: Gate, tick: NDArray[np.int64], period: float, fingers: Sequence[TrackedFinger]) -> None:
+        model = gate.model
         channel = next(channel for channel in model.commands if channel.safe is RETRACT)
-        self._supervisor, self._tick = supervisor, tick
+        self._gate, self._tick = gate, tick
         self._fingers = tuple(fingers)
-        self._sent = supervisor.sent[channel.name]
+        self._sent = gate.sent[channel.name]
         self._ends = (channel.low[2], channel.high[2]) if channel.low else (-math.inf, math.inf)
         self._loads = [one.name for one in model.reads if one.role is Role.CONTACT_FORCE]
         exchange = max(model.cls.takes(model.params), model.cls.period + model.cls.delay)
@@ -157,7 +154,7 @@ class BlindRetreat:
         Parameters
         ----------
         stopped, way
-            As in ``Lifecycle``: how the surface retracts; where it was sent when all stopped, and how far down and up
+            As in ``Gate``: how the surface retracts; where it was sent when all stopped, and how far down and up
             it may be sent [m], shape (3,).  Both are written.
         """
         if not self.active:
@@ -206,7 +203,7 @@ class BlindRetreat:
 
     def _has_left(self) -> bool:
         """Tell whether a leg's last command has left, as far as the wire tells: a busy machine may send it late."""
-        goal = self._supervisor.gone_to
+        goal = self._gate.gone_to
         return goal is None or abs(goal - self._goal) <= _NEAR
 
     def _heard(self, tick: int) -> bool:
@@ -214,14 +211,14 @@ class BlindRetreat:
         times = [one.tracker.measured_at(Role.TRACKED_POSE) for one in self._fingers if self._knows(one.tracker)]
         return bool(self._tick.item() >= tick) and all(time >= tick for time in times)
 
-    def _knows(self, tracker: Supervisor) -> bool:
+    def _knows(self, tracker: Gate) -> bool:
         """Tell whether a device's reading of a finger can be believed, and is recent."""
         age = self._tick.item() - tracker.measured_at(Role.TRACKED_POSE)
-        return tracker.trip not in DOUBTS and age <= self._known
+        return tracker.latch.trip not in DOUBTS and age <= self._known
 
     def _look(self) -> Observation:
         heights = [one.height() if self._knows(one.tracker) else math.nan for one in self._fingers]
-        loads = [math.hypot(*self._supervisor.reading[name][:3].tolist()) for name in self._loads]
+        loads = [math.hypot(*self._gate.reading[name][:3].tolist()) for name in self._loads]
         return Observation(tuple(heights), max(loads, default=math.nan))
 
     def _judge(

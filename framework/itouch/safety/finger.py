@@ -19,7 +19,7 @@ from itouch.monitors import limits as default
 from itouch.monitors.thresholds import TOUCH_FORCE
 from itouch.plugin import Role
 from itouch.safety.device_monitors import InstalledMonitor
-from itouch.safety.supervisor import Supervisor
+from itouch.safety.gate import Gate
 
 if TYPE_CHECKING:
     from itouch.monitors.surface_kernels import Nearing
@@ -29,7 +29,7 @@ class Finger:
     """The devices that act on one finger; ``nearing``: where it is over each surface, by device name, if known."""
 
     def __init__(
-        self, name: str, devices: Sequence[Supervisor], nearing: Mapping[str, Nearing] | None = None
+        self, name: str, devices: Sequence[Gate], nearing: Mapping[str, Nearing] | None = None
     ) -> None:  # fmt: skip
         self.name, self.nearing = name, nearing or {}
         #: The arms that push it, and the devices that carry a surface to it.
@@ -81,7 +81,7 @@ class Finger:
         few = len(self.arms_of) < 2 and not self.pads
         return len(self.tables) == 1 and few and len(self._heats) < 2
 
-    def pressed(self, but: Supervisor | None = None) -> float:
+    def pressed(self, but: Gate | None = None) -> float:
         """Return the force [N] with which surfaces and fluid pads press on the finger, by their own sensors.
 
         ``but``: a surface that is not counted.
@@ -89,7 +89,7 @@ class Finger:
         felt = (*(_felt(one) for one in self.tables if one is not but), *(force for _, force in self._padded()))
         return sum(force for force in felt if force > TOUCH_FORCE)
 
-    def _padded(self) -> Iterator[tuple[Supervisor, float]]:
+    def _padded(self) -> Iterator[tuple[Gate, float]]:
         """Yield each device that presses by a fluid, with the force [N] that it measures."""
         for one, push in self.pads:
             yield one, push.felt(one.device_monitors.seen)
@@ -139,7 +139,7 @@ class Finger:
         for table in self.tables:
             table.device_monitors.told_of_contact(tick)
 
-    def leave(self, arm: Supervisor) -> None:
+    def leave(self, arm: Gate) -> None:
         """Reduce an arm's force and torque to what the other arms leave, too, just before its command is limited."""
         others = [views for one, views in zip(self.arms_of, self._wrenches, strict=True) if one is not arm]
         left = self.force - self.taken()
@@ -148,14 +148,14 @@ class Finger:
         arm.moving.turning[0] = max(0.0, most - sum(_size(views, 3) for views in others))
 
     @property
-    def arms(self) -> Sequence[Supervisor]:
+    def arms(self) -> Sequence[Gate]:
         """The arms, if there are several."""
         return self.arms_of if len(self.arms_of) > 1 else ()
 
     def _touch(self, tick: int) -> None:
         """Run the clock of T4 of every surface, forwards while the finger touches any or wears a driven display."""
         withdrawn = any(table.device_monitors.withdrawn for table in self.tables)
-        touched = any(table.device_monitors.touched for table in self.tables if table.enabled)
+        touched = any(table.device_monitors.touched for table in self.tables if table.latch.enabled)
         touched = touched or any(_acts(one, post, withdrawn) for one, post in self.worn)
         for table in self.tables:
             table.device_monitors.count_contact(tick, touched)
@@ -187,7 +187,7 @@ class Finger:
             return name, Trip.COLD, f"was touched while cold, with others on the same finger, for {cold:.1f} s"
         return None
 
-    def _worst(self, field: str) -> Supervisor:
+    def _worst(self, field: str) -> Gate:
         return max(self._heats, key=lambda pair: float(pair[1].state[field]))[0]
 
     def spent(self) -> str:
@@ -196,16 +196,20 @@ class Finger:
         return said[2] if said is not None else ""
 
 
-def _felt(table: Supervisor) -> float:
+def _felt(table: Gate) -> float:
     post: InstalledMonitor | None = table.device_monitors.surface
     return (
         post.monitor.felt(table.device_monitors.seen) if post is not None and isinstance(post.monitor, Surface) else 0.0
     )
 
 
-def _acts(one: Supervisor, post: InstalledMonitor, withdrawn: bool) -> bool:
+def _acts(one: Gate, post: InstalledMonitor, withdrawn: bool) -> bool:
     heat = post.monitor
-    return one.enabled and isinstance(heat, Heat) and heat.acts(one.device_monitors.seen, one.sent, withdrawn=withdrawn)
+    return (
+        one.latch.enabled
+        and isinstance(heat, Heat)
+        and heat.acts(one.device_monitors.seen, one.sent, withdrawn=withdrawn)
+    )
 
 
 def _chain(name: str, carriers: Mapping[str, str]) -> Iterator[str]:

@@ -12,27 +12,27 @@ from collections.abc import Sequence
 
 from itouch.monitors import DeviceFaultError, Trip
 from itouch.plugin import Record, Role
-from itouch.safety.supervisor import Supervisor
+from itouch.safety.gate import Gate
 from itouch.world import limits as default
 
 
 class HoldToRun:
     """The dead-man's switch of a session; the tick until which the last signal of holding it is good is State."""
 
-    def __init__(self, state: Record, supervisors: Sequence[Supervisor], period: float, *, asked: bool) -> None:
-        self._until, self._supervisors = state["hold"], tuple(supervisors)
+    def __init__(self, state: Record, gates: Sequence[Gate], period: float, *, asked: bool) -> None:
+        self._until, self._gates = state["hold"], tuple(gates)
         self._ticks = math.ceil(default.HOLD / period)
         self._switches = [
-            (s, index, s.device_monitors.seen[channel.name])
-            for s in supervisors
-            for index, channel in enumerate(s.model.reads)
+            (g, index, g.device_monitors.seen[channel.name])
+            for g in gates
+            for index, channel in enumerate(g.model.reads)
             if channel.role is Role.DEADMAN
         ]
         self._said = "nobody holds the switch"
         #: Which of the devices' switches were held in the tick before, by number; ``recall`` finds it from readings.
         self._pressed: frozenset[int] = frozenset()
         #: Whether nothing may act unless the switch is held.
-        self.required = asked or any(not s.model.twin for s in supervisors)
+        self.required = asked or any(not g.model.twin for g in gates)
 
     def press(self, tick: int, held: bool, *, shared: bool = False) -> None:
         """Take a signal that the switch is held, which is good for 80 ms, or let go; ``shared``: another holds on."""
@@ -84,9 +84,9 @@ class HoldToRun:
         let_go = before - self._pressed
         if self.held(tick) and not let_go:
             return
-        acting = [s for s in self._supervisors if s.enabled]
+        acting = [g for g in self._gates if g.latch.enabled]
         if acting:
-            first = next((s for s in acting if any(c.role is Role.SURFACE_POSE for c in s.model.commands)), acting[0])
+            first = next((g for g in acting if any(c.role is Role.SURFACE_POSE for c in g.model.commands)), acting[0])
             shared = "one of those who held the switch let it go"
             said = shared if let_go and self.held(tick) else self._said
             raise DeviceFaultError(first.model.name, tick, Trip.RELEASED, f"was let go: {said}")

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from itouch.monitors import DOUBTS, DeviceFaultError, Heat, Trip
 from itouch.plugin import RETRACT, Record, Role
 from itouch.safety.blind_retreat import BlindRetreat, TrackedFinger
-from itouch.safety.lifecycle import BACKWARDS, HELD, Status
-from itouch.safety.supervisor import Supervisor
+from itouch.safety.gate import BACKWARDS, HELD, Gate
+from itouch.safety.latch import Status
 
 #: Force [N] under which a finger has left the plate, and how long [s] that is waited for.
 LEFT, LEAVE_TIME = 0.1, 0.3
@@ -76,16 +76,16 @@ class SafeSequence:
     """
 
     def __init__(
-        self, supervisors: Sequence[Supervisor], state: Record, period: float, move: Callable[[], None],
+        self, gates: Sequence[Gate], state: Record, period: float, move: Callable[[], None],
         fingers: Mapping[str, Sequence[TrackedFinger]] | None = None,
     ) -> None:  # fmt: skip
-        self._supervisors, self._period, self._move = tuple(supervisors), period, move
+        self._gates, self._period, self._move = tuple(gates), period, move
         self._tick, self._stopping = state["tick"], state["stopping"]
-        self._ways = [(s, s.stopped) for s in supervisors if s.stopped is not None and _retracts(s)]
-        self._retracting = [s for s, _ in self._ways]
+        self._ways = [(g, g.stopped) for g in gates if g.stopped is not None and _retracts(g)]
+        self._retracting = [g for g, _ in self._ways]
         self._blind = {
-            s.model.name: BlindRetreat(s, self._tick, period, (fingers or {}).get(s.model.name, ()))
-            for s in self._retracting
+            g.model.name: BlindRetreat(g, self._tick, period, (fingers or {}).get(g.model.name, ()))
+            for g in self._retracting
         }
         self._mute: set[str] = set()
         self._answered: dict[str, int] = {}
@@ -107,8 +107,8 @@ class SafeSequence:
         self._rest = 0
         #: What was raised meanwhile, by ``after_tick`` or Ctrl-C; it is for the caller to raise it.
         self.interrupted: BaseException | None = None
-        names = {s.model.name for s in self._retracting}
-        self._carried = [s for s in supervisors if s.model.carrier in names and not _retracts(s)]
+        names = {g.model.name for g in self._retracting}
+        self._carried = [g for g in gates if g.model.carrier in names and not _retracts(g)]
 
     def carry_out(self, fault: DeviceFaultError, after_tick: Callable[[], None]) -> Outcome:
         """Make every device safe; ``after_tick`` is called at the end of each tick that this takes.
@@ -116,24 +116,24 @@ class SafeSequence:
         Nothing that is raised meanwhile ends the sequence; the first error, or Ctrl-C, is kept in ``interrupted``.
         """
         self._stopping[...] = 1
-        for supervisor, stopped in self._ways:
-            self._set_out(supervisor, stopped)
-        for supervisor in self._supervisors:
-            if supervisor.model.name == fault.device:
-                supervisor.fault(fault.trip, fault.tick)
+        for gate, stopped in self._ways:
+            self._set_out(gate, stopped)
+        for gate in self._gates:
+            if gate.model.name == fault.device:
+                gate.fault(fault.trip, fault.tick)
             else:
-                supervisor.disable()
+                gate.latch.disable()
         self._held_for.clear()
         self._begun.clear()
         self._answered.clear()
         self._turns.clear()
         self._turned.clear()
-        heights = {s.model.name: _height(s) for s in self._retracting}
+        heights = {g.model.name: _height(g) for g in self._retracting}
         self._furthest = dict(heights)
-        self._late = {s.model.name for s in self._retracting if s.twin is None}
+        self._late = {g.model.name for g in self._retracting if g.twin is None}
         self._since = self._tick.item()
-        for supervisor in self._carried:
-            supervisor.keeping = supervisor.model.name != fault.device
+        for gate in self._carried:
+            gate.keeping = gate.model.name != fault.device
         self._passed = self._skipped = 0
         self._moved = {name: (height, math.nan, self._since) for name, height in heights.items()}
         self._safe, self._rest, self.interrupted = None, round(SAFE_TIME / self._period), None
@@ -151,13 +151,13 @@ class SafeSequence:
             self._hold_still()
         self._stopping[...] = 0
         if self._safe is None:
-            self._safe = self._seconds, {s.model.name: self._seen(s, heights) for s in self._supervisors}, []
+            self._safe = self._seconds, {g.model.name: self._seen(g, heights) for g in self._gates}, []
         seconds, seen, _ = self._safe  # as of when all was safe: later a finger may rest on a surface that stands
         told = {name: text for name, (text, _) in seen.items()}
-        faulty = [s for s in self._supervisors if s.status is Status.FAULT and s.model.name != fault.device]
-        also = {s.model.name: s.trip.label for s in faulty}
-        odd = {s.model.name for s in self._supervisors if not self._believed(s) and self._stands(s, heights)}
-        odd |= {s.model.name for s in self._retracting if self._back(s, heights[s.model.name])}
+        faulty = [g for g in self._gates if g.latch.status is Status.FAULT and g.model.name != fault.device]
+        also = {g.model.name: g.latch.trip.label for g in faulty}
+        odd = {g.model.name for g in self._gates if not self._believed(g) and self._stands(g, heights)}
+        odd |= {g.model.name for g in self._retracting if self._back(g, heights[g.model.name])}
         unsafe = tuple(name for name, (_, bad) in seen.items() if bad and name not in odd)
         return Outcome(not any(bad for _, bad in seen.values()), seconds, told, also, unsafe)
 
@@ -169,14 +169,14 @@ class SafeSequence:
             except BaseException as error:
                 self._interrupt(error)
         self._mind_direction(heights)
-        if self._seconds >= LEAVE_TIME or all(self._left(s) for s in self._retracting):
+        if self._seconds >= LEAVE_TIME or all(self._left(g) for g in self._retracting):
             self._release()
         ways = [way.item() for _, way in self._ways]
         if self._safe is None or ways != self._safe[2]:
-            seen = {s.model.name: self._seen(s, heights) for s in self._supervisors}
+            seen = {g.model.name: self._seen(g, heights) for g in self._gates}
             ends = not self._busy() and not any(bad for _, bad in seen.values())
             self._safe = (self._seconds, seen, ways) if ends else None
-        arrived = [self._arrived(s) for s in self._retracting]
+        arrived = [self._arrived(g) for g in self._retracting]
         if self._safe is not None:
             self._rest = round(SAFE_TIME / self._period)  # for the case that something is no longer safe later
             return all(arrived)
@@ -197,128 +197,128 @@ class SafeSequence:
         """The time [s] that the sequence has taken so far."""
         return (self._passed + self._skipped) * self._period
 
-    def _set_out(self, supervisor: Supervisor, stopped: NDArray[np.int8]) -> None:
+    def _set_out(self, gate: Gate, stopped: NDArray[np.int8]) -> None:
         """Begin with one surface; drop what an earlier stop found about its direction if it was enabled since."""
-        self._blind[supervisor.model.name].begin()
-        way, target = supervisor.way, supervisor.model.command(Role.SURFACE_POSE)
-        if supervisor.enabled:
+        self._blind[gate.model.name].begin()
+        way, target = gate.way, gate.model.command(Role.SURFACE_POSE)
+        if gate.latch.enabled:
             stopped[...] = 0
-        if way is not None and target is not None and (supervisor.enabled or math.isnan(way[0].item())):
-            way[:] = (supervisor.sent[target.name][2], math.nan, math.nan)
+        if way is not None and target is not None and (gate.latch.enabled or math.isnan(way[0].item())):
+            way[:] = (gate.sent[target.name][2], math.nan, math.nan)
 
     def _release(self) -> None:
-        for supervisor in self._carried:
-            supervisor.keeping = False
+        for gate in self._carried:
+            gate.keeping = False
 
     def _busy(self) -> bool:
         """Tell whether a drive is still kept, or a surface driven backwards."""
-        return any(s.keeping for s in self._carried) or any(way.item() == BACKWARDS for _, way in self._ways)
+        return any(g.keeping for g in self._carried) or any(way.item() == BACKWARDS for _, way in self._ways)
 
     def _going(self, arrived: Sequence[bool]) -> bool:
         """Tell whether any surface has not ``arrived``, or has legs to go: it may be slow, or behind a slow wire."""
-        for (supervisor, stopped), stands in zip(self._ways, arrived, strict=True):
-            blind = self._blind[supervisor.model.name]
+        for (gate, stopped), stands in zip(self._ways, arrived, strict=True):
+            blind = self._blind[gate.model.name]
             if blind.under_way(stopped) if blind.active else not stands:
                 return True
         return False
 
     def _hold_still(self) -> None:
         """Hold surfaces that are driven backwards or not believed: nobody watches their direction from now on."""
-        for supervisor, stopped in self._ways:
-            if stopped.item() == BACKWARDS or self._blind[supervisor.model.name].active:
+        for gate, stopped in self._ways:
+            if stopped.item() == BACKWARDS or self._blind[gate.model.name].active:
                 stopped[...] = HELD
 
     def _step(self) -> None:
         tick = self._tick.item()
         try:
-            for supervisor in self._supervisors:
+            for gate in self._gates:
                 try:
-                    supervisor.write(tick)
+                    gate.write(tick)
                 except DeviceFaultError as second:  # the first fault is told; another must not stop the rest
-                    supervisor.fault(second.trip, tick)
+                    gate.fault(second.trip, tick)
             self._move()
         finally:  # Ctrl-C in the middle of it
             self._tick[...] = tick + 1
             self._passed += 1
-        for supervisor in self._supervisors:
-            if supervisor.glance(tick):
-                self._answered[supervisor.model.name] = self._passed
+        for gate in self._gates:
+            if gate.glance(tick):
+                self._answered[gate.model.name] = self._passed
         oldest = self._passed - ANSWER / self._period
-        self._mute = {s.model.name for s in self._supervisors if self._answered.get(s.model.name, -1) <= max(0, oldest)}
+        self._mute = {g.model.name for g in self._gates if self._answered.get(g.model.name, -1) <= max(0, oldest)}
         if not self._begun:
-            self._begun.update({s.model.name: s.device_monitors.values for s in self._retracting})
+            self._begun.update({g.model.name: g.device_monitors.values for g in self._retracting})
 
-    def _arrived(self, supervisor: Supervisor) -> bool:
+    def _arrived(self, gate: Gate) -> bool:
         """Tell whether a surface that may still move has come to rest, at the end of its travel or elsewhere."""
-        name, height = supervisor.model.name, _height(supervisor)
-        sent, (before, asked, tick) = _sent_to(supervisor), self._moved[name]
+        name, height = gate.model.name, _height(gate)
+        sent, (before, asked, tick) = _sent_to(gate), self._moved[name]
         if sent != asked or not abs(height - before) <= STANDS:
             self._moved[name] = height, sent, self._tick.item()
-            return height <= _end(supervisor) + AT_END
+            return height <= _end(gate) + AT_END
         stood = (self._tick.item() - tick) * self._period >= STOOD
-        return stood or height <= _end(supervisor) + AT_END
+        return stood or height <= _end(gate) + AT_END
 
-    def _believed(self, supervisor: Supervisor) -> bool:
+    def _believed(self, gate: Gate) -> bool:
         """Tell whether a device's readings can be believed now."""
-        name = supervisor.model.name
-        if name in self._mute or supervisor.trip in LIES:
+        name = gate.model.name
+        if name in self._mute or gate.latch.trip in LIES:
             return False
-        frozen = name in self._begun and supervisor.device_monitors.values == self._begun[name]
+        frozen = name in self._begun and gate.device_monitors.values == self._begun[name]
         return not frozen or self._passed * self._period < SETTLE
 
-    def _stands(self, supervisor: Supervisor, heights: dict[str, float]) -> bool:
+    def _stands(self, gate: Gate, heights: dict[str, float]) -> bool:
         """Tell whether a device answers and none of its readings had to change: a surface stood at its end before."""
-        name = supervisor.model.name
-        if name in self._mute or supervisor.status is Status.FAULT:
+        name = gate.model.name
+        if name in self._mute or gate.latch.status is Status.FAULT:
             return False
-        return name not in heights or heights[name] <= _end(supervisor) + AT_END
+        return name not in heights or heights[name] <= _end(gate) + AT_END
 
-    def _back(self, supervisor: Supervisor, before: float) -> bool:
+    def _back(self, gate: Gate, before: float) -> bool:
         """Tell whether a surface has gone back as it was told and its drives are off, whatever presses on it."""
-        wrong = any(s is supervisor and stopped.item() for s, stopped in self._ways)
-        if wrong or supervisor.status is Status.FAULT or not self._believed(supervisor):
+        wrong = any(g is gate and stopped.item() for g, stopped in self._ways)
+        if wrong or gate.latch.status is Status.FAULT or not self._believed(gate):
             return False
-        known = supervisor.twin is not None or supervisor.measured_at(Role.TRACKED_POSE) >= self._since
-        off = not any(_differs(supervisor.sent[name], guard.channel.safe) for name, guard in supervisor.guards)
-        height = _height(supervisor)
-        return known and off and (before - height >= RETREAT or height <= _end(supervisor) + AT_END)
+        known = gate.twin is not None or gate.measured_at(Role.TRACKED_POSE) >= self._since
+        off = not any(_differs(gate.sent[name], guard.channel.safe) for name, guard in gate.guards)
+        height = _height(gate)
+        return known and off and (before - height >= RETREAT or height <= _end(gate) + AT_END)
 
-    def _left(self, supervisor: Supervisor) -> bool:
+    def _left(self, gate: Gate) -> bool:
         """Tell whether the finger has left a surface, by its force sensor."""
-        if not self._believed(supervisor):
+        if not self._believed(gate):
             return False
-        loads = [channel.name for channel in supervisor.model.reads if channel.role is Role.CONTACT_FORCE]
-        return all(math.hypot(*supervisor.reading[name][:3].tolist()) < LEFT for name in loads)
+        loads = [channel.name for channel in gate.model.reads if channel.role is Role.CONTACT_FORCE]
+        return all(math.hypot(*gate.reading[name][:3].tolist()) < LEFT for name in loads)
 
-    def _pressed(self, supervisor: Supervisor) -> bool:
+    def _pressed(self, gate: Gate) -> bool:
         """Tell whether a surface still presses on the finger, by a force sensor that can be believed."""
-        return self._believed(supervisor) and not self._left(supervisor)
+        return self._believed(gate) and not self._left(gate)
 
-    def _nearer(self, supervisor: Supervisor, gone: float) -> bool:
+    def _nearer(self, gate: Gate, gone: float) -> bool:
         """Tell whether a surface that is held is nearer than it may be: by anything at all, if it is not believed."""
-        return gone < -NEARER or (gone < 0.0 and not self._believed(supervisor))
+        return gone < -NEARER or (gone < 0.0 and not self._believed(gate))
 
     def _mind_direction(self, heights: dict[str, float]) -> None:
         """Hold a surface that comes nearer when it is told to retract; if it then presses or is too near, reverse it.
 
         The true place of a twin is known, whatever it reads; if its readings are not believed, it may press.
         """
-        for supervisor, stopped in self._ways:
-            name = supervisor.model.name
-            if supervisor.twin is None and not self._believed(supervisor):
-                self._retreat_blind(supervisor, stopped)  # a position that is not believed tells no direction
+        for gate, stopped in self._ways:
+            name = gate.model.name
+            if gate.twin is None and not self._believed(gate):
+                self._retreat_blind(gate, stopped)  # a position that is not believed tells no direction
                 continue
-            height = _height(supervisor)
-            if self._blind[name].active and supervisor.way is not None:
-                self._blind[name].drop(stopped, supervisor.way)
+            height = _height(gate)
+            if self._blind[name].active and gate.way is not None:
+                self._blind[name].drop(stopped, gate.way)
                 self._furthest[name] = height
                 self._change(name)
             if name in self._late:
-                if supervisor.measured_at(Role.TRACKED_POSE) < self._since:
+                if gate.measured_at(Role.TRACKED_POSE) < self._since:
                     continue  # the first readings over a late wire still show where the surface went before
                 self._late.discard(name)
                 heights[name] = self._furthest[name] = height
-            if self._measured(supervisor) < self._turned.get(name, 0):
+            if self._measured(gate) < self._turned.get(name, 0):
                 self._furthest[name] = height  # for a moment it still goes on as it went before
             furthest = self._furthest[name] = min(self._furthest[name], height)
             gone = heights[name] - height
@@ -327,28 +327,28 @@ class SafeSequence:
                 self._change(name)
             elif stopped.item() == HELD and name in self._held_for:
                 self._held_for[name] += 1
-                nearer = self._nearer(supervisor, gone)
-                if self._held_for[name] * self._period > SETTLE and (nearer or self._pressed(supervisor)):
+                nearer = self._nearer(gate, gone)
+                if self._held_for[name] * self._period > SETTLE and (nearer or self._pressed(gate)):
                     stopped[...], self._furthest[name] = BACKWARDS, height
             elif stopped.item() == BACKWARDS and height - furthest > WRONG_WAY:  # this is the wrong way, too
                 self._turn(name, stopped)
-            elif stopped.item() == BACKWARDS and gone >= CLEAR and not self._pressed(supervisor):
+            elif stopped.item() == BACKWARDS and gone >= CLEAR and not self._pressed(gate):
                 stopped[...] = HELD
                 self._held_for.pop(name, None)
 
-    def _retreat_blind(self, supervisor: Supervisor, stopped: NDArray[np.int8]) -> None:
+    def _retreat_blind(self, gate: Gate, stopped: NDArray[np.int8]) -> None:
         """Withdraw a surface by what touches it; but first give one that has merely not answered yet time to do so."""
-        lies = supervisor.trip in LIES or supervisor.model.name not in self._mute
-        if supervisor.way is not None and (lies or self._passed * self._period >= UNHEARD):
-            self._blind[supervisor.model.name].mind(stopped, supervisor.way)
+        lies = gate.latch.trip in LIES or gate.model.name not in self._mute
+        if gate.way is not None and (lies or self._passed * self._period >= UNHEARD):
+            self._blind[gate.model.name].mind(stopped, gate.way)
 
     def _change(self, name: str) -> None:
         """Note that a surface changes its direction now."""
         self._turned[name] = self._tick.item() + round(TURNING / self._period)
 
-    def _measured(self, supervisor: Supervisor) -> int:
+    def _measured(self, gate: Gate) -> int:
         """Return the tick to which the known height of a surface belongs."""
-        return self._tick.item() if supervisor.twin is not None else supervisor.measured_at(Role.TRACKED_POSE)
+        return self._tick.item() if gate.twin is not None else gate.measured_at(Role.TRACKED_POSE)
 
     def _turn(self, name: str, stopped: NDArray[np.int8]) -> None:
         """Send a surface that was driven backwards down again; hold one that was turned too often: no way is right."""
@@ -357,76 +357,76 @@ class SafeSequence:
         self._turns[name] = self._turns.get(name, 0) + 1
         stopped[...] = HELD if self._turns[name] > TURNS else 0
 
-    def _seen(self, supervisor: Supervisor, heights: dict[str, float]) -> tuple[str, bool]:
+    def _seen(self, gate: Gate, heights: dict[str, float]) -> tuple[str, bool]:
         """Return what is seen of a device in words, and whether it is not safe."""
-        name = supervisor.model.name
-        if supervisor.twin is None and not self._believed(supervisor):
+        name = gate.model.name
+        if gate.twin is None and not self._believed(gate):
             blind = self._blind.get(name)
-            done = blind.said(supervisor.way) if blind is not None and supervisor.way is not None else ""
+            done = blind.said(gate.way) if blind is not None and gate.way is not None else ""
             return f"can't be verified: its sensors are not believed, or it does not answer{done}", True
-        surface = self._seen_surface(supervisor, heights[name]) if name in heights else None
+        surface = self._seen_surface(gate, heights[name]) if name in heights else None
         if surface is not None and surface[1]:
             return surface
-        acting = [n for n, guard in supervisor.guards if isinstance(guard.channel.safe, tuple)]
-        left_on = [n for n, guard in supervisor.guards if _differs(supervisor.sent[n], guard.channel.safe)]
+        acting = [n for n, guard in gate.guards if isinstance(guard.channel.safe, tuple)]
+        left_on = [n for n, guard in gate.guards if _differs(gate.sent[n], guard.channel.safe)]
         if left_on:
             return f"{', '.join(left_on)} is not off", True
-        heats = supervisor.heats if self._believed(supervisor) else []
+        heats = gate.heats if self._believed(gate) else []
         plates = [post.monitor for post in heats if isinstance(post.monitor, Heat)]
         for one in plates:
-            if one.beyond(supervisor.reading):
-                return f"off, but the plate is {one.shown(supervisor.reading)}", True
-        plate = "".join(f", plate {one.shown(supervisor.reading)}" for one in plates)
+            if one.beyond(gate.reading):
+                return f"off, but the plate is {one.shown(gate.reading)}", True
+        plate = "".join(f", plate {one.shown(gate.reading)}" for one in plates)
         if surface is not None:
             return f"{surface[0]}{plate}", False
-        if supervisor.model.command(Role.SURFACE_POSE) is not None:
-            pressed = self._pressed(supervisor)
+        if gate.model.command(Role.SURFACE_POSE) is not None:
+            pressed = self._pressed(gate)
             return f"held where it is{', still touched' if pressed else ''}{plate}", pressed
         return (f"{', '.join(acting)} off{plate}" if acting else "nothing to switch off"), False
 
-    def _seen_surface(self, supervisor: Supervisor, before: float) -> tuple[str, bool]:
-        bottom = _end(supervisor)
-        if supervisor.twin is None and supervisor.measured_at(Role.TRACKED_POSE) < self._since:
+    def _seen_surface(self, gate: Gate, before: float) -> tuple[str, bool]:
+        bottom = _end(gate)
+        if gate.twin is None and gate.measured_at(Role.TRACKED_POSE) < self._since:
             return "not measured since it was told to retract", True
-        height = _height(supervisor)
+        height = _height(gate)
         gone = before - height
-        pressed = self._pressed(supervisor)
-        if any(s is supervisor and stopped.item() for s, stopped in self._ways):
-            since = self._turned.get(supervisor.model.name, 0)
-            going_on = supervisor.twin is None and self._measured(supervisor) < since
-            unsafe = pressed or going_on or self._nearer(supervisor, gone)
+        pressed = self._pressed(gate)
+        if any(g is gate and stopped.item() for g, stopped in self._ways):
+            since = self._turned.get(gate.model.name, 0)
+            going_on = gate.twin is None and self._measured(gate) < since
+            unsafe = pressed or going_on or self._nearer(gate, gone)
             return f"goes the wrong way: held {gone * 1e3:.1f} mm further back", unsafe
         if (gone >= RETREAT or height <= bottom + AT_END) and not pressed:
             return f"retracted {max(0.0, gone) * 1e3:.1f} mm", False
         return f"retracted only {gone * 1e3:.1f} mm{', still touched' if pressed else ''}", True
 
 
-def _end(supervisor: Supervisor) -> float:
+def _end(gate: Gate) -> float:
     """Return the height [m] at which the travel of a surface ends."""
-    channel = next((c for c in supervisor.model.commands if c.role is Role.SURFACE_POSE), None)
+    channel = next((c for c in gate.model.commands if c.role is Role.SURFACE_POSE), None)
     return channel.low[2] if channel is not None and channel.low else -math.inf
 
 
-def _retracts(supervisor: Supervisor) -> bool:
-    return any(channel.safe is RETRACT for channel in supervisor.model.commands)
+def _retracts(gate: Gate) -> bool:
+    return any(channel.safe is RETRACT for channel in gate.model.commands)
 
 
-def _height(supervisor: Supervisor) -> float:
+def _height(gate: Gate) -> float:
     """Return the height of a surface [m]: the twin's true place, else what the device measures."""
-    true = supervisor.twin.position(supervisor.twin_state) if supervisor.twin is not None else None
-    return float(true[2]) if true is not None else _read_height(supervisor)
+    true = gate.twin.position(gate.twin_state) if gate.twin is not None else None
+    return float(true[2]) if true is not None else _read_height(gate)
 
 
-def _sent_to(supervisor: Supervisor) -> float:
+def _sent_to(gate: Gate) -> float:
     """Return the height to which a surface that can retract was sent [m]."""
-    channel = next(channel for channel in supervisor.model.commands if channel.safe is RETRACT)
-    return float(supervisor.sent[channel.name][2])
+    channel = next(channel for channel in gate.model.commands if channel.safe is RETRACT)
+    return float(gate.sent[channel.name][2])
 
 
 def _differs(sent: NDArray[np.float64], safe: object) -> bool:
     return isinstance(safe, tuple) and tuple(sent.tolist()) != safe
 
 
-def _read_height(supervisor: Supervisor) -> float:
-    pose = next((c.name for c in supervisor.model.reads if c.role is Role.TRACKED_POSE), None)
-    return float(supervisor.reading[pose][2]) if pose is not None else math.nan
+def _read_height(gate: Gate) -> float:
+    pose = next((c.name for c in gate.model.reads if c.role is Role.TRACKED_POSE), None)
+    return float(gate.reading[pose][2]) if pose is not None else math.nan

@@ -144,11 +144,11 @@ class OwnGuardian:
 
     def _arm(self) -> None:
         """Tell the guardian whether silence means danger."""
-        acts = bool(self._stopping.item()) or any(one.enabled for one in self._hardware)
+        acts = bool(self._stopping.item()) or any(one.latch.enabled for one in self._hardware)
         self._words[at.ARMED] = int(acts)
 
     def _stop(self, tick: int, cause: str) -> None:
-        if self._session.fault is not None and not any(one.enabled for one in self._hardware):
+        if self._session.fault is not None and not any(one.latch.enabled for one in self._hardware):
             return  # it is being made safe already
         fault = DeviceFaultError(self._names[0], tick, Trip.OVERRUN, cause)
         self._session.make_safe(fault)

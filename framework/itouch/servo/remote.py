@@ -156,22 +156,22 @@ class Remotes:
             If one does not answer.
         """
         for runner in self._runners:
-            if runner.twin is not None:
-                stand_in = RemoteTwin(runner.twin)
-                stand_in.connect(self.addresses[runner.model.name], runner.twin_state)
-                runner.twin = stand_in
+            if runner.gate.twin is not None:
+                stand_in = RemoteTwin(runner.gate.twin)
+                stand_in.connect(self.addresses[runner.model.name], runner.gate.twin_state)
+                runner.gate.twin = stand_in
 
     def hang_up(self) -> None:
         """Hang up on the twins: each makes itself safe at once, then ends."""
         for runner in self._runners:
-            if isinstance(runner.twin, RemoteTwin):
-                runner.twin.hang_up()
+            if isinstance(runner.gate.twin, RemoteTwin):
+                runner.gate.twin.hang_up()
 
     def close(self) -> None:
         """Wait for the twins' processes to end; one that was never connected has nothing to make safe: it is killed."""
         deadline = time.monotonic() + 5.0
         for runner, process in zip(self._runners, self.processes, strict=True):
-            if not isinstance(runner.twin, RemoteTwin):
+            if not isinstance(runner.gate.twin, RemoteTwin):
                 process.kill()
         for process in self.processes:
             try:

@@ -99,7 +99,7 @@ def unsent(session: Session) -> int:
     """Return, a bit each, the devices whose last command could not be written; another process may reach them."""
     found = 0
     for index, runner in enumerate(session.runners[:MOST_DEVICES]):
-        if runner.unsent and runner.status_number != CLOSED:
+        if runner.gate.unsent and runner.latch.number != CLOSED:
             found |= 1 << index
     return found
 
@@ -179,7 +179,7 @@ class Servo:
 
     def _park(self) -> None:
         """Make devices that are not simulated in this process safe, in the rig's order, unless a fault has done so."""
-        enabled = any(runner.enabled for runner in self.session.runners)
+        enabled = any(runner.latch.enabled for runner in self.session.runners)
         if self.words[at.ARMED] and (self.session.fault is None or enabled):
             self.session.park()
         self.words[at.ARMED] = 0  # all is safe: releasing the devices may take its time
@@ -191,7 +191,7 @@ class Servo:
         finally:
             self.remotes.hang_up()
             hardware = [runner for runner in self.session.runners if not runner.model.twin]
-            if all(runner.status is Status.CLOSED for runner in hardware):
+            if all(runner.latch.status is Status.CLOSED for runner in hardware):
                 self.words[at.ARMED] = 0
 
     def _finish(self) -> None:

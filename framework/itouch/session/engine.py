@@ -376,19 +376,19 @@ class Session(Shown, Engine):
 
     def open_readable(self) -> None:
         """Open the hardware that opening does not move, so that it can be read; enabling it stays an explicit step."""
-        held = claim_wires([one for one in self.runners if not one.model.cls.moves_on_open])
+        held = claim_wires([one.lifecycle for one in self.runners if not one.model.cls.moves_on_open])
         self.notes += tuple(f"device '{name}' stays closed: {why}" for name, why in held.items())
         if any(not self.model.devices[name].optional for name in held):  # then open no other either: all are needed
             return
         for runner in self.runners:
             model = runner.model
-            if model.twin or model.name in held or runner.status is not Status.CLOSED:
+            if model.twin or model.name in held or runner.latch.status is not Status.CLOSED:
                 continue
             if model.cls.moves_on_open:
                 self.notes += (f"device '{model.name}' stays closed until it is enabled: opening it moves it",)
                 continue
             try:
-                runner.open()
+                runner.lifecycle.open()
             except DeviceError as error:
                 self.notes += (f"device '{model.name}' stays closed: {error}",)
 
@@ -401,7 +401,7 @@ class Session(Shown, Engine):
             If another process, or another session, has one; nothing is claimed or open then.
         """
         needed = [one for one in self.runners if not one.model.optional]
-        if held := claim_wires(needed):
+        if held := claim_wires([one.lifecycle for one in needed]):
             self.release()
             raise DeviceError("\n".join(f"device '{name}': {why}" for name, why in held.items()))
 
@@ -416,9 +416,9 @@ class Session(Shown, Engine):
             With every device that is not optional and is missing, or has failed since.
         """
         wanted = [one for one in self.runners if not one.model.twin and not one.model.optional]
-        moving = [one.model for one in wanted if one.model.cls.moves_on_open and one.status is Status.CLOSED]
+        moving = [one.model for one in wanted if one.model.cls.moves_on_open and one.latch.status is Status.CLOSED]
         failures = {model.name: why for model in moving if (why := model.cls.missing(model.bound))}
-        failures |= connect([one for one in wanted if not one.model.cls.moves_on_open], self.ticks)
+        failures |= connect([one.lifecycle for one in wanted if not one.model.cls.moves_on_open], self.ticks)
         if failures:
             self.release()
             raise DeviceError("\n".join(f"device '{name}': {why}" for name, why in failures.items()))
@@ -428,7 +428,7 @@ class Session(Shown, Engine):
         self.adopt(stored)
         self.state.raw[:] = np.frombuffer(stored, np.uint8)
         for runner in self.runners:
-            runner.recall()
+            runner.latch.recall()
         self._enabled = True
 
     def take_up(self, snapshot: Snapshot, *, replays: bool = False) -> None:

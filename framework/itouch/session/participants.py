@@ -272,8 +272,8 @@ class Participant:
 
 def _by_finger(session: Running) -> list[list[InstalledMonitor]]:
     """Return the monitors of plates, those on one finger together; a plate that is alone has a list of its own."""
-    shared = {id(finger): finger for runner in session.runners for finger in runner.shared}
-    alone = [[post] for runner in session.runners if not runner.shared for post in runner.heats]
+    shared = {id(finger): finger for runner in session.runners for finger in runner.gate.shared}
+    alone = [[post] for runner in session.runners if not runner.gate.shared for post in runner.gate.heats]
     return [*(list(finger.plates) for finger in shared.values()), *alone]
 
 

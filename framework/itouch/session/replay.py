@@ -88,10 +88,10 @@ class Replay:
         self._left_out = _by_tick(recording.left_out)
         for runner in self.session.runners:
             name = runner.model.name
-            if runner.twin is not None:
-                runner.twin = PlaybackTwin(name, runner.twin, self.feed)
+            if runner.gate.twin is not None:
+                runner.gate.twin = PlaybackTwin(name, runner.gate.twin, self.feed)
             else:
-                runner.device = PlaybackDevice(name, self.feed)
+                runner.gate.device = PlaybackDevice(name, self.feed)
         self._real = [runner for runner in self.session.runners if not runner.model.twin]
         self.session.taps.append(self._after)
         self._going = self._parks = False
@@ -107,7 +107,7 @@ class Replay:
             return self._skip()
         feed.inputs(self.session.state)
         for runner in self._real:
-            runner.slip[0] = LATE
+            runner.gate.slip[0] = LATE
         self._mark(tick)
         begin, failed = feed.at, self._failed.pop(tick, None)
         if failed is not None:

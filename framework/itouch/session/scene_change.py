@@ -63,10 +63,10 @@ def succeed(session: Session, before: Session) -> None:
     session.adopt(merged.tobytes())
     session.guarded = before.guarded
     session.settle(always=True)
-    others = {runner.model.name: runner for runner in before.runners}
+    others = {runner.model.name: runner.lifecycle for runner in before.runners}
     for runner in session.runners:  # last, because from here on the new session has the hardware
         if not runner.model.twin:
-            runner.take_over(others[runner.model.name])
+            runner.lifecycle.take_over(others[runner.model.name])
 
 
 def _same_hardware(session: Session, before: Session) -> None:
@@ -80,7 +80,7 @@ def _same_hardware(session: Session, before: Session) -> None:
     found = differing(session.model, before.model)
     if found:
         raise SessionError(found)
-    acting = [runner.model.name for runner in before.runners if runner.enabled and not runner.model.twin]
+    acting = [runner.model.name for runner in before.runners if runner.latch.enabled and not runner.model.twin]
     if acting:
         raise SessionError(f"'{acting[0]}' is real and not at rest: the scene can't change under it")
 

@@ -68,7 +68,7 @@ def stale(subject: DeviceSubject) -> None:
     engine = _engine(subject)
     engine.run(0.05)
     runner = next(r for r in engine.runners if r.model.name == "unit")
-    twin = runner.twin
+    twin = runner.gate.twin
     if twin is None:
         raise NotApplicableError("it has no twin")
 
@@ -79,7 +79,7 @@ def stale(subject: DeviceSubject) -> None:
         def read(self, state: object, reading: object) -> bool:
             return False
 
-    runner.twin = Silent()
+    runner.gate.twin = Silent()
     try:
         engine.run(12.0)
     except ItouchError as error:

@@ -147,7 +147,7 @@ class Pair:
         self.host.guarded = True  # its devices are simulated in this process, and end with it
         if not threads:
             self._take_into_step()
-        self._heats = [post for runner in self.host.runners for post in runner.heats]
+        self._heats = [post for runner in self.host.runners for post in runner.gate.heats]
         #: Number of checks of heat, and the time [s] over which they were counted.
         self.checks, self.watched = 0, 0.0
         self._checked = -1
@@ -165,8 +165,8 @@ class Pair:
     def _take_into_step(self) -> None:
         """Let each device make its exchanges in the tick itself, not in a thread."""
         for runner in self.host.runners:
-            if isinstance(runner.device, ThreadedDevice):
-                runner.device = EveryNth(runner.device.device, self._takes(runner.model.name))
+            if isinstance(runner.gate.device, ThreadedDevice):
+                runner.gate.device = EveryNth(runner.gate.device.device, self._takes(runner.model.name))
 
     def _tick(self, tick: int) -> None:
         """Advance the world by a period after a tick of the host; the dead-man's switch is held all the time."""
@@ -185,7 +185,7 @@ class Pair:
     def _persist(self) -> None:
         """Let the faults that are present when everything is stopped last: one that ends meanwhile is another case."""
         for runner, _ in self._boxes:
-            state = runner.twin_state
+            state = runner.gate.twin_state
             there = (state["fault.begin"] <= state["fault.tick"]) & (state["fault.tick"] < state["fault.end"])
             state["fault.end"][there] = FOREVER
 
@@ -207,10 +207,10 @@ class Pair:
     def measure(self) -> None:
         """Take the readings of all twins."""
         for runner, box in self._boxes:
-            if runner.twin is None:
+            if runner.gate.twin is None:
                 continue
             try:
-                if runner.twin.read(runner.twin_state, runner.reading) is not False:
+                if runner.gate.twin.read(runner.gate.twin_state, runner.reading) is not False:
                     box.reading, box.count = runner.reading.tobytes(), box.count + 1
                 box.error = None
             except DeviceError as error:
@@ -253,7 +253,7 @@ class Pair:
 
     def _acts_safely(self, runner: Runner) -> bool:
         """Tell whether the last commands that a twin received have their safe values, if these are numbers."""
-        received = runner.twin_state["fault.received"]
+        received = runner.gate.twin_state["fault.received"]
         at = 0
         for channel in runner.model.commands:
             if isinstance(channel.safe, tuple) and tuple(received[at : at + channel.size].tolist()) != channel.safe:

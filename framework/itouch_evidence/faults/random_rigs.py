@@ -217,7 +217,7 @@ def _use_up(session: Session, left: float, truth: Truth) -> None:
     """Use a part of every budget up, as by an earlier session of the participant; all plates touch one finger."""
     for runner in session.runners:
         most, part = runner.model.limits, (1.0 - left) / len(truth.case.plates)
-        for post in runner.heats:
+        for post in runner.gate.heats:
             dose, cold = part * (most.dose or limits.DOSE), part * (most.cold_time or limits.COLD_TIME)
             post.state["dose"], post.state["cold_time"] = dose, cold
             truth.dose, truth.cold = truth.dose + dose, truth.cold + cold
@@ -225,7 +225,7 @@ def _use_up(session: Session, left: float, truth: Truth) -> None:
 
 def _spent(session: Session) -> str:
     """Return the first device with a used-up budget, and which budget; empty if there is none."""
-    return next((f"{r.model.name} {said}" for r in session.runners if (said := r.device_monitors.spent())), "")
+    return next((f"{r.model.name} {said}" for r in session.runners if (said := r.gate.device_monitors.spent())), "")
 
 
 def tightened(text: str, seed: int) -> str:

@@ -72,10 +72,10 @@ class Lockstep:
         wires = {name: StraightEmulator(device) for name, device in straight.items()}
         self.rig = VirtualRig(self.world, speed=SPEED, places=places, wires=wires)
         self._lock = threading.Lock()
-        self._truth = {runner.model.name: runner.twin_state for runner in self.world.runners}
+        self._truth = {runner.model.name: runner.gate.twin_state for runner in self.world.runners}
         for runner in self.host.runners:
             if runner.model.name in straight:
-                runner.device = self._paced(runner, straight[runner.model.name])
+                runner.gate.device = self._paced(runner, straight[runner.model.name])
             else:
                 self._take_in(runner, places[runner.model.name], trace)
         self.host.taps.append(self._tick)
@@ -116,14 +116,14 @@ class Lockstep:
 
     def _take_in(self, runner: Runner, params: Any, trace: TextIO | None) -> None:
         """Tell a device its emulator's address; one that would have a thread for its exchanges has them in the tick."""
-        device = runner.device
+        device = runner.gate.device
         if device is not None:
             (device.device if isinstance(device, ThreadedDevice) else device).params = params
         if isinstance(device, ThreadedDevice):
             inner, period = device.device, self.host.model.period
             every, waits = max(1, round(inner.takes(inner.params) / period)), round(type(inner).waits / period)
             course = self._course() if every > 1 else _as_it_is
-            device = runner.device = EveryNth(inner, every, waits, period, course=course)
+            device = runner.gate.device = EveryNth(inner, every, waits, period, course=course)
         if device is not None and trace is not None:
             device.trace = Trace(trace, runner.model.name)
 

@@ -124,7 +124,7 @@ class RealRig:
         self.world = Session.of(choose_twins(self.scene, "all"), catalog=catalog, seed=seed)
         self._stack.callback(self.world.close)
         self.truth = os.path.join(folder, "truth")
-        states = {runner.model.name: runner.twin_state for runner in self.world.runners}
+        states = {runner.model.name: runner.gate.twin_state for runner in self.world.runners}
         writer = TruthWriter(self.truth, states)
         self._stack.callback(writer.close)
         self.rig = VirtualRig(self.world, truth=writer)

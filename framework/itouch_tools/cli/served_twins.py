@@ -136,9 +136,9 @@ class VirtualRig:
         """Simulate one period, and take the twins' readings."""
         self._session.step_twins(self.driven)
         for runner, _ in self._lines:
-            if runner.twin is not None:
+            if runner.gate.twin is not None:
                 try:
-                    runner.twin.read(runner.twin_state, runner.reading)
+                    runner.gate.twin.read(runner.gate.twin_state, runner.reading)
                 except Exception as error:
                     cause = f"failed in the reading of its twin: {said(error)}"
                     raise DeviceFaultError(runner.model.name, self._session.ticks, Trip.DEVICE_ERROR, cause) from error

@@ -154,7 +154,7 @@ class Sitting(Servo):
             self.session.enable()
         except LatchedError:
             self.session.rearm()
-        if any(one.model.twin and one.status is Status.FAULT for one in self.session.runners):  # beside hardware
+        if any(one.model.twin and one.latch.status is Status.FAULT for one in self.session.runners):  # beside hardware
             self.session.rearm()
 
     def _run(self) -> None:
@@ -186,7 +186,7 @@ class Sitting(Servo):
         """Tell the guardian that the loop runs; called after every tick, also in the safe sequence."""
         words = self.words
         words[at.BEAT] = monotonic()
-        if not self._armed and any(runner.enabled for runner in self.session.runners):
+        if not self._armed and any(runner.latch.enabled for runner in self.session.runners):
             self._armed = True
             words[at.ARMED] = int(self._obeyed)
         for told, state in self._copied:

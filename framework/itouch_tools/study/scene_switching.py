@@ -187,7 +187,7 @@ class Room:
         driven = [one for one in session.runners if one.model.commands and not one.model.twin]
 
         def whole() -> bool:
-            return all(session.state[f"{one.model.name}.ramp"].item() >= 1.0 for one in driven if one.enabled)
+            return all(session.state[f"{one.model.name}.ramp"].item() >= 1.0 for one in driven if one.latch.enabled)
 
         if not whole():  # an object that is touched before would feel too soft
             self.run(whole)
@@ -230,14 +230,14 @@ class Room:
         """Return the devices that could not be seen to be safe, without optional ones that are absent."""
         absent = [
             one.model.name for one in self.session.runners
-            if one.status is Status.CLOSED or (one.model.optional and one.trip in LOSSES)
+            if one.latch.status is Status.CLOSED or (one.model.optional and one.latch.trip in LOSSES)
         ]  # fmt: skip
         return [name for name in outcome.unsafe if name not in absent]
 
     @property
     def acting(self) -> bool:
         """Whether commands are passed on to hardware."""
-        return self.real and any(one.enabled and not one.model.twin for one in self.session.runners)
+        return self.real and any(one.latch.enabled and not one.model.twin for one in self.session.runners)
 
     def beside(self, work: Callable[[], Result], *, whole: bool = False) -> Result:
         """Do work that may take long while nothing acts; meanwhile hardware is read on, so that it knows we are there.

@@ -28,7 +28,7 @@ def rig(tmp_path: Path) -> Iterator[tuple[Session, ServedService]]:
         path = tmp_path / "scene.xml"
         path.write_text(SCENE.replace("PORT", str(served.port)))
         session = build(load_scene(path))
-        session.runners[0].device = EveryNth(Haply(session.model.devices["arm"].params), 1)
+        session.runners[0].gate.device = EveryNth(Haply(session.model.devices["arm"].params), 1)
         service.finger.hand = (0.0, -0.12, 0.145)  # 3 mm under where the finger touches the block's top
         yield session, served
         session.close()

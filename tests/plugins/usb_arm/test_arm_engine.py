@@ -43,7 +43,7 @@ def rig(tmp_path: Path) -> tuple[Session, VirtualFalcon]:
         return driver
 
     device.make = on_virtual_time  # type: ignore[method-assign]
-    session.runners[0].device = EveryNth(device, 1)
+    session.runners[0].gate.device = EveryNth(device, 1)
     return session, virtual
 
 

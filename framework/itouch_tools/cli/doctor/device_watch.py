@@ -30,20 +30,20 @@ class Watched:
 
     def look(self, tick: int, period: float) -> None:
         """Read what has come, and write safe commands; the loss of an optional device counts as a fault, too."""
-        if self.fault is not None or self.runner.status is Status.CLOSED:
+        if self.fault is not None or self.runner.latch.status is Status.CLOSED:
             return
         before = int(self._sequence)
-        on_loss, self.runner.on_loss = self.runner.on_loss, None
+        on_loss, self.runner.gate.on_loss = self.runner.gate.on_loss, None
         try:
-            self.runner.read(tick)
-            self.runner.write(tick)
+            self.runner.gate.read(tick)
+            self.runner.gate.write(tick)
         except DeviceFaultError as fault:
             self.fault = fault
             return
         finally:
-            self.runner.on_loss = on_loss
-        if self.runner.status is Status.FAULT:  # its readings are no longer checked then
-            trip = self.runner.trip
+            self.runner.gate.on_loss = on_loss
+        if self.runner.latch.status is Status.FAULT:  # its readings are no longer checked then
+            trip = self.runner.latch.trip
             self.fault = DeviceFaultError(self.model.name, tick, trip, f"was stopped before by {trip.label}")
             return
         if int(self._sequence) != before:

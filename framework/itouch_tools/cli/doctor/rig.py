@@ -44,14 +44,14 @@ def examine_rig(session: Engine, seconds: float = 3.0) -> Iterator[Finding]:
 
 def _examined(session: Engine, seconds: float) -> Iterator[Finding]:
     watched = [Watched(runner, session.state) for runner in session.runners]
-    failures = connect(session.runners, session.ticks)
+    failures = connect([one.lifecycle for one in session.runners], session.ticks)
     for name, why in failures.items():
         yield Finding(
             f"W1 {name}", FAIL, f"does not answer: {why}", "check power, cable and address: itouch-py devices --probe"
         )
     there = [one for one in watched if one.model.name not in failures]
     for one in there:
-        one.runner.rest_at_measured()
+        one.runner.gate.rest_at_measured()
     _watch(session, there, seconds)
     for one in there:
         yield from _sensors(one, seconds)
@@ -195,7 +195,7 @@ def _drives(one: Watched) -> Iterator[Finding]:
 def _switch(session: Engine) -> Finding:
     """Check after the stop that nothing can be enabled while nobody holds the dead-man's switch."""
     asked = session.model.scene.safety.hold_to_run
-    hold = HoldToRun(session.state, list(session.runners), session.model.period, asked=asked)
+    hold = HoldToRun(session.state, [one.gate for one in session.runners], session.model.period, asked=asked)
     if not hold.required:
         return Finding(
             "W3",
@@ -223,7 +223,7 @@ def _switch(session: Engine) -> Finding:
 
 def _stop(session: Engine, there: list[Watched]) -> Iterator[Finding]:
     """Stop everything as after a fault, and yield what was then seen of each device."""
-    acting = [one for one in there if one.model.commands and one.runner.status is not Status.CLOSED]
+    acting = [one for one in there if one.model.commands and one.runner.latch.status is not Status.CLOSED]
     if not acting:
         yield Finding("W2", NOT, "there is nothing to cut off")
         return

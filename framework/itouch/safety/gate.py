@@ -5,35 +5,85 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from itouch.joining import is_newest
-from itouch.monitors import LOSSES, DeviceFaultError, Heat, Readings, Trip, TripError
+from itouch.monitors import LOSSES, DeviceFaultError, Heat, Push, Readings, Trip, TripError
 from itouch.monitors.limits import TIMELY
-from itouch.plugin import Bound, Device, DeviceError, Record, Role, Twin
+from itouch.plugin import Bound, Channel, Device, DeviceError, Record, Role, Twin
 from itouch.plugin.device import is_new
 from itouch.plugin.stamps import Stamped
 from itouch.safety import limiting, monitor_step
-from itouch.safety.device_monitors import InstalledMonitor
+from itouch.safety.device_monitors import DeviceMonitors, InstalledMonitor
 from itouch.safety.guard import ANYWHERE, Guard
-from itouch.safety.lifecycle import BACKWARDS, CLOSED, ENABLED, FAULT, HELD, Lifecycle
+from itouch.safety.latch import CLOSED, ENABLED, FAULT, Latch
 from itouch.schema.diagnostics import spoken
 from itouch.schema.plugin_errors import failing, said
 from itouch.world import DeviceModel
 from itouch.world import limits as default
 
+#: Values of ``Gate.stopped``.
+HELD, BACKWARDS = 1, 2
 
-class Supervisor(Lifecycle):
-    """Supervises one device, or its twin, on its part of State."""
+
+class SharedFinger(Protocol):
+    """A finger on which several plates act."""
+
+    @property
+    def plates(self) -> Sequence[InstalledMonitor]:
+        """The monitors of its plates."""
+
+    def spent(self) -> str:
+        """Return the words for a budget of the finger that is used up; empty: none is."""
+
+
+class Gate:
+    """Stands between the loop and one device, or its twin, on its part of State."""
 
     def __init__(
         self, model: DeviceModel, state: Record, period: float, *, device: Device | None = None,
         twin: Twin | None = None,
     ) -> None:  # fmt: skip
-        super().__init__(model, state, period, device=device, twin=twin)
+        self.model, self._period = model, period
+        self.device, self._twin = device, twin
+        #: 1 once the twin was replaced by another one, so that what was compiled for the first is not used, shape (1,).
+        self.replaced = np.zeros(1, np.int64)
+        name = model.name
+        #: What the device may do now: unless it is enabled, only safe commands pass.
+        self.latch = Latch(state, name)
+        self.reading = _part(state, f"{name}.", model.reads)
+        self.command = _part(state, f"{name}.command.", model.commands)
+        self.sent = _part(state, f"{name}.sent.", model.commands)
+        has_twin_state = twin is not None and any(n.startswith(f"{name}.twin.") for n in state)
+        self.twin_state = state.part(f"{name}.twin.") if has_twin_state else Record(np.dtype([]))
+        self._ramp, self._age, self._sequence = (state[f"{name}.{field}"] for field in ("ramp", "age", "sequence"))
+        self._measured, self._left = state[f"{name}.measured"], state.get(f"{name}.left")
+        self._out = _part(state, f"{name}.out.", model.commands) if self._left is not None else self.sent
+        #: How a surface retracts (None: it can't): 0, as it should; HELD where it is, because it came nearer when told
+        #: to retract; BACKWARDS, because it still pressed when it was held.
+        self.stopped = state.get(f"{name}.stopped")
+        #: Height to which a surface was sent when all stopped, and the lowest and highest one to which its safe command
+        #: may lead [m], shape (3,); NaN: not known, or as far as it travels.
+        self.way = state.get(f"{name}.way")
+        # A reading over a wire may come in any tick, depending on when an exchange began.
+        self._every = max(1, round(model.cls.period / period)) if self._left is None else 1
+        pose = next((channel for channel in model.reads if channel.role is Role.TRACKED_POSE), None)
+        self._pose = pose.name if pose is not None else None
+        self._tick = state["tick"]
+        #: The monitors in force.
+        self.device_monitors = DeviceMonitors(model, state, self.reading, self.sent, period)
+        #: The monitors of its plates.
+        self.heats = [post for post in self.device_monitors.installed if isinstance(post.monitor, Heat)]
+        #: Whether it presses by a fluid, and measures the force.
+        self.presses = any(isinstance(post.monitor, Push) for post in self.device_monitors.installed)
+        #: Whether its last command could not be written: the one before may still act.
+        self.unsent = False
+        #: The fingers on which other plates act, too, and which therefore share a budget among them.
+        self.shared: list[SharedFinger] = []
         #: How many limits were applied, and how many locked components dropped, shape (1,).
         self.clamped, self.dropped = (state[f"{model.name}.{field}"].reshape(1) for field in ("clamped", "dropped"))
         self.guards = [(channel.name, Guard(channel, model.limits)) for channel in model.commands]
@@ -72,6 +122,92 @@ class Supervisor(Lifecycle):
         self.on_loss: Callable[[DeviceFaultError], None] | None = None
 
     @property
+    def twin(self) -> Twin | None:
+        """The twin that stands in for the device, if one does."""
+        return self._twin
+
+    @twin.setter
+    def twin(self, other: Twin | None) -> None:
+        self._twin = other
+        self.replaced[0] = 1
+
+    def reset(self) -> None:
+        """Set what is remembered to its start."""
+        if self.way is not None:
+            self.way[:] = math.nan
+        self.device_monitors.reset()
+
+    def restore(self) -> None:
+        """Go on from a State that was restored."""
+        self.latch.recall()
+        self.device_monitors.restore()
+
+    def forget(self) -> None:
+        """Drop what was read before: it tells nothing about the device as it is now."""
+        self.device_monitors.forget()
+        self._age[...] = 0
+        self._sequence[...] = 0
+        if self.stopped is not None and self.way is not None:
+            self.stopped[...], self.way[:] = 0, math.nan
+
+    @property
+    def heard(self) -> bool:
+        """Whether a reading was checked since the device was opened."""
+        return bool(self._sequence.item())
+
+    def knows(self, reading: int, since: int) -> bool:
+        """Tell whether the device is not CLOSED, and has measured reading number ``reading`` in this tick or later."""
+        return self.latch.number != CLOSED and bool(self._measured[reading] >= since)
+
+    def spent(self) -> str:
+        """Return the words for a budget that is used up, of the device or of a finger on which others act; or none."""
+        return next(
+            (words for words in (self.device_monitors.spent(), *(one.spent() for one in self.shared)) if words), ""
+        )
+
+    def begin(self) -> None:
+        """Begin from where the device stands, with the ramp that its limits ask for."""
+        self.rest_at_measured()
+        self.device_monitors.begin()
+        self._ramp[...] = 0.0 if self.model.limits.ramp > 0.0 else 1.0
+
+    def rest_at_measured(self) -> None:
+        """Begin each command at its safe value, or where the device stands."""
+        for channel in self.model.commands:
+            if isinstance(channel.safe, tuple):
+                self.sent[channel.name] = channel.safe
+            elif channel.role is Role.SURFACE_POSE and self._pose is not None:
+                self.sent[channel.name] = self.reading[self._pose]
+            self.command[channel.name] = self.sent[channel.name]
+
+    def ramp_in(self) -> None:
+        """Begin with a share of zero and let it grow, as after every re-arming."""
+        self._ramp[...] = 0.0
+
+    def rest_at_safe(self) -> None:
+        """Set commands to their safe values, so that nothing that was requested before is ever sent again."""
+        for channel in self.model.commands:
+            if isinstance(channel.safe, tuple):
+                self.command[channel.name] = self.sent[channel.name] = np.array(channel.safe)
+
+    def read_anew(self, tick: int) -> None:
+        """Take a reading as the first one, and check it.
+
+        Raises
+        ------
+        TripError
+            If it can't be believed, or the device failed; then the last one that was believed is put back.
+        """
+        self.forget()
+        try:
+            self._take()
+            self.device_monitors.believe(tick, 0.0)
+        except TripError:
+            self.device_monitors.put_back()
+            raise
+        self._sequence[...] = 1
+
+    @property
     def closing(self) -> float:
         """Greatest speed [m/s] at which a surface may approach the finger in this tick."""
         found: float = self.moving.closing[0].item()
@@ -100,7 +236,7 @@ class Supervisor(Lifecycle):
         DeviceFaultError
             If the device failed, or was silent for too long.
         """
-        status = self.status_number
+        status = self.latch.number
         self._taken[0] = 0
         if status == CLOSED or (tick % self._every and self._sequence.item()):
             return
@@ -111,7 +247,7 @@ class Supervisor(Lifecycle):
                 self._measure_slip()
             self._stamp(tick, new)
             if not new:
-                self._wait(tick, status)
+                self.wait(tick, status)
             elif status == ENABLED and self._timely:
                 self._doubt_age(tick)
         except TripError as error:
@@ -131,13 +267,13 @@ class Supervisor(Lifecycle):
         DeviceFaultError
             If the device reads something impossible or beyond a limit.
         """
-        status = self.status_number
+        status = self.latch.number
         if status == CLOSED:
             return
         try:
             if self._taken[0]:
                 self._taken[0] = 0
-                self._believe(tick, status)
+                self.believe(tick, status)
             self.device_monitors.look(tick, self._age.item() * self._period)
         except TripError as error:
             self._disbelieve(tick, error)
@@ -178,7 +314,14 @@ class Supervisor(Lifecycle):
         if sensed is None:
             return ()
         due = Bound(
-            monitor_step.due, self._status, self._sequence, self._tick, self._taken, self.replaced, CLOSED, self._every
+            monitor_step.due,
+            self.latch.seen,
+            self._sequence,
+            self._tick,
+            self._taken,
+            self.replaced,
+            CLOSED,
+            self._every,
         )
         return due, sensed, Bound(monitor_step.came, self._tick, self._measured, self._taken)
 
@@ -190,7 +333,7 @@ class Supervisor(Lifecycle):
             return ()
         words, places = turns
         watched = monitor_step.Watched(
-            self._status, self._taken, self._age, self._sequence, self.slip, *panel.clocks, post.checked, post.share,
+            self.latch.seen, self._taken, self._age, self._sequence, self.slip, *panel.clocks, post.checked, post.share,
             panel.due, self.reading.numbers, panel.seen.numbers, words, places,
         )  # fmt: skip
         rhythm = monitor_step.CheckSchedule(self._every, panel.apart, panel.clock, self._period)
@@ -203,11 +346,18 @@ class Supervisor(Lifecycle):
         panel, touched = self.device_monitors, self.device_monitors.touching
         asked = monitor_step.Asked(post.checked, post.share, post.said, panel.due, touched)
         return Bound(
-            monitor_step.ask, asked, panel.times, rhythm, self._status, self._tick, heat.stands, heat.allowed,
+            monitor_step.ask, asked, panel.times, rhythm, self.latch.seen, self._tick, heat.stands, heat.allowed,
             heat.trust, heat.memory(post.state), heat.numbers(panel.seen), heat.numbers(self.sent), number, CLOSED,
         )  # fmt: skip
 
-    def _believe(self, tick: int, status: int) -> None:
+    def believe(self, tick: int, status: int) -> None:
+        """Check the newest reading of a device of this status.
+
+        Raises
+        ------
+        TripError
+            If it reads something impossible or beyond a limit.
+        """
         age, slip = self._age.item(), self.slip[0].item()
         self.slip[0] = 0.0
         if age:
@@ -248,7 +398,7 @@ class Supervisor(Lifecycle):
 
     def _disbelieve(self, tick: int, error: TripError) -> None:
         self._keep_sane()
-        if self.status_number != FAULT:
+        if self.latch.number != FAULT:
             self._fail(DeviceFaultError(self.model.name, tick, error.trip, str(error)), error)
 
     def _stamp(self, tick: int, new: bool) -> None:
@@ -324,7 +474,7 @@ class Supervisor(Lifecycle):
             self.reading.raw[:] = filled.raw
         return new
 
-    def _wait(self, tick: int, status: int) -> None:
+    def wait(self, tick: int, status: int) -> None:
         """Count the age of the last reading; an enabled device may not be silent for long (W1)."""
         age = self._age.item() + self._every
         self._age[...] = age
@@ -362,7 +512,7 @@ class Supervisor(Lifecycle):
         DeviceFaultError
             If a command is not a number.
         """
-        status = self.status_number
+        status = self.latch.number
         if status == CLOSED:
             return
         if status != ENABLED:
@@ -381,12 +531,11 @@ class Supervisor(Lifecycle):
         DeviceFaultError
             If the device failed, or something has overwritten its status in State.
         """
-        if self.device is None or self.status_number == CLOSED:
+        if self.device is None or self.latch.number == CLOSED:
             return
         try:
-            if self._status.item() != self.status_number:
-                forged = self.forged()
-                if self.status_number != FAULT:
+            if forged := self.latch.forged():
+                if self.latch.number != FAULT:
                     raise TripError(Trip.MODALITY_ERROR, f"was stopped: {forged}")
                 self._rest()  # compiled code may have followed the status that was written there
             self._put()
@@ -412,12 +561,19 @@ class Supervisor(Lifecycle):
             return ()
         sizes = [channel.size for channel in self.model.commands]
         begin = Bound(
-            limiting.begin, self._status, ENABLED, CLOSED, self.command.numbers, np.cumsum(sizes, dtype=np.int64),
+            limiting.begin, self.latch.seen, ENABLED, CLOSED, self.command.numbers, np.cumsum(sizes, dtype=np.int64),
             self._ramp, self.device_monitors.left, self.moving, self._growth,
         )  # fmt: skip
         return (begin, *(lane for _, lane in self._lanes))
 
-    def _send_safe(self) -> None:
+    def send_safe(self) -> None:
+        """Send the safe command of every channel.
+
+        Raises
+        ------
+        TripError
+            If the device failed.
+        """
         self._rest()
         self._put()
 
@@ -447,7 +603,7 @@ class Supervisor(Lifecycle):
 
     def _fail(self, fault: DeviceFaultError, error: TripError) -> None:
         """Stop because of a fault: all devices, unless this one is optional and merely lost."""
-        if self.status_number == FAULT:
+        if self.latch.number == FAULT:
             return
         if self.on_loss is not None and fault.trip in LOSSES:
             self.fault(fault.trip, fault.tick)
@@ -457,19 +613,17 @@ class Supervisor(Lifecycle):
 
     def fault(self, trip: Trip, tick: int) -> None:
         """Latch a trip and make the device safe now; what the device raises meanwhile is dropped."""
-        self.become(FAULT)
-        self._trip[...] = trip
-        self._tripped[...] = tick
+        self.latch.stop(trip, tick)
         self._ramp[...] = 0.0
         with contextlib.suppress(TripError):  # the device is lost; the others must still be made safe
-            self._send_safe()
+            self.send_safe()
 
     def glance(self, tick: int) -> bool:
         """Take the newest reading to verify that the device is safe; tell whether it answered.
 
         A reading that can't be believed is a fault of its own here: it is latched, but nothing is raised.
         """
-        status, answered = self.status_number, False
+        status, answered = self.latch.number, False
         try:
             answered = status != CLOSED and self._take()
             self._stamp(tick, answered)
@@ -484,3 +638,8 @@ class Supervisor(Lifecycle):
         if not self.device_monitors.sane():
             self.device_monitors.mend()
         return answered
+
+
+def _part(state: Record, prefix: str, channels: Sequence[Channel]) -> Record:
+    names = [channel.name for channel in channels]
+    return state.part(prefix, names) if names else Record(np.dtype([]))
