@@ -549,7 +549,7 @@ def test_a_surface_behind_a_wire_is_astray_from_where_it_was_sent_when_it_was_me
     assert table.gate.strayed(0.5) == 0.5
     for left, height in ((60, 0.030), (80, 0.024), (101, 0.010)):
         table.gate._out["pose_target"][2] = height
-        table.gate._note_goal(left)
+        table.gate.departures.note(left)
     assert table.gate.strayed(0.5) == pytest.approx(0.005)
     table.gate._measured[...] = 79
     assert table.gate.strayed(0.5) == pytest.approx(math.hypot(0.003, 0.010))
@@ -557,13 +557,13 @@ def test_a_surface_behind_a_wire_is_astray_from_where_it_was_sent_when_it_was_me
     assert table.gate.strayed(0.5) == 0.5
     for left in range(200, 300):  # what left long ago is forgotten
         table.gate._out["pose_target"][2] = 0.020
-        table.gate._note_goal(left)
+        table.gate.departures.note(left)
     table.gate._measured[...] = 150
     assert table.gate.strayed(0.5) == 0.5
     table.gate._measured[...] = 400
     assert table.gate.strayed(0.5) == pytest.approx(0.003)
     other = Supervised(model(TABLE, twin=True), state(model(TABLE, twin=True)), PERIOD, twin=FakeTwin())
-    other.gate._note_goal(3)
+    other.gate.departures.note(3)
     assert other.gate.strayed(0.25) == 0.25  # no wire
 
 

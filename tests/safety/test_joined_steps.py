@@ -319,9 +319,9 @@ def test_the_goal_that_a_wire_is_known_to_have_taken_is_the_newest() -> None:
     made = model(TABLE, name="it")
     memory = state(made, wire=True)
     supervisor = Supervised(made, memory, PERIOD)
-    assert supervisor.gate.gone_to is None  # none yet
+    assert supervisor.gate.departures.newest is None  # none yet
     for count in range(1, 20):
         memory["it.gone"].reshape(-1, 4)[(count - 1) % 8] = (count, 0.0, 0.0, 0.001 * count)
         memory["it.goings"] = count
-        assert supervisor.gate.gone_to == 0.001 * count
-    assert Supervised(made, state(made), PERIOD).gate.gone_to is None  # no wire
+        assert supervisor.gate.departures.newest == 0.001 * count
+    assert Supervised(made, state(made), PERIOD).gate.departures.newest is None  # no wire

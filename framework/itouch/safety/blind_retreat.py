@@ -203,7 +203,7 @@ class BlindRetreat:
 
     def _has_left(self) -> bool:
         """Tell whether a leg's last command has left, as far as the wire tells: a busy machine may send it late."""
-        goal = self._gate.gone_to
+        goal = self._gate.departures.newest
         return goal is None or abs(goal - self._goal) <= _NEAR
 
     def _heard(self, tick: int) -> bool:

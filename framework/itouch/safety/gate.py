@@ -18,6 +18,7 @@ from itouch.plugin import Bound, Channel, Device, DeviceError, Record, Role, Twi
 from itouch.plugin.device import is_new
 from itouch.plugin.stamps import Stamped
 from itouch.safety import limiting, monitor_step
+from itouch.safety.departures import Departures
 from itouch.safety.device_monitors import DeviceMonitors, InstalledMonitor
 from itouch.safety.guard import ANYWHERE, Guard
 from itouch.safety.latch import CLOSED, ENABLED, FAULT, Latch
@@ -103,11 +104,8 @@ class Gate:
         #: Numbers of the readings that must be recent for the supervision, where the wire tells when each was measured.
         source: object = device if twin is None else twin
         self._timely = [i for i, c in enumerate(model.reads) if c.role in TIMELY] if isinstance(source, Stamped) else []
-        #: Behind a wire: the places a surface was last sent to, each with the tick from which on.
-        self._gone: NDArray[np.float64] | None = state.get(f"{model.name}.gone")
-        self._goings = state[f"{model.name}.goings"] if self._gone is not None else np.zeros((), np.int64)
-        target = model.command(Role.SURFACE_POSE)
-        self._target = target.name if target is not None else ""
+        #: Behind a wire: where the commands that have left have sent a surface.
+        self.departures = Departures(model, state, self._out)
         #: How much more time [s] has passed since the reading before than ticks say, shape (1,): in real time a tick
         #: may begin late or be held up, and hardware goes on meanwhile.
         self.slip = np.zeros(1)
@@ -414,36 +412,17 @@ class Gate:
             left = source.departed(self.twin_state, tick, self._out)
             if left is not None:
                 self._left[...] = left
-                self._note_goal(left)
-
-    def _note_goal(self, left: int) -> None:
-        """Note where a command that has left sends a surface, and from which tick on."""
-        if self._gone is not None:
-            count = self._goings.item()
-            self._gone[count % len(self._gone)] = (left, *self._out[self._target][:3].tolist())
-            self._goings[...] = count + 1
-
-    @property
-    def gone_to(self) -> float | None:
-        """The height [m] to which the newest command known to have left sends a surface; None: no wire tells that."""
-        count = self._goings.item()
-        if self._gone is None or not count:
-            return None
-        return float(self._gone[(count - 1) % len(self._gone), 3])
+                self.departures.note(left)
 
     def strayed(self, distance: float) -> float:
         """Return how far [m] a surface was from its command when measured; ``distance``: from the newest command [m].
 
         Behind a wire the newest reading is older than the newest command: it is compared with the one that acted then.
         """
-        if self._gone is None or self._pose is None:
+        goal = self.departures.acting(self.measured_at(Role.TRACKED_POSE))
+        if goal is None or self._pose is None:
             return distance
-        known = self._gone[: min(self._goings.item(), len(self._gone))]
-        acted = known[known[:, 0] <= self.measured_at(Role.TRACKED_POSE)]
-        if not len(acted):
-            return distance
-        goal = acted[np.argmax(acted[:, 0])]
-        return math.dist(goal[1:].tolist(), self.reading[self._pose][:3].tolist())
+        return math.dist(goal, self.reading[self._pose][:3].tolist())
 
     def _keep_sane(self) -> None:
         """Put the last believed reading back if the newest has numbers that mean nothing, so that nobody uses them."""
