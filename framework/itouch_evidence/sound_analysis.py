@@ -164,7 +164,7 @@ def slides(grain: float = 5e-4) -> Iterator[tuple[float, Samples]]:
 def _played(scene: str | Path) -> tuple[Any, Samples, list[float]]:
     """Run a scene; return its session, the samples of its sound, and the finger's speed [m/s] in each tick."""
     session = build(scene) if isinstance(scene, Path) else build(loads(scene.encode(), Catalog()))
-    track, speeds = SoundTrack(session), []
+    track, speeds = SoundTrack(session.model, session.state), []
     session.taps.append(track.tap)
     session.taps.append(lambda _: speeds.append(float(np.linalg.norm(session.state["finger.velocity"]))))
     session.run()

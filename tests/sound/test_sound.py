@@ -144,7 +144,7 @@ def track(tmp_path_factory):
     scene = tmp_path_factory.mktemp("scene") / "bell.xml"
     scene.write_text(SCENE)
     session = itouch.build(scene)
-    sound = SoundTrack(session)
+    sound = SoundTrack(session.model, session.state)
     session.taps.append(sound.tap)
     session.run()
     return session, sound

@@ -94,7 +94,7 @@ def test_two_fingers_strike_two_materials_at_once_with_modes_at_random(tmp_path,
 def plates():
     """The shipped scene, its synth's sound, and the session."""
     session = itouch.build(SCENES / "texture_and_sound.xml")
-    track = SoundTrack(session)
+    track = SoundTrack(session.model, session.state)
     session.taps.append(track.tap)
     states = {}
     session.taps.append(lambda tick: states.update({tick: session.state.copy()}) if tick == 6000 else None)

@@ -21,6 +21,7 @@ from itouch.testing.draws import INPUTS, Happening, States, draw_inputs
 from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench
 from itouch.testing.scenario import ModalitySubject
 from itouch.testing.two_forms import ImplausibleError, Kinds, Sides, TwoForms, unequal
+from itouch.world import Model
 from itouch.world.modalities import ModalityModel
 from itouch.world.state import layout
 
@@ -127,13 +128,13 @@ def _shake(state: Record, rng: np.random.Generator) -> None:
 class _Pair:
     """A modality with two copies of State: in one it updates and hears in Python, in the other compiled."""
 
-    def __init__(self, engine: Engine, own: ModalityModel, rng: np.random.Generator) -> None:
-        self._engine, self._own, self._rng = engine, own, rng
-        self._python, self._compiled = engine.state.copy(), engine.state.copy()
+    def __init__(self, model: Model, state: Record, own: ModalityModel, rng: np.random.Generator) -> None:
+        self._model, self._state, self._own, self._rng = model, state, own, rng
+        self._python, self._compiled = state.copy(), state.copy()
         self._sides = Sides(self._sorted(self._python), self._sorted(self._compiled))
         #: As the loop gives them: also the types of what is compiled are the same then, and nothing is compiled anew.
         self._views = view_for(own, self._python), view_for(own, self._compiled)
-        self._event = Happening(engine.model, rng)
+        self._event = Happening(model, rng)
         self._update, self._hear = self._updating(), self._hearing()
         self.forms = [one for one in (self._update, self._hear) if one.offered]
 
@@ -148,7 +149,7 @@ class _Pair:
         return [*(f"{own.name}.{field}" for field in own.fields), *commands]
 
     def _updating(self) -> TwoForms:
-        own, instance, period = self._own, self._own.instance, self._engine.model.period * self._own.every
+        own, instance, period = self._own, self._own.instance, self._model.period * self._own.every
         bound = None
         if (own.every == 1 or not own.attends) and _joins(instance, "bound_update", "update"):
             bound = instance.bound_update(own.model, self._views[1], period)
@@ -172,11 +173,11 @@ class _Pair:
         own, reads = set(self._fields()), self._own.instance.reads(self._own.model)
         chosen: list[Field] = [
             field
-            for field in layout(self._engine.model)
+            for field in layout(self._model)
             if field.name in own
             or (field.name not in _SESSION and (reads is None or any(fnmatchcase(field.name, one) for one in reads)))
         ]
-        states.free(chosen, own, self._engine.state)
+        states.free(chosen, own, self._state)
 
     def burst(self, states: States, draw: str) -> None:
         """Draw a State, and let some updates and events follow one another from there, both ways."""
@@ -203,7 +204,7 @@ def modality(subject: ModalitySubject) -> str:
     """Run the scene both ways; then let it update and hear both ways from random States."""
     _need_joining()
     engine, rng = subject.engine(), np.random.default_rng(_SEED)
-    pairs = [_Pair(engine, one, rng) for one in subject.own(engine)]
+    pairs = [_Pair(engine.model, engine.state, one, rng) for one in subject.own(engine)]
     _need_both(form for pair in pairs for form in pair.forms)
     states = States(rng)
     notes = [_followed(subject, engine, states)]

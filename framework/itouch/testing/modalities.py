@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from itouch.loop import Engine
 from itouch.loop.told import of_contact
-from itouch.plugin import Contact, Modality
+from itouch.plugin import Contact, Modality, Record
 from itouch.schema import SceneError
 from itouch.schema.fields import Spec, specs, validate, xml_name
 from itouch.testing.checks import CheckError, NotApplicableError, check
@@ -21,6 +20,7 @@ from itouch.testing.child_process import apart
 from itouch.testing.continuation import attributes, scatter
 from itouch.testing.scenario import ModalitySubject
 from itouch.testing.workload import touch
+from itouch.world import Model
 from itouch.world.modalities import ModalityModel
 
 
@@ -178,7 +178,7 @@ def _straight(subject: ModalitySubject) -> bytes:
     engine.run(0.4 * subject.seconds)
     state = engine.state.tobytes().hex()
     engine.run(0.6 * subject.seconds)
-    return json.dumps({"state": state, "end": _print(engine)}).encode()
+    return json.dumps({"state": state, "end": _digest(engine.state)}).encode()
 
 
 def _restored(subject: ModalitySubject, state: bytes) -> bytes:
@@ -186,11 +186,11 @@ def _restored(subject: ModalitySubject, state: bytes) -> bytes:
     engine = subject.engine(seed=8)
     engine.adopt(state)
     engine.run(0.6 * subject.seconds)
-    return json.dumps({"end": _print(engine)}).encode()
+    return json.dumps({"end": _digest(engine.state)}).encode()
 
 
-def _print(engine: Engine) -> str:
-    return hashlib.sha256(engine.state.tobytes()).hexdigest()
+def _digest(state: Record) -> str:
+    return hashlib.sha256(state.tobytes()).hexdigest()
 
 
 def _attributes(modality: ModalityModel) -> dict[str, str]:
@@ -225,11 +225,11 @@ def own_fields(subject: ModalitySubject) -> None:
         commands = {f"{c.partition('.')[0]}.command.{c.partition('.')[2]}" for c in modality.commands}
         for _ in range(60):
             engine.run(subject.seconds / 60)
-            _writes(engine, modality, "update", (f"{modality.name}.", *commands))
-            _writes(engine, modality, "on_contact", (f"{modality.name}.", *commands))
-            _writes(engine, modality, "left_out", (f"{modality.name}.", *commands))
+            _writes(engine.model, engine.state, modality, "update", (f"{modality.name}.", *commands))
+            _writes(engine.model, engine.state, modality, "on_contact", (f"{modality.name}.", *commands))
+            _writes(engine.model, engine.state, modality, "left_out", (f"{modality.name}.", *commands))
             for silent in ("measures", "status", "report"):
-                _writes(engine, modality, silent, ())
+                _writes(engine.model, engine.state, modality, silent, ())
 
 
 #: Time [s] that `left_out` is told a late loop has left out.
@@ -238,15 +238,15 @@ _LEFT_OUT = 0.05
 _UNLIKELY = 1.2345e-6
 
 
-def _writes(engine: Engine, modality: ModalityModel, name: str, allowed: tuple[str, ...]) -> None:
+def _writes(world: Model, state: Record, modality: ModalityModel, name: str, allowed: tuple[str, ...]) -> None:
     """Make a call on a copy of State, and check what it writes."""
-    instance, model, scratch = modality.instance, modality.model, engine.state.copy()
+    instance, model, scratch = modality.instance, modality.model, state.copy()
     foreign = [n for n in scratch if ".command." in n and n not in allowed]
     for field in foreign:  # else rewriting the same value would not show
         scratch[field] = _UNLIKELY
-    event = touch(engine)
+    event = touch(world, int(state["tick"]))
     if name == "update":
-        instance.update(model, scratch, engine.model.period * modality.every)
+        instance.update(model, scratch, world.period * modality.every)
     elif name == "on_contact" and event is not None:
         instance.on_contact(event, model, scratch)
     elif name == "left_out":
@@ -261,7 +261,7 @@ def _writes(engine: Engine, modality: ModalityModel, name: str, allowed: tuple[s
         n
         for n, view in scratch.items()
         if not n.startswith(allowed or "\0")
-        and (np.any(view != _UNLIKELY) if n in foreign else view.tobytes() != engine.state[n].tobytes())
+        and (np.any(view != _UNLIKELY) if n in foreign else view.tobytes() != state[n].tobytes())
     ]
     if wrong:
         raise _fail(

@@ -138,7 +138,7 @@ class ModalitySubject:
         """
         engine = Engine(Model.of(scene, self.catalog), seed=4)
         self.own(engine)
-        touches = [_Touch(engine, probe.name) for probe in engine.model.probes]
+        touches = [_Touch(engine.state, probe.name) for probe in engine.model.probes]
 
         def over() -> bool:
             whole = [touch.whole() for touch in touches]
@@ -152,8 +152,8 @@ class ModalitySubject:
 class _Touch:
     """What has been observed of a probe's touch."""
 
-    def __init__(self, engine: Engine, probe: str) -> None:
-        self._object, self._proxy = engine.state[f"{probe}.contact.object"], engine.state[f"{probe}.proxy"]
+    def __init__(self, state: Record, probe: str) -> None:
+        self._object, self._proxy = state[f"{probe}.contact.object"], state[f"{probe}.proxy"]
         self._start: Any = None
         self.touched = self.slid = self.done = False
 

@@ -12,6 +12,7 @@ from itouch.plugin import Contact, ContactEvent, Record
 from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench
 from itouch.testing.scenario import ModalitySubject
 from itouch.testing.wire import Opened
+from itouch.world import Model
 
 #: A call of the plugin: its name, the record that is passed (which a check may replace), and the function.
 Call = tuple[str, Record, Callable[[Record], Any]]
@@ -140,7 +141,7 @@ class ModalityBout(Bout):
     def calls(self) -> Sequence[Call]:
         """Return on_contact and update."""
         own, period = self.own, self.engine.model.period * self.own.every
-        event = touch(self.engine)
+        event = touch(self.engine.model, self.engine.ticks)
         found: list[Call] = [
             ("update(model, state, ...)", self.engine.state, lambda s: own.instance.update(own.model, s, period))
         ]
@@ -150,13 +151,12 @@ class ModalityBout(Bout):
         return found
 
 
-def touch(engine: Engine) -> ContactEvent | None:
+def touch(model: Model, tick: int) -> ContactEvent | None:
     """Return a made-up event of a contact that begins, or None if nothing can be touched."""
-    model = engine.model
     if not model.objects or not model.probes:
         return None
     up, still = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
-    return ContactEvent(Contact.BEGIN, engine.ticks, model.probes[0].name, model.objects[0], 0, still, up, 0.0, 0.0,
+    return ContactEvent(Contact.BEGIN, tick, model.probes[0].name, model.objects[0], 0, still, up, 0.0, 0.0,
                         still, 1e-4, 1.0, 0.0)  # fmt: skip
 
 

@@ -63,8 +63,10 @@ def taking(session: Session, options: argparse.Namespace, *, end: float | None) 
         raise ItouchError("--screenshot and --film draw between ticks: they need --pace fast; a window does not")
     from itouch_tools.viewer.film import Filming
 
-    filming = Filming(session, screenshot=options.screenshot or "", at=options.at, film=options.film or "",
-                      size=options.size)  # fmt: skip
+    filming = Filming(
+        session.model, session.state, session.statistics.faults, screenshot=options.screenshot or "", at=options.at,
+        film=options.film or "", size=options.size,
+    )  # fmt: skip
     session.taps.append(filming.tap)
     try:
         yield

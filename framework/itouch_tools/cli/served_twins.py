@@ -21,10 +21,10 @@ from itouch.schema.plugin_errors import failing, said
 from itouch.schema.terminal import note
 
 if TYPE_CHECKING:
-    from itouch.loop import Engine
     from itouch.loop.runner import Runner
     from itouch.plugin.discovery import Catalog
     from itouch.scene import Scene
+    from itouch.session import Session
     from itouch.world import DeviceModel
 
 #: A simulation that is later than this [s] gives up catching up; and the width [s] of the bins of its lateness.
@@ -41,7 +41,7 @@ class VirtualRig:
 
     def __init__(
         self,
-        session: Engine,
+        session: Session,
         *,
         speed: float = 1.0,
         places: Mapping[str, Any] | None = None,

@@ -40,7 +40,7 @@ def keeping(session: Session, options: argparse.Namespace) -> Iterator[None]:
         raise ItouchError("--wav renders between ticks: it needs --pace fast")
     from itouch_tools.sound import SoundTrack, write_wav
 
-    track = SoundTrack(session)
+    track = SoundTrack(session.model, session.state)
     session.taps.append(track.tap)
     try:
         yield

@@ -8,8 +8,9 @@ import wave
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.loop import Engine
+from itouch.plugin import Record
 from itouch.schema import ItouchError
+from itouch.world import Model
 from itouch_tools.sound.modal import RATE
 from itouch_tools.sound.synth import Synth
 
@@ -36,21 +37,21 @@ def write_wav(path: str | os.PathLike[str], samples: NDArray[np.float64]) -> Non
 
 
 class SoundTrack:
-    """Renders the sound of an engine while it runs, from its present tick on; append ``tap`` to its ``taps``.
+    """Renders the sound of a session while it runs, from its present tick on; append ``tap`` to its ``taps``.
 
     Samples are kept as 16 bit numbers, 0.35 GB an hour.
     """
 
-    def __init__(self, engine: Engine) -> None:
-        self._engine, self._synth = engine, Synth(engine.model)
-        self._first = engine.ticks
+    def __init__(self, model: Model, state: Record) -> None:
+        self._state, self._period, self._synth = state, model.period, Synth(model)
+        self._first = int(state["tick"])
         self._made: list[NDArray[np.int16]] = []
         self._count = 0
 
     def tap(self, tick: int) -> None:
         """Render up to the end of this tick."""
-        self._synth.hear(self._engine.state)
-        due = round((tick + 1 - self._first) * self._engine.model.period * RATE)
+        self._synth.hear(self._state)
+        due = round((tick + 1 - self._first) * self._period * RATE)
         while (count := min(due - self._count, _BLOCK)) > 0:
             self._made.append(_whole(self._synth.render(count)))
             self._count += count

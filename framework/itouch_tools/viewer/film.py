@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.loop import Engine
+from itouch.plugin import Record
 from itouch.schema import ItouchError
+from itouch.world import Model
 from itouch_tools.viewer import colours
 from itouch_tools.viewer.context import write_png
 from itouch_tools.viewer.offscreen import Offscreen
@@ -125,34 +127,37 @@ def sink(path: str) -> Sink:
 
 
 class Filming:
-    """Takes pictures while an engine runs; append ``tap`` to its ``taps``, and ``close`` after the run."""
+    """Takes pictures while a session runs; append ``tap`` to its ``taps``, and ``close`` after the run.
+
+    ``faults``: those of the session, as they stand in its report, which the pictures show.
+    """
 
     def __init__(
-        self, engine: Engine, *, screenshot: str = "", at: float | None = None, film: str = "",
-        size: tuple[int, int] = (1280, 720),
+        self, model: Model, state: Record, faults: Sequence[dict[str, Any]] = (), *, screenshot: str = "",
+        at: float | None = None, film: str = "", size: tuple[int, int] = (1280, 720),
     ) -> None:  # fmt: skip
-        self._engine, self._path, self._at = engine, screenshot, at
+        self._state, self._faults, self._path, self._at = state, faults, screenshot, at
         self._sink = sink(film) if film else None
         self._film = film
-        self._offscreen = Offscreen(engine.model, width=size[0], height=size[1])
-        period = engine.model.period
+        self._offscreen = Offscreen(model, width=size[0], height=size[1])
+        period = self._period = model.period
         self._shot_tick = None if at is None else round(at / period)
         self._every = round(1.0 / (self._sink.rate * period)) if self._sink else 0
         self.taken = False
 
     def tap(self, tick: int) -> None:
         """Take the pictures that are due after this tick."""
-        self._offscreen.picture.ring.add(self._engine.state)
+        self._offscreen.picture.ring.add(self._state)
         if self._path and self._shot_tick is not None and tick + 1 >= self._shot_tick and not self.taken:
             self._shoot()
         if self._sink is not None and tick % self._every == 0:
-            self._sink.add(self._offscreen.shoot(self._engine.state, self._situation()))
+            self._sink.add(self._offscreen.shoot(self._state, self._situation()))
 
     def _situation(self) -> Situation:
-        return Situation(faults=list(self._engine.statistics.faults))
+        return Situation(faults=list(self._faults))
 
     def _shoot(self) -> None:
-        write_png(self._path, self._offscreen.shoot(self._engine.state, self._situation()))
+        write_png(self._path, self._offscreen.shoot(self._state, self._situation()))
         self.taken = True
 
     def close(self) -> None:
@@ -173,4 +178,5 @@ class Filming:
         finally:
             self._offscreen.close()
         if self._path and not self.taken:
-            raise ItouchError(f"--at {self._at:g} s: the run ended at {self._engine.seconds:g} s, before the picture")
+            end = int(self._state["tick"]) * self._period
+            raise ItouchError(f"--at {self._at:g} s: the run ended at {end:g} s, before the picture")

@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from itouch.loop import Engine
 from itouch.monitors import DeviceFaultError, Trip
 from itouch.monitors import limits as default
 from itouch.monitors.thresholds import TOUCH_FORCE
 from itouch.plugin import DeviceError, Role
 from itouch.safety import HoldToRun, Status, connect
 from itouch.schema import ItouchError
+from itouch.session import Session
 from itouch_tools.cli.doctor.device_watch import Watched
 from itouch_tools.cli.doctor.finding import Finding
 
@@ -28,7 +28,7 @@ STILL = 1.0
 PASS, FAIL, NOT = "pass", "fail", "not possible"
 
 
-def examine_rig(session: Engine, seconds: float = 3.0) -> Iterator[Finding]:
+def examine_rig(session: Session, seconds: float = 3.0) -> Iterator[Finding]:
     """Yield the findings on a rig that nobody touches, watched for some seconds; the session is closed at the end."""
     try:
         yield from _examined(session, seconds)
@@ -42,7 +42,7 @@ def examine_rig(session: Engine, seconds: float = 3.0) -> Iterator[Finding]:
         yield Finding("W2 release", FAIL, told, "switch the supplies off by hand: nobody knows what it does now")
 
 
-def _examined(session: Engine, seconds: float) -> Iterator[Finding]:
+def _examined(session: Session, seconds: float) -> Iterator[Finding]:
     watched = [Watched(runner, session.state) for runner in session.runners]
     failures = connect([one.lifecycle for one in session.runners], session.ticks)
     for name, why in failures.items():
@@ -61,7 +61,7 @@ def _examined(session: Engine, seconds: float) -> Iterator[Finding]:
     yield _switch(session)
 
 
-def _watch(session: Engine, there: list[Watched], seconds: float) -> None:
+def _watch(session: Session, there: list[Watched], seconds: float) -> None:
     """Run the rig for some seconds as it is before anything is enabled."""
     period, real = session.model.period, session.clock.pace == "real"
     session.clock.start(period)
@@ -192,7 +192,7 @@ def _drives(one: Watched) -> Iterator[Finding]:
     )
 
 
-def _switch(session: Engine) -> Finding:
+def _switch(session: Session) -> Finding:
     """Check after the stop that nothing can be enabled while nobody holds the dead-man's switch."""
     asked = session.model.scene.safety.hold_to_run
     hold = HoldToRun(session.state, [one.gate for one in session.runners], session.model.period, asked=asked)
@@ -221,7 +221,7 @@ def _switch(session: Engine) -> Finding:
     return Finding("W3", FAIL, "devices were enabled though nobody holds the switch", "do not use this rig")
 
 
-def _stop(session: Engine, there: list[Watched]) -> Iterator[Finding]:
+def _stop(session: Session, there: list[Watched]) -> Iterator[Finding]:
     """Stop everything as after a fault, and yield what was then seen of each device."""
     acting = [one for one in there if one.model.commands and one.runner.latch.status is not Status.CLOSED]
     if not acting:
