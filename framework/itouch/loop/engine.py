@@ -687,6 +687,14 @@ class Engine:
         for rig in self._rigs:
             rig.restore()
 
+    def stand_at(self, stored: bytes) -> None:
+        """Take over a State with every status as stored, also of hardware; only for a replay, which opens nothing."""
+        self.adopt(stored)
+        self.state.raw[:] = np.frombuffer(stored, np.uint8)
+        for runner in self._all:
+            runner.latch.recall()
+        self._enabled = True
+
     def report(self) -> dict[str, Any]:
         """Return the report; see ``itouch_tools.report`` for its keys."""
         from itouch.loop.summary import summary

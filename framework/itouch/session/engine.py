@@ -9,8 +9,6 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Protocol
 
-import numpy as np
-
 from itouch.loop import Clock, Engine
 from itouch.loop.runner import Status
 from itouch.plugin import DeviceError, Record
@@ -422,14 +420,6 @@ class Session(Shown, Engine):
         if failures:
             self.release()
             raise DeviceError("\n".join(f"device '{name}': {why}" for name, why in failures.items()))
-
-    def stand_at(self, stored: bytes) -> None:
-        """Take over a State with every status as stored, also of hardware; only for a replay, which opens nothing."""
-        self.adopt(stored)
-        self.state.raw[:] = np.frombuffer(stored, np.uint8)
-        for runner in self.runners:
-            runner.latch.recall()
-        self._enabled = True
 
     def take_up(self, snapshot: Snapshot, *, replays: bool = False) -> None:
         """Go on from a snapshot of the same scene.
