@@ -22,7 +22,7 @@ import os
 import sys
 import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import cache
 from inspect import CO_VARARGS
@@ -173,6 +173,14 @@ def _fused(typing: Any, a: Any, b: Any, c: Any) -> Any:
 
 #: a * b + c of three floats, rounded once, for kernels.
 fused: Callable[[float, float, float], float] = _fused_exactly if _numba.config.DISABLE_JIT else _fused
+
+
+def _parts_of(kinds: Any) -> Iterator[tuple[str, ...]]:
+    """Yield the names of the parts of each named tuple among the types: Numba tells them apart by their class alone."""
+    for kind in kinds:
+        if isinstance(kind, _numba.types.BaseTuple):
+            yield from ((kind.fields,) if hasattr(kind, "fields") else ())
+            yield from _parts_of(kind)
 
 
 def _kept(function: Function, found: Any) -> Function:
@@ -347,7 +355,7 @@ class KernelCache(FunctionCache):
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         of_numba: Any = super()._index_key
-        return (*of_numba(sig, codegen), fingerprint(self._py_func))
+        return (*of_numba(sig, codegen), fingerprint(self._py_func), *_parts_of(getattr(sig, "args", sig)))
 
     def _kept(self) -> _Store:
         """Return the store, made at its first use: only then does all that the function names exist."""

@@ -69,10 +69,10 @@ def write(folder: Path, *, factor: str = "1.0", more: str = "0.0", entry: str = 
         os.utime(path, (1e9, 1e9))
 
 
-def run(folder: Path, **more: str) -> tuple[float, int]:
+def run(folder: Path, program: str = RUN, **more: str) -> tuple[float, int]:
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "kept"), "PYTHONDONTWRITEBYTECODE": "1", **more}
     done = subprocess.run(
-        [sys.executable, "-c", RUN],
+        [sys.executable, "-c", program],
         cwd=folder,
         env=environment,
         capture_output=True,
@@ -99,6 +99,48 @@ def test_what_has_changed_in_another_file_is_compiled_again(tmp_path: Path) -> N
     assert run(tmp_path) == (10.0, 0)  # a default of a function that is called by one that it calls
     write(tmp_path, entry="2.0")
     assert run(tmp_path) == (6.0, 1)  # and back again: that is still kept
+
+
+PARTS = """
+from typing import NamedTuple
+
+class Inner(NamedTuple):
+    {first}: float
+    {second}: float
+
+class Outer(NamedTuple):
+    inner: Inner
+    more: int
+"""
+READS_PARTS = """
+from itouch.compiling import kernel
+from parts import Inner, Outer
+
+@kernel
+def outer(x):
+    return x.inner.plus
+
+def made():
+    return Outer(Inner(2.0, 3.0), 1)
+"""
+
+
+def test_what_has_other_parts_under_the_same_name_is_compiled_again(tmp_path: Path) -> None:
+    """A named tuple whose fields have changed places has the same types as before."""
+    (tmp_path / "kernels.py").write_text(READS_PARTS, encoding="utf-8")
+    shown = "import kernels; print(kernels.outer(kernels.made()), sum(kernels.outer.stats.cache_hits.values()))"
+    steps = (("plus", "minus", (2.0, 0)), ("minus", "plus", (3.0, 0)), ("plus", "minus", (2.0, 1)))
+    for first, second, found in steps:
+        (tmp_path / "parts.py").write_text(PARTS.format(first=first, second=second), encoding="utf-8")
+        assert run(tmp_path, shown) == found
+
+
+def test_what_is_compiled_for_given_types_is_kept_too(tmp_path: Path) -> None:
+    write(tmp_path)
+    shown = "import kernels; from numba import float64; kernels.outer.compile(float64(float64)); "
+    shown += "print(kernels.outer(2.0), sum(kernels.outer.stats.cache_hits.values()))"
+    assert run(tmp_path, shown) == (2.0, 0)
+    assert run(tmp_path, shown) == (2.0, 1)
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root can write everywhere")
