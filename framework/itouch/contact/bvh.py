@@ -13,6 +13,7 @@ construction of SAH-based bounding volume hierarchies", 2007).
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.blocks import Block
 from itouch.contact.compiling import entry, inner, making
 from itouch.contact.vectors import Floats
 
@@ -24,10 +25,14 @@ BINS = 16
 MAX_DEPTH = 60
 TRIANGLE_WIDTH = 7
 MAX_TRIANGLES = 8_000_000  # so that a reference stays below 2**24
-CHILD_WIDTH = 11
-CHILD_NORMAL, CHILD_LOW, CHILD_HIGH = 6, 9, 10  # within a child's numbers, after the box's corners
-CHILD_REF, CHILD_COUNT = 22, 24
-NODE_WIDTH = 26
+# Of a child: the corners of its box, then mean normal and bounds of its slab.
+_child = Block()
+_CHILD_BOX, CHILD_NORMAL, CHILD_LOW, CHILD_HIGH = _child.parts(6, 3, 1, 1)
+CHILD_WIDTH = _child.width
+# Of a node: both children, then references and counts of both.
+_node = Block()
+_NODE_CHILDREN, CHILD_REF, CHILD_COUNT = _node.parts(2 * CHILD_WIDTH, 2, 2)
+NODE_WIDTH = _node.width
 
 
 @entry

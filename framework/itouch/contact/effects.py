@@ -19,6 +19,7 @@ the spring's force in the result (layers, texture), and writes the force to be a
 
 import math
 
+from itouch.blocks import Block
 from itouch.contact import layout as at
 from itouch.contact.compiling import entry, inner
 from itouch.contact.heights import carved
@@ -26,21 +27,24 @@ from itouch.contact.rotations import to_body, to_space
 from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, place_of, put, sub, vector
 
 # --- the table of effects: one row per object -----------------------------------------------------------------
-TEXTURE_AT = 0  # first sample of the height map, and its rows, columns, pitch [m], depth [m]; no map: depth 0
-TEXTURE_ROWS, TEXTURE_COLUMNS, TEXTURE_PITCH, TEXTURE_DEPTH, TEXTURE_AXIS = 1, 2, 3, 4, 5
-SLIP_STIFFNESS, SLIP_FORCE, VISCOSITY, MAGNET_FORCE, MAGNET_RANGE = 6, 7, 8, 9, 10
-BUZZ_FORCE, BUZZ_FREQUENCY, TAP_GAIN, TAP_FREQUENCY, TAP_TIME = 11, 12, 13, 14, 15
-LAYERS = 16  # how many; then thickness [m] and stiffness [N/m] of each
-LAYER_FIRST, MAX_LAYERS = 17, 4
-EFFECTS_WIDTH = LAYER_FIRST + 2 * MAX_LAYERS
+_effects = Block()
+TEXTURE_AT = _effects.part()  # first sample of the height map; then rows, columns, pitch [m], depth [m]; no map: 0
+TEXTURE_ROWS, TEXTURE_COLUMNS, TEXTURE_PITCH, TEXTURE_DEPTH, TEXTURE_AXIS = _effects.parts(1, 1, 1, 1, 1)
+SLIP_STIFFNESS, SLIP_FORCE, VISCOSITY, MAGNET_FORCE, MAGNET_RANGE = _effects.parts(1, 1, 1, 1, 1)
+BUZZ_FORCE, BUZZ_FREQUENCY, TAP_GAIN, TAP_FREQUENCY, TAP_TIME = _effects.parts(1, 1, 1, 1, 1)
+MAX_LAYERS = 4
+LAYERS = _effects.part()  # how many; then thickness [m] and stiffness [N/m] of each
+LAYER_FIRST = _effects.part(2 * MAX_LAYERS)
+EFFECTS_WIDTH = _effects.width
 
 # --- what a probe remembers of the effects --------------------------------------------------------------------
-TOUCHED = 0  # 1 + the object touched in the last tick; 0: none
-SINCE = 1  # how long it has been touched [s]
-IMPACT = 2  # speed of impact [m/s]
-HELD = 3  # 1: stick-slip holds at a point
-HELD_AT = 4  # three numbers: that point, in the object's frame [m]
-EFFECTS_MEMORY = 7
+_memory = Block()
+TOUCHED = _memory.part()  # 1 + the object touched in the last tick; 0: none
+SINCE = _memory.part()  # how long it has been touched [s]
+IMPACT = _memory.part()  # speed of impact [m/s]
+HELD = _memory.part()  # 1: stick-slip holds at a point
+HELD_AT = _memory.part(3)  # three numbers: that point, in the object's frame [m]
+EFFECTS_MEMORY = _memory.width
 
 
 @inner

@@ -4,15 +4,19 @@ import math
 
 import numpy as np
 
+from itouch.blocks import Block
 from itouch.contact.compiling import entry, inner
 from itouch.contact.vectors import Floats, Vector, add, along, cross, dot, norm
 
 # --- one piece of a script: start, duration [s]; first position, displacement [m]; first orientation, rotation vector
-PIECE_START, PIECE_TIME, PIECE_SMOOTH, PIECE_FROM, PIECE_WAY, PIECE_QUATERNION, PIECE_TURN = 0, 1, 2, 3, 6, 9, 13
-PIECE_WIDTH = 16
+_piece = Block()
+PIECE_START, PIECE_TIME, PIECE_SMOOTH = _piece.parts(1, 1, 1)
+PIECE_FROM, PIECE_WAY, PIECE_QUATERNION, PIECE_TURN = _piece.parts(3, 3, 4, 3)
+PIECE_WIDTH = _piece.width
 # --- one scripted object: its index, its first piece and the one after its last, its duration [s], whether it repeats
-SCRIPT_OBJECT, SCRIPT_FIRST, SCRIPT_END, SCRIPT_TIME, SCRIPT_REPEAT = 0, 1, 2, 3, 4
-SCRIPT_WIDTH = 5
+_script = Block()
+SCRIPT_OBJECT, SCRIPT_FIRST, SCRIPT_END, SCRIPT_TIME, SCRIPT_REPEAT = _script.parts(1, 1, 1, 1, 1)
+SCRIPT_WIDTH = _script.width
 
 Quaternion = tuple[float, float, float, float]
 

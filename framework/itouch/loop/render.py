@@ -14,27 +14,34 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.blocks import Block, places, width
 from itouch.compiling import kernel
 from itouch.contact import layout as at
-from itouch.twin.frame_rotation import turned_out
+from itouch.twin.frame_rotation import FRAME, turned_out
+from itouch.world import fields
 
 Floats = NDArray[np.float64]
 
-# --- figures of a probe: State fields in this order --------------------------------------------------------------
-HIP, VELOCITY, PROXY, FORCE, NORMAL, POINT = 0, 3, 6, 9, 12, 15
-PENETRATION, NORMAL_FORCE, NEAR_DISTANCE, TIME_TO_CONTACT = 18, 19, 20, 21
-CONTACT_FORCE, EFFECT_FORCE, AREA = 22, 25, 28
-PLATE_GAP, SURFACE_HEIGHT, PLATE_YIELD, PLATE_TOP, TRACKING = 29, 30, 31, 32, 33
-FIGURES = 34
+# --- figures of a probe: their places follow from the State fields -----------------------------------------------
+_at = places(fields.FIGURES)
+HIP, VELOCITY, PROXY = _at["hip"], _at["velocity"], _at["proxy"]
+FORCE, NORMAL, POINT = _at["force"], _at["normal"], _at["point"]
+PENETRATION, NORMAL_FORCE = _at["penetration"], _at["normal_force"]
+NEAR_DISTANCE, TIME_TO_CONTACT = _at["near_distance"], _at["time_to_contact"]
+CONTACT_FORCE, EFFECT_FORCE, AREA = _at["contact_force"], _at["effect_force"], _at["area"]
+PLATE_GAP, SURFACE_HEIGHT, PLATE_YIELD = _at["plate_gap"], _at["surface_height"], _at["plate_yield"]
+PLATE_TOP, TRACKING = _at["plate_top"], _at["tracking"]
+FIGURES = width(fields.FIGURES)
 
 # --- constants of a probe ----------------------------------------------------------------------------------------
-TRACKER, ARM, TABLE = 0, 12, 24  # frames in the world: origin, then rotation matrix
-OFFSET = 36  # of the plate's top from the point whose pose the table reads
-RADIUS, NEAR, CLEARANCE, PERIOD, SMOOTH, PLATE_LIMIT, PAD = 39, 40, 41, 42, 43, 44, 45
-FORCE_LIMIT, PAD_STIFFNESS = 46, 47  # greatest force on the finger [N]; stiffness of its pad [N/m]
-HAS_LOAD, HAS_TABLE = 48, 49  # whether a table reads the force on it; whether there is one
-PLATE_COSINE = 50  # of the steepest slope that a plate renders [1]
-CONSTANTS = 51
+_constants = Block()
+TRACKER, ARM, TABLE = _constants.parts(FRAME, FRAME, FRAME)  # frames in the world
+OFFSET = _constants.part(3)  # of the plate's top from the point whose pose the table reads
+RADIUS, NEAR, CLEARANCE, PERIOD, SMOOTH, PLATE_LIMIT, PAD = _constants.parts(1, 1, 1, 1, 1, 1, 1)
+FORCE_LIMIT, PAD_STIFFNESS = _constants.parts(1, 1)  # greatest force on the finger [N]; stiffness of its pad [N/m]
+HAS_LOAD, HAS_TABLE = _constants.parts(1, 1)  # whether a table reads the force on it; whether there is one
+PLATE_COSINE = _constants.part()  # of the steepest slope that a plate renders [1]
+CONSTANTS = _constants.width
 
 
 @kernel

@@ -1,13 +1,18 @@
-"""Compiled functions for plugins, cached on disk by a fingerprint of all that they are made of."""
+"""Compiled functions for plugins, cached on disk by a fingerprint of all that they are made of.
+
+What they work on stands in flat arrays, whose parts are named: `places` says where each field of State begins in the
+flat array of fields that follow one another, and `Block` where each part of a block of constants does.
+"""
 
 import math
 from typing import Any
 
 import numpy as np
 
+from itouch.blocks import Block, places
 from itouch.compiling import fused, inlined, kernel, nogil_kernel
 
-__all__ = ["copied", "encoded", "fused", "gaussian", "inlined", "kernel", "nogil_kernel"]
+__all__ = ["Block", "copied", "encoded", "fused", "gaussian", "inlined", "kernel", "nogil_kernel", "places"]
 
 #: Adding and then subtracting it rounds a number to an integer, and leaves NaN unchanged.
 _TO_INTEGER = 1.5 * 2.0**52

@@ -9,6 +9,8 @@ from itouch.compiling import kernel
 
 Floats = NDArray[np.float64]
 
+#: Width of a frame: origin, then rotation matrix.
+FRAME = 12
 #: Least cosine of a plate's angle in computing its contact with a finger; a steeper plate counts as this steep.
 STEEPEST = 0.1
 

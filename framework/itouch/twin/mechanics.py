@@ -11,19 +11,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.blocks import Block, places, width
 from itouch.compiling import kernel
-from itouch.twin.frame_rotation import beside, turned_in, turned_out
+from itouch.twin.frame_rotation import FRAME, beside, turned_in, turned_out
+from itouch.world import fields
 
 Floats = NDArray[np.float64]
 
 # Places of the constants: frames as origin and rotation matrix, then numbers.
-ARM, TABLE, OFFSET, EXTENT = 0, 12, 24, 27
-RADIUS, PAD_STIFFNESS, PAD_DAMPING, MASS, STIFFNESS, DAMPING, PERIOD = 29, 30, 31, 32, 33, 34, 35
-CONSTANTS = 36
+_constants = Block()
+ARM, TABLE, OFFSET, EXTENT = _constants.parts(FRAME, FRAME, 3, 2)
+RADIUS, PAD_STIFFNESS, PAD_DAMPING, MASS, STIFFNESS, DAMPING, PERIOD = _constants.parts(1, 1, 1, 1, 1, 1, 1)
+CONSTANTS = _constants.width
 
-# Places of the plate's figures, which are State fields in this order.
-FORCE, TOP, DISTANCE, TOTAL = 0, 1, 2, 3
-FIGURES = 4
+# Places of the plate's figures, which follow from the State fields.
+_at = places(fields.PLATE)
+FORCE, TOP = _at["plate_force"], _at["plate_true_top"]
+DISTANCE, TOTAL = _at["plate_distance"], _at["total_force"]
+FIGURES = width(fields.PLATE)
 
 #: Least gap [m] of a finger beside the plate, and the gap [m] from which on the plate's speed is ignored.
 BESIDE, FAR = 1e-3, 0.5

@@ -12,8 +12,8 @@ from itouch.schema.plugin_errors import ReturnedError
 #: How many cells the tissue of a finger has under a worn device.
 CELLS = 24
 
-#: The figures that one tick writes, in the order of ``itouch.loop.render``.
-_FIGURES = (
+#: The figures that one tick writes; their order is that of ``itouch.loop.render``.
+FIGURES = (
     Field(
         "hip", "f8", 3, unit="m", doc="position of the fingertip's centre (haptic interface point), from `pose-from`"
     ),
@@ -54,8 +54,8 @@ _FIGURES = (
     Field("tracking", unit="m", doc="distance of the plate from its command"),
 )
 
-#: What a tick remembers of a carried surface, in the order of ``itouch.loop.surface.memory``.
-_SURFACE = (
+#: What a tick remembers of a carried surface; its order is that of ``itouch.loop.surface.memory``.
+SURFACE = (
     Field("surface.renders", unit="1", doc="1: the contact is the plate's to render, 0: the arm's alone"),
     Field("surface.present", unit="1", doc="1: the plate is at the finger in a contact, or still felt"),
     Field("surface.settled", unit="1", doc="1: the plate is where the virtual surface is, 0: it comes or goes"),
@@ -110,8 +110,8 @@ _SURFACE = (
 def probe_fields(objects: int) -> tuple[Field, ...]:
     """Return the State of a probe in a scene with this many objects."""
     return (
-        *_FIGURES,
-        *_SURFACE,
+        *FIGURES,
+        *SURFACE,
         Field("object", "i8", low=-1, high=objects - 1, unit="1", doc="number of the touched object, -1: none"),
         Field(
             "near_object",
@@ -146,10 +146,11 @@ def probe_fields(objects: int) -> tuple[Field, ...]:
         ),
         Field("contact.object", "i8", low=-1, high=objects - 1, unit="1", doc="object of the open contact, -1: none"),
         *_CONTACT,
+        *PLATE,
     )
 
 
-#: The open contact, and the true plate under a finger's twin, in the order of ``itouch.twin.mechanics``.
+#: The open contact.
 _CONTACT = (
     Field("contact.begin", "i8", unit="tick", doc="when the contact began"),
     Field("contact.separated", "i8", unit="tick", doc="for how long the probe has been clear of the object"),
@@ -168,6 +169,9 @@ _CONTACT = (
     Field("contact.impact_speed", unit="m/s", doc="approach speed at the beginning"),
     Field("contact.physical_begin", "i8", unit="tick", doc="when the finger met the true plate"),
     Field("plate_touched", "i8", unit="tick", doc="when the finger began to touch the true plate, -1: it does not"),
+)
+#: The true plate under a finger's twin; its order is that of ``itouch.twin.mechanics``.
+PLATE = (
     Field(
         "plate_force",
         unit="N",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from itouch.plugin import Field
+from itouch.plugin.kernels import places
 
 #: For how many ticks at most it is remembered how the slope changed: 6 ms at 4 kHz.
 MOST_KINKS = 24
@@ -67,15 +68,16 @@ OVER_WIRE: tuple[Field, ...] = (
 )  # fmt: skip
 OVER_WIRE = tuple(replace(field, show="no") for field in OVER_WIRE)
 
-TAKES, AT_FINGER, DISTANCE, GAP, COMING, LOST, YIELDS = range(7)
-ARRIVED, PRESS, FREE, UNFELT, GIVE, LAG, UNASKED, BENDS, HASTE, INERTIA = range(7, 17)
-HERE, SPEED, RUSHES, SHIFT, EVENED, KINKS = range(17, 23)
-#: Index of the first field that exists behind a wire only.
-_WIRED = KINKS + MOST_KINKS
-GOES = _WIRED
-LIFTED, LIFTS, HOISTS, WAY, HOLD, COMMANDS, READ_AT, RISE, SINCE, BEHIND, RESTS, PRESSES, PLACE, SENT_TO, GONE_BY = (
-    range(_WIRED + 6, _WIRED + 21)
-)
+_at = places((*FIELDS, *OVER_WIRE))
+TAKES, AT_FINGER, DISTANCE, GAP = _at["takes"], _at["at_finger"], _at["distance"], _at["gap"]
+COMING, LOST, YIELDS, ARRIVED, PRESS = _at["coming"], _at["lost"], _at["yields"], _at["arrived"], _at["press"]
+FREE, UNFELT, GIVE, LAG, UNASKED = _at["free"], _at["unfelt"], _at["give"], _at["lag"], _at["unasked"]
+BENDS, HASTE, INERTIA, HERE, SPEED = _at["bends"], _at["haste"], _at["inertia"], _at["here"], _at["speed"]
+RUSHES, SHIFT, EVENED, KINKS = _at["rushes"], _at["shift"], _at["evened"], _at["kinks"]
+GOES, LIFTED, LIFTS, HOISTS = _at["goes"], _at["lifts_before"], _at["lift_speed"], _at["lift_hastens"]
+WAY, HOLD, COMMANDS, READ_AT, RISE = _at["ahead"], _at["hold"], _at["commands"], _at["read_at"], _at["climbs_by"]
+SINCE, BEHIND, RESTS, PRESSES = _at["since"], _at["behind"], _at["rests"], _at["pressed_now"]
+PLACE, SENT_TO, GONE_BY = _at["place"], _at["sent_to"], _at["past"]
 
 #: Values of `LOST`: the surface is lower than its height says, or higher.
 LOW, HIGH = 1.0, 2.0

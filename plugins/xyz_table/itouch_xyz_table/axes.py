@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin.kernels import gaussian, kernel
+from itouch.plugin.kernels import Block, gaussian, kernel
 
 Floats = NDArray[np.float64]
 Words = NDArray[np.uint64]
@@ -18,8 +18,9 @@ COMPENSATED, DAMPING_RATIO = 0.8, 0.9
 ENCODER = 1e-6
 
 # Indices of the parameters in the array that `move` takes; LOW and HIGH begin three entries each.
-OMEGA, SPEED, ACCELERATION, MASS, DRAG, LOW, HIGH, NOISE = 0, 1, 2, 3, 4, 5, 8, 11
-PARAMETERS = 12
+_parameters = Block()
+OMEGA, SPEED, ACCELERATION, MASS, DRAG, LOW, HIGH, NOISE = _parameters.parts(1, 1, 1, 1, 1, 3, 3, 1)
+PARAMETERS = _parameters.width
 
 
 @kernel

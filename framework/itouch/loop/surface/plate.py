@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.blocks import places
 from itouch.compiling import kernel
 from itouch.loop.render import (
     FORCE_LIMIT,
@@ -26,12 +27,15 @@ from itouch.loop.render import (
 )
 from itouch.loop.surface.memory import CLIMB, LEFT, LEVEL, OFF, RENDERS, RISES, SETTLED, SINK, TOUCH
 from itouch.twin.frame_rotation import beside, turned_in, turned_out
+from itouch.world.fields import rising_fields
 from itouch.world.presented_surfaces import ROOM
 
 Floats = NDArray[np.float64]
 
-#: Indices of `itouch.world.fields.rising_fields`.
-READ_AT, READ_TOP, BY_READINGS, BETWEEN = range(4)
+#: Places of `itouch.world.fields.rising_fields`.
+READ_AT, READ_TOP, BY_READINGS, BETWEEN = (
+    places(rising_fields())[f"rising.{name}"] for name in ("read_at", "read_top", "by_readings", "between")
+)
 #: How fast the plate yields above its greatest force [m/s per N], and how fast it comes back [m/s].
 YIELD_RATE, YIELD_RETURN = 0.02, 0.005
 #: By how much two ways of computing one height may differ [m].
