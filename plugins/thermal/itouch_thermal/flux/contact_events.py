@@ -7,7 +7,8 @@ from typing import Any
 from itouch.plugin import Contact
 from itouch.plugin.kernels import kernel
 from itouch_thermal.flux import aiming, observer, onset
-from itouch_thermal.flux.views import Figures, Given, Memory, Own, Scene
+from itouch_thermal.flux.law import Memory
+from itouch_thermal.flux.views import Figures, Given, Own, Scene
 
 #: Code that leaves the tick or event to Python.
 PYTHON = 1
@@ -44,7 +45,7 @@ def part_from(scene: Any, own: Any, given: Any, figures: Any, memory: Any) -> No
     """
     tick, touched = scene.tick[0], own.touching[0] != 0
     if own.on_plate[0] != 0:
-        observer.end_touch(given.tissue, given.plate, memory.x, memory.memory)
+        observer.end_touch(given.fixed.fine.tissue, given.fixed.fine.plate, memory.x, memory.memory)
         own.on_plate[0] = 0
     own.touching[0] = 0
     aiming.aim(scene, own, given, figures, aiming.coming(scene), tick)

@@ -15,9 +15,6 @@ from itouch_thermal.flux.preview import Preview, first_steps
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.heat import table_of
 
-#: The ``out`` of `law.Coming` where no command is on its way over a wire.
-_NOTHING = (0.0, 0.0, 0.0)
-
 
 def joins(model: FluxModel, state: Record) -> bool:
     """Tell whether a scene's ticks can join: `model` commands a current without a wire, and a twin knows the truth."""
@@ -29,13 +26,13 @@ def joins(model: FluxModel, state: Record) -> bool:
 
 def bounds(model: FluxModel, law: ModelLaw, course: Preview, state: Record) -> tuple[Bound, ...]:
     """Return the update on these views of State as compiled calls; the first one leaves unusual ticks to Python."""
-    scene, own, memory = _scene(model, state), _own(model, state), _memory(law, state)
+    scene, own, memory = _scene(model, state), _own(model, state), law.memory(state)
     given, figures = _given(model, law, course), _figures(model, law, course)
     taken = views.Taken(np.ones(1), np.zeros(1), np.ones(1), np.zeros(1, np.int64))
     return (
         Bound(usual.prepare, scene, own, given, figures, memory, taken),
         Bound(usual.track, scene, given, memory, taken, law.coarse_ticks, min(wires.MISSED, model.hold - 1)),
-        Bound(usual.command, scene, own, given, figures, memory, taken, _NOTHING),
+        Bound(usual.command, scene, own, given, figures, memory, taken, model.at_once),
     )
 
 
@@ -43,7 +40,7 @@ def heard(model: FluxModel, law: ModelLaw, course: Preview, state: Record, event
     """Return the handling of an event on these views as a compiled call, which leaves unusual ones to Python."""
     given, figures = _given(model, law, course), _figures(model, law, course)
     return Bound(
-        contact_events.hear, event, _scene(model, state), _own(model, state), given, figures, _memory(law, state)
+        contact_events.hear, event, _scene(model, state), _own(model, state), given, figures, law.memory(state)
     )
 
 
@@ -62,13 +59,6 @@ def _own(model: FluxModel, state: Record) -> views.Own:
     return views.Own(*(state[f"{model.name}.{name}"] for name in views.Own._fields))
 
 
-def _memory(law: ModelLaw, state: Record) -> views.Memory:
-    """Return the law's State, with the currents on their way cut to their number: single ones, and coarse steps."""
-    single, queue = law.delay % law.coarse_ticks, law.delay // law.coarse_ticks
-    fields = {name: state[law.prefix + name] for name in views.Memory._fields}
-    return views.Memory(**{**fields, "single": fields["single"][:single], "queue": fields["queue"][:queue]})
-
-
 def _given(model: FluxModel, law: ModelLaw, course: Preview) -> views.Given:
     known = np.array([body is not None for body in course.bodies], np.int64)
     starts = np.array([start is not None for start in model.starts], np.int64)
@@ -80,20 +70,19 @@ def _given(model: FluxModel, law: ModelLaw, course: Preview) -> views.Given:
         ]
     )
     return views.Given(
-        law.constants, law.fine.tissue, law.fine.plate, law.coarse.tissue, law.coarse.plate, law.hats, law.band,
-        law.offsets, course.finger, table_of(course.bodies), known, starts, played, model.numbers,
-        model.finger.tissue, law.pad, law.prior, course.into, start.reshape(-1, 4),
+        law.fixed, course.finger, table_of(course.bodies), known, starts, played, model.numbers, model.finger.tissue,
+        course.into, start.reshape(-1, 4),
     )  # fmt: skip
 
 
 def _figures(model: FluxModel, law: ModelLaw, course: Preview) -> views.Figures:
     low, high = model.band
     return views.Figures(
-        law.coarse_ticks, law.delay, law.ahead, model.again, model.steady, bool(model.heat), float(model.expected),
+        law.bounds, law.delay, law.ahead, model.again, model.steady, bool(model.heat), float(model.expected),
         float(course.resistance), float(model.press), float(model.period), float(model.dew), float(model.skin),
-        float(model.preset_time), float(low), float(high), float(law.display.flux_limit), float(law.ceiling),
-        float(law.capacity), max(DEADBEAT, 1.5 * model.hold * model.period), float(part(model)),
-        float(model.finger.resting_flux), float(model.lead), float(model.preset_noise), float(model.current),
-        model.hold, float(model.period * model.hold), model.finger_number, first_steps(law.ahead, model.period),
+        float(model.preset_time), float(low), float(high),
+        max(DEADBEAT, 1.5 * model.hold * model.period), float(part(model)), float(model.finger.resting_flux),
+        float(model.lead), float(model.preset_noise), float(model.current), model.hold,
+        float(model.period * model.hold), model.finger_number, first_steps(law.ahead, model.period),
         bool(model.skin_from),
     )  # fmt: skip

@@ -61,26 +61,25 @@ def expected(theta: Any, past: Any, kept: Any, back: int, first: int) -> Any:
 
 @kernel
 def recall(
-    c: Any, plate: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any, past: Any, kept: Any, press: float,
-    flux_back: int, flux: float, film_back: int, film: float, sink: float, since: float, column: int,
+    basis: Any, learnt: Any, press: float, flux_back: int, flux: float, film_back: int, film: float, sink: float,
+    since: float,
 ) -> None:  # fmt: skip
     """Take in readings that were measured some periods ago; those that are too old, or NaN, are left out.
 
     Parameters
     ----------
-    c, plate, x, theta, cover, gain, memory
-        The estimator as it is now, see `observer.advance` and `observer.correct`.
-    past, kept
-        The readings that were expected, see `remember`.
+    basis, learnt
+        The estimator as it is now, as for `observer.observe`, and the readings that were expected, see `remember`.
     press
         How strongly the finger is being pressed on, see `observer.observe`.
     flux_back, film_back
         How many periods ago ``flux`` [W/m2] and ``film`` [K] were measured.
     sink, since
         Reading of the sink [K], and seconds since the one before.
-    column
-        The number of modes, which precede the readings in a row of ``x``.
     """
+    c, plate, past, kept = basis.c, basis.plate, learnt.past, learnt.kept
+    x, theta, cover, gain, memory = learnt.x, learnt.theta, learnt.cover, learnt.gain, learnt.memory
+    column = basis.tissue.shape[1] + plate.shape[1]  # modes, which precede the readings in a row of ``x``
     if sink == sink:
         memory[at.M_SINK] += min(1.0, at.SINK_RATE * since) * (sink - memory[at.M_SINK_SEEN])
     row, seen = expected(theta, past, kept, flux_back, 0)

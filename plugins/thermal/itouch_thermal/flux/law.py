@@ -20,6 +20,57 @@ from itouch_thermal.flux import late, planner
 from itouch_thermal.flux import observer as at
 
 
+class Memory(NamedTuple):
+    """Views of the law's State fields; what each is stands in `_MEANINGS`."""
+
+    x: Array
+    theta: Array
+    cover: Array
+    gain: Array
+    memory: Array
+    line: Array
+    slots: Array
+    wanted: Array
+    response: Array
+    knots: Array
+    work: Array
+    trace: Array
+    span: Array
+    past: Array
+    kept: Array
+    future: Array
+    single: Array
+    queue: Array
+
+
+class Fixed(NamedTuple):
+    """Arrays that never change: the column in fine and coarse steps, and what planning and covering need besides.
+
+    ``hats`` are the plan's functions, ``band`` the plate's [K], ``offsets`` the times at which the plan looks, in
+    periods; ``pad`` as in `observer.seen`, ``prior`` how far each parameter may be from the data sheets.
+    """
+
+    fine: at.Basis
+    coarse: at.Basis
+    hats: Array
+    band: Array
+    offsets: Any
+    pad: Array
+    prior: Array
+
+
+class Bounds(NamedTuple):
+    """Numbers that never change: periods in a coarse step, greatest flux [W/m2] and current [A], and the plate's heat.
+
+    ``capacity`` is the plate's [J/m2K].
+    """
+
+    size: int
+    flux_limit: float
+    ceiling: float
+    capacity: float
+
+
 class Coming(NamedTuple):
     """What will become of the current that is asked for now.
 
@@ -46,8 +97,6 @@ DRIFT_FLUX, DRIFT_OFFSET = 3.0, 1e-3
 #: Share of its remaining way to the flux by which the flux sensor's reading may be wrong on a rig of one's own: its
 #: filter and converter are no simple lag.  It counts as noise of the reading.
 LAGS = 0.1
-#: Added to the squared response of the flux to a change of the plan: a change with less effect is not worth its noise.
-SMOOTH = 1e-5
 #: Time [s] in which an error of the plate's heat is corrected before a touch.
 DEADBEAT = 0.012
 #: Temperature [K] from which the plate's modes are counted.
@@ -84,9 +133,6 @@ _MEANINGS = {
     "past": ("mixed", "what was expected to be read in the last periods, with its derivatives"),
     "kept": ("1", "the next row of `past`, how many rows count, and whether the plate is disturbed"),
 }
-#: Fields of State with which a law tracks a plate, and those that planning needs besides, in the order of the kernels.
-_TRACKED = ("x", "theta", "cover", "gain", "memory", "line", "slots", "trace", "past", "kept")
-_RENDERING = ("wanted", "response", "knots", "work", "span")
 
 
 @kernel
@@ -119,11 +165,11 @@ def _queue(
 
 @kernel
 def _track(
-    c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any, line: Any, slots: Any,
-    trace: Any, past: Any, kept: Any, size: int, sent: float, scale: float, press: float, flux: float, film: float,
-    sink: float,
+    basis: Any, own: Any, size: int, sent: float, scale: float, press: float, flux: float, film: float, sink: float
 ) -> None:  # fmt: skip
     """Take in the current that was sent and the readings, in one call per period; see `ModelLaw.track`."""
+    x, memory, line, slots, trace = own.x, own.memory, own.line, own.slots, own.trace
+    column = basis.tissue.shape[1] + basis.plate.shape[1]
     delay = int(slots[1])
     current = sent
     if delay > 0:
@@ -131,48 +177,41 @@ def _track(
         current = line[slot]
         line[slot] = sent
         slots[0] = (slot + 1) % delay
-    at.observe(c, tissue, plate, x, theta, cover, gain, memory, current, scale, press, flux, film, sink)
+    at.observe(basis, own, current, scale, press, flux, film, sink)
     if memory[at.M_TOUCHING] > 0.0:
         if memory[at.M_AGE] % size == 0.0:
-            trace[int(memory[at.M_AGE] / size) % trace.shape[0]] = x[0, tissue.shape[1] + plate.shape[1] + at.X_FACE]
+            trace[int(memory[at.M_AGE] / size) % trace.shape[0]] = x[0, column + at.X_FACE]
         memory[at.M_AGE] += 1.0
-    if past.shape[0] > 1:
-        late.remember(x, theta, memory, past, kept, tissue.shape[1] + plate.shape[1])
+    if own.past.shape[0] > 1:
+        late.remember(x, own.theta, memory, own.past, own.kept, column)
 
 
 @kernel
 def _pass(
-    c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any, line: Any, slots: Any,
-    trace: Any, past: Any, kept: Any, size: int, count: int, before: float, after: float, change: int, scale: float,
-    press: float,
+    basis: Any, own: Any, size: int, count: int, before: float, after: float, change: int, scale: float, press: float
 ) -> None:  # fmt: skip
     """Let ``count`` periods pass without readings; from period ``change`` on, counted from 0, ``after`` [A] leaves.
 
     A negative ``change`` says that it left so many periods ago already: the currents on their way are corrected.
     """
-    delay = int(slots[1])
+    delay = int(own.slots[1])
     for i in range(min(-change, delay)):
-        line[(int(slots[0]) - 1 - i) % delay] = after
+        own.line[(int(own.slots[0]) - 1 - i) % delay] = after
     for i in range(count):
         sent = before if i < change else after
-        _track(
-            c, tissue, plate, x, theta, cover, gain, memory, line, slots, trace, past, kept, size, sent, scale, press,
-            math.nan, math.nan, math.nan,
-        )  # fmt: skip
+        _track(basis, own, size, sent, scale, press, math.nan, math.nan, math.nan)
 
 
 @kernel
-def _begin(
-    c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, memory: Any, knots: Any, trace: Any, kept: Any,
-    prior: Any, flux: float, scale: float, onset: float,
-) -> None:  # fmt: skip
+def _begin(fixed: Any, own: Any, flux: float, scale: float, onset: float) -> None:
     """Set the finger on the plate; see `ModelLaw.begin`."""
+    c, tissue, plate, memory = fixed.fine.c, fixed.fine.tissue, fixed.fine.plate, own.memory
     memory[at.M_CONTACT] = scale
-    at.begin_touch(c, tissue, plate, x, theta, cover, memory, prior, onset)
-    knots[:] = flux
-    trace[:] = x[0, tissue.shape[1] + plate.shape[1] + at.X_FACE]
+    at.begin_touch(c, tissue, plate, own.x, own.theta, own.cover, memory, fixed.prior, onset)
+    own.knots[:] = flux
+    own.trace[:] = own.x[0, tissue.shape[1] + plate.shape[1] + at.X_FACE]
     memory[at.M_TICKS] = memory[at.M_AGE] = 0.0
-    kept[late.VALID] = 0.0  # what was measured before knows nothing of this finger
+    own.kept[late.VALID] = 0.0  # what was measured before knows nothing of this finger
 
 
 @kernel
@@ -185,11 +224,14 @@ def _limits(band: Any, trace: Any, first: int, allowed: float, out: Any) -> None
 
 
 @kernel
-def _approach(
-    c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, line: Any, slots: Any, out: Any, wait: int,
-    target: float, capacity: float, limit: float, ceiling: float, within: float,
-) -> Any:  # fmt: skip
-    """Return the current [A] that brings the plate to a target [K], its flux [W/m2], and the error [K] as it acts."""
+def _approach(basis: Any, own: Any, bounds: Any, leaving: Any, target: float, within: float) -> Any:
+    """Return the current [A] that brings the plate to a target [K], its flux [W/m2], and the error [K] as it acts.
+
+    ``leaving`` is a `Coming`: what leaves before the current that is asked for.
+    """
+    c, tissue, plate = basis.c, basis.tissue, basis.plate
+    x, theta, memory, line, slots = own.x, own.theta, own.memory, own.line, own.slots
+    limit, ceiling, wait = bounds.flux_limit, bounds.ceiling, leaving.wait
     n, m = tissue.shape[1], plate.shape[1]
     gp = 1.0 / (1.0 + theta[at.PLATE])
     seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
@@ -205,10 +247,10 @@ def _approach(
         if plate[P_EXCESS, i] != 0.0:
             excess += plate[P_EXCESS, i] * x[0, n + i] * plate[P_DECAY, i] ** soon
     back, hot = x[0, n + m + at.X_BACK], memory[at.M_SINK]
-    heat = capacity / gp
+    heat = bounds.capacity / gp
     air = c[at.O_AIR] * (c[at.O_AMBIENT] - mean)
     for i in range(delay + wait):
-        coming = at.slewed(_coming(line, int(slots[0]), delay, out, i), before, most)
+        coming = at.slewed(_coming(line, int(slots[0]), delay, leaving.out, i), before, most)
         current, square = at.shifted(coming, before, shift)
         before = coming
         pump = (seebeck * back * current - 0.5 * square * ohmic - legs * (hot - back)) / c[at.O_AREA]
@@ -230,13 +272,15 @@ def _pumped(c: Any, theta: Any, current: float, back: float, hot: float) -> floa
 
 
 @kernel
-def _follow(
-    c: Any, fine: Any, below_fine: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, scale: float,
-    line: Any, slots: Any, single: Any, queue: Any, wanted: Any, response: Any, hats: Any, last: Any, work: Any,
-    trace: Any, span: Any, limit: float, ceiling: float, band: Any, heat: float, doubt: float, size: int, hold: int,
-    every: int, out: Any, wait: int,
-) -> Any:  # fmt: skip
-    """Return the current [A] that follows the plan, and the pumped flux [W/m2] that it is for."""
+def _follow(fixed: Any, own: Any, bounds: Any, leaving: Any, scale: float, doubt: float, every: int) -> Any:
+    """Return the current [A] that follows the plan, and the pumped flux [W/m2] that it is for.
+
+    ``leaving`` is a `Coming`: what leaves before the current that is asked for.
+    """
+    c, tissue, plate = fixed.coarse.c, fixed.coarse.tissue, fixed.coarse.plate
+    x, theta, memory, slots = own.x, own.theta, own.memory, own.slots
+    single, queue, last, work, span = own.single, own.queue, own.knots, own.work, own.span
+    size, ceiling, heat = bounds.size, bounds.ceiling, bounds.capacity
     n, m = tissue.shape[1], plate.shape[1]
     o = n + m
     above, below, rest = work[:n], work[n:o], work[o:]
@@ -246,10 +290,11 @@ def _follow(
     theta[at.RESISTANCE] = found * max(0.0, 1.0 - noise / max(found * found, 1e-12))
     ticks = memory[at.M_TICKS]
     if ticks % max(1.0, round(REFRESH / period)) < every:
-        planner.respond(c, tissue, plate, theta, scale, hats, above, below, response, size * period)
+        planner.respond(fixed.coarse, theta, scale, fixed.hats, above, below, own.response, size * period)
     memory[at.M_TICKS] = ticks + every
     before = memory[at.M_BEFORE] if memory.shape[0] > at.M_BEFORE else 0.0
-    _queue(line, int(slots[0]), int(slots[1]), out, size, single, queue, before, c[at.O_SLEW] * period)
+    most = c[at.O_SLEW] * period
+    _queue(own.line, int(slots[0]), int(slots[1]), leaving.out, size, single, queue, before, most)
     for i in range(n):
         above[i] = x[0, i]
     for i in range(n, o):
@@ -257,13 +302,13 @@ def _follow(
     hot = memory[at.M_SINK]
     spill = (1.0 - c[at.O_COVER]) * c[at.O_AIR] * (c[at.O_AMBIENT] - x[0, o + at.X_FACE])
     flux, back = planner.arrive(
-        c, fine, below_fine, theta, hot, scale, single, above, below, x[0, o + at.X_FLUX], x[0, o + at.X_BACK], spill,
-        before, period,
+        fixed.fine, theta, hot, scale, single, above, below, x[0, o + at.X_FLUX], x[0, o + at.X_BACK], spill, before,
+        period,
     )  # fmt: skip
     if single.shape[0] > 0:
         before = single[-1]
     flux, back = planner.arrive(
-        c, tissue, plate, theta, hot, scale, queue, above, below, flux, back, spill, before, size * period
+        fixed.coarse, theta, hot, scale, queue, above, below, flux, back, spill, before, size * period
     )
     if queue.shape[0] > 0:
         before = queue[-1]
@@ -274,14 +319,14 @@ def _follow(
         # The pumped flux that holds the face's temperature: the contact's, less what spreads into the plate beside it.
         coming -= heat / gp * plate[P_EXCESS, i] * (1.0 - plate[P_DECAY, i]) / step * below[i]
     first = int(memory[at.M_AGE] / size) + single.shape[0] // size + queue.shape[0] + 1
-    _limits(band, trace, first, RATE * RATE_OVER * RATE_USED, span)
+    _limits(fixed.band, own.trace, first, RATE * RATE_OVER * RATE_USED, span)
+    planned = planner.Planned(own.wanted, span, own.response, fixed.hats, last, rest)
     planner.plan(
-        c, tissue, plate, theta, scale, wanted, span, response, hats, last, above, below, rest, flux, SMOOTH, limit,
-        (ticks + slots[1] + wait) * period, step, spill,
-        _pumped(c, theta, before, back, hot),
+        fixed.coarse, theta, scale, planned, above, below, flux, bounds.flux_limit,
+        (ticks + slots[1] + leaving.wait) * period, step, spill, _pumped(c, theta, before, back, hot),
     )  # fmt: skip
     # A current that is held for long gives the plan's mean over that time.
-    flux = last[0] + 0.5 * min(1.0, hold * period / planner.KNOTS[1]) * (last[1] - last[0])
+    flux = last[0] + 0.5 * min(1.0, leaving.hold * period / planner.KNOTS[1]) * (last[1] - last[0])
     # Near an end of the face's band, no more flux is pumped than stops the face there.
     heat /= gp
     flux = min(flux, coming + heat * (face - span[0, 0] - SLACK) / STOPPING)
@@ -295,32 +340,23 @@ def _follow(
 
 @kernel
 def _rendered(
-    c: Any, fine: Any, below_fine: Any, tissue: Any, plate: Any, own: Any, rendering: Any, plant: Any, flux: Any,
-    offsets: Any, press: Any, hats: Any, limit: float, ceiling: float, band: Any, heat: float, size: int, hold: int,
-    out: Any, found: Any, fingers: Any,
-) -> None:  # fmt: skip
+    fixed: Any, own: Any, plant: Any, bounds: Any, leaving: Any, flux: Any, press: Any, found: Any, fingers: Any
+) -> None:
     """Let a law render a contact on a plant, one call per period; see `ModelLaw.rendered`."""
-    x, theta, cover, _, memory, line, slots, trace, _, _ = own
-    single, queue, wanted, response, knots, work, span = rendering
-    n, o = fine.shape[1], fine.shape[1] + below_fine.shape[1]
+    n, offsets = fixed.fine.tissue.shape[1], fixed.offsets
+    o = n + fixed.fine.plate.shape[1]
     for i in range(found.shape[0]):
         for k in range(offsets.shape[0]):
-            wanted[k] = flux[i + offsets[k]]
-        doubt = cover[at.RESISTANCE, at.RESISTANCE]
-        current, _ = _follow(
-            c, fine, below_fine, tissue, plate, x, theta, memory, press[i], line, slots, single, queue, wanted,
-            response, hats, knots, work, trace, span, limit, ceiling, band, heat, doubt, size, hold, 1, out, 0,
-        )  # fmt: skip
+            own.wanted[k] = flux[i + offsets[k]]
+        doubt = own.cover[at.RESISTANCE, at.RESISTANCE]
+        current, _ = _follow(fixed, own, bounds, leaving, press[i], doubt, leaving.hold)
         read, film = math.nan, math.nan
         for who in range(2):  # the plant first: the law takes in its readings; one call site is compiled only once
             some = plant if who == 0 else own
-            _track(
-                c, fine, below_fine, some[0], some[1], some[2], some[3], some[4], some[5], some[6], some[7], some[8],
-                some[9], size, current, press[i], max(0.0, press[i] - 1.0), read, film, math.nan,
-            )  # fmt: skip
-            read, film = plant[0][0, o + at.X_SEEN], plant[0][0, o + at.X_FILM]
-        found[i] = plant[0][0, o + at.X_FLUX]
-        fingers[i] = plant[0][0, :n]
+            _track(fixed.fine, some, bounds.size, current, press[i], max(0.0, press[i] - 1.0), read, film, math.nan)
+            read, film = plant.x[0, o + at.X_SEEN], plant.x[0, o + at.X_FILM]
+        found[i] = plant.x[0, o + at.X_FLUX]
+        fingers[i] = plant.x[0, :n]
 
 
 class ModelLaw:
@@ -379,6 +415,15 @@ class ModelLaw:
         self.believes = longest > 0 and display.line is None
         #: The future times at which the plan looks, in periods from the end of the last step.
         self.offsets = self.delay + np.arange(1, self.steps + 1) * self.coarse_ticks - 1
+        #: The same for compiled code: what never changes, as arrays and as numbers.
+        self.fixed = Fixed(
+            at.Basis(self.constants, self.fine.tissue, self.fine.plate),
+            at.Basis(self.constants, self.coarse.tissue, self.coarse.plate),
+            self.hats, self.band, self.offsets, self.pad, self.prior,
+        )  # fmt: skip
+        self.bounds = Bounds(
+            self.coarse_ticks, float(display.flux_limit), float(ceiling), float(self.capacity)
+        )  # fmt: skip
 
     def coarser(self) -> ModelLaw:
         """Return the same law with the coarse step as its period, and with readings that are means over it."""
@@ -440,12 +485,8 @@ class ModelLaw:
         ``scale`` is the resistance that the force explains, as a multiple of the expected one, and ``press`` how
         strongly the finger is being pressed on (below 0: by as much as the scale exceeds 1, as in a press of 50 ms).
         """
-        s, p = state, self.prefix
-        _track(
-            self.constants, self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "cover"],
-            s[p + "gain"], s[p + "memory"], s[p + "line"], s[p + "slots"], s[p + "trace"], s[p + "past"], s[p + "kept"],
-            self.coarse_ticks, sent, scale, press if press >= 0.0 else max(0.0, scale - 1.0), flux, film, sink,
-        )  # fmt: skip
+        pressing = press if press >= 0.0 else max(0.0, scale - 1.0)
+        _track(self.fixed.fine, self.memory(state), self.coarse_ticks, sent, scale, pressing, flux, film, sink)
 
     def pass_by(
         self, state: Record, count: int, before: float, after: float, change: int, scale: float = 1.0,
@@ -456,12 +497,9 @@ class ModelLaw:
         Until period ``change``, counted from 0, ``before`` left, from it on ``after``; negative: from so many periods
         ago on.
         """
-        s, p = state, self.prefix
-        _pass(
-            self.constants, self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "cover"],
-            s[p + "gain"], s[p + "memory"], s[p + "line"], s[p + "slots"], s[p + "trace"], s[p + "past"], s[p + "kept"],
-            self.coarse_ticks, count, before, after, change, scale, press if press >= 0.0 else max(0.0, scale - 1.0),
-        )  # fmt: skip
+        pressing = press if press >= 0.0 else max(0.0, scale - 1.0)
+        own = self.memory(state)
+        _pass(self.fixed.fine, own, self.coarse_ticks, count, before, after, change, scale, pressing)
 
     def recall(
         self, state: Record, flux: float, flux_back: int, film: float, film_back: int, sink: float, since: float,
@@ -472,12 +510,8 @@ class ModelLaw:
         Flux and film were measured ``flux_back`` and ``film_back`` periods ago; ``since`` is the time [s] since the
         readings before, ``press`` as in `track`.
         """
-        s, p = state, self.prefix
-        late.recall(
-            self.constants, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "cover"], s[p + "gain"], s[p + "memory"],
-            s[p + "past"], s[p + "kept"], press, flux_back, flux, film_back, film, sink, since,
-            self.fine.tissue.shape[1] + self.fine.plate.shape[1],
-        )  # fmt: skip
+        own = self.memory(state)
+        late.recall(self.fixed.fine, own, press, flux_back, flux, film_back, film, sink, since)
 
     def estimate(self, state: Record) -> tuple[float, float]:
         """Return the estimated contact flux [W/m2], and its standard deviation."""
@@ -487,12 +521,10 @@ class ModelLaw:
 
     def approach(self, state: Record, target: float, coming: Coming = AT_ONCE) -> tuple[float, float, float]:
         """Return current [A] and flux [W/m2] that bring the plate to ``target`` [K], and its error [K] as they act."""
-        s, p = state, self.prefix
+        within = max(DEADBEAT, 1.5 * coming.hold * self.period)
         found: tuple[float, float, float] = _approach(
-            self.constants, self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "memory"],
-            s[p + "line"], s[p + "slots"], coming.out, coming.wait, target, self.capacity, self.display.flux_limit,
-            self.ceiling, max(DEADBEAT, 1.5 * coming.hold * self.period),
-        )  # fmt: skip
+            self.fixed.fine, self.memory(state), self.bounds, coming, target, within
+        )
         return found
 
     def disturb(self, state: Record) -> None:
@@ -508,11 +540,7 @@ class ModelLaw:
 
         ``onset`` is the standard deviation [s] of the time at which it came; it is used only behind a wire.
         """
-        s, p = state, self.prefix
-        _begin(
-            self.constants, self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "theta"], s[p + "cover"],
-            s[p + "memory"], s[p + "knots"], s[p + "trace"], s[p + "kept"], self.prior, flux, scale, onset,
-        )  # fmt: skip
+        _begin(self.fixed, self.memory(state), flux, scale, onset)
 
     def end(self, state: Record) -> None:
         """Take the finger off the plate."""
@@ -526,17 +554,20 @@ class ModelLaw:
 
         It is called once in ``every`` periods; ``scale`` as in `track`.
         """
-        s, p, ahead = state, self.prefix, self.delay + coming.wait
-        doubt = 0.0 if self.believes else s[p + "cover"][at.RESISTANCE, at.RESISTANCE].item()
-        found: tuple[float, float] = _follow(
-            self.constants, self.fine.tissue, self.fine.plate, self.coarse.tissue, self.coarse.plate, s[p + "x"],
-            s[p + "theta"], s[p + "memory"], scale, s[p + "line"], s[p + "slots"],
-            s[p + "single"][: ahead % self.coarse_ticks], s[p + "queue"][: ahead // self.coarse_ticks],
-            s[p + "wanted"], s[p + "response"], self.hats, s[p + "knots"], s[p + "work"], s[p + "trace"],
-            s[p + "span"], self.display.flux_limit, self.ceiling, self.band, self.capacity,
-            doubt, self.coarse_ticks, coming.hold, every, coming.out, coming.wait,
-        )  # fmt: skip
+        own = self.memory(state, coming.wait)
+        doubt = 0.0 if self.believes else own.cover[at.RESISTANCE, at.RESISTANCE].item()
+        found: tuple[float, float] = _follow(self.fixed, own, self.bounds, coming, scale, doubt, every)
         return found
+
+    def memory(self, state: Record, wait: int = 0) -> Memory:
+        """Return views of its State; currents on their way, for a command that leaves in ``wait`` periods.
+
+        These are cut to their number: single ones, and means of coarse steps.
+        """
+        ahead, fields = self.delay + wait, {name: state[self.prefix + name] for name in Memory._fields}
+        fields["single"] = fields["single"][: ahead % self.coarse_ticks]
+        fields["queue"] = fields["queue"][: ahead // self.coarse_ticks]
+        return Memory(**fields)
 
     def rendered(self, own: Record, plant: Record, flux: Array, press: Array, steps: int) -> tuple[Array, Array]:
         """Render a contact on a plant that is this law's own model, with readings that come at once.
@@ -558,19 +589,9 @@ class ModelLaw:
             the periods.
         """
         found, fingers = np.empty(steps), np.empty((steps, self.fine.tissue.shape[1]))
-        queued = own[self.prefix + "queue"][: self.delay // self.coarse_ticks]
-        single = own[self.prefix + "single"][: self.delay % self.coarse_ticks]
-        rendering = (single, queued, *self._pieces(own, _RENDERING))
-        _rendered(
-            self.constants, self.fine.tissue, self.fine.plate, self.coarse.tissue, self.coarse.plate,
-            self._pieces(own, _TRACKED), rendering, self._pieces(plant, _TRACKED), flux, self.offsets, press, self.hats,
-            self.display.flux_limit, self.ceiling, self.band, self.capacity, self.coarse_ticks, AT_ONCE.hold,
-            AT_ONCE.out, found, fingers,
-        )  # fmt: skip
+        laws = self.memory(own), self.memory(plant)
+        _rendered(self.fixed, *laws, self.bounds, AT_ONCE, flux, press, found, fingers)
         return found, fingers
-
-    def _pieces(self, state: Record, names: tuple[str, ...]) -> tuple[Array, ...]:
-        return tuple(state[self.prefix + name] for name in names)
 
 
 def _of_mean(p: DisplayParams, period: float) -> float:

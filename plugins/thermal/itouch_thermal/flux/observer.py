@@ -90,6 +90,14 @@ def slewed(current: float, before: float, most: float) -> float:
     return float(current if most <= 0.0 else min(before + most, max(before - most, current)))
 
 
+class Basis(NamedTuple):
+    """The display's column as the estimator takes it: constants (O_CONSTANTS,), and packed tissue and plate."""
+
+    c: Any
+    tissue: Any
+    plate: Any
+
+
 class Flowing(NamedTuple):
     """The current of a step: mean [A] and mean square [A2], and by how much a second of delay would lower them."""
 
@@ -455,13 +463,15 @@ def _gains(cover: Any, gain: Any, slopes: Any, explicit: int, held: int, innovat
 
 @kernel
 def observe(
-    c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, gain: Any, memory: Any,
-    current: float, scale: float, press: float, flux: float, film: float, sink: float,
-) -> None:  # fmt: skip
+    basis: Any, learnt: Any, current: float, scale: float, press: float, flux: float, film: float, sink: float
+) -> None:
     """Advance by one period under ``current`` [A] and take in the readings of flux, film and sink; NaN: none.
 
-    ``press`` says how strongly the finger is being pressed on now: 0 not at all, 1 or more very strongly.
+    ``basis`` is a `Basis`, ``learnt`` a `Memory`; ``press`` says how strongly the finger is being pressed on now: 0 not
+    at all, 1 or more very strongly.
     """
+    c, tissue, plate = basis.c, basis.tissue, basis.plate
+    x, theta, cover, gain, memory = learnt.x, learnt.theta, learnt.cover, learnt.gain, learnt.memory
     advance(c, tissue, plate, x, theta, memory, current, scale)
     if sink == sink:
         memory[M_SINK] += min(1.0, SINK_RATE * c[O_PERIOD]) * (sink - memory[M_SINK_SEEN])

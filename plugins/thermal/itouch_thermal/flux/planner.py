@@ -9,7 +9,7 @@ sent.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,39 @@ HATS = len(KNOTS)
 FEWEST = 6
 #: Before this time of a touch [s] the flux counts less: no pump acts on the finger so soon.
 EARLY = 0.1
+#: Added to the squared response of the flux to a change of the plan: a change with less effect is not worth its noise.
+SMOOTH = 1e-5
+
+
+class Joint(NamedTuple):
+    """How finger and plate meet: contact resistance, gains of tissue and plate, response of each surface, and rest.
+
+    ``contact``, ``tissue_self`` and ``plate_self`` in [K m2/W], see `selves`; ``rest`` [K] is by how much the skin at
+    rest is warmer than the temperature from which the plate's modes are counted.
+    """
+
+    contact: float
+    tissue_gain: float
+    plate_gain: float
+    tissue_self: float
+    plate_self: float
+    rest: float
+
+
+class Planned(NamedTuple):
+    """What the plan is made of.
+
+    Desired flux at the ends of the horizon's steps, shape (steps,), and the temperatures [K] that the plate's face must
+    not pass then, shape (2, steps); response of the contact flux to each knot, and the knots' hat functions, both
+    (HATS, steps); the knots of the last plan, shape (HATS,), which change; and scratch space.
+    """
+
+    wanted: Any
+    span: Any
+    response: Any
+    hats: Any
+    knots: Any
+    work: Any
 
 
 def shapes(step: float) -> NDArray[np.float64]:
@@ -57,12 +90,11 @@ def _weight(age: float) -> float:
 
 @kernel
 def ahead(
-    tissue: Any, plate: Any, above: Any, below: Any, flux: float, pump: float, spill: float, contact: float, gf: float,
-    gp: float, tissue_self: float, plate_self: float, rest: float,
+    tissue: Any, plate: Any, above: Any, below: Any, flux: float, pump: float, spill: float, joint: Joint
 ) -> float:  # fmt: skip
     """Advance a column without derivatives by one coarse step under pump and air; return the contact flux."""
     n, m = above.shape[0], below.shape[0]
-    s = rest
+    gf, gp, s = joint.tissue_gain, joint.plate_gain, joint.rest
     for i in range(n):
         above[i] = tissue[F_DECAY, i] * above[i] - gf * tissue[F_BEGIN, i] * flux
         s += tissue[F_PORT, i] * above[i]
@@ -71,7 +103,7 @@ def ahead(
             plate[P_BEGIN, i] * flux + plate[P_SPILL, i] * spill - plate[P_PUMP, i] * pump
         )
         s -= plate[P_PORT, i] * below[i]
-    late = s / (contact + gf * tissue_self + gp * plate_self)
+    late = s / (joint.contact + gf * joint.tissue_self + gp * joint.plate_self)
     for i in range(n):
         above[i] -= gf * tissue[F_END, i] * late
     for i in range(m):
@@ -94,13 +126,10 @@ def later(theta: Any) -> float:
 
 @kernel
 def respond(
-    c: Any, tissue: Any, plate: Any, theta: Any, scale: float, hats: Any, above: Any, below: Any, response: Any,
-    step_time: float,
-) -> None:  # fmt: skip
+    basis: Any, theta: Any, scale: float, hats: Any, above: Any, below: Any, response: Any, step_time: float
+) -> None:
     """Fill ``response`` (HATS, steps): the contact flux that each hat of the pumped flux would add."""
-    contact = resistance(c, theta, scale)
-    gp, gf = 1.0 / (1.0 + theta[at.PLATE]), 1.0 / (1.0 + theta[at.TISSUE])
-    tissue_self, plate_self = selves(tissue, plate)
+    tissue, plate, joint = basis.tissue, basis.plate, joined(basis, theta, scale, 0.0)
     shift = later(theta) / step_time
     for hat in range(HATS):
         above[:] = 0.0
@@ -109,7 +138,7 @@ def respond(
         for i in range(hats.shape[1]):
             pump = hats[hat, i] - shift * (hats[hat, i] - before)
             before = hats[hat, i]
-            flux = ahead(tissue, plate, above, below, flux, pump, 0.0, contact, gf, gp, tissue_self, plate_self, 0.0)
+            flux = ahead(tissue, plate, above, below, flux, pump, 0.0, joint)
             response[hat, i] = flux
 
 
@@ -125,28 +154,35 @@ def selves(tissue: Any, plate: Any) -> Any:
 
 
 @kernel
+def joined(basis: Any, theta: Any, scale: float, rest: float) -> Joint:
+    """Return how finger and plate meet by the estimated parameters; ``scale`` as in `observer.advance`, rest [K]."""
+    contact = resistance(basis.c, theta, scale)
+    gp, gf = 1.0 / (1.0 + theta[at.PLATE]), 1.0 / (1.0 + theta[at.TISSUE])
+    tissue_self, plate_self = selves(basis.tissue, basis.plate)
+    return Joint(contact, gf, gp, tissue_self, plate_self, rest)
+
+
+@kernel
 def arrive(
-    c: Any, tissue: Any, plate: Any, theta: Any, hot: float, scale: float, currents: Any, above: Any, below: Any,
-    flux: float, back: float, spill: float, before: float, step_time: float,
+    basis: Any, theta: Any, hot: float, scale: float, currents: Any, above: Any, below: Any, flux: float, back: float,
+    spill: float, before: float, step_time: float,
 ) -> Any:  # fmt: skip
     """Run the column ahead over the ``currents`` [A] on their way, one per step; return contact flux and plate's back.
 
     These are in [W/m2] and [K]; ``spill`` is what air gives to the plate beside the finger [W/m2 of the plate],
     ``before`` the current [A] before the first one.
     """
-    contact = resistance(c, theta, scale)
-    gp, gf = 1.0 / (1.0 + theta[at.PLATE]), 1.0 / (1.0 + theta[at.TISSUE])
+    c, tissue, plate = basis.c, basis.tissue, basis.plate
+    joint = joined(basis, theta, scale, c[at.O_REST] - c[at.O_REFERENCE])
     seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
     ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])
-    tissue_self, plate_self = selves(tissue, plate)
-    rest = c[at.O_REST] - c[at.O_REFERENCE]
     shift = later(theta) / step_time
     for step in range(currents.shape[0]):
         current, square = at.shifted(currents[step], before, shift)
         before = currents[step]
         pump = (seebeck * back * current - 0.5 * square * ohmic - legs * (hot - back)) / c[at.O_AREA]
         pump += theta[at.FLUX]
-        flux = ahead(tissue, plate, above, below, flux, pump, spill, contact, gf, gp, tissue_self, plate_self, rest)
+        flux = ahead(tissue, plate, above, below, flux, pump, spill, joint)
         back = c[at.O_REFERENCE]
         for i in range(plate.shape[1]):
             back += plate[P_BACK, i] * below[i]
@@ -155,32 +191,32 @@ def arrive(
 
 @kernel
 def plan(
-    c: Any, tissue: Any, plate: Any, theta: Any, scale: float, wanted: Any, band: Any, response: Any, hats: Any,
-    last: Any, above: Any, below: Any, work: Any, flux: float, smooth: float, limit: float, age: float,
-    step_time: float, spill: float, before: float,
+    basis: Any, theta: Any, scale: float, planned: Planned, above: Any, below: Any, flux: float, limit: float,
+    age: float, step_time: float, spill: float, before: float,
 ) -> None:  # fmt: skip
     """Improve the plan's knots of the pumped flux [W/m2].
 
     Parameters
     ----------
-    wanted, band
-        Desired flux at the ends of the horizon's steps, shape (steps,), and the temperatures [K] that the plate's
-        face must not pass then, shape (2, steps).
-    response, hats
-        Response of the contact flux to each knot, and the knots' hat functions, both (HATS, steps).
-    last
-        The knots of the last plan, shape (HATS,); changed.
+    basis, theta, scale
+        The column of the coarse steps, its parameters, and the resistance as in `observer.advance`.
+    planned
+        What the plan is made of; its knots are changed.
     above, below, flux
         The column and its contact flux where the plan begins; the column is run on.
+    limit
+        Greatest flux that may be pumped [W/m2].
+    age, step_time
+        Time of the touch at which the plan begins, and length of its steps [s].
     spill
         What air gives to the plate beside the finger [W/m2 of the plate].
     before
         The flux that is pumped where the plan begins [W/m2].
     """
-    contact = resistance(c, theta, scale)
-    gp, gf = 1.0 / (1.0 + theta[at.PLATE]), 1.0 / (1.0 + theta[at.TISSUE])
-    tissue_self, plate_self = selves(tissue, plate)
-    rest = c[at.O_REST] - c[at.O_REFERENCE]
+    c, tissue, plate = basis.c, basis.tissue, basis.plate
+    wanted, band, response, hats = planned.wanted, planned.span, planned.response, planned.hats
+    last, work = planned.knots, planned.work
+    joint = joined(basis, theta, scale, c[at.O_REST] - c[at.O_REFERENCE])
     steps, v, shift = wanted.shape[0], HATS * HATS, later(theta) / step_time
     for a in range(v + HATS):
         work[a] = 0.0
@@ -190,12 +226,12 @@ def plan(
         for hat in range(HATS):
             pump += last[hat] * hats[hat, i]
         acting, before = pump - shift * (pump - before), pump
-        flux = ahead(tissue, plate, above, below, flux, acting, spill, contact, gf, gp, tissue_self, plate_self, rest)
+        flux = ahead(tissue, plate, above, below, flux, acting, spill, joint)
         skin = c[at.O_REST]
         for k in range(tissue.shape[1]):
             skin += tissue[F_PORT, k] * above[k]
         # With the face at an end of its band the contact can draw no more.
-        aim = min((skin - band[0, i]) / contact, max((skin - band[1, i]) / contact, wanted[i]))
+        aim = min((skin - band[0, i]) / joint.contact, max((skin - band[1, i]) / joint.contact, wanted[i]))
         weight = _weight(age + (i + 1) * step_time)
         for a in range(HATS):
             weighed = weight * response[a, i]
@@ -203,7 +239,7 @@ def plan(
             for b in range(a + 1):
                 work[a * HATS + b] += weighed * response[b, i]
     for a in range(HATS):
-        work[a * HATS + a] += smooth
+        work[a * HATS + a] += SMOOTH
         for b in range(a):
             work[b * HATS + a] = work[a * HATS + b]
     _solve(work)

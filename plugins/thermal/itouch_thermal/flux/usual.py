@@ -16,9 +16,10 @@ from itouch.plugin.kernels import kernel
 from itouch_thermal.flux import aiming, contact_events, observer, onset
 from itouch_thermal.flux import law as laws
 from itouch_thermal.flux.contact_events import PYTHON
+from itouch_thermal.flux.law import Coming, Memory
 from itouch_thermal.flux.masking import masked
 from itouch_thermal.flux.preview import Ahead, begin_ahead, keep_ahead, look_ahead
-from itouch_thermal.flux.views import Figures, Floats, Given, Memory, Own, Scene, Taken
+from itouch_thermal.flux.views import Figures, Floats, Given, Own, Scene, Taken
 from itouch_thermal.laws import press_factor
 
 #: Least and greatest contact resistance that the force may explain, as multiples of the expected one.
@@ -45,17 +46,17 @@ def scale_of(law: Any, force: float, expected: float, time: float, press: float)
 @kernel
 def enter(account: Floats, flux: float, desired: float, skin: float, period: float) -> None:
     """Enter one tick into the account (9,): obtained and desired flux [W/m2], skin temperature [K] (NaN: unknown)."""
-    ticks, first = account[2], account[5]
-    if abs(flux) > abs(account[4]):
-        account[4] = flux
-    if abs(skin - first) > abs(account[6] - first):
-        account[6] = skin
+    ticks, first = account[onset.TICKS], account[onset.SKIN_BEGIN]
+    if abs(flux) > abs(account[onset.PEAK]):
+        account[onset.PEAK] = flux
+    if abs(skin - first) > abs(account[onset.SKIN_EXTREME] - first):
+        account[onset.SKIN_EXTREME] = skin
     if ticks * period >= SCORED_FROM:
         error = (flux - desired) / max(abs(desired), FLOOR)
-        account[7] += error * error
-        account[8] += 1.0
-    account[2] = ticks + 1.0
-    account[3] += flux
+        account[onset.SQUARES] += error * error
+        account[onset.SCORED] += 1.0
+    account[onset.TICKS] = ticks + 1.0
+    account[onset.SUM] += flux
 
 
 @kernel
@@ -103,7 +104,7 @@ def prepare(
         else:
             contact_events.meet(scene, own)
     if own.touching[0] != 0:
-        taken.part[0] = observer.seen(given.pad, _force(scene))
+        taken.part[0] = observer.seen(given.fixed.pad, _force(scene))
         taken.unclear[0] = int(not aiming.pressed(scene, figures.heat))
         contact = aiming.in_contact(scene, figures.heat)
         if contact and own.pressing[0] != 0:
@@ -174,10 +175,9 @@ def track(scene: Scene, given: Given, memory: Memory, taken: Taken, size: int, p
     for k in range(passed + 1):
         last = k == passed and taken.unclear[0] == 0
         laws._track(  # noqa: SLF001
-            given.c, given.tissue, given.plate, memory.x, memory.theta, memory.cover, memory.gain, memory.memory,
-            memory.line, memory.slots, memory.trace, memory.past, memory.kept, size, scene.sent[0], taken.scale[0],
-            taken.press[0], scene.heat_flux[0] if last else math.nan,
-            scene.plate_temperature[0] if last else math.nan, scene.sink[0] if last else math.nan,
+            given.fixed.fine, memory, size, scene.sent[0], taken.scale[0], taken.press[0],
+            scene.heat_flux[0] if last else math.nan, scene.plate_temperature[0] if last else math.nan,
+            scene.sink[0] if last else math.nan,
         )  # fmt: skip
     return 0
 
@@ -209,24 +209,22 @@ def _set_down(scene: Any, own: Any, given: Any, memory: Any, scale: float) -> No
     ago = 0
     if scene.load.shape[0] > 0:
         ago = onset.grown_for(abs(scene.load[2]), own.force_before[0])
-    laws._begin(  # noqa: SLF001
-        given.c, given.tissue, given.plate, memory.x, memory.theta, memory.cover, memory.memory, memory.knots,
-        memory.trace, memory.kept, given.prior, own.flux[0], scale, laws.PRIOR_ONSET,
-    )  # fmt: skip
+    laws._begin(given.fixed, memory, own.flux[0], scale, laws.PRIOR_ONSET)  # noqa: SLF001
+    basis = given.fixed.fine
     own.on_plate[0] = 1
     for _ in range(ago):
         observer.advance(
-            given.c, given.tissue, given.plate, memory.x, memory.theta, memory.memory, scene.sent[0], scale
+            basis.c, basis.tissue, basis.plate, memory.x, memory.theta, memory.memory, scene.sent[0], scale
         )  # fmt: skip
 
 
 @kernel
 def command(
-    scene: Scene, own: Own, given: Given, figures: Figures, memory: Memory, taken: Taken, out: Any
+    scene: Scene, own: Own, given: Given, figures: Figures, memory: Memory, taken: Taken, leaving: Coming
 ) -> int:  # fmt: skip
     """Command the current [A] by which the law follows the plan, or brings the plate to its start temperature.
 
-    ``out``: the currents on their way over a wire, see `Coming`.
+    ``leaving`` says what leaves before it; without a wire nothing does.
     """
     touching, ticks = own.touching[0] != 0, scene.tick[0] - own.begun[0]
     comes = own.on_plate[0] == 0 and aiming.pressed(scene, figures.heat)
@@ -242,23 +240,19 @@ def command(
             _set_down(scene, own, given, memory, taken.scale[0])
     if touching and own.on_plate[0] != 0:
         scale = 1.0
-        look_ahead(memory.future, ticks, given.offsets, own.desired[0], memory.wanted)
+        look_ahead(memory.future, ticks, given.fixed.offsets, own.desired[0], memory.wanted)
         if not figures.steady:
             scale = _scale(scene, own, given, figures, figures.delay)
+        doubt = memory.cover[observer.RESISTANCE, observer.RESISTANCE]
         current, flux = laws._follow(  # noqa: SLF001
-            given.c, given.tissue, given.plate, given.far_tissue, given.far_plate, memory.x, memory.theta,
-            memory.memory, scale, memory.line, memory.slots, memory.single, memory.queue, memory.wanted,
-            memory.response, given.hats, memory.knots, memory.work, memory.trace, memory.span, figures.flux_limit,
-            figures.ceiling, given.band, figures.capacity, memory.cover[observer.RESISTANCE, observer.RESISTANCE],
-            figures.size, figures.hold, figures.hold, out, _NOTHING,
-        )  # fmt: skip
+            given.fixed, memory, figures.bounds, leaving, scale, doubt, figures.hold
+        )
     else:
         if scene.load.shape[0] > 0:
             own.force_before[0] = abs(scene.load[2])
         current, flux, error = laws._approach(  # noqa: SLF001
-            given.c, given.tissue, given.plate, memory.x, memory.theta, memory.memory, memory.line, memory.slots, out,
-            _NOTHING, own.start_temperature[0], figures.capacity, figures.flux_limit, figures.ceiling, figures.within,
-        )  # fmt: skip
+            given.fixed.fine, memory, figures.bounds, leaving, own.start_temperature[0], figures.within
+        )
         aiming.judge(scene, own, figures, error)
         if not touching:
             current = masked(current, figures.noise, figures.most, scene.tick[0])

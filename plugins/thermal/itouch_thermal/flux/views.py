@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch_thermal.flux.law import Bounds, Fixed
+
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
@@ -78,44 +80,14 @@ class Own(NamedTuple):
     reached: Numbers
 
 
-class Memory(NamedTuple):
-    """Views of the law's State fields; see `ModelLaw`."""
-
-    x: Floats
-    theta: Floats
-    cover: Floats
-    gain: Floats
-    memory: Floats
-    line: Floats
-    slots: Floats
-    wanted: Floats
-    response: Floats
-    knots: Floats
-    work: Floats
-    trace: Floats
-    span: Floats
-    past: Floats
-    kept: Floats
-    future: Floats
-    single: Floats
-    queue: Floats
-
-
 class Given(NamedTuple):
-    """Arrays that never change: constants of law and preview, and what is known of each object.
+    """Arrays that never change: those of the law (``fixed``) and of the preview, and what is known of each object.
 
     Per object, ``known`` says whether its heat is, ``starts`` whether it has start temperatures, ``played`` whether it
     plays a curve; ``start`` has its start temperatures [K] at three skin temperatures, and its own temperature [K].
     """
 
-    c: Floats
-    tissue: Floats
-    plate: Floats
-    far_tissue: Floats
-    far_plate: Floats
-    hats: Floats
-    band: Floats
-    offsets: Numbers
+    fixed: Fixed
     finger: Floats
     bodies: Floats
     known: Numbers
@@ -123,21 +95,19 @@ class Given(NamedTuple):
     played: Numbers
     law: Floats
     cover: Floats
-    pad: Floats
-    prior: Floats
     into: Floats
     start: Floats
 
 
 class Figures(NamedTuple):
-    """Numbers that never change: sizes in periods, limits, and what is known of skin and room, in SI.
+    """Numbers that never change: the law's (``bounds``), sizes in periods, and what is known of skin and room, in SI.
 
     An update stands for ``hold`` servo periods, which are ``update`` [s] together.  ``probe`` is the number of the
     finger, ``first`` how many steps a contact is run ahead in the tick in which it begins, and ``sees`` says whether
     the skin's temperature is read.
     """
 
-    size: int
+    bounds: Bounds
     delay: int
     ahead: int
     again: int
@@ -152,9 +122,6 @@ class Figures(NamedTuple):
     preset_time: float
     low: float
     high: float
-    flux_limit: float
-    ceiling: float
-    capacity: float
     within: float
     part: float
     resting: float

@@ -143,9 +143,7 @@ class _Drive:
         flux = gap / float(self.resistance[0])
         found = np.empty(len(pump))
         for i in range(len(pump)):
-            flux = planner.ahead(
-                self.tissue, self.plate, above, below, flux, float(pump[i]), 0.0, float(self.resistance[i]),
-                1.0, 1.0, *self.selves, rest,
-            )  # fmt: skip
+            joint = planner.Joint(float(self.resistance[i]), 1.0, 1.0, *self.selves, rest)
+            flux = planner.ahead(self.tissue, self.plate, above, below, flux, float(pump[i]), 0.0, joint)
             found[i] = flux
         return found
