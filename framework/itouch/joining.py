@@ -36,8 +36,8 @@ from itouch.compiling import addressed_kernel, nogil_kernel, part_of_its_caller
 _SIGNATURE = int64(int64)
 #: What a call returns to leave out the remaining calls of its step.
 SKIP = 1 << 40
-#: How many numbers describe where a chain is in memory (``Chain._about``).
-_ABOUT = 7
+#: The numbers that describe where a chain is in memory (``Chain._about``), and how many they are.
+_COUNT, _ENTRIES, _WORDS, _ENDS, _STEPS, _CLOCK, _MEMORY, _ABOUT = range(8)
 #: Element types that arrays may have.
 _KINDS = (
     np.float64, np.float32, np.int64, np.int32, np.int16, np.int8, np.uint64, np.uint32, np.uint16, np.uint8,
@@ -106,9 +106,9 @@ def run_chain(about: int, begin: int) -> int:
     pass from Python.
     """
     chain = carray(_pointer(about), _ABOUT, int64)
-    count = chain[0]
-    entries, words = carray(_pointer(chain[1]), count, int64), carray(_pointer(chain[2]), count, int64)
-    ends = carray(_pointer(chain[3]), count, int64)
+    count = chain[_COUNT]
+    entries, words = carray(_pointer(chain[_ENTRIES]), count, int64), carray(_pointer(chain[_WORDS]), count, int64)
+    ends = carray(_pointer(chain[_ENDS]), count, int64)
     i = begin
     while i < count:
         code: int = _call(entries[i], words[i])
@@ -122,15 +122,15 @@ def run_chain(about: int, begin: int) -> int:
 def _run_timed(about: int, begin: int, stamps: Any, first: int) -> int:
     """Do what ``run_chain`` does, and write the host time [s] after step i to ``stamps[first + i]``."""
     chain = carray(_pointer(about), _ABOUT, int64)
-    count = chain[0]
-    entries, words = carray(_pointer(chain[1]), count, int64), carray(_pointer(chain[2]), count, int64)
-    ends, steps = carray(_pointer(chain[3]), count, int64), carray(_pointer(chain[4]), count, int64)
-    memory = carray(_pointer(chain[6]), 2, int64)
+    count = chain[_COUNT]
+    entries, words = carray(_pointer(chain[_ENTRIES]), count, int64), carray(_pointer(chain[_WORDS]), count, int64)
+    ends, steps = carray(_pointer(chain[_ENDS]), count, int64), carray(_pointer(chain[_STEPS]), count, int64)
+    memory = carray(_pointer(chain[_MEMORY]), 2, int64)
     i = begin
     while i < count:
         code: int = _call(entries[i], words[i])
         if code != 0 or i + 1 == ends[i]:
-            _read_clock(chain[5], 1, chain[6])
+            _read_clock(chain[_CLOCK], 1, chain[_MEMORY])
             stamps[first + steps[i]] = memory[0] + 1e-9 * memory[1]
         if code != 0 and code != SKIP:
             return (i << 32) | code
@@ -142,8 +142,8 @@ def _run_timed(about: int, begin: int, stamps: Any, first: int) -> int:
 def host_time(about: int) -> float:
     """Return the host's time [s] by the clock of a chain (of its place), which is that of ``time.perf_counter``."""
     chain = carray(_pointer(about), _ABOUT, int64)
-    memory = carray(_pointer(chain[6]), 2, int64)
-    _read_clock(chain[5], 1, chain[6])
+    memory = carray(_pointer(chain[_MEMORY]), 2, int64)
+    _read_clock(chain[_CLOCK], 1, chain[_MEMORY])
     return float(memory[0] + 1e-9 * memory[1])
 
 

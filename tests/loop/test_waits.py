@@ -19,6 +19,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene.writer import write
 from itouch.schema.hold_until import Until
 from itouch.twin import waits
+from itouch.twin.mechanics import AlongPath
 from itouch.world import Model
 from itouch.world.skin import LONGEST, SkinSource, skin_of, window_ticks
 from itouch_tools.authoring.xsd import schemas
@@ -221,19 +222,18 @@ def play(skins: list[float], valid: list[bool]) -> tuple[list[int], int, int]:
     """Return the ticks on the path, and how long the wait lasted and how it ended."""
     one, whole = (lambda: np.zeros(1)), (lambda: np.zeros(1, np.int64))
     skin, seen, ticks, tick = one(), whole(), whole(), whole()
-    baseline, averaged, now, fresh = one(), whole(), one(), whole()
-    begin, waited, end, found = np.full(1, -1), whole(), whole(), one()
-    rules, memory = (tick, np.array([6]), np.array([0.5]), SPANS), (baseline, averaged, now, fresh)
+    means = waits.Means(baseline=one(), averaged=whole(), skin=one(), fresh=whole())
+    table = waits.Table(wait_begin=np.full(1, -1), waited=whole(), wait_end=whole(), wait_skin=one())
+    rules = waits.Rules(tick, np.array([6]), np.array([0.5]), SPANS[:1], SPANS[1:2], SPANS[2:])
+    along = AlongPath(np.ones(1), np.zeros(1), ticks, one(), 1e-3, np.zeros(3), 1e-4, whole() - 1, 3)
+    reading = waits.Reading(skin, seen, np.full(1, -1), one())
     path = []
     for value, good in zip(skins, valid, strict=True):
         skin[0], seen[0] = value, good
-        waits.follow_waiting_path(
-            np.ones(1), np.zeros(1), ticks, one(), 1e-3, np.zeros(3), 1e-4, whole() - 1, 3, skin, seen, np.full(1, -1), one(), *rules, *memory, begin,
-            waited, end, found,
-        )  # fmt: skip
+        waits.follow_waiting_path(along, reading, rules, means, table)
         tick[0] += 1
         path.append(int(ticks[0]))
-    return path, int(waited[0]), int(end[0])
+    return path, int(table.waited[0]), int(table.wait_end[0])
 
 
 @given(st.lists(st.tuples(st.floats(300.0, 310.0), st.booleans()), min_size=20, max_size=40))

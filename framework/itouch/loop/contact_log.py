@@ -21,54 +21,6 @@ from itouch.twin.coupling import Coupling
 from itouch.world import Model
 
 
-@kernel
-def _note(
-    current: Any, total: Any, touched: Any, figures: Any, top: Any, plate: Any, was_plate: Any, lasted: Any,
-    missed: Any, memory: Any, push: Any, peak: Any, deepest: Any, widest: Any, physical: Any, worst: Any,
-) -> int:  # fmt: skip
-    """Update the figures of the open contact by one tick; return 0.
-
-    All have shape (1,) but ``figures`` (FIGURES,), see `render`, and ``memory`` (MEMORY,), that of the carried surface.
-
-    Parameters
-    ----------
-    current, total, touched
-        The object whose contact is open, -1: none; the force on the finger [N]; when the plate was touched first, in
-        ticks, negative: not yet.
-    top, plate, push
-        Height of the plate's top [m], whether what touches the finger is the plate, and its true force [N], 0 if none
-        is known.
-    was_plate, lasted, missed
-        Whether the plate was there at any time, for how many ticks, and whether it was missed (1) or withdrawn (2);
-        written.
-    peak, deepest, widest, physical, worst
-        Greatest force [N], depth [m] and area [m2], when the plate was touched first, and the greatest error of its
-        height [m]; written.
-    """
-    if current[0] < 0:
-        return 0
-    if total[0] > peak[0]:  # false if it is not a number
-        peak[0] = total[0]
-    if figures[render.PENETRATION] > deepest[0]:
-        deepest[0] = figures[render.PENETRATION]
-    if figures[render.AREA] > widest[0]:
-        widest[0] = figures[render.AREA]
-    if physical[0] < 0 and touched[0] >= 0:
-        physical[0] = touched[0]
-    if plate[0] != 0 or push[0] > 0.0:
-        was_plate[0] = 1
-        lasted[0] += 1
-    if memory[MISSED] == WITHDRAWN:
-        missed[0] |= 2
-    elif memory[MISSED] > 0.0:
-        missed[0] |= 1
-    if plate[0] != 0 and memory[RENDERS] > 0.0 and memory[SETTLED] > 0.0:
-        error = abs(figures[render.SURFACE_HEIGHT] - top[0])
-        if error > worst[0]:
-            worst[0] = error
-    return 0
-
-
 class _Entry(NamedTuple):
     """State fields of the open contact from which its entry is made, of one number each.
 
@@ -93,6 +45,55 @@ class _Entry(NamedTuple):
     def of(cls, state: Record, probe: str) -> _Entry:
         """Return the views of State."""
         return cls(*(state[f"{probe}.contact.{field}"] for field in cls._fields))
+
+
+class _Now(NamedTuple):
+    """What is seen of the open contact in a tick, of shape (1,) but ``figures`` and ``memory``.
+
+    The object, -1: none; the force on the finger [N]; the tick in which the plate was touched first, negative: not yet;
+    height of the plate's top [m], whether what touches the finger is the plate, and its true force [N], 0 if none is
+    known.  ``figures`` (FIGURES,), see `render`; ``memory`` (MEMORY,): that of the carried surface.
+    """
+
+    object: Any
+    total: Any
+    touched: Any
+    top: Any
+    plate: Any
+    push: Any
+    figures: Any
+    memory: Any
+
+
+@kernel
+def _note(now: _Now, entry: _Entry, worst: Any) -> int:
+    """Update the figures of the open contact by one tick; return 0.
+
+    ``worst`` (1,): the greatest error of the plate's height so far [m]; written.
+    """
+    if now.object[0] < 0:
+        return 0
+    figures, memory = now.figures, now.memory
+    if now.total[0] > entry.peak_force[0]:  # false if it is not a number
+        entry.peak_force[0] = now.total[0]
+    if figures[render.PENETRATION] > entry.peak_penetration[0]:
+        entry.peak_penetration[0] = figures[render.PENETRATION]
+    if figures[render.AREA] > entry.peak_area[0]:
+        entry.peak_area[0] = figures[render.AREA]
+    if entry.physical_begin[0] < 0 and now.touched[0] >= 0:
+        entry.physical_begin[0] = now.touched[0]
+    if now.plate[0] != 0 or now.push[0] > 0.0:
+        entry.plate[0] = 1
+        entry.plate_ticks[0] += 1
+    if memory[MISSED] == WITHDRAWN:
+        entry.plate_missed[0] |= 2
+    elif memory[MISSED] > 0.0:
+        entry.plate_missed[0] |= 1
+    if now.plate[0] != 0 and memory[RENDERS] > 0.0 and memory[SETTLED] > 0.0:
+        error = abs(figures[render.SURFACE_HEIGHT] - now.top[0])
+        if error > worst[0]:
+            worst[0] = error
+    return 0
 
 
 class Kept(NamedTuple):
@@ -142,11 +143,11 @@ class ContactLog:
         figures = toucher.figures
         known = coupling.true_top if table is not None and table.model.twin else figures[render.PLATE_TOP :][:1]
         #: Follows the open contact; called at the end of each tick.
-        self.note = Bound(
-            _note, toucher.current, coupling.total, coupling.touched, figures, known, toucher.plate, entry.plate,
-            entry.plate_ticks, entry.plate_missed, toucher.surface, state[f"{name}.plate_force"], entry.peak_force,
-            entry.peak_penetration, entry.peak_area, entry.physical_begin, statistics.worst_height,
+        now = _Now(
+            toucher.current, coupling.total, coupling.touched, known, toucher.plate, state[f"{name}.plate_force"],
+            figures, toucher.surface,
         )  # fmt: skip
+        self.note = Bound(_note, now, entry, statistics.worst_height)
         self.note.warm_up()
         self._top = known if table is not None else np.zeros(0)
         #: The keys of an entry with null, as where nothing measures them, and the modalities that measure anything.

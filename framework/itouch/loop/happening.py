@@ -13,6 +13,7 @@ from itouch.joining import run_chain
 from itouch.loop import render
 from itouch.loop.carrying import quiet
 from itouch.plugin import Contact, HeardContact
+from itouch.world.state import EVENT_DTYPE
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -23,6 +24,11 @@ NEAR, BEGIN, MOVE, END = (int(kind) for kind in (Contact.NEAR, Contact.BEGIN, Co
 NOTHING = -1
 #: A contact has ended when the probe was this far away [m], for so long [s].
 SEPARATION, SEPARATION_TIME = 1e-4, 0.020
+
+#: Where each number of a remembered event stands in its row.
+_KIND, _TICK, _PROBE, _OBJECT, _POINT, _NORMAL, _DISTANCE, _SPEED, _TANGENTIAL, _PENETRATION, _FORCE, _TIME, _AREA = (
+    place[1] // 8 for place in (np.dtype(EVENT_DTYPE).fields or {}).values()
+)
 
 
 class Seen(NamedTuple):
@@ -150,14 +156,15 @@ def _remember(kept: Any, event: Any) -> None:
     """Write an event into the table of the last events."""
     row = kept.told[0] % kept.table.shape[0]
     words, numbers = kept.table[row], kept.table_numbers[row]
-    words[0], words[1], words[2], words[3] = event.kind[0], event.tick[0], event.probe[0], event.object[0]
+    words[_KIND], words[_TICK], words[_PROBE], words[_OBJECT] = (
+        event.kind[0], event.tick[0], event.probe[0], event.object[0]
+    )  # fmt: skip
     for i in range(3):
-        numbers[4 + i], numbers[7 + i], numbers[12 + i] = (
-            event.point[i], event.normal[i], event.tangential_velocity[i]
-        )  # fmt: skip
-    numbers[10], numbers[11] = event.distance[0], event.speed[0]
-    numbers[15], numbers[16] = event.penetration[0], event.force[0]
-    numbers[17], numbers[18] = event.time_to_contact[0], event.area[0]
+        numbers[_POINT + i], numbers[_NORMAL + i] = event.point[i], event.normal[i]
+        numbers[_TANGENTIAL + i] = event.tangential_velocity[i]
+    numbers[_DISTANCE], numbers[_SPEED] = event.distance[0], event.speed[0]
+    numbers[_PENETRATION], numbers[_FORCE] = event.penetration[0], event.force[0]
+    numbers[_TIME], numbers[_AREA] = event.time_to_contact[0], event.area[0]
     kept.told[0] += 1
 
 

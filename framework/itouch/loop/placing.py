@@ -46,6 +46,15 @@ class Post(NamedTuple):
     share: Floats
 
 
+class Turn(NamedTuple):
+    """The tick and whether scripts go on, shape (1,) each, the servo period [s], and the code of an enabled device."""
+
+    tick: Numbers
+    ready: Numbers
+    period: float
+    enabled: int
+
+
 class Carried(NamedTuple):
     """A surface and the finger over it.
 
@@ -83,26 +92,26 @@ def arm(
 
 @kernel
 def surface(
-    post: Post, allowed: Allowed, memory: Memory, load: Load, one: Carried, clocks: Clocks, said: Floats, tick: Any,
-    ready: Any, tracking: Counts, radius: float, calibrates: bool, period: float, enabled: int,
+    post: Post, allowed: Allowed, memory: Memory, load: Load, one: Carried, clocks: Clocks, said: Floats, turn: Turn,
+    tracking: Counts, radius: float, calibrates: bool,
 ) -> int:  # fmt: skip
     """Watch a carried surface, and count how far it is from its command once scripts go on.
 
     ``calibrates``: a touch-off finds its height; ``radius``: of the finger [m]; ``tracking``: histogram of the
-    distances; ``tick`` and ``ready`` have shape (1,).  ``said`` (1,) is written for Python: the share of the drive that
-    is allowed, 0 to 1, or minus the code of a trip.
+    distances.  ``said`` (1,) is written for Python: the share of the drive that is allowed, 0 to 1, or minus the code
+    of a trip.
     """
-    if post.status[0] != enabled:
+    if post.status[0] != turn.enabled:
         return SKIP
-    if ready[0] != 0:
+    if turn.ready[0] != 0:
         counted(tracking, one.strayed[0])
-    now, time, seconds = moment(clocks, post.checked[0], tick[0], period)
-    post.checked[0] = tick[0] + clocks.missed[0]
+    now, time, seconds = moment(clocks, post.checked[0], turn.tick[0], turn.period)
+    post.checked[0] = turn.tick[0] + clocks.missed[0]
     x = one.finger[0] - one.frame[TABLE]
     y = one.finger[1] - one.frame[TABLE + 1]
     z = one.finger[2] - one.frame[TABLE + 2]
     gap = one.finger[2] - radius - one.top[0]
-    seen = SurfaceObservation(now, time, seconds, one.strayed[0], gap, ready[0] != 0 and calibrates)
+    seen = SurfaceObservation(now, time, seconds, one.strayed[0], gap, turn.ready[0] != 0 and calibrates)
     found = watch(allowed, memory, load, one.pose, turned_in(one.frame, TABLE, x, y, z), seen, one.touch)
     if found >= 0.0 and memory.looked[0] == now:
         one.touched[0], one.felt[0] = int(one.touch[0]), one.touch[1]
@@ -113,7 +122,7 @@ def surface(
 @kernel
 def together(
     load: Load, nearing: Nearing, touch: float, force: float, room: Floats, allowed: Allowed, memory: Memory,
-    status: Any, touched: Any, missed: Any, said: Floats, tick: Any, period: float, enabled: int,
+    status: Any, touched: Any, missed: Any, said: Floats, turn: Turn,
 ) -> int:  # fmt: skip
     """Leave an arm the force [N] that a surface does not take, and run the clock of T4.
 
@@ -127,7 +136,8 @@ def together(
         pressed = 0.0
     for i in range(room.shape[0]):
         room[i] = max(0.0, force - (pressed + more))
-    found = count(allowed, memory, clocked(tick[0] + missed[0], period), status[0] == enabled and touched[0] != 0)
+    time = clocked(turn.tick[0] + missed[0], turn.period)
+    found = count(allowed, memory, time, status[0] == turn.enabled and touched[0] != 0)
     said[0] = found
     return TOLD if found < 0.0 else 0
 
@@ -165,8 +175,8 @@ def bound_supervision(
         )  # fmt: skip
         looks = Bound(
             surface, own, monitor.allowed, monitor.memory(post.state), monitor.load(panel.seen), one, panel.times,
-            post.said, tick, state["ready"], tracking, rig.probe.scene.radius, rig.touch_off is not None,
-            rig.model.period, int(ENABLED),
+            post.said, Turn(tick, state["ready"], rig.model.period, int(ENABLED)), tracking, rig.probe.scene.radius,
+            rig.touch_off is not None,
         )  # fmt: skip
     else:
         return ()
@@ -188,6 +198,6 @@ def bound_together(finger: Finger, state: Record, period: float) -> Bound | None
     panel, monitor = table.device_monitors, post.monitor
     return Bound(
         together, monitor.load(panel.seen), nearing, TOUCH_FORCE, finger.force, room, monitor.allowed,
-        monitor.memory(post.state), table.latch.seen, state[f"{table.model.name}.touched"], panel.times.missed,
-        post.said, state["tick"], period, int(ENABLED),
+        monitor.memory(post.state), table.latch.seen, state[f"{table.model.name}.touched"], panel.times.missed, post.said,
+        Turn(state["tick"], state["ready"], period, int(ENABLED)),
     )  # fmt: skip

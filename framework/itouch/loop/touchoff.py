@@ -101,10 +101,14 @@ def _lead(c: Floats, search: Any, reach: Any) -> None:
     lower(search.hand, min(0.0, top + reach.radius - ROOM - reach.start), LEAD_SPEED * reach.period)
 
 
+#: What is summed of the samples of a touch: their number, force, height, and products of force with both.
+_COUNT, _FORCE, _HEIGHT, _FORCE_HEIGHT, _FORCE_FORCE = range(5)
+
+
 @kernel
 def _at_zero_force(sums: Floats) -> float:
     """Return the height [m] at zero force of the line through the samples; their mean if they don't tell a slope."""
-    n, f, h, fh, ff = sums[0], sums[1], sums[2], sums[3], sums[4]
+    n, f, h, fh, ff = sums[_COUNT], sums[_FORCE], sums[_HEIGHT], sums[_FORCE_HEIGHT], sums[_FORCE_FORCE]
     spread = n * ff - f * f
     if n < 5 or spread <= 1e-9:
         return float(h / n)
@@ -114,13 +118,13 @@ def _at_zero_force(sums: Floats) -> float:
 
 @kernel
 def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: float) -> int:
-    """Bring the plate below the finger; ``sums[0]`` counts the ticks in which it is felt and can go no lower."""
+    """Bring the plate below the finger; the sums' `_COUNT` is of the ticks in which it is felt and can go no lower."""
     target = search.target[0]
     if force > FORCE / 3:  # touched already: the table is mounted higher than the scene says
         search.target[0] = max(reach.low, target - DROP * 50 * reach.period)
         if target <= reach.low and pose[2] - reach.low < _ARRIVED:
-            search.sums[0] += 1
-            if search.sums[0] * reach.period > RESTS:
+            search.sums[_COUNT] += 1
+            if search.sums[_COUNT] * reach.period > RESTS:
                 return TOO_HIGH
     elif abs(pose[0] - x) < _ARRIVED and abs(pose[1] - y) < _ARRIVED and abs(pose[2] - target) < _ARRIVED:
         search.sums[:] = 0.0
@@ -140,11 +144,11 @@ def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, for
     if force > SAMPLE:
         # By its own reading, not by what the modality says that carries it: it is the device that is calibrated.
         height = plate.top(c, pose) - (figures[render.HIP + 2] - reach.radius)
-        sums[0] += 1
-        sums[1] += force
-        sums[2] += height
-        sums[3] += force * height
-        sums[4] += force * force
+        sums[_COUNT] += 1
+        sums[_FORCE] += force
+        sums[_HEIGHT] += height
+        sums[_FORCE_HEIGHT] += force * height
+        sums[_FORCE_FORCE] += force * force
     if force >= FORCE:
         search.offsets[search.point[0]] = _at_zero_force(sums)
         search.target[0] = max(reach.low, search.target[0] - DROP)  # but no lower than the end of its travel

@@ -121,6 +121,12 @@ RAMP = 20.0
 SLOW = 0.02
 
 
+#: Places in the pad of a finger, see `Nearing`; and in a row of the places where surface and finger were: when, where
+#: the surface was, and where the finger was.
+_RADIUS, _STIFFNESS, _DAMPING, _PERIOD = range(4)
+_THEN, _X, _Y, _Z, _FINGER_X, _FINGER_Y = range(6)
+
+
 class Nearing(NamedTuple):
     """A finger over a surface: its place and velocity, (3,) in the world, and the height of the surface's top, (1,).
 
@@ -144,7 +150,8 @@ def rise(nearing: Any, pressed: float) -> float:
     A finger that comes down, or a surface that rises, presses the pad deeper; where they meet, the pad's damping acts
     at once.
     """
-    radius, stiffness, damping, period = nearing.pad[0], nearing.pad[1], nearing.pad[2], nearing.pad[3]
+    pad = nearing.pad
+    radius, stiffness, damping, period = pad[_RADIUS], pad[_STIFFNESS], pad[_DAMPING], pad[_PERIOD]
     closing = max(0.0, nearing.rising[0] - nearing.velocity[2])
     way = LATE * period * closing
     said = nearing.presses[0]
@@ -232,8 +239,8 @@ def moves(allowed: Any, memory: Any, pose: Floats, finger: Any, seen: Any, touch
     if then < 0:
         return 0.0
     before, near = memory.track[then], memory.near_since[0]
-    window = seen.time - before[0]
-    x, y, z = pose[0] - before[1], pose[1] - before[2], pose[2] - before[3]
+    window = seen.time - before[_THEN]
+    x, y, z = pose[0] - before[_X], pose[1] - before[_Y], pose[2] - before[_Z]
     speed, closing = math.sqrt(x * x + y * y + z * z) / window, z / window
     if speed > SPEED_TRIP:
         memory.figure[0], memory.figure[1] = speed, 0.0
@@ -244,7 +251,7 @@ def moves(allowed: Any, memory: Any, pose: Floats, finger: Any, seen: Any, touch
     if closing > SPEED_NEAR_TRIP:
         memory.figure[0], memory.figure[1] = closing, 1.0
         return -float(allowed.speed)
-    along, across = x - (finger[0] - before[4]), y - (finger[1] - before[5])
+    along, across = x - (finger[0] - before[_FINGER_X]), y - (finger[1] - before[_FINGER_Y])
     past = math.sqrt(along * along + across * across) / window
     if touched and min(past, math.sqrt(x * x + y * y) / window) > SPEED_NEAR_TRIP:
         memory.figure[0], memory.figure[1] = past, 2.0

@@ -90,9 +90,10 @@ class Coupling:
             (hand.time, hand.offset, hand.motion) if hand is not None else (np.zeros(1), np.zeros(3), np.zeros(9))
         )
         bound = Bound(
-            at.couple_finger, self._constants, self._pieces, hand_time, hand_offset, motion, self._hip, self._push,
-            self._carrier, self.figures, self._end, self._pace, self._load, self._tick, self.touched,
-            face.touch.face if face is not None else np.zeros(2), others, self.given,
+            at.couple_finger, self._constants, at.Led(self._pieces, hand_offset, motion),
+            at.Pushes(self._push, others, self.given),
+            at.Touched(self._carrier, self.figures, self._end, self._pace, self._load), hand_time, self._hip,
+            self._tick, self.touched, face.touch.face if face is not None else np.zeros(2),
         )  # fmt: skip
         bound.warm_up()
         return bound

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Bound, Record
 from itouch.scene.elements import Operator
-from itouch.twin.mechanics import follow_path, lower
+from itouch.twin.mechanics import AlongPath, follow_path, lower
 from itouch.twin.waits import Waits
 from itouch.world.recorded import RecordedMotion
 from itouch.world.skin import SkinSource
@@ -143,8 +143,8 @@ class Hand:
         if self._recorded is not None:
             return None
         back = LEAD_SPEED * self._period
-        path = (moving, self._steered, self.ticks, self.time, self._period, self.offset, back, stage, done)
-        return Bound(follow_path, *path) if self.waits is None else self.waits.bound(*path)
+        path = AlongPath(moving, self._steered, self.ticks, self.time, self._period, self.offset, back, stage, done)
+        return Bound(follow_path, path) if self.waits is None else self.waits.bound(path)
 
     def advance(self, moving: bool) -> None:
         """Compute the time on the path for the next step; it advances if ``moving`` and nothing holds it."""

@@ -6,7 +6,7 @@ The finger is a point mass on the hand's spring; the plate pushes it through the
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,10 @@ ARM, TABLE, OFFSET, EXTENT = _constants.parts(FRAME, FRAME, 3, 2)
 RADIUS, PAD_STIFFNESS, PAD_DAMPING, MASS, STIFFNESS, DAMPING, PERIOD = _constants.parts(1, 1, 1, 1, 1, 1, 1)
 CONSTANTS = _constants.width
 
+# Places of the finger's motion, which are State fields in this order.
+_motion = Block()
+PLACE, SPEED, TARGET = _motion.parts(3, 3, 3)
+
 # Places of the plate's figures, which follow from the State fields.
 _at = places(fields.PLATE)
 FORCE, TOP = _at["plate_force"], _at["plate_true_top"]
@@ -32,6 +36,64 @@ FIGURES = width(fields.PLATE)
 
 #: Least gap [m] of a finger beside the plate, and the gap [m] from which on the plate's speed is ignored.
 BESIDE, FAR = 1e-3, 0.5
+
+
+class AlongPath(NamedTuple):
+    """A hand on its path.
+
+    ``moving`` (whether scripts run), ``steered``, ``ticks`` along the path, ``time`` on it [s] and ``stage`` of a
+    touch-off have shape (1,); ``offset`` from the path has shape (3,) [m]; ``period`` [s].  While scripts are paused
+    the hand rests; once the touch-off is ``done`` it returns to its path, by ``back`` [m] per tick.
+    """
+
+    moving: Any
+    steered: Any
+    ticks: Any
+    time: Floats
+    period: float
+    offset: Floats
+    back: float
+    stage: Any
+    done: int
+
+
+class Led(NamedTuple):
+    """The finger's twin and the hand that leads it.
+
+    The hand's path, as pieces (n, 8), its offset from it, shape (3,) [m], and position [m], velocity [m/s] and target
+    [m] of the finger, shape (9,), world frame; these are updated.
+    """
+
+    pieces: Floats
+    offset: Floats
+    motion: Floats
+
+
+class Pushes(NamedTuple):
+    """Forces on the finger.
+
+    That of the arm in the arm's frame, shape (3,) [N]; those of the arms and plates of other probes on the same finger,
+    world frame, shape (n, 3) [N]; that of this arm and this plate, world frame, shape (3,) [N], which is written.
+    """
+
+    push: Floats
+    others: Floats
+    given: Floats
+
+
+class Touched(NamedTuple):
+    """The arm and the plate that the finger touches.
+
+    Position of the plate's carrier in the table's frame, shape (3,) [m]; the figures of the plate, shape (FIGURES,),
+    which are written, as are the finger's pose and twist in the arm's frame, shapes (7,) and (6,), of which position
+    and velocity, and the force of the finger on the table, in the table's frame, shape (3,) [N].
+    """
+
+    table: Floats
+    figures: Floats
+    end: Floats
+    pace: Floats
+    load: Floats
 
 
 @kernel
@@ -81,52 +143,31 @@ def lower(offset: Floats, towards: float, step: float) -> None:
 
 
 @kernel
-def follow_path(
-    moving: Any, steered: Any, ticks: Any, time: Floats, period: float, offset: Floats, back: float, stage: Any,
-    done: int,
-) -> int:  # fmt: skip
-    """Advance along a hand's path by one tick; if the hand is steered, return 1 and leave it to Python.
-
-    ``moving`` (whether scripts run), ``steered``, ``ticks`` along the path, ``time`` on it [s] and ``stage`` of a
-    touch-off have shape (1,); ``offset`` from the path has shape (3,) [m]; ``period`` [s].  While scripts are paused
-    the hand rests; once the touch-off is ``done`` it returns to its path, by ``back`` [m] per tick.
-    """
-    if steered[0] != 0:
+def follow_path(path: AlongPath) -> int:
+    """Advance along a hand's path by one tick; if the hand is steered, return 1 and leave it to Python."""
+    if path.steered[0] != 0:
         return 1
-    if moving[0] != 0:
-        ticks[0] += 1
-    elif stage[0] == done:
-        lower(offset, 0.0, back)
-    time[0] = ticks[0] * period
+    if path.moving[0] != 0:
+        path.ticks[0] += 1
+    elif path.stage[0] == path.done:
+        lower(path.offset, 0.0, path.back)
+    path.time[0] = path.ticks[0] * path.period
     return 0
 
 
 @kernel
 def couple_finger(
-    constants: Floats,
-    pieces: Floats,
-    time: Floats,
-    offset: Floats,
-    hand: Floats,
-    hip: Floats,
-    push: Floats,
-    table: Floats,
-    figures: Floats,
-    end: Floats,
-    pace: Floats,
-    load: Floats,
-    tick: Any,
-    touched: Any,
+    constants: Floats, led: Led, pushes: Pushes, arm: Touched, time: Floats, hip: Floats, tick: Any, touched: Any,
     face: Floats,
-    others: Floats,
-    given: Floats,
-) -> int:
+) -> int:  # fmt: skip
     """Advance the finger by one period, and write what touches the plate; return 0.
+
+    The named tuples are unpacked here, because passing a tuple of many arrays on is costly.
 
     Parameters
     ----------
-    constants, pieces, offset, hand, push, table, figures, end, pace, load, others, given
-        As in ``step_finger``.
+    constants
+        Shape (CONSTANTS,); with a mass of 0 the finger is not moved here (it is a real one).
     time
         The target's time on the path [s], shape (1,).
     hip
@@ -134,66 +175,14 @@ def couple_finger(
     tick, touched
         The tick, and the one in which the present touch of the plate began (-1: no touch), shape (1,).
     face
-        Force on the plate [N] and gap [m], shape (2,); written.
+        Force on the plate [N] and gap between plate and finger pad before the step [m], shape (2,); written.
     """
-    if constants[MASS] == 0.0:
+    hand, push, figures, load = led.motion, pushes.push, arm.figures, arm.load
+    given, others = pushes.given, pushes.others
+    mass, period = constants[MASS], constants[PERIOD]
+    if mass == 0.0:
         hand[0], hand[1], hand[2] = hip[0], hip[1], hip[2]
-    gap = step_finger(constants, pieces, time[0], offset, hand, push, table, figures, end, pace, load, others, given)
-    if figures[FORCE] <= 0.0:
-        touched[0] = -1
-    elif touched[0] < 0:
-        touched[0] = tick[0]
-    face[0], face[1] = figures[FORCE], gap
-    return 0
-
-
-@kernel
-def step_finger(
-    constants: Floats,
-    pieces: Floats,
-    time: float,
-    offset: Floats,
-    hand: Floats,
-    push: Floats,
-    table: Floats,
-    figures: Floats,
-    end: Floats,
-    pace: Floats,
-    load: Floats,
-    others: Floats,
-    given: Floats,
-) -> float:
-    """Advance the finger by one period.
-
-    Parameters
-    ----------
-    constants
-        Shape (CONSTANTS,); with a mass of 0 the finger is not moved here (it is a real one).
-    pieces, time, offset
-        The hand's path, the target's time on it [s], and its offset from the path, shape (3,) [m].
-    hand
-        Position [m], velocity [m/s] and target [m] of the finger, shape (9,), world frame; updated.
-    push
-        The arm's force on the finger in the arm's frame, shape (3,) [N].
-    table
-        Position of the plate's carrier in the table's frame, shape (3,) [m].
-    figures
-        The figures of the plate, shape (FIGURES,); written.
-    end, pace
-        The finger's pose and twist in the arm's frame, shapes (7,) and (6,); position and velocity are written.
-    load
-        The force of the finger on the table, in the table's frame, shape (3,) [N]; written.
-    others
-        Forces of the arms and plates of other probes on the same finger, world frame, shape (n, 3) [N].
-    given
-        Force of this arm and this plate on the finger, world frame, shape (3,) [N]; written.
-
-    Returns
-    -------
-    float
-        The gap between plate and finger pad before the step [m].
-    """
-    gap = plate_force(constants, hand, table, figures)
+    gap = plate_force(constants, hand, arm.table, figures)
     ax, ay, az = turned_out(constants, ARM, push[0], push[1], push[2])
     nx, ny, nz = turned_out(constants, TABLE, 0.0, 0.0, figures[FORCE])
     given[0], given[1], given[2] = fx, fy, fz = ax + nx, ay + ny, az + nz
@@ -201,18 +190,23 @@ def step_finger(
         fx, fy, fz = fx + others[i, 0], fy + others[i, 1], fz + others[i, 2]
     figures[TOTAL] = math.sqrt(fx * fx + fy * fy + fz * fz)
     load[0], load[1], load[2] = 0.0, 0.0, -figures[FORCE]
-    mass, period = constants[MASS], constants[PERIOD]
     if mass > 0.0:
         goal = np.empty(6)
-        aim(pieces, time, goal)
+        aim(led.pieces, time[0], goal)
         for i, force in enumerate((fx, fy, fz)):
-            goal[i] += offset[i]
-            spring = constants[STIFFNESS] * (goal[i] - hand[i]) + constants[DAMPING] * (goal[3 + i] - hand[3 + i])
-            hand[3 + i] += period * (spring + force) / mass
-            hand[i] += period * hand[3 + i]
-            hand[6 + i] = goal[i]
-    tell_arm(constants, hand, end, pace)
-    return gap
+            goal[i] += led.offset[i]
+            spring = constants[STIFFNESS] * (goal[i] - hand[i])
+            spring += constants[DAMPING] * (goal[SPEED + i] - hand[SPEED + i])
+            hand[SPEED + i] += period * (spring + force) / mass
+            hand[i] += period * hand[SPEED + i]
+            hand[TARGET + i] = goal[i]
+    tell_arm(constants, hand, arm.end, arm.pace)
+    if figures[FORCE] <= 0.0:
+        touched[0] = -1
+    elif touched[0] < 0:
+        touched[0] = tick[0]
+    face[0], face[1] = figures[FORCE], gap
+    return 0
 
 
 @kernel
@@ -225,4 +219,4 @@ def tell_arm(constants: Floats, hand: Floats, end: Floats, pace: Floats) -> None
     end[0], end[1], end[2] = turned_in(
         constants, ARM, hand[0] - constants[ARM], hand[1] - constants[ARM + 1], hand[2] - constants[ARM + 2]
     )
-    pace[0], pace[1], pace[2] = turned_in(constants, ARM, hand[3], hand[4], hand[5])
+    pace[0], pace[1], pace[2] = turned_in(constants, ARM, hand[SPEED], hand[SPEED + 1], hand[SPEED + 2])

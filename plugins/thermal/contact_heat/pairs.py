@@ -6,6 +6,8 @@ closed loop's modes while it is closed.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from contact_heat import live
@@ -20,6 +22,17 @@ SETTLED = 6
 #: Indices after the pair in the state: steps at this resistance, whether the loop is closed, steps and heat since then.
 RUN, CLOSED, COUNT, BASE = range(4)
 MEMORY = 8
+
+
+class Loop(NamedTuple):
+    """A `ClosedLoop`, as the compiled steps take it: ``flux`` [W/m2] is the steady one."""
+
+    decay: Array
+    gain: Array
+    vectors: Array
+    rest: Array
+    flux: float
+    heat: Array
 
 
 @kernel
@@ -77,19 +90,14 @@ def advance_pair(
     resistances: Array,
     flux: Array,
     first: int,
-    decay: Array,
-    gain: Array,
-    vectors: Array,
-    rest: Array,
-    steady: float,
-    heat_of: Array,
+    loop: Loop,
 ) -> int:
     """Step to the end, or until the loop must be closed; return the number of steps done.
 
     ``pair``, ``finger`` and ``body`` are models (n,), ``state`` is (size + MEMORY + modes,); ``resistances``
-    (steps,) [K m2/W] and ``flux`` (steps,) [W/m2], written from step ``first`` on.  ``decay``, ``gain``,
-    ``vectors``, ``rest``, ``steady`` [W/m2] and ``heat_of`` are those of `ClosedLoop`.
+    (steps,) [K m2/W] and ``flux`` (steps,) [W/m2], written from step ``first`` on.
     """
+    decay, gain = loop.decay, loop.gain
     work = np.empty(live.SCRATCH)
     split, size = int(finger[SIZE]), int(pair[SIZE])
     f, b = int(finger[TAIL]), split + int(body[TAIL])
@@ -103,11 +111,11 @@ def advance_pair(
             while step < len(resistances) and resistances[step] == before:
                 for k in range(len(modes)):
                     modes[k] = (modes[k] * decay[k] + live.TINY) - live.TINY
-                flux[step] = steady + dot(gain, 0, modes, 0, len(modes))
+                flux[step] = loop.flux + dot(gain, 0, modes, 0, len(modes))
                 step += 1
             state[size + COUNT] += step - start
             if step < len(resistances):
-                leave_loop(state, vectors, rest, steady, heat_of, size, f, b, pair[PERIOD])
+                leave_loop(state, loop.vectors, loop.rest, loop.flux, loop.heat, size, f, b, pair[PERIOD])
             continue
         if resistance == np.inf:
             live.advance_air(finger, finger_state, work)

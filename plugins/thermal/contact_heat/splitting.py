@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -122,6 +122,18 @@ def _explicit(nodes: Array, numbers: Array, now: Any, after: Any, field: Any, ti
         now[i] = after[i]
 
 
+class Side(NamedTuple):
+    """One side: its nodes and numbers as the compiled steps take them, its field at the start, and room for the fields.
+
+    ``fields`` [K] have the shape (times, nodes).
+    """
+
+    nodes: Array
+    numbers: Array
+    start: Array
+    fields: Array
+
+
 def march(
     finger: Chain, body: Chain, problem: Array, resistance: float, times: Array, step: float, *, split: bool
 ) -> tuple[Array, Array, Array, Array, tuple[Array, Array]]:
@@ -136,11 +148,11 @@ def march(
     chains = (finger, body)
     fields = [np.zeros((len(times), len(chain.depths))) for chain in chains]
     flux, heat = np.zeros(len(times)), np.zeros(len(times))
-    args = [
-        (_nodes(chain), _numbers(chain, level[n], rises[n], float(problem[4])), chain.initial - level[n])
+    sides = [
+        Side(_nodes(chain), _numbers(chain, level[n], rises[n], float(problem[4])), chain.initial - level[n], fields[n])
         for n, chain in enumerate(chains)
     ]
-    _march(*args[0], *args[1], resistance, times, step, fields[0], fields[1], flux, heat)
+    _march(sides[0], sides[1], resistance, times, step, flux, heat)
     if split:
         alone = first_flux(problem, times)
         flux, heat = flux + alone[0], heat + alone[1]
@@ -149,6 +161,10 @@ def march(
 
 def _nodes(chain: Chain) -> Array:
     return np.stack((chain.depths, chain.capacity, np.append(chain.conductance, 0.0), chain.blood))
+
+
+#: Places in the numbers of a side.
+FIRST, LOWEST, LEVEL, RISE, ALPHA, RATE, BACK, BACK_TEMPERATURE, ARTERIAL = range(9)
 
 
 def _numbers(chain: Chain, level: float, rise: float, rate: float) -> Array:
@@ -160,24 +176,14 @@ def _numbers(chain: Chain, level: float, rise: float, rate: float) -> Array:
 
 @kernel
 def _march(
-    finger: Array,
-    finger_numbers: Array,
-    finger_start: Array,
-    body: Array,
-    body_numbers: Array,
-    body_start: Array,
-    resistance: float,
-    times: Array,
-    step: float,
-    finger_fields: Array,
-    body_fields: Array,
-    flux: Array,
-    heat: Array,
+    finger_side: Side, body_side: Side, resistance: float, times: Array, step: float, flux: Array, heat: Array
 ) -> None:
     """Step to the last time; between two steps, problem 2 is interpolated linearly and problem 1 is exact."""
-    f, b = finger_start.copy(), body_start.copy()
+    finger, finger_numbers, finger_fields = finger_side.nodes, finger_side.numbers, finger_side.fields
+    body, body_numbers, body_fields = body_side.nodes, body_side.numbers, body_side.fields
+    f, b = finger_side.start.copy(), body_side.start.copy()
     f_old, b_old = f.copy(), b.copy()
-    f_now, b_now = np.full(len(f), finger_numbers[2]), np.full(len(b), body_numbers[2])
+    f_now, b_now = np.full(len(f), finger_numbers[LEVEL]), np.full(len(b), body_numbers[LEVEL])
     f_next, b_next = f_now.copy(), b_now.copy()
     join = finger[1, 0] * body[1, 0] / (finger[1, 0] + body[1, 0])
     j = (f[0] - b[0]) / resistance if resistance > 0.0 else 0.0
@@ -209,5 +215,5 @@ def _march(
 @kernel
 def _write(nodes: Array, numbers: Array, old: Array, new: Array, part: float, time: float, row: Any) -> None:
     for i in range(len(new)):
-        alone = _first(nodes[0, i], time, numbers[2], numbers[3], numbers[4], numbers[5])
+        alone = _first(nodes[0, i], time, numbers[LEVEL], numbers[RISE], numbers[ALPHA], numbers[RATE])
         row[i] = alone + old[i] + part * (new[i] - old[i])

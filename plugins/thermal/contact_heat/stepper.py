@@ -17,7 +17,7 @@ from contact_heat.contact import Contact
 from contact_heat.layers import Side, SideName
 from contact_heat.modes import Modes, side_modes
 from contact_heat.packing import HEAT, PHASE, RESISTANCE, TAIL, pair_of
-from contact_heat.pairs import BASE, CLOSED, COUNT, MEMORY, advance_pair, enter_loop, leave_loop
+from contact_heat.pairs import BASE, CLOSED, COUNT, MEMORY, Loop, advance_pair, enter_loop, leave_loop
 from contact_heat.stack import Array, stack_of
 from contact_heat.steady import initial_profile
 
@@ -121,12 +121,7 @@ class Stepper:
                 given,
                 flux,
                 done,
-                loop.decay,
-                loop.gain,
-                loop.vectors,
-                loop.rest,
-                loop.flux,
-                loop.heat,
+                Loop(loop.decay, loop.gain, loop.vectors, loop.rest, loop.flux, loop.heat),
             )
             if done < len(given):
                 self._enter(float(given[done]))

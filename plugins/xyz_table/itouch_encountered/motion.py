@@ -35,16 +35,22 @@ from itouch_encountered.own import (
     LAG,
     LEFT,
     LOST,
+    ORIGIN,
+    ORIGIN_Z,
     PRESS,
     PRESSES,
     RESTS,
     RISE,
+    ROW_X,
+    ROW_Y,
+    ROW_Z,
     RUSHES,
     SHIFT,
     SINCE,
     SPEED,
     TAKES,
     TOUCH,
+    UPRIGHT,
     WAY,
     YIELDS,
 )
@@ -103,6 +109,8 @@ EVENED_FROM, EVENED_AT = math.cos(math.radians(30.0)), math.cos(math.radians(35.
 #: Time constant [s] with which the evened height follows what its speed did not foretell, and the difference from which
 #: on it begins anew [m].
 EVENLY, ANEW = 1.5e-3, 1e-3
+#: The rotation of a device that is sent upright, as a quaternion.
+UPRIGHT_POSE = (1.0, 0.0, 0.0, 0.0)
 #: Vertical speed [m/s] well below which a device's error is due to the force on it, and well above to its lag.
 STILL = 0.06
 
@@ -178,14 +186,15 @@ def _beside(c: Any, frame: Any) -> float:
 
     It is 0 on a level face; on a face mounted at an angle a ball rests beside that point.
     """
-    return float(c.radius * (1.0 / max(STEEPEST, frame[11]) - 1.0))
+    return float(c.radius * (1.0 / max(STEEPEST, frame[UPRIGHT]) - 1.0))
 
 
 @kernel
 def _top(c: Any, frame: Any, pose: Any) -> float:
     """Return the height in the world [m] of the lowest point of a finger on the face, for a pose (7,) of the device."""
     x, y, z = pose[0] + c.x, pose[1] + c.y, pose[2] + c.z
-    return float(frame[9] * x + frame[10] * y + frame[11] * z + frame[2] + _beside(c, frame))
+    up = frame[ROW_Z] * x + frame[ROW_Z + 1] * y + frame[ROW_Z + 2] * z
+    return float(up + frame[ORIGIN_Z] + _beside(c, frame))
 
 
 @kernel
@@ -340,12 +349,12 @@ def _give_way(c: Any, own: Any, pressed: float) -> float:
 @kernel
 def _wanted(
     c: Any, own: Any, height: float, climb: float, level: float, sink: float, lowest: float, here: float, last: float,
-    pressed: float, touching: bool, begins: bool, shift: float,
+    pressed: float, touching: bool, begins: bool,
 ) -> float:  # fmt: skip
     """Return the height [m] at which the surface is wanted; note how far it has still to come or to go (COMING)."""
     away = lowest - c.clearance
     ahead = own[RISE] if c.wire else climb * (c.period + own[LAG])
-    goal = height + ahead + shift + (own[GIVE] * pressed if touching else 0.0)
+    goal = height + ahead + own[SHIFT] + (own[GIVE] * pressed if touching else 0.0)
     if own[TAKES] > 0.0:
         _come(c, own, goal, climb, last, level, sink, here - lowest, pressed, touching, begins)
         own[COMING] = 0.0 if own[ARRIVED] > 0.0 else max(1e-6, goal - level - own[PRESS])
@@ -417,11 +426,11 @@ def _command(c: Any, frame: Any, sent: Any, hip: Any, goal: Any, height: float, 
     In a contact, or while it is felt, the surface gives way first: if it must go down and sideways and one tick is too
     short for both, the sideways motion is shortened.
     """
-    x, y, z = hip[0] - frame[0], hip[1] - frame[1], height - _beside(c, frame) - frame[2]
-    goal[0] = frame[3] * x + frame[6] * y + frame[9] * z - c.x
-    goal[1] = frame[4] * x + frame[7] * y + frame[10] * z - c.y
-    goal[2] = frame[5] * x + frame[8] * y + frame[11] * z - c.z
-    goal[3], goal[4], goal[5], goal[6] = 1.0, 0.0, 0.0, 0.0
+    x, y, z = hip[0] - frame[ORIGIN], hip[1] - frame[ORIGIN + 1], height - _beside(c, frame) - frame[ORIGIN_Z]
+    for i, offset in enumerate((c.x, c.y, c.z)):
+        goal[i] = frame[ROW_X + i] * x + frame[ROW_Y + i] * y + frame[ROW_Z + i] * z - offset
+    for i, number in enumerate(UPRIGHT_POSE):
+        goal[3 + i] = number
     down = sent[2] - goal[2]
     aside = math.sqrt((goal[0] - sent[0]) ** 2 + (goal[1] - sent[1]) ** 2)
     left = math.sqrt(max(0.0, c.reach * c.reach - down * down))
@@ -493,7 +502,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
         rounds = 0.0  # the command already goes to where the virtual surface will be (RISE)
     shift = min(MOST_SHIFT, max(-MOST_SHIFT, rounds + own[BENDS] * own[INERTIA])) if own[TAKES] > 0.0 else 0.0
     more, own[SHIFT] = shift - own[SHIFT], shift
-    wanted = _wanted(c, own, height, climb, level, sink, lowest, here, last, pressed, touching, begins, shift)
+    wanted = _wanted(c, own, height, climb, level, sink, lowest, here, last, pressed, touching, begins)
     wanted = _fall(c, own, _brake(c, own, wanted, climb, last, here, level, more), last, sink, pressed, touching)
     most = _bearable(c, own, seen.rises[0], level, sink, seen.off[0])
     still = own[TAKES] > 0.0 and own[ARRIVED] > 0.0 and wanted <= most

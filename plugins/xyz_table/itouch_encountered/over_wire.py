@@ -26,12 +26,14 @@ from itouch_encountered.own import (
     LEFT,
     LIFTED,
     LIFTS,
+    ORIGIN_Z,
     PAST,
     PLACE,
     PRESSES,
     READ_AT,
     RESTS,
     RISE,
+    ROW_Z,
     SENT_TO,
     SINCE,
     TOUCH,
@@ -94,7 +96,7 @@ class Wire(NamedTuple):
 @kernel
 def _height(frame: Any, x: float, y: float, z: float) -> float:
     """Return the height in the world [m] of a position in the device's frame [m]."""
-    return float(frame[9] * x + frame[10] * y + frame[11] * z + frame[2])
+    return float(frame[ROW_Z] * x + frame[ROW_Z + 1] * y + frame[ROW_Z + 2] * z + frame[ORIGIN_Z])
 
 
 @kernel

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from itouch.plugin import Field
-from itouch.plugin.kernels import places
+from itouch.plugin.kernels import Block, places
 
 #: For how many ticks at most it is remembered how the slope changed: 6 ms at 4 kHz.
 MOST_KINKS = 24
@@ -67,6 +67,12 @@ OVER_WIRE: tuple[Field, ...] = (
           "the virtual surface changed [m/s2], and how high the finger's lowest point was [m]"),
 )  # fmt: skip
 OVER_WIRE = tuple(replace(field, show="no") for field in OVER_WIRE)
+
+#: Where the parts of a device's frame begin: its origin [m], and each row of its rotation, into the world.
+_frame = Block()
+ORIGIN, ROW_X, ROW_Y, ROW_Z = _frame.parts(3, 3, 3, 3)
+#: Height of the origin, and the cosine of the tilt.
+ORIGIN_Z, UPRIGHT = ORIGIN + 2, ROW_Z + 2
 
 _at = places((*FIELDS, *OVER_WIRE))
 TAKES, AT_FINGER, DISTANCE, GAP = _at["takes"], _at["at_finger"], _at["distance"], _at["gap"]

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,6 +54,33 @@ FULL_FORCE, FACTOR, PRESS, PAD, PAD_EXPONENT, FINGER = range(6)
 _resistance_at, _press_factor, _contact_area = kernel(resistance_at), kernel(press_factor), kernel(contact_area)
 
 
+class Made(NamedTuple):
+    """What the plant is made of, which never changes.
+
+    Constants, shape (CONSTANTS,); packed column: tissue and plate, shapes (4, n) and (P_ROWS, m); weights of the
+    contact on the plate's modes, and of the modes in the contact, by covered share, shape (k, 2, m).
+    """
+
+    c: Any
+    tissue: Any
+    plate: Any
+    shares: Any
+
+
+class Held(NamedTuple):
+    """State of the plant, changed in place.
+
+    ``memory`` (MEMORY,), mode coordinates of tissue and plate (n,) and (m,), delayed currents (d,), and the generator's
+    word (1,).
+    """
+
+    memory: Any
+    above: Any
+    below: Any
+    line: Any
+    words: Any
+
+
 @kernel
 def _counted(value: float, step: float) -> float:
     return math.floor(value / step + 0.5) * step if step > 0.0 else value
@@ -71,15 +98,14 @@ def contact_resistance(law: Any, finger: Any, force: float) -> float:
 
 @kernel
 def display_step(
-    c: Any, law: Any, finger: Any, tissue: Any, plate: Any, shares: Any, memory: Any, above: Any, below: Any,
-    line: Any, words: Any, wanted: Any, output: Any, face: Any, ambient: float, flux: Any, skin: Any, surface: Any,
-    beside: Any,
+    made: Made, held: Held, law: Any, finger: Any, wanted: Any, output: Any, face: Any, ambient: float, flux: Any,
+    skin: Any, surface: Any, beside: Any,
 ) -> int:  # fmt: skip
     """Advance the twin by one step under its command and what presses on it; return 0.
 
     Parameters
     ----------
-    c, tissue, plate, shares, memory, above, below, line, words, ambient
+    made, held, ambient
         As in `plant_step`.
     law, finger
         The law of the contact resistance (see `resistance_at`), and the finger's numbers, shape (FINGER,).
@@ -92,7 +118,7 @@ def display_step(
     beside
         Heat flux that a device worn on the finger takes from it [W/m2], shape (1,).
     """
-    force = face[0]
+    c, memory, force = made.c, held.memory, face[0]
     contact = contact_resistance(law, finger, force)
     if finger[PRESS] > 0.0:
         pressed = memory[PRESSED] + 1.0 if force > 0.0 else 0.0
@@ -103,37 +129,29 @@ def display_step(
     cover = c[C_COVER]
     if force > 0.0:
         cover = min(1.0, _contact_area(force, finger[PAD], finger[PAD_EXPONENT]) / c[C_AREA])
-    plant_step(
-        c, tissue, plate, shares, memory, above, below, line, words, command, contact, cover, face[1], ambient,
-        beside[0],
-    )  # fmt: skip
+    plant_step(made, held, command, contact, cover, face[1], ambient, beside[0])
     flux[0], skin[0], surface[0] = memory[FLUX], memory[SKIN], memory[PLATE]
     return 0
 
 
 @kernel
 def plant_step(
-    c: Any, tissue: Any, plate: Any, shares: Any, memory: Any, above: Any, below: Any, line: Any, words: Any,
-    command: float, contact: float, under: float, gap: float, ambient: float, beside: float,
-) -> None:  # fmt: skip
+    made: Made, held: Held, command: float, contact: float, under: float, gap: float, ambient: float, beside: float
+) -> None:
     """Advance the plant by one step; for its equations see docs/explanation/thermal-estimator.md.
 
     Parameters
     ----------
-    c
-        Constants, shape (CONSTANTS,).
-    tissue, plate
-        Packed column, shapes (4, n) and (P_ROWS, m).
-    shares
-        Weights of the contact on the plate's modes, and of the modes in the contact, by covered share, shape (k, 2, m).
-    memory, above, below, line, words
-        State, changed in place: (MEMORY,), mode coordinates (n,) and (m,), delayed currents (d,), generator word (1,).
+    made, held
+        What the plant is made of, and its State.
     command, contact, under, gap, ambient, beside
         Current [A], or the temperature [K] for a driver that holds one (0: its output is off); contact resistance
         [K m2/W] (infinite: out of contact); share of the plate that the finger covers, or would cover; gap to the
         finger [m]; room [K]; another flux out of the finger during the whole step [W/m2].
     """
-    current = _drive(c, memory, line, command)
+    c, tissue, plate, shares = made.c, made.tissue, made.plate, made.shares
+    memory, above, below = held.memory, held.above, held.below
+    current = _drive(c, memory, held.line, command)
     touching = contact < np.inf
     flux = memory[FLUX]
     skin, face, cold, hot = memory[SKIN], memory[PLATE], memory[BACK], memory[SINK]
@@ -173,7 +191,7 @@ def plant_step(
         covered = min(1.0, under * c[C_AREA] / c[C_SENSOR])
         seen = covered * entered + (1.0 - covered) * air
     seen -= (half - before) / (c[C_PLATE_GAIN] * c[C_PERIOD])
-    _sense(c, memory, words, seen, film, skin, gap)
+    _sense(c, memory, held.words, seen, film, skin, gap)
 
 
 @inlined

@@ -16,6 +16,8 @@ TOUCHED = 0.03
 #: Over how long the infrared readings of the skin are averaged while the rig is calibrated [s], and the greatest flux
 #: [W/m2] that the plate then takes from the finger in place of the air: without it, covered skin warms up.
 AVERAGED, DRAWN = 1.0, 45.0
+#: Places in a row of `Given.start`: start temperatures for a cool, a usual and a warm skin, and the object's own.
+COOL, USUAL, WARM, OWN = range(4)
 #: The plate is ready within this of its start temperature [K].
 READY = 0.1
 
@@ -123,9 +125,9 @@ def wanted_for(scene: Any, given: Any, figures: Any, index: int) -> float:
     """Return the start temperature [K] for an object, as warm as it and the skin, which must be seen, are now."""
     goes_on, warmed, row = given.played[index] == 0, 0.0, given.start[index]
     if goes_on and given.known[index] != 0:
-        warmed = onset.warmth(given.bodies[index], scene.bodies[index], row[3])
+        warmed = onset.warmth(given.bodies[index], scene.bodies[index], row[OWN])
     return float(
-        onset.start_for(row[0], row[1], row[2], figures.rest, row[3], goes_on, scene.skin[0], warmed)
+        onset.start_for(row[COOL], row[USUAL], row[WARM], figures.rest, row[OWN], goes_on, scene.skin[0], warmed)
     )  # fmt: skip
 
 

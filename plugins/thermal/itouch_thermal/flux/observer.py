@@ -61,6 +61,9 @@ QUIET = 0.2
 #: Rates [1/s] at which the sink follows its sensor, and a disturbed plate its own.
 SINK_RATE, PLATE_RATE = 2.0, 20.0
 
+#: Places in ``pad``: contact area at 1 N [m2], exponent of the force in it, areas of plate and sensor [m2].
+PAD_AREA, PAD_EXPONENT, PAD_PLATE, PAD_SENSOR = range(4)
+
 _contact_area = kernel(contact_area)
 
 
@@ -68,9 +71,10 @@ _contact_area = kernel(contact_area)
 def seen(pad: Any, force: float) -> float:
     """Return the part of a sensor under the middle of a finger that the finger covers, at a force [N].
 
-    ``pad`` (4,): contact area at 1 N [m2], the exponent of the force in it, areas of plate and sensor [m2].
+    ``pad`` (4,): what of finger and display decides it, see `PAD_AREA`.
     """
-    return float(min(1.0, min(pad[2], _contact_area(force, pad[0], pad[1])) / pad[3]))
+    area = _contact_area(force, pad[PAD_AREA], pad[PAD_EXPONENT])
+    return float(min(1.0, min(pad[PAD_PLATE], area) / pad[PAD_SENSOR]))
 
 
 @kernel
