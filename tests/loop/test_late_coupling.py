@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from strangers import install
 
 import itouch
-from itouch.loop.late_coupling import allowed, ease
+from itouch.loop.late_coupling import Late, allowed, ease
 from itouch.safety.latch import ENABLED
 
 NUMBERS = itertools.count()
@@ -147,7 +147,7 @@ def test_a_reading_that_is_very_late_softens_a_touch_step_by_step() -> None:
     before = allowed(2000.0, 0.0, 6.0, 0.5e-3)[0]
     for _ in range(2000):
         told = (np.array([200]), np.array([100]), np.array([100]), np.array([ENABLED]))
-        ease(*told, delay, lost, lost_object, np.zeros(1, int), coupling, 6.0, 1e-3, stiffness, damping)
+        ease(*told, Late(delay, lost, lost_object), np.zeros(1, int), coupling, 6.0, 1e-3, stiffness, damping)
         assert stiffness[0] >= 0.979 * before
         before = stiffness[0]
     assert before == pytest.approx(6.0 / 0.1005, rel=0.01) and lost_object[0] == 0

@@ -252,7 +252,8 @@ def test_all_that_a_surface_remembers_has_a_place_in_state(folder: Path) -> None
     lengths = {
         len(part)
         for bound in carry.bounds
-        for part in bound.arguments
-        if np.shares_memory(part, session.state["finger.surface.renders"])
+        for argument in bound.arguments
+        for part in (argument if isinstance(argument, tuple) else (argument,))
+        if isinstance(part, np.ndarray) and np.shares_memory(part, session.state["finger.surface.renders"])
     }
     assert lengths == {surface.MEMORY}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,56 @@ Floats = NDArray[np.float64]
 PYTHON = 1
 #: A surface that is further away than this is as good as none [m].
 FURTHEST = 1.0
+
+
+class Own(NamedTuple):
+    """A probe: its constants (CONSTANTS,) and figures (FIGURES,) of `render`, and its surface's memory (MEMORY,)."""
+
+    c: Floats
+    figures: Floats
+    kept: Floats
+
+
+class Objects(NamedTuple):
+    """The objects of a scene.
+
+    ``world`` (objects, WORLD_WIDTH), their meshes, ``poses`` (objects, 7) [m; quaternion], ``twists`` (objects, 6)
+    [m/s, rad/s].
+    """
+
+    world: Floats
+    mesh: Any
+    poses: Floats
+    twists: Floats
+
+
+class Carrier(NamedTuple):
+    """The device that carries a surface.
+
+    Its reading of its pose (7,), the pose sent to it last (7,), and its command (7,) [m; quaternion]; its reading of
+    the force on it (6,) [N, N m], of which the third number is negative where a finger presses; behind a wire the tick
+    in which the pose was measured (1,), and what is remembered of readings (4,), see `plate.rises`; else ``read`` has
+    shape (0,), and each tick has its own reading.
+    """
+
+    table: Floats
+    sent: Floats
+    goal: Floats
+    load: Floats
+    measured: Any
+    read: Floats
+
+
+class Said(NamedTuple):
+    """What a modality says of the surface that it carries, (1,) each: 0 or 1, lengths [m]; see `Carries`."""
+
+    renders: Any
+    present: Any
+    distance: Any
+    gap: Any
+    coming: Any
+    missed: Any
+    yields: Any
 
 
 @kernel
@@ -91,17 +141,17 @@ def led(withdrawn: Any, kept: Floats) -> int:
 
 @kernel
 def look_below(
-    c: Floats, world: Floats, mesh: Any, poses: Floats, twists: Floats, table: Floats, figures: Floats, kept: Floats,
-    load: Floats, presses: Floats, risen: Floats, below: Any, down: Floats, normal: Floats, start: Floats,
+    own: Own, objects: Objects, table: Floats, load: Floats, presses: Floats, risen: Floats, below: Any, down: Floats,
+    normal: Floats, start: Floats,
 ) -> int:  # fmt: skip
     """Find the virtual surface below the finger, for the modality that carries one to it; ``below`` (1,): its object.
 
-    ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) of `render`, ``kept`` (MEMORY,) of the surface; ``world``
-    (objects, WORLD_WIDTH), ``poses`` (objects, 7) [m; quaternion], ``twists`` (objects, 6) [m/s, rad/s]; ``table`` (7,)
-    and ``load`` (6,): the device's readings of its pose [m; quaternion] and of the force on it [N, N m]; ``presses``
-    and ``risen`` (1,): what its modality says of these readings, see `itouch.plugin.Carries`; ``down``, ``normal`` and
-    ``start`` (3,) as in `ground.find`.  ``below``, ``figures`` and ``kept`` are written.
+    ``table`` (7,) and ``load`` (6,): the device's readings of its pose [m; quaternion] and of the force on it [N, N m];
+    ``presses`` and ``risen`` (1,): what its modality says of these readings, see `itouch.plugin.Carries`; ``down``,
+    ``normal`` and ``start`` (3,) as in `ground.find`.  ``below``, ``figures`` and ``kept`` are written.
     """
+    c, figures, kept = own.c, own.figures, own.kept
+    world, mesh, poses, twists = objects.world, objects.mesh, objects.poses, objects.twists
     below[0] = ground.find(c, world, mesh, poses, twists, figures, kept, down, normal, start)
     higher = 0.0 if math.isnan(risen[0]) else risen[0]
     plate.foresee(c, table, figures, kept, _load(load, presses), higher)
@@ -116,52 +166,45 @@ def _load(load: Floats, presses: Floats) -> float:
 
 @kernel
 def carried(
-    c: Floats, table: Floats, sent: Floats, figures: Floats, kept: Floats, goal: Floats, load: Floats, renders: Any,
-    present: Any, distance: Any, gap: Any, coming: Any, missed: Any, yields: Any, primary: Any, there: Any,
-    rising: Floats, tick: Any, measured: Any, read: Floats, period: float,
-) -> int:  # fmt: skip
-    """Take over what a modality says of the surface that it carries; all but arrays of the probe have shape (1,).
+    own: Own, carrier: Carrier, said: Said, primary: Any, there: Any, rising: Floats, tick: Any, period: float
+) -> int:
+    """Take over what a modality says of the surface that it carries.
 
     Parameters
     ----------
-    c, figures, kept
-        Constants (CONSTANTS,) and figures (FIGURES,) of the probe, see `render`; memory (MEMORY,) of the surface.
-    table, sent, load
-        The device's reading of its pose (7,), the pose sent to it last (7,) [m; quaternion], and its reading of the
-        force on it (6,) [N, N m]; a finger that presses makes the third number negative.
-    goal
-        The device's command (7,), lowered where the surface would press harder than it may.
-    renders, present, distance, gap, coming, missed, yields
-        What the modality says, see `itouch.plugin.Carries`: 0 or 1, lengths [m].  If one is not a number, the step is
-        left to Python.  Of the distance that the modality says and that by the device's own pose, the shorter counts,
-        because a speed limit near the finger depends on it.
+    own, carrier
+        The probe, and the device, whose command is lowered where the surface would press harder than it may.
+    said
+        What the modality says.  If one is not a number, the step is left to Python.  Of the distance that the modality
+        says and that by the device's own pose, the shorter counts, because a speed limit near the finger depends on it.
     primary, tick, period
-        Index of the touched object, -1: none; the tick and its length [s].
+        Index of the touched object (1,), -1: none; the tick (1,) and its length [s].
     there, rising
-        Written: whether what touches the finger is the surface, and how fast it rises [m/s].
-    measured, read
-        Behind a wire: the tick in which the pose was measured, and what is remembered of readings (4,), see
-        `plate.rises`; else ``read`` has shape (0,), and each tick has its own reading.
+        Written, (1,) each: whether what touches the finger is the surface, and how fast it rises [m/s].
     """
+    c, figures, kept = own.c, own.figures, own.kept
+    table, load, read = carrier.table, carrier.load, carrier.read
+    renders, present, distance, gap = said.renders, said.present, said.distance, said.gap
+    coming, missed, yields = said.coming, said.missed, said.yields
     if math.isnan(distance[0]) or math.isnan(gap[0]) or math.isnan(renders[0]) or math.isnan(present[0]):
         return PYTHON
     if math.isnan(coming[0]) or math.isnan(missed[0]) or math.isnan(yields[0]):
         return PYTHON
     before, pressed, touching = figures[render.PLATE_TOP], max(0.0, -load[2]), primary[0] >= 0
     away = min(max(distance[0], -FURTHEST), FURTHEST)
-    said, top = figures[render.HIP + 2] - c[render.RADIUS] - away, plate.top(c, table)
-    figures[render.PLATE_TOP] = said if said > top + plate.ROUNDING else top
+    height, top = figures[render.HIP + 2] - c[render.RADIUS] - away, plate.top(c, table)
+    figures[render.PLATE_TOP] = height if height > top + plate.ROUNDING else top
     figures[render.PLATE_GAP] = gap[0]
     taking_over.miss(c, figures, kept, missed[0], pressed, touching, tick[0] * period)
     taking_over.take_over(c, kept, renders[0] != 0, present[0] != 0, away, coming[0], touching)
     plate.move(c, kept, before, figures[render.PLATE_TOP])
-    plate.stray(figures, sent, table)
-    plate.spare(c, figures, kept, goal, pressed, yields[0])
+    plate.stray(figures, carrier.sent, table)
+    plate.spare(c, figures, kept, carrier.goal, pressed, yields[0])
     feel(c, figures, kept, load[2], touching)
     linger(c, kept, load[2], touching, tick[0] * period)
     there[0] = int(kept[memory.PRESENT])
     moved = figures[render.PLATE_TOP] - before
-    rising[0] = plate.rises(read, measured[0], top, moved, period) if read.shape[0] else moved / period
+    rising[0] = plate.rises(read, carrier.measured[0], top, moved, period) if read.shape[0] else moved / period
     return 0
 
 

@@ -12,7 +12,7 @@ What must be remembered is in State, so that a restored or a replayed session re
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,18 @@ CHANGE = 0.02
 LONGEST = 0.1
 
 
+class Late(NamedTuple):
+    """How late a coupling is, and what that has cost: fields of State, (1,) each.
+
+    Delay of pose and command together [s], smoothed; the greatest part of its stiffness [1] that a touched object was
+    rendered without, and the index of that object.
+    """
+
+    delay: Any
+    lost: Any
+    lost_object: Any
+
+
 @kernel
 def allowed(stiffness: float, damping: float, relied: float, late: float) -> tuple[float, float]:
     """Return the stiffness [N/m] and damping [N s/m] that are passive at a delay; damping is lowered before stiffness.
@@ -45,8 +57,8 @@ def allowed(stiffness: float, damping: float, relied: float, late: float) -> tup
 
 @kernel
 def ease(
-    tick: Any, measured: Any, left: Any, status: Any, delay: Any, lost: Any, lost_object: Any, touched: Any,
-    coupling: Floats, relied: float, period: float, stiffness: Floats, damping: Floats,
+    tick: Any, measured: Any, left: Any, status: Any, found: Late, touched: Any, coupling: Floats, relied: float,
+    period: float, stiffness: Floats, damping: Floats,
 ) -> int:  # fmt: skip
     """Write the coupling with each object as the delay allows it; arrays have shape (1,) unless said otherwise.
 
@@ -55,10 +67,8 @@ def ease(
     tick, measured, left, status
         This tick; the tick in which the pose was measured; the one in which the arm's newest command left; the arm's
         status.
-    delay
-        Of pose and command together [s], smoothed; written.
-    lost, lost_object
-        The greatest part of its stiffness [1] that a touched object was rendered without, and its index; written.
+    found
+        How late it is, and what that has cost; written.
     touched
         Index of the object that was touched in the last tick, -1: none.
     coupling
@@ -68,6 +78,7 @@ def ease(
     stiffness, damping
         Written, shape (objects,).
     """
+    delay, lost = found.delay, found.lost
     age = max(0, tick[0] - measured[0])
     acts = left[0] > 0 and status[0] == ENABLED  # a disabled arm gets no commands; that does not make it later
     held = max(0, tick[0] - left[0]) if acts else age
@@ -79,7 +90,7 @@ def ease(
         stiffness[i], damping[i] = allowed(coupling[i, 0], coupling[i, 1], relied, late)
     one = touched[0]
     if one >= 0 and stiffness[one] < (1.0 - lost[0]) * coupling[one, 0]:
-        lost[0], lost_object[0] = 1.0 - stiffness[one] / coupling[one, 0], one
+        lost[0], found.lost_object[0] = 1.0 - stiffness[one] / coupling[one, 0], one
     return 0
 
 

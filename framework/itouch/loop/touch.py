@@ -18,7 +18,7 @@ from itouch.contact.surfaces import effects_table
 from itouch.joining import runner
 from itouch.loop import carrying, happening, render
 from itouch.loop.frames import Frame
-from itouch.loop.late_coupling import ease
+from itouch.loop.late_coupling import Late, ease
 from itouch.loop.runner import Runner
 from itouch.loop.surface import memory, plate
 from itouch.loop.surface.force import SOON
@@ -127,8 +127,8 @@ class Toucher:
         return (
             Bound(
                 ease, state["tick"], measured, state["tick"] if left is None else left, state[f"{arm_name}.status"],
-                state[f"{name}.delay"], state[f"{name}.lost"], state[f"{name}.lost_object"], self.object, self._own,
-                probe.relied, model.period, self._stiffness, self._damping,
+                Late(state[f"{name}.delay"], state[f"{name}.lost"], state[f"{name}.lost_object"]), self.object,
+                self._own, probe.relied, model.period, self._stiffness, self._damping,
             ),
         )  # fmt: skip
 
@@ -195,18 +195,19 @@ class Toucher:
             for kind, field in zip(one.carries._fields[2:], one.carries[2:], strict=True)
         )
         self.newer = tuple(f"{one.name}.{field}" for field in (one.carries.presses, one.carries.risen) if field)
+        own = carrying.Own(self._constants, self.figures, self.surface)
+        objects = carrying.Objects(model.geometry.world, model.geometry.mesh, self._poses, self._twists)
         look = Bound(
-            carrying.look_below, self._constants, model.geometry.world, model.geometry.mesh, self._poses, self._twists,
-            here, self.figures, self.surface, self._load, self._presses, risen, self.below,
+            carrying.look_below, own, objects, here, self._load, self._presses, risen, self.below,
             np.array([0.0, 0.0, -1.0]), np.zeros(3), np.zeros(3),
         )  # fmt: skip
         measured, read = table.gate.measured_of(Role.TRACKED_POSE), np.zeros(0)
         if table.model.wire:
             read = state.flat(f"{probe.name}.rising.read_at", f"{probe.name}.rising.between")
+        sent, goal = table.sent_as(Role.SURFACE_POSE), table.commanded(Role.SURFACE_POSE)
         taken = Bound(
-            carrying.carried, self._constants, here, table.sent_as(Role.SURFACE_POSE), self.figures, self.surface,
-            table.commanded(Role.SURFACE_POSE), self._load, *said, self.object, self.plate, self._rising,
-            state["tick"], measured, read, model.period,
+            carrying.carried, own, carrying.Carrier(here, sent, goal, self._load, measured, read), carrying.Said(*said),
+            self.object, self.plate, self._rising, state["tick"], model.period,
         )  # fmt: skip
         self.looks, self.carries = (look,), (taken,)
         nothing = np.zeros(7)
