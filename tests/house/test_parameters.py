@@ -14,7 +14,6 @@ from sources import modules
 MOST = 12
 #: Functions that have more, how many, and why; a line that is no longer needed must go.
 MORE: dict[str, int] = {
-    "itouch.contact.given.given": 13,  # as a step of contact takes them, and then what is said of the contact
     "itouch.safety.monitor_step.ask": 13,  # as its monitor's own arguments, so that nothing is copied in a tick
 }
 

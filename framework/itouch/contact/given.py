@@ -1,5 +1,7 @@
 """Contacts that somebody else has computed: checked, and written as the result that a step of contact would have."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from itouch.contact import layout as at
@@ -14,6 +16,28 @@ from itouch.contact.vectors import Floats, along, dot, norm, put, sub, vector
 WRITTEN, NOT_A_NUMBER, NO_SUCH_OBJECT, NOT_A_NORMAL = 0, 1, 2, 3
 #: How far the length of a normal may be from 1.
 _UNIT = 1e-6
+
+
+class Said(NamedTuple):
+    """What is said of a contact, in the world frame.
+
+    Attributes
+    ----------
+    touched
+        (1,) number of the object that is touched; below 0: none, then the rest is not looked at.
+    force, normal, point
+        (3,) each: the force on the probe [N]; the outward unit normal of the surface that is touched, and the touched
+        point [m].
+    proxy
+        (3,) where the centre of the probe's sphere would be, were the surface not to give way [m]; or (0,): where it
+        touches ``point`` from outside.
+    """
+
+    touched: Floats
+    force: Floats
+    normal: Floats
+    point: Floats
+    proxy: Floats
 
 
 @inner
@@ -53,7 +77,7 @@ def found(world: Floats, said: Floats, result: Floats) -> int:
 @entry
 def given(
     world: Floats, mesh: Mesh | None, poses: Floats, twists: Floats, hip_at: Floats, radius: float, near: float,
-    touched: Floats, force: Floats, normal: Floats, point: Floats, proxy: Floats, result: Floats,
+    said: Said, result: Floats,
 ) -> int:  # fmt: skip
     """Write the result of a probe's contact from what is said of it; return WRITTEN, or why nothing was written.
 
@@ -63,38 +87,32 @@ def given(
         As in ``itouch.contact.step.step``.
     hip_at
         (3,) centre of the probe's sphere [m].
-    touched
-        (1,) number of the object that is touched; below 0: none, then the rest is not looked at.
-    force, normal, point
-        (3,) each, world frame: the force on the probe [N]; the outward unit normal of the surface that is touched, and
-        the touched point [m].
-    proxy
-        (3,) where the centre of the probe's sphere would be, were the surface not to give way [m]; or (0,): where it
-        touches ``point`` from outside.
+    said
+        What is said of the contact.
     """
     hip, n, where, push = vector(hip_at, 0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    if not np.isfinite(touched[0]):
+    if not np.isfinite(said.touched[0]):
         return NOT_A_NUMBER
-    answer, obj = borrowed(result), int(touched[0])
+    answer, obj = borrowed(result), int(said.touched[0])
     if not np.isfinite(dot(hip, hip)):  # as in a step of contact: nothing is touched from nowhere
         clear(answer)
         return WRITTEN
-    if touched[0] >= 0.0:
-        if obj >= world.shape[0] or obj != touched[0]:
+    if said.touched[0] >= 0.0:
+        if obj >= world.shape[0] or obj != said.touched[0]:
             return NO_SUCH_OBJECT
-        n, where, push = vector(normal, 0), vector(point, 0), vector(force, 0)
+        n, where, push = vector(said.normal, 0), vector(said.point, 0), vector(said.force, 0)
         total = dot(n, n) + dot(where, where) + dot(push, push)
-        for i in range(proxy.shape[0]):
-            total += proxy[i] * proxy[i]
+        for i in range(said.proxy.shape[0]):
+            total += said.proxy[i] * said.proxy[i]
         if not np.isfinite(total):
             return NOT_A_NUMBER
         if abs(norm(n) - 1.0) > _UNIT:
             return NOT_A_NORMAL
     clear(answer)
     put(answer, at.RESULT_PROXY, hip)
-    if touched[0] >= 0.0:
+    if said.touched[0] >= 0.0:
         depth = max(0.0, dot(n, sub(where, hip)) + radius)
-        put(answer, at.RESULT_PROXY, vector(proxy, 0) if proxy.shape[0] else along(hip, depth, n))
+        put(answer, at.RESULT_PROXY, vector(said.proxy, 0) if said.proxy.shape[0] else along(hip, depth, n))
         put(answer, at.RESULT_FORCE, push)
         put(answer, at.RESULT_NORMAL, n)
         answer[at.RESULT_COUNT], answer[at.RESULT_PRIMARY], answer[at.RESULT_PENETRATION] = 1.0, obj, depth

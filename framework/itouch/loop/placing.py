@@ -198,6 +198,6 @@ def bound_together(finger: Finger, state: Record, period: float) -> Bound | None
     panel, monitor = table.device_monitors, post.monitor
     return Bound(
         together, monitor.load(panel.seen), nearing, TOUCH_FORCE, finger.force, room, monitor.allowed,
-        monitor.memory(post.state), table.latch.seen, state[f"{table.model.name}.touched"], panel.times.missed, post.said,
-        Turn(state["tick"], state["ready"], period, int(ENABLED)),
+        monitor.memory(post.state), table.latch.seen, state[f"{table.model.name}.touched"], panel.times.missed,
+        post.said, Turn(state["tick"], state["ready"], period, int(ENABLED)),
     )  # fmt: skip

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from itouch.contact.effects import render_effects
-from itouch.contact.given import found, given
+from itouch.contact.given import Said, found, given
 from itouch.contact.step import step
 from itouch.contact.surfaces import effects_table
 from itouch.joining import runner
@@ -171,13 +171,11 @@ class Toucher:
         if touches.found:
             return Bound(found, model.geometry.world, state[f"{name}.{touches.found}"], self.result)
         touched = state[f"{name}.{touches.object}"].reshape(1)
-        force, normal, point = (
-            state[f"{name}.{field}"] for field in (touches.force, touches.normal, touches.point)
-        )  # fmt: skip
-        proxy = state[f"{name}.{touches.proxy}"] if touches.proxy else np.zeros(0)
+        vectors = (state[f"{name}.{field}"] for field in (touches.force, touches.normal, touches.point))
+        said = Said(touched, *vectors, state[f"{name}.{touches.proxy}"] if touches.proxy else np.zeros(0))
         return Bound(
             given, model.geometry.world, model.geometry.mesh, self._poses, self._twists, self.figures[:3],
-            probe.scene.radius, probe.scene.near, touched, force, normal, point, proxy, self.result,
+            probe.scene.radius, probe.scene.near, said, self.result,
         )  # fmt: skip
 
     def _bind_surface(self, model: Model, probe: ProbeModel, state: Record, table: Runner) -> None:
