@@ -171,8 +171,8 @@ class Toucher:
         if touches.found:
             return Bound(found, model.geometry.world, state[f"{name}.{touches.found}"], self.result)
         touched = state[f"{name}.{touches.object}"].reshape(1)
-        vectors = (state[f"{name}.{field}"] for field in (touches.force, touches.normal, touches.point))
-        said = Said(touched, *vectors, state[f"{name}.{touches.proxy}"] if touches.proxy else np.zeros(0))
+        force, normal, point = (state[f"{name}.{field}"] for field in (touches.force, touches.normal, touches.point))
+        said = Said(touched, force, normal, point, state[f"{name}.{touches.proxy}"] if touches.proxy else np.zeros(0))
         return Bound(
             given, model.geometry.world, model.geometry.mesh, self._poses, self._twists, self.figures[:3],
             probe.scene.radius, probe.scene.near, said, self.result,
