@@ -20,14 +20,20 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 TREE = HERE.parent
-#: Tests of the supervisor that need no scene and no compiler; those that do.
+#: Tests of the supervisor and its monitors that need no scene and no compiler; those that do.
 SAFETY = (
-    "guard", "readings", "heat", "carrier", "finger", "monitors", "supervisor", "hold_connect", "sequence", "blind_retreat",
-    "joined_steps", "edges", "check_warm_up", "at_the_limits", "blind_legs",
+    *(f"safety/test_{name}.py" for name in (
+        "guard", "finger", "supervisor", "hold_connect", "sequence", "blind_retreat", "joined_steps", "edges",
+        "check_warm_up", "blind_legs",
+    )),
+    *(f"monitors/test_{name}.py" for name in ("readings", "heat", "carrier", "monitors", "at_the_limits")),
 )  # fmt: skip
 SCENES = (
-    "two_on_one_finger", "laws", "phases", "unknown_devices", "attack_findings", "exchanged", "late_in_a_stop",
-    "several_of_a_kind", "torque",
+    *(f"safety/test_{name}.py" for name in (
+        "two_on_one_finger", "phases", "unknown_devices", "attack_findings", "exchanged", "late_in_a_stop",
+        "several_of_a_kind", "torque",
+    )),
+    "monitors/test_laws.py",
 )  # fmt: skip
 #: Tests of what goes between processes, in one; those that start and kill some are left out, but for the launch.
 SERVO = ("memory", "watchdogs", "launch", "both_ends", "deadman_holders")
@@ -35,17 +41,17 @@ SERVO = ("memory", "watchdogs", "launch", "both_ends", "deadman_holders")
 PAGE = "docs/test_reference_pages.py"
 #: Room -> the folder of its modules and the tests that answer for it, if they are not those in the folder of its name.
 ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "safety": ("framework/itouch/safety", tuple(f"safety/test_{name}.py" for name in (*SAFETY, *SCENES))),
-    "monitors": ("framework/itouch/monitors", tuple(f"safety/test_{name}.py" for name in (*SAFETY, *SCENES))),
+    "safety": ("framework/itouch/safety", (*SAFETY, *SCENES)),
+    "monitors": ("framework/itouch/monitors", (*SAFETY, *SCENES)),
     **{name: (f"framework/itouch/{name}", (name,)) for name in (
         "exchange", "loop", "recording", "session", "arms", "dynamics", "world",
     )},
     **{name: (f"framework/itouch_tools/{name}", (name,)) for name in ("report", "sound", "study")},
-    "export": ("framework/itouch_tools/export", ("recording", "cli/test_session_commands.py")),
-    "authoring": ("framework/itouch_tools/authoring", ("scene",)),
-    "scene": ("framework/itouch/scene", ("scene", "meaning", "loop/test_waits.py", PAGE)),
-    "schema": ("framework/itouch/schema", ("schema", "scene", PAGE)),
-    "faults": ("framework/itouch/faults", ("safety/test_faults.py",)),
+    "export": ("framework/itouch_tools/export", ("export", "recording", "cli/test_session_commands.py")),
+    "authoring": ("framework/itouch_tools/authoring", ("authoring", "scene")),
+    "scene": ("framework/itouch/scene", ("scene", "authoring", "meaning", "twin/test_waits.py", PAGE)),
+    "schema": ("framework/itouch/schema", ("schema", "scene", "authoring", PAGE)),
+    "faults": ("framework/itouch/faults", ("faults",)),
     "servo": ("framework/itouch/servo", (
         *(f"servo/test_{name}.py" for name in SERVO),
         "servo/test_hanging_process.py::test_a_silent_process_has_its_time_by_what_it_gets_of_a_processor",
@@ -55,10 +61,9 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
         "study/test_power_and_exports.py", "study/test_report_intervals.py",
     )),
     "plugin": ("framework/itouch/plugin", (
-        "plugins/test_result_cache.py", "plugins/test_poses_and_fits.py", "world", "loop/test_engine.py",
-        "loop/test_one_writer_of_commands.py", "compiling/test_plugin_noise.py",
+        "plugin", "world", "loop/test_engine.py", "loop/test_one_writer_of_commands.py", "compiling/test_plugin_noise.py",
     )),
-    "twin": ("framework/itouch/twin", ("loop/test_engine.py", "world/test_coupling.py")),
+    "twin": ("framework/itouch/twin", ("twin", "loop/test_engine.py", "world/test_coupling.py")),
     "viewer": ("framework/itouch_tools/viewer", ("viewer/test_picture_content.py", "viewer/test_recording_seek.py")),
     "contact": ("framework/itouch/contact", ("contact",)),
     "thermal": ("plugins/thermal/contact_heat", ("plugins/thermal",)),

@@ -36,7 +36,7 @@ def graph() -> tuple[dict[str, str], dict[str, set[str]]]:
     to: dict[str, set[str]] = {}
     for name, found in imports(every).items():
         to.setdefault(room(name), set()).update(room(other) for other in found)
-    says = {name: every[_whole(name, every)].says for name in to}
+    says = {name: every[whole(name, every)].says for name in to}
     for name in to:
         to[name].discard(name)
     # the package itself offers a session's functions to users, by name when they are asked for
@@ -45,7 +45,7 @@ def graph() -> tuple[dict[str, str], dict[str, set[str]]]:
     return says, {name: found - set(_DIVIDED) for name, found in to.items()}
 
 
-def _whole(name: str, every: Iterable[str]) -> str:
+def whole(name: str, every: Iterable[str]) -> str:
     """Return the dotted name of a room."""
     return next(dotted for dotted in (*(f"{package}.{name}" for package in _DIVIDED), name) if dotted in every)
 
@@ -86,7 +86,7 @@ def drawn() -> str:
     for name in sorted(to, key=lambda name: (-high[name], name)):
         direct = to[name] - set().union(*(beneath(other, to) for other in to[name]))
         lines.append(
-            f"| `{name}` | {shelf(_whole(name, every))} | {says[name].replace('``', '`')} | {' '.join(sorted(direct))} |"
+            f"| `{name}` | {shelf(whole(name, every))} | {says[name].replace('``', '`')} | {' '.join(sorted(direct))} |"
         )
     return "\n".join(lines) + "\n"
 

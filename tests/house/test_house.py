@@ -16,7 +16,7 @@ import module_pages
 import pytest
 import rooms
 from counts import counts, longest
-from sources import ROOT, Module, circles, imports, modules
+from sources import ROOT, Module, circles, imports, modules, shelf
 
 DECISIONS = sorted((ROOT / "docs" / "explanation" / "decisions").glob("*.md"))
 QUIZ = tomllib.loads((Path(__file__).parent / "quiz.toml").read_text(encoding="utf-8"))["change"]
@@ -36,6 +36,20 @@ def test_every_room_says_what_it_is() -> None:
     says, _ = rooms.graph()
     assert all(len(text.split()) > 3 for text in says.values()), says
     assert len(set(says.values())) == len(says)
+
+
+def test_each_room_has_a_folder_of_tests() -> None:
+    """Under its own name, and a plugin under that of its folder; single modules are tested with those that use them."""
+    every, (_, below) = modules(), rooms.graph()
+    lacking = dict[str, str]()
+    for room in below:
+        module = every[rooms.whole(room, every)]
+        if module.is_package:
+            plugin = shelf(module.name) == "plugins"
+            folder = Path("tests", "plugins", module.path.relative_to(ROOT).parts[1]) if plugin else Path("tests", room)
+            if not any((ROOT / folder).glob("test_*.py")):
+                lacking[room] = str(folder)
+    assert not lacking
 
 
 def test_files_that_the_pages_name_exist() -> None:

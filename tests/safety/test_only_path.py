@@ -12,7 +12,7 @@ import mutation
 from shipped import REPOSITORY
 
 FRAMEWORK = REPOSITORY / "framework"
-UNIT = [str(Path(__file__).parent / f"test_{name}.py") for name in mutation.SAFETY]
+UNIT = [str(mutation.HERE / name) for name in mutation.SAFETY]
 #: What takes most of the time with the compiler off, and reaches no branch that nothing else there reaches; to
 #: find them, coverage with ``dynamic_context = test_function``.  All of them run in the short form, with the compiler.
 SLOW = (

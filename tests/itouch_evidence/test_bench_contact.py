@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from meshfiles import stl
+import trimesh
 
 from itouch.schema import ItouchError
 from itouch_evidence.contact import main
@@ -32,7 +32,7 @@ def test_a_mesh_file_is_measured(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ITOUCH_MESH_CACHE", str(tmp_path / "cache"))
-    (tmp_path / "ball.stl").write_bytes(stl(*icosphere(3, 50.0)))
+    trimesh.Trimesh(*icosphere(3, 50.0), process=False).export(tmp_path / "ball.stl")
     out = tmp_path / "figures.json"
     words = [
         "--mesh",
