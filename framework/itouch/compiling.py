@@ -37,7 +37,7 @@ shipped.confirm_processor()
 
 import numba  # noqa: E402  - it reads the kind of processor when it is imported
 from numba import njit  # noqa: E402
-from numba.core import event  # noqa: E402
+from numba.core import event, targetconfig  # noqa: E402
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator  # noqa: E402
 from numba.extending import intrinsic, register_jitable  # noqa: E402
 
@@ -91,6 +91,26 @@ class _Seldom(event.Listener):
 
 
 event.register("numba:compile", _Seldom())
+
+
+def _compare_quickly(options: Any) -> None:
+    """Let options of compilations be compared by what is set in them, and by all of them only where that differs.
+
+    Numba compares them for each overload of each call that it types; looking at all of them, defaults included, took a
+    twelfth of a first start.  Its hash is that of their names, and so the same for all.
+    """
+    by_all = options.__eq__
+
+    def equal(self: Any, other: Any) -> Any:
+        return (type(self) is type(other) and self._values == other._values) or by_all(self, other)
+
+    def digest(self: Any) -> int:
+        return len(self.options)
+
+    options.__eq__, options.__hash__ = equal, digest
+
+
+_compare_quickly(targetconfig.TargetConfig)
 
 
 def compile_together(place: Path | None) -> None:

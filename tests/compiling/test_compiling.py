@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import itertools
 import os
 import pickle
 import subprocess
@@ -314,3 +315,20 @@ def test_garbage_is_looked_for_seldom_while_something_is_compiled() -> None:
             assert seen[0][0] == gc.get_threshold()[0] == 0
         finally:
             gc.set_threshold(*before)
+
+
+def test_options_of_two_compilations_are_equal_where_all_of_their_values_are() -> None:
+    """They are compared by what is set in them first; what is set to its default is what is not set."""
+    from numba.core.compiler import Flags
+
+    every = [Flags() for _ in range(4)]
+    every[1].nrt = every[2].nrt = every[3].fastmath = True
+    every[2].error_model = "numpy"
+    every.append(every[2].copy())
+    every.append(Flags())
+    every[-1].nrt = Flags.options["nrt"].default
+    for one, other in itertools.product(every, repeat=2):
+        same = one.values() == other.values()
+        assert (one == other) is same
+        assert hash(one) == hash(other) or not same
+    assert every[0] == every[-1] and every[0] != every[1] and every[2] == every[4] and every[0] != "flags"

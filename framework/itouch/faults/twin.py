@@ -150,10 +150,10 @@ class FaultyTwin(Twin, Stamped):
         active = self._active(state)
         if any(kind is Kind.DISCONNECT for _, kind in active):
             raise DeviceError("disconnected (an injected fault)")
-        before = reading.raw.view(np.float64).copy()
+        values = reading.numbers
+        before = values.copy() if active else values
         new = self._read(state, reading)
-        values = reading.raw.view(np.float64)
-        state["fault.taken"] = state["fault.taken"].item() + 1
+        state["fault.taken"][...] = state["fault.taken"].item() + 1
         for slot, kind in active:
             chosen = self._chosen(state, slot)
             if not state["fault.started"][slot]:
@@ -254,7 +254,7 @@ class FaultyTwin(Twin, Stamped):
 
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Falsify the command by the active faults, and advance the twin under the result."""
-        received, wanted = self._received.raw.view(np.float64), command.raw.view(np.float64)
+        received, wanted = self._received.numbers, command.numbers
         last = state["fault.received"][: self._size]
         received[:] = wanted
         active = self._active(state)
@@ -274,10 +274,10 @@ class FaultyTwin(Twin, Stamped):
         if cut_off:
             self._alone(state, received, last, period)
         else:
-            state["fault.cut_off"] = 0
+            state["fault.cut_off"][...] = 0
         last[:] = received
         self._step(state, touch, period)
-        state["fault.tick"] = state["fault.tick"].item() + 1
+        state["fault.tick"][...] = state["fault.tick"].item() + 1
 
     def _step(self, state: Record, touch: TwinInputs, period: float) -> None:
         """Advance the twin under the command that it has received, by a compiled call where that is possible."""
