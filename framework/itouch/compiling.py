@@ -22,7 +22,7 @@ import os
 import sys
 import time
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from functools import cache
 from inspect import CO_VARARGS
@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import Any, ClassVar, TypeVar, cast
 
 from itouch import caches, platforms, shipped
-from itouch.fingerprint import fingerprint
+from itouch.fingerprint import fingerprint, made_of
 
 shipped.choose_processor()
 shipped.confirm_processor()
@@ -60,6 +60,10 @@ _LOOK = 0.02
 _LONGEST = 120.0
 #: Folder where processes that compile for the same start claim kernels (``compile_together``); None: compile alone.
 _together: Path | None = None
+#: The file in that folder with the names of the kernels that the start needs, a line each.
+_NEEDED = "needed"
+#: The kernels whose claims in that folder have been read, by the names of the files.
+_claimed: dict[str, str] = {}
 
 
 class _Seldom(event.Listener):
@@ -74,9 +78,12 @@ class _Seldom(event.Listener):
     def __init__(self) -> None:
         self._depth = 0
         self._before = gc.get_threshold()
+        #: The functions that are being compiled now, the one that all others are for first.
+        self.under_way: list[str] = []
 
     def on_start(self, event: Any) -> None:
         """Raise the thresholds when compiling begins; compilations may be nested."""
+        self.under_way.append(_called(event.data["dispatcher"].py_func))
         if self._depth == 0:
             self._before = gc.get_threshold()
             if self._before[0]:  # 0: collection is switched off
@@ -86,11 +93,13 @@ class _Seldom(event.Listener):
     def on_end(self, event: Any) -> None:
         """Restore the thresholds, also when compiling has failed."""
         self._depth -= 1
+        self.under_way.pop()
         if self._depth == 0:
             gc.set_threshold(*self._before)
 
 
-event.register("numba:compile", _Seldom())
+_seldom = _Seldom()
+event.register("numba:compile", _seldom)
 
 
 def _compare_quickly(options: Any) -> None:
@@ -121,6 +130,37 @@ def compile_together(place: Path | None) -> None:
     """
     global _together
     _together = place
+    _claimed.clear()
+
+
+def tell_needed(entries: Iterable[Any]) -> None:
+    """Tell the processes that compile for the same start which kernels it needs: entries, and all that they call."""
+    if _together is None:
+        return
+    every = [part for entry in entries for part in made_of(entry)]
+    names = {_called(part.py_func) for part in every if isinstance(getattr(part, "_cache", None), KernelCache)}
+    part = _together / f"{_NEEDED}.{os.getpid()}"
+    with contextlib.suppress(OSError):  # the folder is gone: that start is over
+        part.write_text("\n".join(sorted(names)), encoding="utf-8")
+        part.replace(_together / _NEEDED)
+
+
+def progress() -> tuple[int, int | None, str]:
+    """Return how many kernels a start has compiled so far, how many it needs, and what this process is at.
+
+    None: it is not known yet how many are needed.
+    """
+    under_way = list(_seldom.under_way)
+    done, needed = set(KernelCache.begun), set[str]()
+    if (place := _together) is not None:
+        with contextlib.suppress(OSError):
+            for file in place.iterdir():
+                if file.name not in _claimed and (text := file.read_text(encoding="utf-8")):
+                    _claimed[file.name] = text
+        needed = set(_claimed.get(_NEEDED, "").split("\n")) - {""}
+        done |= {text for name, text in _claimed.items() if not name.startswith(_NEEDED)}
+    now = under_way[0].rpartition(".")[2] if under_way else ""
+    return len(done - set(under_way)), len(needed | done) if needed else None, now
 
 
 def kernel(function: Function) -> Function:
@@ -201,6 +241,10 @@ def _parts_of(kinds: Any) -> Iterator[tuple[str, ...]]:
         if isinstance(kind, _numba.types.BaseTuple):
             yield from ((kind.fields,) if hasattr(kind, "fields") else ())
             yield from _parts_of(kind)
+
+
+def _called(function: Any) -> str:
+    return f"{function.__module__}.{function.__qualname__}"
 
 
 def _kept(function: Function, found: Any) -> Function:
@@ -342,6 +386,8 @@ class KernelCache(FunctionCache):
     _impl_class = _Impl
     #: How many kernels this process did not find, and so compiles.
     missed = 0
+    #: The names of these.
+    begun: ClassVar[set[str]] = set()
     _prepared: ClassVar[weakref.WeakSet[Any]] = weakref.WeakSet()
 
     def __init__(self, py_func: Any) -> None:
@@ -403,6 +449,7 @@ class KernelCache(FunctionCache):
             found = self._claim(_together, sig, target_context)
         if found is None:
             KernelCache.missed += 1
+            KernelCache.begun.add(_called(self._py_func))
         return found
 
     def _claim(self, place: Path, sig: Any, target_context: Any) -> Any:
@@ -426,6 +473,7 @@ class KernelCache(FunctionCache):
                 os.close(claim)
                 return found
         self._claims[str(sig)] = claim
+        os.write(claim, _called(self._py_func).encode())  # for who shows how far it is
         return None
 
     def _forget(self) -> None:

@@ -23,16 +23,28 @@ _OUTSIDE = frozenset(("builtins", "llvmlite", "math", "numba", "numpy"))
 def fingerprint(function: Any) -> str:
     """Return a digest of a function's code, of all that it calls, and of the outside constants that they use."""
     found = hashlib.sha256(np.__version__.encode())
+    for _, digest in _reached(function):
+        found.update(digest)
+    return found.hexdigest()
+
+
+def made_of(function: Any) -> list[Any]:
+    """Return a function and all that it calls, each once: functions as they are, and compiled ones."""
+    return [part for part, _ in _reached(function)]
+
+
+def _reached(function: Any) -> Iterator[tuple[Any, bytes]]:
+    """Yield a function and all that it calls, each once with its own digest."""
     seen: set[int] = set()
     waiting: list[Any] = [function]
     while waiting:
-        digest, uses = _own(_Same(waiting.pop()))
-        found.update(digest)
-        for part in uses:
-            if id(part) not in seen:
-                seen.add(id(part))
-                waiting.append(part)
-    return found.hexdigest()
+        part = waiting.pop()
+        digest, uses = _own(_Same(part))
+        yield part, digest
+        for use in uses:
+            if id(use) not in seen:
+                seen.add(id(use))
+                waiting.append(use)
 
 
 class _Same:

@@ -276,6 +276,11 @@ def listing() -> Iterator[Callable[[float], None]]:
         _listed = before
 
 
+def listed() -> tuple[Any, ...]:
+    """Return the entries that have been listed so far, inside ``listing``."""
+    return tuple((_listed or {}).values())
+
+
 def is_newest(cls: type, joined: str, alone: str) -> bool:
     """Tell whether the method ``joined`` may stand in for ``alone``: no class further down overrides ``alone`` only."""
     ancestry = cls.__mro__

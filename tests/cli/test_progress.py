@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import math
 import os
 import pty
 import re
@@ -25,8 +27,10 @@ import itouch_tools.cli.inspect
 import itouch_tools.cli.recover
 import itouch_tools.cli.replay
 import itouch_tools.cli.study
+from itouch import compiling
 from itouch.schema.wait_notices import shown_by
 from itouch.servo import compile_ahead, prepare
+from itouch_tools.cli import progress
 
 BEGIN = """
 import sys, time, threading
@@ -249,6 +253,79 @@ def test_kernels_of_a_replay_are_compiled_on_several_processors(
     monkeypatch.setattr(compile_ahead, "end_with", lambda parent: None)
     for file in (recorded, saved):
         assert compile_ahead.main([str(file), "--parent", "1"]) == 0
+
+
+def test_a_first_start_tells_how_many_kernels_of_those_that_it_needs_are_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By this process and by those that help it; how many it needs is known when one of them has listed its steps."""
+    monkeypatch.setattr(prepare, "_PATIENCE", 0.0)
+    monkeypatch.setattr(prepare, "_LOOK", 0.02)
+    monkeypatch.setattr(prepare._Companion, "_start", lambda self: compiling.compile_together(tmp_path))
+    monkeypatch.setattr(compiling.KernelCache, "missed", compiling.KernelCache.missed)
+    monkeypatch.setattr(compiling.KernelCache, "begun", {"a.first"})
+    events: list[Any] = []
+
+    def told(share: float | None, words: str) -> None:
+        until = time.monotonic() + 20.0
+        while not any(event[:1] == (share,) and words in event[1] for event in events if isinstance(event, tuple)):
+            assert time.monotonic() < until, events
+            time.sleep(0.01)
+
+    try:
+        with listening(events), prepare._Companion(["x.xml"]):
+            compiling.KernelCache.missed += 1
+            told(None, "1 kernels so far")
+            (tmp_path / "0123").write_text("b.second")
+            (tmp_path / "4567").write_text("b.second")  # for arguments of another kind
+            told(None, "2 kernels so far")
+            (tmp_path / "needed").write_text("a.first\nb.second\nc.third\nc.fourth")
+            told(0.5, "2 of 4 kernels, ")
+            (tmp_path / "89ab").write_text("d.of_no_step")
+            told(0.6, "3 of 5 kernels, ")
+    finally:
+        compiling.compile_together(None)
+    assert events[0] == "compiling" and events[-1] == "end"
+
+
+def test_where_there_is_no_room_for_both_the_bar_stands_behind_what_is_being_done_now(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    line = progress._Moving("preparing " + "x" * 50, io.StringIO())
+    line.part(0.5, "half of it")
+    short = line._text()
+    line.part(0.5, "half of it" * 6)
+    assert "half of it" in short and "━" in short and "x" not in short
+    assert line._text().count("x") > 40 and "━" not in line._text()
+
+
+@compiling.kernel
+def _called(x: float) -> float:
+    return 2.0 * x
+
+
+@compiling.part_of_its_caller
+@compiling.kernel
+def _written_into(x: float) -> float:
+    return _called(x)
+
+
+@compiling.kernel
+def _entry(x: float) -> float:
+    return _written_into(x) + math.sqrt(x)
+
+
+def test_what_a_start_needs_is_what_its_entries_call_and_is_compiled_by_itself(tmp_path: Path) -> None:
+    compiling.compile_together(tmp_path)
+    try:
+        compiling.tell_needed([_entry, _called])
+    finally:
+        compiling.compile_together(None)
+    assert (tmp_path / "needed").read_text(encoding="utf-8").split() == [
+        "test_progress._called",
+        "test_progress._entry",
+    ]
 
 
 def test_a_sweep_says_nothing_in_a_pipe_and_how_far_it_is_on_a_terminal(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,8 +30,8 @@ def main(argv: Sequence[str]) -> int:
     options = parser.parse_args(argv)
     end_with(options.parent)
     # from here on it takes long; this process ends with the one for which it compiles
-    from itouch.compiling import compile_together
-    from itouch.joining import listing
+    from itouch.compiling import compile_together, tell_needed
+    from itouch.joining import listed, listing
     from itouch.loop import Engine
     from itouch.plugin import Modality
     from itouch.plugin.bases import Bases, keeping
@@ -52,12 +52,22 @@ def main(argv: Sequence[str]) -> int:
     joins = {name for name, cls in classes.items() if cls and cls.bound_update is not Modality.bound_update}
     modalities = tuple(part for part in scene.modalities if part.name in joins)
     rates = replace(scene.rates, modalities=tuple(each for each in scene.rates.modalities if each[0] in joins))
+
+    class Listed(Engine):
+        """An engine that says which kernels it needs as soon as all of its steps are known: trying them takes long."""
+
+        def _joined_tick(self) -> Callable[[], int] | None:
+            found = super()._joined_tick()
+            if options.part == 0.0:
+                tell_needed(listed())
+            return found
+
     with listing() as compile_listed:
         with (
             keeping(bases),
             contextlib.suppress(Exception),
         ):  # as nothing is run, some code may miss the result of what should have run
-            Engine(Model.of(replace(scene, modalities=modalities, rates=rates), catalog))
+            Listed(Model.of(replace(scene, modalities=modalities, rates=rates), catalog))
         compile_listed(options.part)
     return 0
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from itouch import shipped
 from itouch.schema.terminal import MANNER
+from itouch.schema.wait_notices import waiting
 
 if TYPE_CHECKING:
     from itouch.plugin.discovery import Catalog
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 _PATIENCE, _LOOK = 1.6, 0.3
 #: How many processes help at most: each begins elsewhere in the list, and uses what the others have done.
 _COMPANIONS = 3
+#: From what share on the time that compiling has taken so far tells how long the rest will take.
+_TELLS = 0.1
 
 
 class _Companion:
@@ -48,6 +52,7 @@ class _Companion:
         while not self._over.wait(wait):
             if _compiled() > self._before:
                 self._start()
+                self._tell()
                 return
             wait = _LOOK
 
@@ -68,6 +73,20 @@ class _Companion:
         for place in range(count):
             part = ["--part", str(place / count)]
             self._processes.append(subprocess.Popen([*command, *part], stdin=nothing, stdout=nothing, stderr=nothing))
+
+    def _tell(self) -> None:
+        """Show how far it is until all is compiled."""
+        begun = time.monotonic()
+        with waiting("compiling") as wait:
+            while not self._over.wait(_LOOK):
+                done, needed, now = sys.modules["itouch.compiling"].progress()
+                if needed is None:
+                    wait.part(None, f"{done} kernels so far, now {now}" if now else f"{done} kernels so far")
+                    continue
+                share = done / needed
+                left = (time.monotonic() - begun) * (1.0 - share) / max(share, 0.01)
+                told = f", {left:.0f} s more" if share > _TELLS else ""
+                wait.part(share, f"{done} of {needed} kernels{told}")
 
     def __enter__(self) -> _Companion:
         self._watch.start()

@@ -75,6 +75,8 @@ class _Line(ABC):
         console = Console(file=inner, no_color=not colours(inner), force_terminal=True)
         share, said = self.done is not None, self._said()
         room = console.width - 1 - self._beside() - (_SHARE if share else 0)
+        if share and len(self.words) <= room - _BAR - 1 < len(said) and self.words:
+            said = self.words  # what is being done in it, and a bar
         bar = share and len(said) <= room - _BAR - 1
         if self._shape != (share, bar):
             self._shape, self._progress = (share, bar), self._made(console, share, bar)
