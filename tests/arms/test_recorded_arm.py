@@ -231,3 +231,14 @@ def test_the_example_comes_back_to_its_height_after_four_seconds() -> None:
     assert times[-1] == pytest.approx(4.0) and len(poses) == len(times)
     assert poses[0, 2] == poses[-1, 2] == pytest.approx(0.05)
     assert poses[:, 2].min() == pytest.approx(0.02) and poses[-1, 0] == pytest.approx(0.02)
+
+
+def test_every_pose_has_a_whole_orientation_whether_one_was_recorded_or_not() -> None:
+    """The example lasts as long as its text says."""
+    times, rng = np.arange(5) * 0.1, np.random.default_rng(4)
+    for width in (3, 7):
+        told, poses = checked(times, rng.normal(size=(5, width)))
+        assert len(told) == len(poses) == 5
+        assert np.linalg.norm(np.asarray(poses)[:, 3:], axis=1) == pytest.approx(1.0)
+    assert (np.asarray(checked(times, np.zeros((5, 3)))[1])[:, 3:] == [1.0, 0.0, 0.0, 0.0]).all()
+    assert example()[0][0] == 0.0 and example()[0][-1] == pytest.approx(4.0)

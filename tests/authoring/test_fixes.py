@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import re
 import shutil
+from difflib import SequenceMatcher
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from shipped import SCENES
 
@@ -16,7 +17,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene.loader import read_scene
 from itouch.schema import Problem
 from itouch.schema.diagnostics import meant
-from itouch_tools.authoring.fixes import mended
+from itouch_tools.authoring.fixes import edits, mended
 from itouch_tools.cli import main
 from itouch_tools.cli.fixing import fixed
 from itouch_tools.cli.fixing import show_and_write as put
@@ -139,3 +140,32 @@ def test_the_command_shows_writes_and_says_what_is_left(tmp_path: Path, capsys) 
     assert main(["check", str(path), "--fix"]) == 0
     assert "mended" not in capsys.readouterr().err and path.stat().st_mode & 0o777 == 0o640
     assert main(["check", str(path), "--fix", "--diff"]) == 2
+
+
+@pytest.mark.parametrize(
+    "text",
+    [MISSPELT, MISSPELT.replace("<materials>", "<!-- Stück --><materials>")],
+    ids=["ascii", "letters of two bytes"],
+)
+def test_what_is_told_to_be_replaced_is_what_is_replaced(tmp_path: Path, text: str) -> None:
+    """By line and column, as an editor does it, and by bytes: the same, problem by problem."""
+    path = tmp_path / "s.xml"
+    path.write_text(text, encoding="utf-8")
+    replaced = 0
+    for problem in examine(str(path)):
+        lines = text.split("\n")
+        for edit in edits(text.encode(), str(path), problem)[::-1]:
+            line = lines[edit.line - 1]
+            lines[edit.line - 1] = line[: edit.column - 1] + edit.text + line[edit.column - 1 + edit.length :]
+            replaced += 1
+        assert "\n".join(lines).encode() == mended(text.encode(), str(path), [problem])[0]
+    assert replaced == 3
+
+
+@given(st.lists(st.text("abcde", min_size=3, max_size=8), max_size=4), st.text("abcde", min_size=3, max_size=8))
+@example(["friction", "traction"], "frction")
+def test_what_can_have_been_meant_is_the_name_that_is_most_alike(names: list[str], word: str) -> None:
+    found = meant(word, names)
+    if found is not None and found[1].lower() != word:
+        alike = {name: SequenceMatcher(None, name, word).ratio() for name in names}
+        assert alike[found[1]] == max(alike.values())

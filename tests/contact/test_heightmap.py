@@ -117,3 +117,12 @@ def test_a_flank_in_either_direction_is_smoothed(axis: int) -> None:
     smooth, passes = gentle(values, 1e-3, 2e-4)
     assert passes > 0
     assert np.abs(np.diff(smooth, axis=axis)).max() * 1e-3 <= STEEPEST * 2e-4 * (1.0 + 1e-9)
+
+
+def test_a_map_that_is_turned_is_smoothed_as_much(rng: np.random.Generator) -> None:
+    values = np.zeros((12, 8))
+    values[3:7] = 1.0  # steep along one axis only
+    values += 1e-3 * rng.random((12, 8))
+    smooth, passes = gentle(values, 1e-3, 2e-4)
+    turned, as_many = gentle(values.T, 1e-3, 2e-4)
+    assert passes == as_many > 0 and turned == pytest.approx(smooth.T, abs=1e-12)

@@ -117,3 +117,10 @@ def test_curves_go_by_unit_with_temperatures_in_degrees_celsius(stream: Stream) 
     assert stream.sent["/curves/degC/arm"][1][1][0] == pytest.approx([27.0, 27.0])
     ours.curves(stream, track, rows[:0], first=False)  # a track without rows has no curves
     assert all(len(sent) == 2 for sent in stream.sent.values())
+
+
+def test_what_has_no_orientation_stands_upright() -> None:
+    upright = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+    assert ours._numbers({}) == upright
+    assert ours._numbers({"position": {"x": 2.0}}) == [2.0, *upright[1:]]
+    assert ours._numbers({"translation": {"z": 3.0}, "rotation": {"x": 1.0}}) == [0.0, 0.0, 3.0, 0.0, 1.0, 0.0, 0.0]

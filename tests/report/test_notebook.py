@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -108,3 +110,29 @@ def test_a_long_curve_is_drawn_by_its_extremes_in_few_points(count: int) -> None
     assert len(chosen) <= notebook.POINTS
     assert values[chosen].min() == values.min() and values[chosen].max() == values.max()
     assert (np.diff(chosen) > 0).all()
+
+
+@pytest.mark.parametrize("span", [1e-3, 1.0, 700.0])
+def test_a_curve_goes_from_edge_to_edge_of_its_picture_whenever_it_begins(span: float) -> None:
+    times = 12.0 + np.linspace(0.0, span, 9)
+    (points,) = re.findall(r'points="([^"]*)"', notebook.curve(times, np.arange(9.0), "force [N]"))
+    across, up = np.array([[float(number) for number in pair.split(",")] for pair in points.split()]).T
+    assert (across[0], across[-1]) == (1.0, notebook.WIDE - 1.0)
+    assert (up[0], up[-1]) == (notebook.HIGH - 2.0, 2.0)
+
+
+@pytest.mark.parametrize("count", [2, 3, 7, 11])
+def test_of_a_pose_the_height_is_drawn_however_few_rows_there_are(count: int) -> None:
+    columns = [SimpleNamespace(name="pose", unit="m"), SimpleNamespace(name="force", unit="N")]
+    rows = np.zeros(count, [("time", "f8"), ("pose", "f8", 7), ("force", "f8", 3)])
+    rows["time"], rows["pose"][:, 2], rows["force"] = np.arange(count), 0.25, (0.0, 3.0, 4.0)
+
+    class Shown:
+        tracks: ClassVar[Any] = {"arm": SimpleNamespace(columns=columns)}
+
+        def __getitem__(self, name: str) -> Any:
+            return rows
+
+    height, size = notebook._curves(Shown())
+    assert "height of" in height and "0.25 to 0.25" in height
+    assert "size of" in size and "5 to 5" in size

@@ -8,8 +8,11 @@ from pathlib import Path
 import pytest
 
 from itouch.plugin.discovery import Catalog
+from itouch.scene import constraints
 from itouch.scene.loader import in_file_order, read_scene
+from itouch.scene.values import parse_value
 from itouch.schema import Problem
+from itouch.schema.fields import Spec
 from itouch.world import compile_scene
 from itouch_tools.cli import main as cli
 
@@ -269,3 +272,23 @@ def test_a_device_without_a_driver_is_twin_only(write: Write, monkeypatch: pytes
     (problem,) = [problem for problem in problems_of(path) if problem.severity == "error"]
     assert problem.code == "twin-only"
     assert "twin only" in str(problem.sentence)
+
+
+@pytest.mark.parametrize(
+    ("text", "means"), [("true", True), ("yes", True), ("1", True), ("false", False), ("no", False), ("0", False)]
+)
+def test_a_flag_is_a_word_or_a_digit(text: str, means: bool) -> None:
+    assert parse_value(Spec("flag", ""), text) is means
+
+
+@pytest.mark.parametrize(
+    ("names", "text"),
+    [
+        (("a",), "'a'"),
+        (("a", "b"), "'a' and 'b'"),
+        (("a", "b", "c"), "'a', 'b' and 'c'"),
+        (tuple("abcd"), "'a', 'b', 'c' and 'd'"),
+    ],
+)
+def test_names_are_listed_each_once_and_in_order(names: tuple[str, ...], text: str) -> None:
+    assert constraints._listed(names) == text

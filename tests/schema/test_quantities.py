@@ -1,9 +1,11 @@
 from __future__ import annotations
 
+import contextlib
 import math
+import re
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from itouch.schema.quantities import QuantityError, format_quantity, parse_quantity
@@ -110,3 +112,22 @@ def test_any_text_is_read_or_refused(text: str) -> None:
     except QuantityError:
         return
     assert all(math.isfinite(value) for value in values)
+
+
+@given(st.text("0123,. -m", min_size=1, max_size=9), st.integers(1, 3))
+@example("1,5 x", 1)
+@example("1,5 2 mm", 3)
+@example("1,5 - mm", 2)
+def test_the_text_that_is_said_to_be_meant_is_read(text: str, size: int) -> None:
+    with contextlib.suppress(QuantityError):
+        parse_quantity(text, "m", size=size)
+        return
+    with pytest.raises(QuantityError) as caught:
+        parse_quantity(text, "m", size=size)
+    if found := re.search("did you mean '(.*)'", caught.value.advice):
+        pointed = found[1]
+        assert "," not in pointed
+        try:
+            parse_quantity(pointed, "m", size=size)
+        except QuantityError as error:  # of what it may still be wrong in: its unit
+            assert "expected" not in str(error), (text, pointed)

@@ -228,3 +228,13 @@ def test_whatever_a_scene_may_say_is_finite_and_bounded(asked, speeds, block):
         bank.strike(speed)
         samples = limited(bank.render(block))
         assert np.isfinite(samples).all() and np.abs(samples).max(initial=0) < 1.0
+
+
+def test_loud_samples_are_bent_without_a_kink_and_keep_their_order() -> None:
+    """Below the knee nothing is changed; above it the slope falls from one, and full scale is never reached."""
+    loud = np.linspace(0.0, 5.0, 5001)
+    bent = limited(loud)
+    slopes = np.diff(bent) / np.diff(loud)
+    assert (np.diff(slopes) < 1e-9).all() and slopes[0] == pytest.approx(1.0) and (np.abs(np.diff(slopes)) < 0.02).all()
+    assert (slopes >= 0.0).all() and bent.max() < 1.0 and bent[-1] > 0.99
+    assert limited(-loud) == pytest.approx(-bent)
