@@ -230,6 +230,19 @@ def test_a_test_that_names_what_is_changed_is_met_before_all_others(small: Path)
     assert tests.of(mutation.Mutant("room", small / "python.py", 8, "", ""))[0] == other
 
 
+def test_the_page_of_all_attributes_is_met_first_by_what_a_module_binds(
+    small: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(mutation.ROOMS, "room", ("framework/room", ("room", mutants.PAGE)))
+    page, user = f"tests/{mutants.PAGE}::test_a_page[scene.md]", "tests/room/test_c.py::test_4"
+    reached = whole_tree.Reached(
+        [page, user], {page: 0.5, user: 0.01}, {("framework/room/python.py", 9): array("i", [1])}
+    )
+    tests = whole_tree.Tests(reached, {page: [], user: []})
+    assert tests.of(mutation.Mutant("room", small / "kernels.py", 1, "", "")) == [page, user]
+    assert tests.of(mutation.Mutant("room", small / "python.py", 9, "", "")) == [user]
+
+
 def test_a_new_case_reaches_what_the_others_of_its_function_do(small: Path) -> None:
     cases = [f"tests/a/test_a.py::test[{n}]" for n in range(3)]
     reached = whole_tree.Reached(

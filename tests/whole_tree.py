@@ -5,9 +5,10 @@ a fixture that it shares with others, and that is made for the first of them, ea
 no test is seen to reach itself, as it is compiled or runs when a module is imported, the lines count that use it by its
 name, with the tests of the room after them.
 
-The order: tests in which the changed function, class or constant is named, as they ask the most of it; then those of files
-that import the changed module or its package, then others; of each one case of a test function before further cases, the
-tests of the room before others, and the cheapest first; costly ones after these.  A mutant that all of them let live until
+The order: the page of all attributes, for what a module binds, whose bounds and defaults may stand there; tests in which
+the changed function, class or constant is named, as they ask the most of it; then those of files that import the changed
+module or its package, then others; of each one case of a test function before further cases, the tests of the room before
+others, and the cheapest first; costly ones after these.  A mutant that all of them let live until
 they have used up its budget of processor time counts as one that lives; how many did so is told, as the score is a lower
 bound by these.
 
@@ -39,7 +40,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mutants import HERE, ROOMS, TREE, Changed, Mutant, is_compiled
+from mutants import HERE, PAGE, ROOMS, TREE, Changed, Mutant, is_compiled
 
 #: How pytest is asked; a whole run of the short form leaves out more.
 OPTIONS = ("-q", "-p", "no:cacheprovider", "--no-header", "--tb=no", "-o", "filterwarnings=ignore", "-m", "not long")
@@ -374,7 +375,9 @@ class Tests:
         last = (own - seen if with_room else own & self.new) - first
         words = said(mutant.path, mutant.line)
         direct = {test for test in first | seen | last if self.cost[test] <= COSTLY and words & spoken(test)}
-        parts = (direct, first - direct, seen - direct, last - direct)
+        page = {test for test in last if test.startswith(f"tests/{PAGE}")}  # made again in a moment
+        direct -= page
+        parts = (page, direct, first - direct - page, seen - direct - page, last - direct - page)
         return [test for part in parts for test in in_order(part, own, self.cost, near)]
 
 

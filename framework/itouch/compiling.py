@@ -19,6 +19,7 @@ import glob
 import hashlib
 import math
 import os
+import re
 import sys
 import time
 import weakref
@@ -159,7 +160,7 @@ def progress() -> tuple[int, int | None, str]:
                     _claimed[file.name] = text
         needed = set(_claimed.get(_NEEDED, "").split("\n")) - {""}
         done |= {text for name, text in _claimed.items() if not name.startswith(_NEEDED)}
-    now = under_way[0].rpartition(".")[2] if under_way else ""
+    now = re.sub(r"_[0-9a-f]{12}$", "", under_way[0].rpartition(".")[2]) if under_way else ""  # of an entry
     return len(done - set(under_way)), len(needed | done) if needed else None, now
 
 

@@ -275,10 +275,10 @@ def test_a_first_start_tells_how_many_kernels_of_those_that_it_needs_are_compile
     try:
         with listening(events), prepare._Companion(["x.xml"]):
             compiling.KernelCache.missed += 1
-            told(None, "1 kernels so far")
+            told(None, "1 so far")
             (tmp_path / "0123").write_text("b.second")
             (tmp_path / "4567").write_text("b.second")  # for arguments of another kind
-            told(None, "2 kernels so far")
+            told(None, "2 so far")
             (tmp_path / "needed").write_text("a.first\nb.second\nc.third\nc.fourth")
             told(0.5, "2 of 4 kernels, ")
             (tmp_path / "89ab").write_text("d.of_no_step")

@@ -81,7 +81,7 @@ class _Companion:
             while not self._over.wait(_LOOK):
                 done, needed, now = sys.modules["itouch.compiling"].progress()
                 if needed is None:
-                    wait.part(None, f"{done} kernels so far, now {now}" if now else f"{done} kernels so far")
+                    wait.part(None, f"{done} so far, now {now}" if now else f"{done} so far")
                     continue
                 share = done / needed
                 left = (time.monotonic() - begun) * (1.0 - share) / max(share, 0.01)
