@@ -14,6 +14,7 @@ from typing import Any
 
 from itouch.loop.clock import now
 from itouch.platforms import cores
+from itouch.plugin.commands import exit_code
 from itouch.plugin.discovery import Catalog
 from itouch.session import Session, load_scene
 from itouch.session.batch import batch
@@ -69,7 +70,7 @@ def measure(model: Model, sessions: int, seconds: float | None, rounds: int = 3_
 
 
 def main(argv: Sequence[str]) -> int:
-    """Measure how many sessions a second run in a batch."""
+    """Measure how many sessions a second run in a batch; exit code 1: it makes too little of all cores."""
     parser = argparse.ArgumentParser(prog="itouch-py bench batch", description=main.__doc__)
     parser.add_argument("scene", metavar="SCENE", help="a scene; it runs on twins")
     parser.add_argument("--sessions", type=int, default=4, metavar="N", help="of each worker (default 4)")
@@ -79,15 +80,16 @@ def main(argv: Sequence[str]) -> int:
     catalog = Catalog()
     model = Model.of(load_scene(options.scene, twin="all", catalog=catalog), catalog)
     found = measure(model, max(1, options.sessions), options.seconds)
+    code = exit_code([found["share_of_that"] >= SHARE])
     if options.json:
         print(json.dumps(found, indent=1))
-        return 0
+        return code
     rate, fast = found["sessions_per_s"], found["times_real_time"]
     print(f"{found['scene']}: {rate['one']:.2f} sessions a second with one worker ({fast['one']:.0f} x real time)")
     all_of_them = f"{rate['all']:.2f} a second ({fast['all']:.0f} x real time)"
     print(f"  {found['cores']} workers: {all_of_them}, gain {found['gain']:.2f}")
     print(f"  plain compute loops gain {found['gain_of_plain_loops']:.2f}: {judged(found['share_of_that'])}")
-    return 0
+    return code
 
 
 def judged(share: float) -> str:

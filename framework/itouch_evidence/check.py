@@ -10,6 +10,8 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from itouch.plugin.commands import exit_code
+
 #: Elements of a small file, and of the largest: the elements around them count, too.
 FEW, MANY = 1_000, 100_000 - 20
 #: How many times as long an element may take in the large file.
@@ -93,15 +95,15 @@ def main(argv: Sequence[str]) -> int:
     wrong = sorted(set(options.kinds) - set(KINDS))
     if wrong or not FEW < options.many <= MANY:
         parser.error(f"no kind {', '.join(wrong)}" if wrong else f"--many is from {FEW + 1} to {MANY}")
-    slow = 0
+    verdicts = []
     print(f"CPU time of `itouch-py check` an element; bound: {BOUND:g} times that of {FEW} elements")
     for kind in options.kinds or KINDS:
         small, large = times(kind, options.many)
         good = large <= BOUND * small
-        slow += not good
+        verdicts.append(good)
         told = f"{small * 1e6:5.0f} us of {FEW}, {large * 1e6:5.0f} us of {options.many}: {large / small:4.2f} times"
         print(f"{'ok  ' if good else 'SLOW'} {kind:<10} {told}", flush=True)
-    return 1 if slow else 0
+    return exit_code(verdicts)
 
 
 def times(kind: str, many: int) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from itouch.plugin.commands import exit_code, judged
 from itouch.recording.chunking import ChunkBuilder
 from itouch.recording.ring import ControlWord, Ring, Shape
 from itouch.recording.sink import Sink
@@ -46,11 +47,11 @@ class Figure:
         head = f"{self.name:<58} {self.value:9.3f} {self.unit:<3}"
         if self.limit == float("inf"):
             return head
-        return f"{head} {'>=' if self.at_least else '<='} {self.limit:g}  {'ok' if self.good else 'MISSED'}"
+        return f"{head} {'>=' if self.at_least else '<='} {self.limit:g}  {judged(self.good)}"
 
 
 def main(argv: Sequence[str]) -> int:
-    """Measure what publishing, recording, saving and restoring cost."""
+    """Measure what publishing, recording, saving and restoring cost; exit code 1: a limit is missed."""
     parser = argparse.ArgumentParser(prog="itouch-py bench sessions", description=main.__doc__)
     parser.add_argument("--scene", help="a scene that runs on twins; default: the four-material scene")
     parser.add_argument("--json", metavar="FILE", help="write the figures to this file too")
@@ -59,10 +60,10 @@ def main(argv: Sequence[str]) -> int:
     for figure in figures:
         print(figure.line())
     if options.json:
-        judged = [figure for figure in figures if figure.limit != float("inf")]
-        content = [{**asdict(figure), "good": figure.good} for figure in judged]
+        limited = [figure for figure in figures if figure.limit != float("inf")]
+        content = [{**asdict(figure), "good": figure.good} for figure in limited]
         Path(options.json).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    return 0
+    return exit_code(figure.good for figure in figures)
 
 
 def _four_materials() -> str:

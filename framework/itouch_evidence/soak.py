@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from itouch.plugin.commands import exit_code
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, loads
 from itouch.schema.quantities import QuantityError, parse_quantity
@@ -129,4 +130,4 @@ def main(argv: Sequence[str]) -> int:
     else:
         for soak in soaks:
             _tell(soak)
-    return 0 if all(soak.passed for soak in soaks) else 1
+    return exit_code(soak.passed for soak in soaks)

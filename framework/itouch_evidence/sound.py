@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.plugin.commands import exit_code
 from itouch.schema import ItouchError
 
 MODES = (523.0, 1250.0, 2890.0, 5110.0)
@@ -71,7 +72,7 @@ def _judge(keep: Path | None, path: str | None) -> int:
     if path:
         with open(path, "w", encoding="utf-8") as stream:
             json.dump([asdict(row) for row in rows], stream, indent=1)
-    return 0 if all(row.good for row in rows) else 1
+    return exit_code(row.good for row in rows)
 
 
 def _shown(value: Any) -> str:

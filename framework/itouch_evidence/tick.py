@@ -23,6 +23,7 @@ from itouch.loop.plan import Plan
 from itouch.loop.step import Step
 from itouch.loop.write_access import Fence
 from itouch.plugin import Contact
+from itouch.plugin.commands import exit_code, judged
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, loads
 from itouch.session import Session, build, load_scene
@@ -262,7 +263,7 @@ def growth(ticks: int) -> Iterator[dict[str, Any]]:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Measure what a tick costs in contact, on twins."""
+    """Measure what a tick costs in contact, on twins; exit code 1: a bound is missed."""
     parser = argparse.ArgumentParser(prog="itouch-py bench tick", description=main.__doc__)
     parser.add_argument("--scene", metavar="FILE", help="a scene with a touch; default: a finger on a box")
     parser.add_argument("--ticks", type=int, default=4000, metavar="N", help="how many are measured (default 4000)")
@@ -278,7 +279,22 @@ def main(argv: Sequence[str]) -> int:
     found["turns"] = [{"rate_hz": rate, **turns(touched, rate)} for rate in RATES]
     found["growth"] = list(growth(min(options.ticks, 2000))) if options.growth else []
     print(json.dumps(found, indent=1) if options.json else "\n".join(_text(found)))
-    return 0
+    return exit_code([is_near(found), is_cheap(found), *map(fits, found["turns"])])
+
+
+def is_near(found: dict[str, Any]) -> bool | None:
+    """Tell whether a tick is near the limit of its compiled steps, if any is, given the figures of ``measure``."""
+    return bool(found["round_us"] <= TIMES * found["compiled_us"]) if found["compiled_us"] else None
+
+
+def is_cheap(found: dict[str, Any]) -> bool:
+    """Tell whether a step in plain Python adds no more than it may, given the figures of ``measure``."""
+    return bool(found["split_us"] <= SPLIT)
+
+
+def fits(row: dict[str, Any]) -> bool:
+    """Tell whether the dearest ticks of touches fit into the period, given a row of ``turns``."""
+    return all(row[name] is None or row[name] <= 1.0 / row["rate_hz"] for name in TURNS)
 
 
 def _text(found: dict[str, Any]) -> Iterator[str]:
@@ -290,18 +306,23 @@ def _text(found: dict[str, Any]) -> Iterator[str]:
     limit = found["compiled_us"]
     times, single = ((us / limit if limit else float("inf")) for us in (found["round_us"], tick["p50"]))
     yield f"  compiled steps  {limit:.2f} us in one compiled loop, the limit"
-    yield f"  the same ticks  {found['round_us']:.2f} us, {times:.1f} x that (bound {TIMES:g}); p50 {single:.1f} x"
+    bound = f"bound {TIMES:g}{_told(is_near(found))}"
+    yield f"  the same ticks  {found['round_us']:.2f} us, {times:.1f} x that ({bound}); p50 {single:.1f} x"
     if found["left_to_python"]:
         yield f"                  {found['left_to_python']:.3f} steps a tick are Python's, and missing in the limit"
-    split = f"{found['split_us']:.2f} us (bound {SPLIT:g})"
+    split = f"{found['split_us']:.2f} us (bound {SPLIT:g}{_told(is_cheap(found))})"
     yield f"  a Python step   that splits the plan and does nothing costs {split}"
     yield f"  a modality      costs {found['fence_us']:.2f} us besides its own work: a fence, if it is the first"
     for row in found["turns"]:
         dearest = ", ".join(f"{name} {_us(row[name])}" for name in TURNS)
-        bound = f"(bound {_us(1.0 / row['rate_hz'])})"
+        bound = f"(bound {_us(1.0 / row['rate_hz'])}{_told(fits(row))})"
         yield f"  a touch         at {row['rate_hz'] / 1e3:g} kHz: {dearest}, in its dearest tick {bound}"
     for row in found["growth"]:
         yield f"  {row['count']:>5} {row['of']:<9} p50 {row['p50_us']:.1f} us"
+
+
+def _told(holds: bool | None) -> str:
+    return "" if holds is None or holds else f", {judged(holds)}"
 
 
 def _us(seconds: float | None) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.contact import Proxy, Surface
+from itouch.plugin.commands import exit_code
 from itouch.schema import ItouchError
 from itouch_evidence.contact.figures import Figure, judged
 from itouch_evidence.contact.measure import CHUNK, Row, building, closest_row, peer_row, proxy_rows
@@ -114,7 +115,7 @@ def _line(row: Row) -> str:
 
 
 def main(argv: list[str]) -> int:
-    """Measure and print; returns the exit code."""
+    """Measure and print; exit code 1: a figure misses its limit."""
     options = _parser().parse_args(argv)
     if options.json is not None and not options.json.resolve().parent.is_dir():
         raise ItouchError(f"cannot write '{options.json}': there is no folder '{options.json.parent}'")
@@ -153,7 +154,7 @@ def main(argv: list[str]) -> int:
             options.json.write_text(text)
         except OSError as error:
             raise ItouchError(f"cannot write '{options.json}': {error.strerror or error}") from error
-    return 0
+    return exit_code(figure.passed for figure in figures)
 
 
 def _version(package: str) -> str:

@@ -15,6 +15,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from itouch.plugin.commands import exit_code
+
 #: How often a later start, and the help, are measured; the least counts.
 TIMES = 3
 #: Bounds: the first start as a multiple of a later one where nothing is compiled, as from a wheel; CPU of the help [s].
@@ -61,7 +63,7 @@ def main(argv: Sequence[str]) -> int:
     if options.json:
         content = {"first": asdict(first), "later": asdict(later), "help_cpu_s": asked}
         Path(options.json).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    return 1 if is_missed(first, later, asked) else 0
+    return exit_code([not is_missed(first, later, asked)])
 
 
 def is_missed(first: Start, later: Start, asked: float) -> bool:

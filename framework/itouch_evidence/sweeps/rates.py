@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from itouch.platforms import cores
+from itouch.plugin.commands import exit_code
 from itouch.plugin.discovery import Catalog
 from itouch.schema import ItouchError
 from itouch_evidence.sweeps import backends, growth
@@ -88,7 +89,7 @@ def main(argv: Sequence[str]) -> int:
         scene, max(2, options.sessions), options.seconds, dask=not options.no_dask, rounds=max(1, options.rounds)
     )
     print(json.dumps(backends.plain(found), indent=1) if options.json else "\n".join(backends.shown(found)))
-    return 0 if all(value >= backends.SHARE for _, value in found.bounds()) else 1
+    return exit_code(value >= backends.SHARE for _, value in found.bounds())
 
 
 def _grow(scene: Path, options: argparse.Namespace) -> int:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from itouch.plugin import ItouchError, parse_quantity
+from itouch.plugin.commands import exit_code, judged
 from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.rendering.bound import bound
 from itouch_thermal.rendering.closedloop import GAINS, PERIOD, Case, desired_course, simulate, start_for
@@ -34,7 +35,7 @@ Plants = list[tuple[DisplayParams, int]]
 
 
 def main(argv: Sequence[str]) -> int:
-    """Measure the rendering of materials on the display's twin."""
+    """Measure the rendering of materials on the display's twin; 1 if a promise of --table is missed."""
     options = _parser().parse_args(list(argv))
     try:
         rows = list(_grid(options) if options.grid else _table(options) if options.table else _rows(options))
@@ -47,7 +48,7 @@ def main(argv: Sequence[str]) -> int:
         text = str(error)
         print(text if text.startswith("error[") else f"error: {text}", file=sys.stderr)
         return 2
-    return 0
+    return exit_code(row.get("holds") for row in rows)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -195,8 +196,10 @@ def _table(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     print(f"{'case':<40}{'figure':<42}{'value':>11}{'limit':>9}       worst")
     for line in Table(materials, options.quick, seconds=options.seconds).lines():
         limit = "-" if line.limit is None else f"{line.limit:g}"
-        kept = {True: "ok", False: "MISSED", None: ""}[line.holds]
-        print(f"{line.case:<40}{line.figure:<42}{line.value:>11.4g}{limit:>9} {kept:<6}{line.worst}", flush=True)
+        print(
+            f"{line.case:<40}{line.figure:<42}{line.value:>11.4g}{limit:>9} {judged(line.holds):<6}{line.worst}",
+            flush=True,
+        )
         yield {**line._asdict(), "holds": line.holds}
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from itouch.plugin import ItouchError
+from itouch.plugin.commands import exit_code
 
 #: Number of faults in the long form, and in the short one.
 LONG, SHORT = 1000, 36
@@ -45,7 +46,7 @@ def main(argv: Sequence[str]) -> int:
     except ItouchError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    return 0 if all(row["holds"] for row in shown) and all(row["safe"] for row in faults) else 1
+    return exit_code([*(row["holds"] for row in shown), *(row["safe"] for row in faults)])
 
 
 def _figures() -> Iterator[dict[str, Any]]:

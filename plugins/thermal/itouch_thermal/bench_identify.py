@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from itouch.plugin import waiting
+from itouch.plugin.commands import exit_code
 
 if TYPE_CHECKING:
     from itouch_thermal.identify.coverage import Row
@@ -37,7 +38,7 @@ def main(argv: Sequence[str]) -> int:
     missed = [row.name for row in rows if not row.holds]
     of = f"{100 * LEAST:.0f} to {100 * MOST:.0f} % must hold the truth"
     print(f"{options.fingers} fingers, {of}" + (f"; MISSED by {', '.join(missed)}" if missed else ""))
-    return 1 if missed else 0
+    return exit_code(row.holds for row in rows)
 
 
 def _rows(options: argparse.Namespace) -> list[Row]:

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from itouch.plugin.commands import exit_code
 from itouch_thermal.display.params import DisplayParams
 
 SPACE = "{urn:itouch:plugin:thermal}"
@@ -131,7 +132,7 @@ def main(argv: Sequence[str]) -> int:
         rows.extend([_added(row, rows[0]) for row in rows[1:]])
     if options.json is not None:
         options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-    return 0 if all(row["holds"] for row in rows) else 1
+    return exit_code(row["holds"] for row in rows)
 
 
 def _has(name: str, asked: str) -> bool:
