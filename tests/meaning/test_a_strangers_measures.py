@@ -149,3 +149,52 @@ def test_a_figure_without_a_meaning_is_refused():
         Measured("tilt", "rad", " ")
     with pytest.raises(ValueError, match="'everywhere'"):
         Measured("tilt", "rad", "how it is tilted", show="everywhere")
+
+
+class Louder(Buzz):
+    """Measures the same things, and finds more."""
+
+    def measures(self, model, state, probe, object_index):
+        """Return other numbers under the same keys, and one where the first has none."""
+        return {"vibration_m_s2": 9.5, "missed_share": 0.5, "grip": None, "never": 3.0}
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    folder, patch = tmp_path_factory.mktemp("two"), pytest.MonkeyPatch()
+    catalog, kinds = discovery.Catalog, {"render": Buzz, "louder": Louder}
+    found, names, plugins = catalog.modality, catalog.modality_names, catalog.plugin_names.fget
+    patch.setattr(catalog, "modality", lambda self, p, local: kinds[local] if p == "buzz" else found(self, p, local))
+    patch.setattr(catalog, "modality_names", lambda self, p: [*kinds] if p == "buzz" else names(self, p))
+    patch.setattr(catalog, "plugin_names", property(lambda self: sorted([*plugins(self), "buzz"])))
+    scene = folder / "scene.xml"
+    scene.write_text(
+        SCENE.replace("<buzz:render", '<buzz:louder name="strong" probe="finger"/><buzz:render name="weak"')
+    )
+    session = itouch.build(scene)
+    session.record(folder / "run.mcap")
+    stream = io.StringIO()
+    screen = Screen(session, stream)
+    session.run()
+    screen.finish(session.report())
+    session.close()
+    yield session.report(), stream.getvalue(), collect(str(folder / "run.mcap"))
+    patch.undo()
+
+
+def test_of_two_modalities_with_the_same_keys_no_figure_is_lost(two):
+    (entry,) = two[0]["contacts"]
+    assert (entry["vibration_m_s2"], entry["missed_share"], entry["never"]) == (9.5, 0.5, 3.0)
+    assert (entry["weak:vibration_m_s2"], entry["weak:missed_share"]) == (4.25, 0.125)
+    assert (entry["grip"], entry["word"], entry["beside"]) == ("<b>loose", "w", 7.0)  # of these there is one each
+    assert "weak:grip" not in entry and "strong:never" not in entry
+
+
+def test_of_two_modalities_each_is_shown_and_speaks_of_its_own(two):
+    assert "left block: shaken by 9.5 m/s2; shaken by 4.2 m/s2" in two[1]
+    heads = next(line for line in two[1].splitlines() if line.startswith("object"))
+    assert "vibration_m_s2" in heads and "weak vibration_m_s2" in heads and "weak missed %" in heads
+    shown = page(two[2]).split("<h2>Contacts</h2>")[1].split("<h2>Curves</h2>")[0]
+    assert "weak vibration_m_s2 [m/s²]" in shown and "weak grip" not in shown
+    summary = two[2].summary
+    assert (summary["greatest vibration"], summary["weak greatest vibration"]) == ("9.5 m/s^2", "4.2 m/s^2")

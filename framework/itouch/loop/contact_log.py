@@ -211,8 +211,7 @@ class ContactLog:
             plate_lead_ms=(begin - physical) * period * 1e3 if led else None,
         )._asdict()
         entry: dict[str, Any] = own | self._blank | own
-        for modality in self._measuring:
-            entry.update(told.in_entry(modality, seen, name, index))
+        told.enter(entry, self._measuring, seen, name, index)
         return entry
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, MutableMapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from itouch.plugin import Modality, Record
+from itouch.plugin import Measured, Modality, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.schema.plugin_errors import said, written_at
-from itouch.world import ModalityModel
+from itouch.world import ModalityModel, Model
 
 #: How deep what `Modality.report` returns may be nested.
 _DEEPEST = 20
@@ -85,6 +86,48 @@ def in_entry(modality: ModalityModel, state: Record, probe: str, index: int) -> 
         raise
     except BaseException as error:  # one that exits neither ends the program nor loses the contact
         return {key: f"failed in measures: {said(error)}"}
+
+
+def enter(
+    entry: MutableMapping[str, Any], modalities: Iterable[ModalityModel], state: Record, probe: str, index: int
+) -> None:
+    """Put what modalities have measured into a contact's entry, where their keys are null or not there yet.
+
+    A figure that another modality has given under the same key already stands under ``NAME:key``: both are kept.
+    """
+    for modality in modalities:
+        for key, value in in_entry(modality, state, probe, index).items():
+            if entry.get(key) is None:
+                entry[key] = value
+            elif value is not None:
+                entry[_beside(modality, key)] = value
+
+
+def own_view(modality: ModalityModel, entry: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a contact's entry with the modality's own figures under its own keys, whoever else has the same ones."""
+    own = {key: entry[name] for key in entry if (name := _beside(modality, key)) in entry}
+    return {**entry, **own} if own else entry
+
+
+def figures_of(model: Model, contacts: Iterable[Mapping[str, Any]]) -> tuple[Measured, ...]:
+    """Return the figures that a scene's modalities declare, then those of contacts under ``NAME:key``."""
+    there = set[str]().union(*contacts)
+    first: dict[str, Measured] = {}
+    further: list[Measured] = []
+    for modality in model.modalities:
+        for one in modality.instance.measured:
+            if one.key not in first:
+                first[one.key] = one
+            elif _beside(modality, one.key) in there:
+                title, head, worst = (
+                    f"{modality.name} {text}" if text else "" for text in (one.title or one.key, one.head, one.worst)
+                )
+                further.append(replace(one, key=_beside(modality, one.key), title=title, head=head, worst=worst))
+    return (*first.values(), *further)
+
+
+def _beside(modality: ModalityModel, key: str) -> str:
+    return f"{modality.name}:{key}"
 
 
 def of_run(modality: ModalityModel, state: Record) -> dict[str, Any]:

@@ -155,7 +155,7 @@ def _summary(
         "greatest plate gap": f"{max(gaps):.3f} mm" if gaps else None,
         "table within (p99)": f"{tracking:.2f} mm" if _finite(tracking) else None,
     }
-    for one in measured(model):
+    for one in measured(model, contacts):
         if one.worst and (sizes := _sizes(contacts, one.key)):
             found[one.worst] = f"{one.scale * max(sizes):.{one.digits}f} {one.shown_unit}".rstrip()
     return {name: value for name, value in found.items() if value is not None}

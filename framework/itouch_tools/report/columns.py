@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from itouch.loop.told import figures_of, own_view
 from itouch.plugin import Measured
 from itouch.schema.plugin_errors import said
 from itouch.world import Model
@@ -20,18 +21,14 @@ _HOW = (
 )
 
 
-def measured(model: Model | None) -> tuple[Measured, ...]:
-    """Return what the modalities of a scene measure of a contact, each key once."""
-    found: dict[str, Measured] = {}
-    for modality in model.modalities if model is not None else ():
-        for one in modality.instance.measured:
-            found.setdefault(one.key, one)
-    return tuple(found.values())
+def measured(model: Model | None, contacts: Iterable[Mapping[str, Any]]) -> tuple[Measured, ...]:
+    """Return what the modalities of a scene measure of a contact; a figure that several give comes once for each."""
+    return figures_of(model, contacts) if model is not None else ()
 
 
 def rows(model: Model, contacts: Sequence[Mapping[str, Any]]) -> list[list[str]]:
     """Return a terminal's table: the heads, then a row for each contact; with several probes it names the probe."""
-    felt = [one for one in measured(model) if one.show == ""]
+    felt = [one for one in measured(model, contacts) if one.show == ""]
     shown = (*_WHEN, *(one for one in felt if not one.percent), *_HOW, *(one for one in felt if one.percent))
     what = ("probe", "object", "material") if len(model.probes) > 1 else ("object", "material")
     heads = [*what, *(one.short_head for one in shown)]
@@ -47,7 +44,7 @@ def ended(model: Model, entry: Mapping[str, Any]) -> list[str]:
     found = []
     for one in model.modalities:
         try:
-            found.append(one.instance.ended(one.model, entry))
+            found.append(one.instance.ended(one.model, own_view(one, entry)))
         except Exception as error:  # a plugin's text may fail; the run goes on
             found.append(f"{one.name} failed in ended: {said(error)}")
     return [words for words in found if words]
@@ -57,7 +54,7 @@ def shortcomings(model: Model | None, entry: Mapping[str, Any]) -> list[str]:
     """Return in what a contact was not as it should have been, in the words of the modality that measures it."""
     found = ["the plate was missed"] if entry.get("plate_missed") else []
     found += ["the plate was withdrawn (T4)"] if entry.get("plate_withdrawn") else []
-    for one in measured(model):
+    for one in measured(model, [entry]):
         if one.must is not None and entry.get(one.key) is not None and entry[one.key] != one.must:
             found.append(one.otherwise)
     return found
@@ -77,7 +74,7 @@ def remarks(model: Model, entry: Mapping[str, Any]) -> list[str]:
         )
     for one in model.modalities:
         try:
-            found += one.instance.remarks(one.model, entry)
+            found += one.instance.remarks(one.model, own_view(one, entry))
         except Exception as error:
             found.append(f"{one.name} failed in remarks: {said(error)}")
     return found

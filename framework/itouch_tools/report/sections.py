@@ -82,7 +82,7 @@ def meanings(findings: Findings) -> list[tuple[str, Table]]:
         rows = [[line.label, chart.unit, line.doc] for chart in findings.curves.charts for line in chart.lines]
         made.append(("What the curves are", Table(["curve", "unit", "meaning"], rows, (0, 1, 2))))
     if findings.contacts:
-        felt = [one for one in measured(findings.model) if one.show != "no"]
+        felt = [one for one in measured(findings.model, findings.contacts) if one.show != "no"]
         known = [(title, _MEANT[key]) for key, title, *_ in _CONTACTS if key in _MEANT]
         pairs = [[*pair] for pair in (*known, *((one.page_head, one.doc) for one in felt))]
         made.append(("What the columns of contacts are", Table(["column", "meaning"], pairs, (0, 1))))
@@ -127,7 +127,7 @@ def contacts(findings: Findings) -> Contacts | None:
     if not found:
         return None
     several = findings.model is None or len(findings.model.probes) > 1
-    felt = [one for one in measured(findings.model) if one.show != "no"]
+    felt = [one for one in measured(findings.model, findings.contacts) if one.show != "no"]
     shown = [
         column for column in (*_CONTACTS, *((one.key, one.page_head, f".{one.digits}f", one.scale) for one in felt))
         if any(entry.get(column[0]) is not None for entry in found) and (several or column[0] != "probe")

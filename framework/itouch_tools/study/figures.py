@@ -39,5 +39,5 @@ def known(catalog: Catalog | None = None) -> Mapping[str, Measured]:
 
 def meaning(key: str, known: Mapping[str, Measured]) -> tuple[str, str]:
     """Return the unit of a figure, which may be empty, and the sentence that says what it is."""
-    one = known.get(key)
+    one = known.get(key, known.get(key.rpartition(":")[2]))  # NAME:key: of several modalities
     return (one.unit, one.doc) if one is not None else ("", "figure of a plugin that is not installed")

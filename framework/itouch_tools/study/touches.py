@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from itouch.loop import DeviceFaultError
+from itouch.loop.told import figures_of
 from itouch.plugin import Measured, Role
 from itouch.plugin.discovery import Catalog
 from itouch.scene.edits import Edit
@@ -194,9 +195,10 @@ class Feeling:
     def presented(self, session: Session, void: str) -> Presented:
         """Return the touch that has ended, and why it does not count."""
         report = session.report()
-        measured = [one for modality in session.model.modalities for one in modality.instance.measured]
         period = self._every * session.model.period
-        return _presented(self._samples, self.index, report, self._rules, measured, period, void)
+        return _presented(
+            self._samples, self.index, report, self._rules, figures_of(session.model, report["contacts"]), period, void
+        )
 
 
 def figures(touch: Presented) -> dict[str, Any]:
