@@ -6,7 +6,6 @@ would, through a router of its own.  Lateness is from the stamp, the time when t
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import json
 import subprocess
@@ -23,6 +22,8 @@ import numpy as np
 from itouch.scene import bundled_scenes
 from itouch.schema import ItouchError
 from itouch.schema.extras import need
+from itouch_tools.cli.arguments import Parser
+from itouch_tools.cli.output_files import output_file
 
 #: How long [s] to wait for the first message, and what is left out after it.
 OPENING, SETTLING = 180.0, 1.0
@@ -48,10 +49,10 @@ class Line:
 
 def main(argv: Sequence[str]) -> int:
     """Measure the topics of ROS 2 that `view --ros2` publishes of a running session."""
-    parser = argparse.ArgumentParser(prog="itouch-py bench ros2", description=main.__doc__)
+    parser = Parser(prog="itouch-py bench ros2", description=main.__doc__)
     parser.add_argument("--seconds", type=float, default=10.0, metavar="S", help="how long to listen (default 10)")
     parser.add_argument("--rate", type=float, default=100.0, metavar="HZ", help="messages a second (default 100)")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there, too")
+    parser.add_argument("--json", type=output_file, metavar="FILE", help="write the figures there, too")
     options = parser.parse_args(argv)
     if not 0.5 <= options.seconds <= 3600.0 or not 1.0 <= options.rate <= 1000.0:
         parser.error("--seconds must be 0.5 to 3600, --rate 1 to 1000")

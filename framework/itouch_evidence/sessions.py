@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import tempfile
@@ -21,6 +20,8 @@ from itouch.recording.sink import Sink
 from itouch.recording.spec import Spec
 from itouch.recording.tracks import Column, Track
 from itouch.session import Session, build, restore
+from itouch_tools.cli.arguments import Parser
+from itouch_tools.cli.output_files import output_file
 
 #: Number and rate [Hz] of the channels that are recorded.
 CHANNELS, RATE = 60, 1000.0
@@ -52,9 +53,9 @@ class Figure:
 
 def main(argv: Sequence[str]) -> int:
     """Measure what publishing, recording, saving and restoring cost; exit code 1: a limit is missed."""
-    parser = argparse.ArgumentParser(prog="itouch-py bench sessions", description=main.__doc__)
+    parser = Parser(prog="itouch-py bench sessions", description=main.__doc__)
     parser.add_argument("--scene", help="a scene that runs on twins; default: the four-material scene")
-    parser.add_argument("--json", metavar="FILE", help="write the figures to this file too")
+    parser.add_argument("--json", type=output_file, metavar="FILE", help="write the figures to this file too")
     options = parser.parse_args(argv)
     figures = measure(options.scene or _four_materials())
     for figure in figures:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import subprocess
@@ -18,6 +17,8 @@ from numpy.typing import NDArray
 
 from itouch.plugin.commands import exit_code
 from itouch.schema import ItouchError
+from itouch_tools.cli.arguments import Parser
+from itouch_tools.cli.output_files import output_file
 
 MODES = (523.0, 1250.0, 2890.0, 5110.0)
 _SCENE = """<itouch version="1.0">
@@ -35,7 +36,7 @@ _FRAME = 1.0 / 60.0
 
 def main(argv: Sequence[str]) -> int:
     """Print the cost of a block, and the time from a published state to its sound."""
-    parser = argparse.ArgumentParser(prog="itouch-py bench sound", description=main.__doc__)
+    parser = Parser(prog="itouch-py bench sound", description=main.__doc__)
     parser.add_argument("--strokes", type=int, default=10, metavar="N", help="strokes that are timed (default 10)")
     parser.add_argument("--monitor", metavar="SOURCE",
                         help="a PulseAudio source that hears what is played (of a null sink: NAME.monitor): "
@@ -46,7 +47,7 @@ def main(argv: Sequence[str]) -> int:
         help="render strokes and slides, and compare decay, modes, level and pitch with what was measured",
     )
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="with --judge: write the sounds as files, too")
-    parser.add_argument("--json", metavar="FILE", help="write the figures, too")
+    parser.add_argument("--json", type=output_file, metavar="FILE", help="write the figures, too")
     options = parser.parse_args(argv)
     if not 1 <= options.strokes <= 1000:
         parser.error("--strokes must be 1 to 1000")

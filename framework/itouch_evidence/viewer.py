@@ -13,6 +13,8 @@ import numpy as np
 
 from itouch.schema import ItouchError
 from itouch_evidence.bumpy_sphere import bumpy_sphere
+from itouch_tools.cli.arguments import Parser
+from itouch_tools.cli.output_files import output_file
 
 #: Triangles of the meshes that are drawn.
 SIZES = (1_000, 100_000, 1_000_000)
@@ -20,10 +22,10 @@ SIZES = (1_000, 100_000, 1_000_000)
 
 def main(argv: Sequence[str]) -> int:
     """Print frame times with 1k, 100k and 1M triangles; with --servo, how punctual the loop is beside viewers."""
-    parser = argparse.ArgumentParser(prog="itouch-py bench viewer", description=main.__doc__)
+    parser = Parser(prog="itouch-py bench viewer", description=main.__doc__)
     parser.add_argument("--frames", type=int, default=60, metavar="N", help="frames of each size (default 60)")
     parser.add_argument("--size", default="1280x720", metavar="1280x720", help="of the picture")
-    parser.add_argument("--json", metavar="FILE", help="write the figures, too")
+    parser.add_argument("--json", type=output_file, metavar="FILE", help="write the figures, too")
     beside = "instead: the servo loop beside a viewer that is there, killed, frozen, overloaded"
     parser.add_argument("--servo", action="store_true", help=beside)
     parser.add_argument("--web", action="store_true",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import shutil
 from collections.abc import Iterator
@@ -13,6 +14,7 @@ from program import program
 from shipped import SCENES
 
 import itouch
+from itouch.plugin import commands
 from itouch.schema import ItouchError
 from itouch_tools.cli import COMMANDS, listed
 from itouch_tools.cli.arguments import Parser
@@ -36,11 +38,29 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "world.xml").write_text('<itouch version="1.0"><world><box name="b" size="9 9 9 mm"/></world></itouch>')
     (folder / "path.csv").write_text("t,x,y,z\n0,0,0,0.1\n1,0,0,0.1\n")
     (folder / "a.calibration.json").write_text("[]")
+    (folder / "mesh.xml").write_text(
+        '<itouch version="1.0"><world><mesh name="m" file="m.gltf"/></world><devices/><interaction/></itouch>'
+    )
+    (folder / "m.gltf").write_text(
+        json.dumps({"buffers": [{"uri": "a%2Db.bin"}], "images": [{"uri": "skin\u00e9.png"}, {"uri": "data:,x"}]})
+    )
+    (folder / "a-b.bin").write_bytes(b"0" * 9)
+    (folder / "skin\u00e9.png").write_bytes(b"\x89PNG")
+    (folder / "asks.xml").write_text(SCENE.replace("<devices>", '<record to="out.mcap" rate="1 kHz"/><devices>'))
+    (folder / "asks-more.xml").write_text('<itouch version="1.0"><include file="asks.xml"/></itouch>')
+    (folder / "case.csv").write_text("{}")
     (folder / "study.xml").write_text('<study version="1.0" scene="a.xml"/>')
     session = itouch.build(SCENES / "first_touch.xml")
     session.record(folder / "r.mcap")
     session.run(0.01)
     session.save(folder / "s.itouch")
+    session.close()
+    asks = (SCENES / "first_touch.xml").read_text().replace("<world", '<record to="out.mcap"/><world', 1)
+    (folder / "asking.xml").write_text(asks)
+    session = itouch.build(folder / "asking.xml")
+    session.record(folder / "asks.mcap")
+    session.run(0.01)
+    session.save(folder / "asks.itouch")
     session.close()
     os.symlink("a.xml", folder / "link.json")
     os.symlink("r.mcap", folder / "r-link.mcap")
@@ -64,12 +84,20 @@ READ = [
     "export s.itouch --xml s.itouch", "export s.itouch --itouch s.itouch", "export s.itouch -o s.itouch",
     "report r.mcap -o r.mcap", "report s.itouch -o s.itouch", "study report study.xml data -o a.xml",
     "virtual-rig a.xml --run --report a.xml", "study power study.xml --json study.xml",
-    "study serve study.xml --key a.xml", "study report study.xml data -o study.xml",
+    "study serve study.xml --key a.xml",
+    "mesh.xml --headless --trace m.gltf", "mesh.xml --headless --trace a-b.bin", "mesh.xml --headless --screenshot skin\u00e9.png",
+    "thermal solve case.csv --at 1s -o case.csv", "thermal solve x.json --times case.csv -o case.csv",
+    "thermal record-flux named.xml -o path.csv", "thermal switching a.xml --json a.xml", "measure touch a.xml -o a.xml",
+    "identify a.xml --heat a.xml", "bench display --plant a.xml --json a.xml",
+    "bench contact --mesh m.gltf --json m.gltf", "bench sessions --scene a.xml --json a.xml", "bench start a.xml --json a.xml",
+    "bench thermal --case case.csv --json case.csv", "bench wire a.xml --json a.xml", "study report study.xml data -o study.xml",
 ]  # fmt: skip
 TWICE = [
     "a.xml --headless --record z.mcap --save z.mcap", "a.xml --headless --record z.mcap --report ./z.mcap",
     "a.xml --headless --report z --save z", "export r.mcap --csv t.csv --layout t.columns.csv",
-    "virtual-rig a.xml --run --report z --trace z",
+    "virtual-rig a.xml --run --report z --trace z", "asks.xml --headless --save out.mcap",
+    "asks-more.xml --headless --report ./out.mcap", "virtual-rig asks.xml --run --report out.mcap",
+    "asks.itouch --headless --save out.mcap", "asks.mcap --headless --report out.mcap",
 ]  # fmt: skip
 KINDS = [
     ("study export data --tsv study.txt", "a scene, a study or a sweep"), ("a.xml --headless --report r.mcap", "a recording"),
@@ -104,6 +132,14 @@ def test_a_session_may_be_saved_where_it_came_from(files: Path, tmp_path: Path) 
     assert int(itouch.restore(tmp_path / "s.itouch").state["tick"]) == 20
 
 
+def test_a_recording_that_an_option_replaces_is_no_output(files: Path, tmp_path: Path) -> None:
+    words = [str(files / "asking.xml"), "--headless", "--for", "10ms", "--report", "out.mcap"]
+    for more in (["--no-record"], ["--record", "z.mcap"]):
+        assert program(*words, *more, cwd=tmp_path).returncode == 0
+        (tmp_path / "out.mcap").unlink()
+    assert [path.name for path in tmp_path.iterdir()] == ["z.mcap"]
+
+
 def test_outputs_of_one_kind_are_replaced_and_streams_take_several(files: Path, tmp_path: Path) -> None:
     shutil.copytree(files, tmp_path, dirs_exist_ok=True)
     (tmp_path / "a.calibration.json").unlink()
@@ -132,7 +168,9 @@ INPUTS = {
     "safety-report scene", "safety-report --rig", "study audit study", "study check study", "study export folder",
     "study forget folder", "study freeze folder", "study freeze study", "study power study", "study report folder",
     "study report study", "study run --answers", "study run study", "study serve study", "study simulate study",
-    "sweep sweep", "sync scene", "test-plugin --scene", "view session", "virtual-rig scene", "virtual-rig --rig", "watch scene",
+    "measure touch --rig", "measure touch scene", "reproduce --measured", "sweep sweep", "sync scene", "test-plugin --scene",
+    "thermal materials documents", "thermal record-flux --rig", "thermal record-flux scene", "thermal solve --times",
+    "thermal switching --rig", "thermal switching scene", "view session", "virtual-rig scene", "virtual-rig --rig", "watch scene",
     "watch --rig",
 }  # fmt: skip
 #: What a metavar holds that names a file or a folder.
@@ -162,7 +200,7 @@ def test_every_argument_that_names_a_file_is_an_output_or_known_to_be_read() -> 
         for action in parser._actions
         if any(part in str(action.metavar) for part in _NAMES)
         and not isinstance(action.type, Output)
-        and action.type is not output_folder
+        and action.type not in (output_folder, commands.output_folder)
     }
     assert found == INPUTS
 

@@ -57,12 +57,17 @@ def test_a_mesh_file_is_measured(
 
 @pytest.mark.parametrize(
     ("words", "says"),
-    [(["--mesh", "absent.stl"], "cannot read 'absent.stl'"), (["--json", "absent/x.json"], "there is no folder"),
-     (["--steps", "3"], "too few"), (["--mesh", __file__], "mesh files are .stl")],
+    [(["--mesh", "absent.stl"], "cannot read 'absent.stl'"), (["--steps", "3"], "too few"), (["--mesh", __file__], "mesh files are .stl")],
 )  # fmt: skip
 def test_what_cannot_be_measured_is_said(words: list[str], says: str) -> None:
     with pytest.raises(ItouchError, match=says):
         main([*words, "--no-peers"])
+
+
+def test_where_nothing_can_be_written_is_said_before_the_work(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--json", "absent/x.json", "--no-peers"])
+    assert "there is no folder 'absent'" in capsys.readouterr().err
 
 
 def test_figures_are_judged() -> None:

@@ -19,6 +19,8 @@ from itouch_evidence.contact.figures import Figure, judged
 from itouch_evidence.contact.measure import CHUNK, Row, building, closest_row, peer_row, proxy_rows
 from itouch_evidence.contact.peers import PACKAGES, PEERS
 from itouch_evidence.contact.workload import HEIGHT_FIELD_CELLS, Work, around, standard
+from itouch_tools.cli.arguments import Parser
+from itouch_tools.cli.output_files import output_file
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -27,12 +29,12 @@ FRICTION = (0.5, 0.3)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="itouch-py bench contact",
         description="Measure what a step of contact costs beside what a Python user would pick instead.",
     )
     parser.add_argument("--mesh", type=Path, help="measure on this mesh file in place of the standard surfaces")
-    parser.add_argument("--json", type=Path, help="write the figures to this file too")
+    parser.add_argument("--json", type=output_file, help="write the figures to this file too")
     parser.add_argument("--sizes", nargs="+", choices=list(HEIGHT_FIELD_CELLS), default=["10k", "100k", "1M"])
     parser.add_argument("--surfaces", nargs="+", choices=["hf", "ico"], default=["hf", "ico"])
     parser.add_argument("--speed", type=float, default=1.0, help="1: brisk (the default), 0.1: slow exploration")
@@ -117,8 +119,6 @@ def _line(row: Row) -> str:
 def main(argv: list[str]) -> int:
     """Measure and print; exit code 1: a figure misses its limit."""
     options = _parser().parse_args(argv)
-    if options.json is not None and not options.json.resolve().parent.is_dir():
-        raise ItouchError(f"cannot write '{options.json}': there is no folder '{options.json.parent}'")
     if options.steps < 2 * CHUNK:
         raise ItouchError(f"--steps {options.steps} is too few; at least {2 * CHUNK} are needed")
     warm = Proxy(Surface(np.eye(3), np.array([[0, 1, 2]])), radius=0.01)
@@ -151,7 +151,7 @@ def main(argv: list[str]) -> int:
         judgements = [figure.as_dict() for figure in figures]
         text = json.dumps({"contact": document, "figures": judgements, "peers": peers}, indent=1)
         try:
-            options.json.write_text(text)
+            Path(options.json).write_text(text, encoding="utf-8")
         except OSError as error:
             raise ItouchError(f"cannot write '{options.json}': {error.strerror or error}") from error
     return exit_code(figure.passed for figure in figures)

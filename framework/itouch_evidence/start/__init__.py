@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import resource
@@ -16,6 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from itouch.plugin.commands import exit_code
+from itouch_tools.cli.arguments import Parser
+from itouch_tools.cli.output_files import output_file
 
 #: How often a later start, and the help, are measured; the least counts.
 TIMES = 3
@@ -42,10 +43,10 @@ class Start:
 
 def main(argv: Sequence[str]) -> int:
     """Measure a first start, with nothing cached, and later ones, to the first tick; exit code 1: a bound is missed."""
-    parser = argparse.ArgumentParser(prog="itouch-py bench start", description=main.__doc__)
+    parser = Parser(prog="itouch-py bench start", description=main.__doc__)
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="default: the four-material scene")
     parser.add_argument("--times", type=int, default=TIMES, metavar="N", help="how many later starts; the least counts")
-    parser.add_argument("--json", metavar="FILE", help="write the figures to this file too")
+    parser.add_argument("--json", type=output_file, metavar="FILE", help="write the figures to this file too")
     options = parser.parse_args(argv)
     from itouch_evidence.faults import shipped_scene
 

@@ -105,6 +105,7 @@ def _parser() -> argparse.ArgumentParser:
     pictures.add_options(parser)
     sounds.add_options(parser)
     outputs.add_options(parser)
+    parser.set_defaults(records_as_asked=True)
     return parser
 
 

@@ -42,6 +42,7 @@ def main(argv: Sequence[str]) -> int:
         default=[],
         help="with --run: only this device (repeat: these) on its wire, the rest without",
     )
+    parser.set_defaults(records_as_asked=True)
     options = parser.parse_args(argv)
     wires = options.phase or options.unsteady
     if (options.report or options.trace or options.only or wires) and not options.run:

@@ -10,6 +10,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from itouch.plugin.commands import command_parser, output_file
+
 if TYPE_CHECKING:
     from contact_heat.contact import Contact
     from contact_heat.measure import Row
@@ -27,17 +29,17 @@ def main(argv: Sequence[str]) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     if options.json is not None:
-        options.json.write_text(json.dumps([row.as_dict() for row in rows], indent=1) + "\n", encoding="utf-8")
+        Path(options.json).write_text(json.dumps([row.as_dict() for row in rows], indent=1) + "\n", encoding="utf-8")
     return 0
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="itouch-py bench thermal",
-        description="Measure accuracy and speed of every contact solver, side by side with the installed peers.",
+    parser = command_parser(
+        "itouch-py bench thermal",
+        "Measure accuracy and speed of every contact solver, side by side with the installed peers.",
     )
     parser.add_argument("--case", metavar="FILE.json", help="measure on this case in place of the stated ones")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows to this file too")
+    parser.add_argument("--json", type=output_file(), metavar="FILE", help="write the rows to this file too")
     parser.add_argument("--no-peers", action="store_true", help="leave SciPy out")
     parser.add_argument("--no-batch", action="store_true", help="leave the batches out")
     return parser

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from itouch.plugin import ItouchError, parse_quantity
-from itouch.plugin.commands import exit_code, judged
+from itouch.plugin.commands import command_parser, exit_code, judged, output_file
 from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.rendering.bound import bound
 from itouch_thermal.rendering.closedloop import GAINS, PERIOD, Case, desired_course, simulate, start_for
@@ -52,9 +52,9 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="itouch-py bench display",
-        description="Measure how close the felt flux comes to the real one, and to what is possible at all.",
+    parser = command_parser(
+        "itouch-py bench display",
+        "Measure how close the felt flux comes to the real one, and to what is possible at all.",
     )
     add = parser.add_argument
     add("--materials", default="aluminium,pyrex,wood,polystyrene", help="names, or NAME:k:c:rho in SI, with commas")
@@ -79,7 +79,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--grid", action="store_true", help="print `paper` over its grid of gains instead")
     add("--table", action="store_true", help="print every promise with its figure instead")
     add("--quick", action="store_true", help="with --table: four corners, one seed, objects at 23 degC")
-    add("--json", metavar="FILE", help="write the rows")
+    add("--json", type=output_file(), metavar="FILE", help="write the rows")
     return parser
 
 

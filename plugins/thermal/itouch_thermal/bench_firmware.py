@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from itouch.plugin import ItouchError
-from itouch.plugin.commands import exit_code
+from itouch.plugin.commands import command_parser, exit_code, output_file
 
 #: Number of faults in the long form, and in the short one.
 LONG, SHORT = 1000, 36
@@ -20,7 +19,7 @@ LONG, SHORT = 1000, 36
 
 def main(argv: Sequence[str]) -> int:
     """Print size, speed and accuracy, then what random faults did to the plate; 1 if anything passed its bound."""
-    parser = argparse.ArgumentParser(prog="itouch-py bench firmware", description=main.__doc__)
+    parser = command_parser("itouch-py bench firmware", main.__doc__)
     parser.add_argument("--faults", type=int, default=SHORT, metavar="N", help=f"how many (default {SHORT})")
     parser.add_argument(
         "--long", action="store_const", const=LONG, dest="faults", help=f"{LONG} faults: some 20 minutes"
@@ -28,7 +27,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the first fault (default 1)")
     parser.add_argument("--no-figures", action="store_true", help="faults only")
     parser.add_argument("--all", action="store_true", help="print every fault, not only the sums and what is wrong")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write figures and faults to this file too")
+    parser.add_argument("--json", type=output_file(), metavar="FILE", help="write figures and faults to this file too")
     options = parser.parse_args(list(argv))
     if options.faults < 0:
         parser.error("--faults must not be negative")
@@ -37,7 +36,7 @@ def main(argv: Sequence[str]) -> int:
         faults = list(_faults(options.faults, options.seed, every=options.all))
         if options.json is not None:
             text = json.dumps({"figures": shown, "faults": faults}, indent=1)
-            options.json.write_text(text + "\n", encoding="utf-8")
+            Path(options.json).write_text(text + "\n", encoding="utf-8")
     except BrokenPipeError:
         raise
     except OSError as error:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from itouch.plugin import waiting
-from itouch.plugin.commands import exit_code
+from itouch.plugin.commands import command_parser, exit_code, output_file
 
 if TYPE_CHECKING:
     from itouch_thermal.identify.coverage import Row
@@ -27,7 +27,7 @@ def main(argv: Sequence[str]) -> int:
     try:
         rows = _rows(options)
         if options.json is not None:
-            options.json.write_text(json.dumps(document(options, rows), indent=1) + "\n", encoding="utf-8")
+            Path(options.json).write_text(json.dumps(document(options, rows), indent=1) + "\n", encoding="utf-8")
     except ValueError as error:  # of a material's name
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -52,7 +52,7 @@ def _rows(options: argparse.Namespace) -> list[Row]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="itouch-py bench identify", description=main.__doc__)
+    parser = command_parser("itouch-py bench identify", main.__doc__)
     parser.add_argument(
         "--fingers", type=int, default=100, metavar="N", help="how many (100; a third of a second each)"
     )
@@ -60,7 +60,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--sample", default="", metavar="MATERIAL", help="what they touch; default: it is looked for")
     parser.add_argument("--other", action="store_true",
                         help="data of a finite-difference model with Laplace's noise")  # fmt: skip
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows to this file too")
+    parser.add_argument("--json", type=output_file(), metavar="FILE", help="write the rows to this file too")
     return parser
 
 

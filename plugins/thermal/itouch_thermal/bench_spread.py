@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+
+from itouch.plugin.commands import command_parser, output_file
 
 #: Contact areas [cm2], times [s], and the sizes of error whose times of first occurrence are reported.
 AREAS, TIMES, BOUNDS = (0.5, 1.1, 2.0, 4.0, 8.0, 16.0), (0.02, 0.1, 0.3, 1.0, 3.0, 10.0), (0.01, 0.03, 0.1)
@@ -18,10 +19,10 @@ def main(argv: Sequence[str]) -> int:
     """Print by how much the flux of one dimension, and of the twin, is off, and from when on by 1, 3, 10 %."""
     from itouch_thermal.rendering.spread import Touched, error, passed
 
-    parser = argparse.ArgumentParser(prog="itouch-py bench spread", description=main.__doc__)
+    parser = command_parser("itouch-py bench spread", main.__doc__)
     parser.add_argument("--area", type=float, action="append", metavar="CM2", help="contact area; may be given again")
     parser.add_argument("--resistance", type=float, default=2e-3, metavar="K*M2/W", help="of the contact (0.002)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows to this file too")
+    parser.add_argument("--json", type=output_file(), metavar="FILE", help="write the rows to this file too")
     options = parser.parse_args(list(argv))
     fine, rows = np.unique(np.concatenate((np.geomspace(0.01, 10.0, 121), TIMES))), []
     print(
@@ -41,7 +42,7 @@ def main(argv: Sequence[str]) -> int:
                 rows.append({"contact_area_cm2": area, "plate": plate, "times_s": TIMES, "error": at, "bounds": BOUNDS,
                              "since_s": since})  # fmt: skip
         if options.json is not None:
-            options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+            Path(options.json).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     except ValueError as fault:
         print(f"error: {fault}", file=sys.stderr)
         return 2

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from itouch.plugin.commands import exit_code
+from itouch.plugin.commands import command_parser, exit_code, output_file
 from itouch_thermal.display.params import DisplayParams
 
 SPACE = "{urn:itouch:plugin:thermal}"
@@ -64,7 +64,7 @@ Wire = tuple[str, str, str]
 
 def main(argv: Sequence[str]) -> int:
     """Print the true error of the finger's flux per material, each beside its bound; 1 if one is passed."""
-    parser = argparse.ArgumentParser(prog="itouch-py bench wire", description=main.__doc__)
+    parser = command_parser("itouch-py bench wire", main.__doc__)
     parser.add_argument("scene", nargs="?", type=Path, default=Path("scenes/four_materials_wire.xml"), metavar="SCENE")
     parser.add_argument("--corners", action="store_true",
                         help="the corners, too: resistance, Seebeck, delay, lag of the sensors")  # fmt: skip
@@ -80,7 +80,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--bound", type=float, metavar="PERCENT",
                         help=f"most error; twice that in the corners (default {100.0 * BOUND:g}, on a rig of one's own "
                              f"{100.0 * OWN_RIG:g})")  # fmt: skip
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows to this file too")
+    parser.add_argument("--json", type=output_file(), metavar="FILE", help="write the rows to this file too")
     parser.add_argument("--real-time", action="store_true",
                         help="in real time; the surface's tracking and greatest forces are judged, too")  # fmt: skip
     options = parser.parse_args(list(argv))
@@ -131,7 +131,7 @@ def main(argv: Sequence[str]) -> int:
     if options.unsteady:
         rows.extend([_added(row, rows[0]) for row in rows[1:]])
     if options.json is not None:
-        options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        Path(options.json).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     return exit_code(row["holds"] for row in rows)
 
 
@@ -374,7 +374,7 @@ def _in_real_time(options: argparse.Namespace, wanted: Sequence[tuple[str, Misma
                      "reading_age_ms": real.age, "woken_late_us": real.woken, "missed": missed,
                      "verdict": verdicts[-1]})  # fmt: skip
     if options.json is not None:
-        options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        Path(options.json).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     return 1 if "fail" in verdicts else 3 if "machine not punctual" in verdicts else 0
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from itouch.plugin import ItouchError
+from itouch.plugin.commands import command_parser, output_file
 from itouch_thermal.cli_display import add_commands
 from itouch_thermal.cli_line import add_display
 
@@ -45,7 +46,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="itouch-py thermal", description=__doc__)
+    parser = command_parser("itouch-py thermal", __doc__)
     parser.set_defaults(command=None)
     commands = parser.add_subparsers(metavar="COMMAND")
     solve = commands.add_parser("solve", help="solve a case file", description=_solve.__doc__)
@@ -56,7 +57,8 @@ def _parser() -> argparse.ArgumentParser:
     solve.add_argument("--live", action="store_true", help="step as the servo loop does, to the nearest step")
     solve.add_argument("--period", default="1ms", help="step of --live (default 1ms)")
     solve.add_argument("--method", choices=("exact", "paper"), default="exact", help="exact (default) or the paper's")
-    solve.add_argument("-o", "--output", metavar="FILE", help="OUT.csv or OUT.png; default: CSV on the terminal")
+    solve.add_argument("-o", "--output", type=output_file(), metavar="FILE",
+                       help="OUT.csv or OUT.png; default: CSV on the terminal")  # fmt: skip
     solve.set_defaults(command=_solve)
     materials = commands.add_parser("materials", help="list the material library", description=_materials.__doc__)
     materials.add_argument("documents", nargs="*", metavar="FILE.xml", help="read these scene documents instead")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import re
 import sys
 from pathlib import Path
 from typing import Any
 
 from itouch.plugin import parse_quantity
-from itouch.plugin.commands import framework
+from itouch.plugin.commands import framework, output_file
 
 
 def add_commands(commands: Any) -> None:
@@ -34,7 +33,8 @@ def _add_record(commands: Any) -> None:
         "record-flux", help="store the flux of a touch as a curve", description=_record_flux.__doc__
     )
     record.add_argument("scene", metavar="SCENE", help="a scene in which an object is touched")
-    record.add_argument("-o", "--output", required=True, metavar="FILE.csv", help="columns t and j, in s and W/m2")
+    record.add_argument("-o", "--output", type=output_file(), required=True, metavar="FILE.csv",
+                        help="columns t and j, in s and W/m2")  # fmt: skip
     record.add_argument("--object", default="", metavar="NAME", help="default: the first object that is touched")
     record.add_argument("--what", choices=("obtained", "sensor", "desired"), default="obtained",
                         help="flux out of the finger (default), reading of the sensor, or what is desired")  # fmt: skip
@@ -52,7 +52,7 @@ def _add_switching(commands: Any) -> None:
     )
     switching.add_argument("scene", metavar="SCENE", help="a scene with flux control")
     switching.add_argument("--rig", metavar="FILE", help="put another rig under the scene")
-    switching.add_argument("--json", metavar="FILE", help="write the times")
+    switching.add_argument("--json", type=output_file(), metavar="FILE", help="write the times")
     switching.set_defaults(command=_switching)
 
 
@@ -68,9 +68,6 @@ def _record_flux(options: argparse.Namespace) -> None:
 
     if not 0 <= options.seed < 1 << 63:
         raise ValueError(f"--seed {options.seed} is out of range: 0 to 2^63 - 1")
-    folder = os.path.dirname(options.output) or "."
-    if not os.path.isdir(folder) or os.path.isdir(options.output):
-        raise ValueError(f"--output '{options.output}' can't be written: {folder} must be a folder, and it a file")
     seconds = _quantity(options.duration, "s") if options.duration else None
     if seconds is not None and not 0.0 < seconds <= 86400.0:
         raise ValueError(f"--for {options.duration} is out of range: above 0 to 86400 s")

@@ -8,6 +8,8 @@ import time
 from pathlib import Path
 from typing import Any, TextIO
 
+from itouch.plugin.commands import output_file
+
 _KELVIN = 273.15
 #: Period of the commands [s]; the rig's own watchdog is ten times as long.
 _PERIOD = 0.02
@@ -22,7 +24,7 @@ def add_display(commands: Any) -> None:
     display.add_argument("--baud", type=int, default=250000, metavar="N", help="of the port (default 250000)")
     display.add_argument("--current", type=float, default=0.0, metavar="A", help=f"of either sign, up to {_AMPS:g} A")
     display.add_argument("--seconds", type=float, default=5.0, metavar="S", help="how long (default 5)")
-    display.add_argument("--csv", type=Path, metavar="FILE", help="write time, current, plate, sink [s, A, K]")
+    display.add_argument("--csv", type=output_file(), metavar="FILE", help="write time, current, plate, sink [s, A, K]")
     display.add_argument("--release", action="store_true", help="release a cut-off, if its cause is over")
     display.set_defaults(command=_display)
 
@@ -45,7 +47,7 @@ def _display(options: argparse.Namespace) -> None:
     try:
         print(driver.identity)
         with contextlib.ExitStack() as stack:
-            table = stack.enter_context(options.csv.open("w", encoding="utf-8")) if options.csv else None
+            table = stack.enter_context(Path(options.csv).open("w", encoding="utf-8")) if options.csv else None
             _watch(driver, options, table)
     finally:
         driver.close()

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from itouch.plugin import need, waiting
+from itouch.plugin.commands import command_parser, output_folder
 
 if TYPE_CHECKING:
     from itouch_thermal.paper.claim import Claim
@@ -37,8 +38,15 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="itouch-py reproduce", description=__doc__)
-    parser.add_argument("-o", "--out", default="reproduced", metavar="DIR", help="where to write; default: reproduced")
+    parser = command_parser("itouch-py reproduce", __doc__)
+    parser.add_argument(
+        "-o",
+        "--out",
+        type=output_folder,
+        default="reproduced",
+        metavar="DIR",
+        help="where to write; default: reproduced",
+    )
     parser.add_argument("--figure", type=int, action="append", default=[], metavar="N",
                         help="only this figure of the paper, without the claims; may be repeated")  # fmt: skip
     parser.add_argument("--csv", action="store_true", help="write every curve of the figures as CSV, too")

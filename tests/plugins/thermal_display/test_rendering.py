@@ -151,7 +151,9 @@ def test_bench_names_what_is_wrong(capsys, tmp_path):
     assert "--resistance" in faults(capsys, "--resistance", "-1")
     assert "--rate" in faults(capsys, "--rate", "0 Hz")
     assert "--seeds" in faults(capsys, "--seeds", "0", "--plant", "worst")
-    assert "nowhere" in faults(capsys, "--json", str(tmp_path / "nowhere" / "rows.json"))
+    with pytest.raises(SystemExit):
+        bench_display.main(["--json", str(tmp_path / "nowhere" / "rows.json")])
+    assert "nowhere" in capsys.readouterr().err
     assert "missing.xml" in faults(capsys, "--plant", str(tmp_path / "missing.xml"))
     for text in ("<itouch", "<other/>", '<itouch version="1.0"><devices/></itouch>', PLANT.replace("seebeck", "sebek")):
         file = tmp_path / "plant.xml"

@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from itouch.plugin import ItouchError, waiting
+from itouch.plugin.commands import command_parser, output_file
 from itouch_thermal.identify.fit import TOLD, UNITS, Fit, Problem
 from itouch_thermal.identify.records import DEPTH, Loaded, load, problem_of
 from itouch_thermal.whole_file import write_whole
@@ -53,7 +54,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="itouch-py identify", description=__doc__)
+    parser = command_parser("itouch-py identify", __doc__)
     parser.add_argument("touches", nargs="+", metavar="TOUCHES", help="files or folders of `measure touch --raw`")
     parser.add_argument(
         "--sample", default="", metavar="MATERIAL", help="what was touched, 20 mm of it; default: unknown"
@@ -63,8 +64,15 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--profile", action="store_true", help="how flat the likelihood is where the data do not determine a value"
     )
-    parser.add_argument("-o", "--output", metavar="FILE.json", help="write values and intervals")
-    parser.add_argument("--heat", metavar="FILE.xml", help="write a <thermal:heat> of this finger, to be included")
+    parser.add_argument(
+        "-o", "--output", type=output_file("result", ".json"), metavar="FILE.json", help="write values and intervals"
+    )
+    parser.add_argument(
+        "--heat",
+        type=output_file("document", ".xml"),
+        metavar="FILE.xml",
+        help="write a <thermal:heat> of this finger, to be included",
+    )
     return parser
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from itouch.plugin import ItouchError, parse_quantity
+from itouch.plugin.commands import command_parser, output_file, output_folder
 from itouch_thermal.measuring.correct import Average, average
 from itouch_thermal.measuring.prompts import Prompts
 from itouch_thermal.measuring.sampling import Given, Sampled, sample
@@ -23,7 +24,7 @@ from itouch_thermal.whole_file import write_whole
 
 def main(argv: Sequence[str]) -> int:
     """Measure real touches of a sample, and average them to a flux curve; returns 0, 1 if too few were good, or 2."""
-    parser = argparse.ArgumentParser(prog="itouch-py measure", description=__doc__)
+    parser = command_parser("itouch-py measure", __doc__)
     commands = parser.add_subparsers(metavar="WHAT")
     touch = commands.add_parser("touch", help="touch a sample again and again", description=_touch.__doc__)
     _arguments(touch)
@@ -44,7 +45,8 @@ def main(argv: Sequence[str]) -> int:
 
 def _arguments(touch: argparse.ArgumentParser) -> None:
     touch.add_argument("scene", metavar="SCENE", help="a scene with a flux film and a force sensor under a sample")
-    touch.add_argument("-o", "--output", required=True, metavar="FILE.csv", help="the curve: t, j and its error")
+    touch.add_argument("-o", "--output", type=output_file(), required=True, metavar="FILE.csv",
+                       help="the curve: t, j and its error")  # fmt: skip
     touch.add_argument("--force", default="1 N", metavar="1N", help="force of a touch (default 1 N)")
     touch.add_argument("--tolerance", default="15 %", metavar="PART", help="part by which it may be off (15 %%)")
     touch.add_argument("--duration", default="4 s", metavar="4s", help="how long a touch must last (default 4 s)")
@@ -55,7 +57,8 @@ def _arguments(touch: argparse.ArgumentParser) -> None:
     touch.add_argument("--every", default="10 ms", metavar="10ms", help="time between rows (default 10 ms)")
     touch.add_argument("--lag", metavar="50ms", help="time constant of the film; default: as the scene has it")
     touch.add_argument("--film-capacity", metavar="QUANTITY", help="heat capacity of the film; default: the scene's")
-    touch.add_argument("--raw", metavar="FOLDER", help="write every good touch as it was read, for `identify`")
+    touch.add_argument("--raw", type=output_folder, metavar="FOLDER",
+                       help="write every good touch as it was read, for `identify`")  # fmt: skip
     touch.add_argument("--who", default="", help="who touches, such as P07")
     touch.add_argument("--what", default="", help="what is touched, such as wood")
     touch.add_argument("--no-prompt", action="store_true", help="no prompts, as where there is no terminal")
