@@ -248,28 +248,32 @@ def test_python_has_nothing_to_do_while_a_touch_off_goes_on(monkeypatch: pytest.
     assert called in ([], ["contact"])  # the calibration has moved the table's frame
 
 
-#: Prints what tells the State of a short run with a touch; the first argument: a scene.
+#: Prints what tells the State of a short run with a touch; arguments: a scene, and for how long it runs [s].
 _RUN = """
 import hashlib, sys
 import itouch
 session = itouch.build(sys.argv[1], seed=1)
 session.records = False
-session.run(0.35)
+session.run(float(sys.argv[2]))
 kinds = session.state["events.table"]["kind"][: int(session.state["events.count"])].tolist()
 print(kinds, hashlib.sha256(session.state.tobytes()).hexdigest())
 """
 
 
-def test_a_session_is_the_same_with_the_compiler_off(tmp_path: Path) -> None:
-    path = tmp_path / "scene.xml"
-    path.write_text(SCENE.format(plugin="usb-arm", modality="", force='force-to="arm"'), encoding="utf-8")
+@pytest.mark.parametrize(
+    ("name", "seconds", "kinds"), [("", "0.35", "[0, 1, 3] "), ("texture.xml", "1.6", "[0, 1, 0, 3, 1] ")]
+)
+def test_a_session_is_the_same_with_the_compiler_off(tmp_path: Path, name: str, seconds: str, kinds: str) -> None:
+    path = SCENES / name if name else tmp_path / "scene.xml"
+    if not name:
+        path.write_text(SCENE.format(plugin="usb-arm", modality="", force='force-to="arm"'), encoding="utf-8")
     said = [
-        subprocess.run([sys.executable, "-c", _RUN, str(path)], env={**os.environ, "NUMBA_DISABLE_JIT": off},
+        subprocess.run([sys.executable, "-c", _RUN, str(path), seconds], env={**os.environ, "NUMBA_DISABLE_JIT": off},
                        capture_output=True, text=True, check=False)
         for off in ("0", "1")
     ]  # fmt: skip
     assert [one.returncode for one in said] == [0, 0], said[1].stderr[-2000:]
-    assert said[0].stdout.startswith("[0, 1, 3] ")
+    assert said[0].stdout.startswith(kinds)
     assert said[0].stdout == said[1].stdout
 
 

@@ -21,10 +21,13 @@ def _sample(samples: Floats, first: int, rows: int, columns: int, u: float, v: f
     s, t = x - i, y - j
     i0, j0 = i % columns, rows - 1 - j % rows
     i1, j1 = (i + 1) % columns, rows - 1 - (j + 1) % rows
-    a, b = float(samples[first + j0 * columns + i0]), float(samples[first + j0 * columns + i1])
-    c, d = float(samples[first + j1 * columns + i0]), float(samples[first + j1 * columns + i1])
-    low, high = a + s * (b - a), c + s * (d - c)
-    return low + t * (high - low), (b - a) + t * ((d - c) - (b - a)), high - low
+    a, b = samples[first + j0 * columns + i0], samples[first + j0 * columns + i1]
+    c, d = samples[first + j1 * columns + i0], samples[first + j1 * columns + i1]
+    # Differences of samples are as precise as these, which are single: in compiled code `float` changes nothing, and in
+    # Python it must come after the subtraction, for then both round alike.
+    below, above, twist = float(b - a), float(d - c), float((d - c) - (b - a))
+    low, high = float(a) + s * below, float(c) + s * above
+    return low + t * (high - low), below + t * twist, high - low
 
 
 @inner
