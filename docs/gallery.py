@@ -17,7 +17,7 @@ from PIL import Image
 
 import itouch
 from itouch_tools.viewer.offscreen import Offscreen
-from itouch_tools.viewer.overlay import Situation
+from itouch_tools.viewer.overlay import SessionStatus
 
 HERE = Path(__file__).parent
 SCENES, FILMS = HERE.parent / "scenes", HERE / "pictures" / "gallery"
@@ -46,7 +46,7 @@ def film(name: str, folder: Path = FILMS) -> Path:
     def tap(tick: int) -> None:
         offscreen.picture.ring.add(engine.state)
         if len(pictures) < PICTURES and (tick + 1) * period >= due[len(pictures)]:
-            now = Situation(faults=list(engine.statistics.faults))
+            now = SessionStatus(faults=list(engine.statistics.faults))
             pictures.append(Image.fromarray(offscreen.shoot(engine.state, now)).resize(KEPT, Image.Resampling.LANCZOS))
 
     engine.taps.append(tap)
@@ -54,7 +54,7 @@ def film(name: str, folder: Path = FILMS) -> Path:
         engine.enable()
         engine.run(end + 2 * period)
     except itouch.DeviceFaultError:  # a scene that shows one: the picture of it is the last
-        now = Situation(faults=list(engine.statistics.faults))
+        now = SessionStatus(faults=list(engine.statistics.faults))
         pictures.append(Image.fromarray(offscreen.shoot(engine.state, now)).resize(KEPT, Image.Resampling.LANCZOS))
     finally:
         engine.taps.remove(tap)

@@ -88,5 +88,5 @@ def draw_played(recording: str, picture: Path) -> None:
         reel.work(1.0)  # in one go: a picture waits for nobody
     shots = Offscreen(playback.model)
     shots.picture.ring = playback.curves
-    write_png(picture, shots.shoot(playback.state, playback.situation))
+    write_png(picture, shots.shoot(playback.state, playback.status))
     shots.close()

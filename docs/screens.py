@@ -33,7 +33,7 @@ def window() -> None:
     """Draw the window in a contact on both grounds, and its menu, temperatures, large words and a fault."""
     import itouch
     from itouch_tools.viewer.offscreen import Offscreen
-    from itouch_tools.viewer.overlay import Situation
+    from itouch_tools.viewer.overlay import SessionStatus
     from itouch_tools.viewer.signals import Ring
 
     session = itouch.build(SCENES / "four_materials_hurried.xml")
@@ -58,7 +58,7 @@ def window() -> None:
                 _keep(f"window-{size}-{name}", shots.shoot(session.state))
                 for word, value in before.items():
                     setattr(chosen, word, value)
-            _keep(f"window-{size}-fault", shots.shoot(session.state, Situation(faults=fault)))
+            _keep(f"window-{size}-fault", shots.shoot(session.state, SessionStatus(faults=fault)))
             shots.picture.pointed = (0.92 * width, 0.62 * height)
             _keep(f"window-{size}-cursor", shots.shoot(session.state))
             shots.picture.pointed = (-1.0, -1.0)

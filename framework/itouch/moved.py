@@ -1,4 +1,4 @@
-"""Old names of modules that have moved, kept for one version: importing one warns, and passes on to the new module.
+"""Old names, kept for one version: importing a module that has moved warns, and passes on to the new one.
 
 Listed are only names that the documentation, a shipped scene or an entry point told users to import.
 """
@@ -6,7 +6,7 @@ Listed are only names that the documentation, a shipped scene or an entry point 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from importlib.machinery import ModuleSpec
 from types import ModuleType
@@ -21,6 +21,28 @@ PLACES = {
     "itouch.sweeps": "itouch_tools.sweeps",
     "itouch_thermal.identify.command": "itouch_thermal.identify.estimate",
 }
+
+
+def renamed(module: str, name: str, names: Mapping[str, str]) -> str:
+    """Return the new name of what a module does not have, and warn: the ``__getattr__`` of a module asks for it.
+
+    Parameters
+    ----------
+    module, name
+        The module that is asked, and for what.
+    names
+        Its old names and their new ones.
+
+    Raises
+    ------
+    AttributeError
+        If it never had that name.
+    """
+    if name not in names:
+        raise AttributeError(f"module '{module}' has no attribute '{name}'")
+    said = f"'{module}.{name}' is '{names[name]}' now: import that"
+    warnings.warn(said, DeprecationWarning, stacklevel=3)
+    return names[name]
 
 
 class _Alias:

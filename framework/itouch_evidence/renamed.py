@@ -28,7 +28,7 @@ from itouch.plugin.record import Field, Record
 Q = TypeVar("Q", bound=Quantity)
 
 
-class Words:
+class Renaming:
     """A random word for each name: no two names get the same, and a seed always gives the same words."""
 
     def __init__(self, seed: int) -> None:
@@ -106,7 +106,7 @@ class _Labels:
         self._made[:] = [pair for pair in self._made if pair[0] is not gone]
 
 
-def renamed_device(kind: type[Device], words: Words) -> type[Device]:
+def renamed_device(kind: type[Device], words: Renaming) -> type[Device]:
     """Return a device class whose channels, and the fields of its twin, have other names."""
 
     class Other(kind):  # type: ignore[misc, valid-type]
@@ -143,7 +143,7 @@ def renamed_device(kind: type[Device], words: Words) -> type[Device]:
     return Other
 
 
-def _renamed_twin(kind: type[Twin], cls: type[Device], words: Words) -> type[Twin]:
+def _renamed_twin(kind: type[Twin], cls: type[Device], words: Renaming) -> type[Twin]:
     class Other(Twin):
         """The same twin with other names."""
 
@@ -195,7 +195,7 @@ def _renamed_twin(kind: type[Twin], cls: type[Device], words: Words) -> type[Twi
     return Other
 
 
-def renamed_modality(cls: type[Modality], words: Words, known: dict[str, str]) -> type[Modality]:
+def renamed_modality(cls: type[Modality], words: Renaming, known: dict[str, str]) -> type[Modality]:
     """Return a modality class whose fields have other names; ``known`` gets the original name of each."""
     labels = _Labels(known)
 
@@ -280,7 +280,7 @@ class RenamedCatalog(Catalog):
 
     def __init__(self, seed: int, finder: Callable[[str], dict[str, Found]] | None = None) -> None:
         super().__init__(*(() if finder is None else (finder,)))
-        self.words = Words(seed)
+        self.words = Renaming(seed)
         self._known: dict[str, str] = {}
         self._made: dict[type, type] = {}
 

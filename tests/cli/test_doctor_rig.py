@@ -12,7 +12,7 @@ from shipped import SCENES
 
 from itouch.session import Session, build
 from itouch_tools.cli.doctor import rig
-from itouch_tools.cli.doctor.finding import Finding
+from itouch_tools.cli.doctor.diagnosis import Diagnosis
 from itouch_tools.cli.lockstep import Lockstep
 
 
@@ -22,14 +22,14 @@ def _scene(tmp_path: Path, more: str) -> str:
     return str(path)
 
 
-def _found(session: Session, seconds: float = 0.3) -> dict[str, Finding]:
+def _found(session: Session, seconds: float = 0.3) -> dict[str, Diagnosis]:
     found = {finding.name: finding for finding in rig.examine_rig(session, seconds)}
     assert not any(runner.latch.enabled and not runner.model.twin for runner in session.runners)
     return found
 
 
 @pytest.fixture
-def examined(tmp_path: Path) -> Callable[[str], dict[str, Finding]]:
+def examined(tmp_path: Path) -> Callable[[str], dict[str, Diagnosis]]:
     """Return what looks at the shipped twins, with more in their scene."""
     return lambda more: _found(build(_scene(tmp_path, more)))
 
@@ -64,7 +64,7 @@ def test_what_is_wrong_is_told_with_its_rule_and_what_to_do(
     assert "->" in done.stdout.splitlines()[done.stdout.splitlines().index(told) + 1]
 
 
-def test_a_switch_that_nobody_holds_keeps_everything_off(examined: Callable[[str], dict[str, Finding]]) -> None:
+def test_a_switch_that_nobody_holds_keeps_everything_off(examined: Callable[[str], dict[str, Diagnosis]]) -> None:
     found = examined('<safety hold-to-run="yes"/>')
     assert found["W3"].status == "pass"
     assert "nobody holds" in found["W3"].found

@@ -15,7 +15,7 @@ from itouch.plugin.discovery import Catalog, Found, find
 from itouch.session import Session
 from itouch_tools.cli import main
 from itouch_tools.cli.doctor import rig
-from itouch_tools.cli.doctor.finding import Finding
+from itouch_tools.cli.doctor.diagnosis import Diagnosis
 
 SCENE = """<itouch version="1.0">
   <devices><device name="stage" plugin="stage" twin="no"/>
@@ -82,7 +82,7 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "scene.xml"
 
 
-def examined(path: Path, catalog: Catalog, seconds: float = 0.02) -> tuple[dict[str, Finding], Session]:
+def examined(path: Path, catalog: Catalog, seconds: float = 0.02) -> tuple[dict[str, Diagnosis], Session]:
     session = itouch.build(path, catalog=catalog)
     session.clock = VirtualClock()
     return {one.name: one for one in rig.examine_rig(session, seconds)}, session

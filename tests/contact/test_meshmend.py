@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from meshfiles import obj, off, ply, stl
 from probing import Floats, box_mesh, grid, winding
 
-from itouch.contact.meshfile import Finding, LoadedMesh, MeshError, MeshFile, load_source
+from itouch.contact.meshfile import LoadedMesh, MeshError, MeshFile, MeshFinding, load_source
 from itouch.contact.meshfile.mend import mended
 from itouch_evidence.contact.workload import icosphere
 
@@ -25,7 +25,7 @@ def load(vertices: Floats, faces: Floats, sides: str | None = None, scaled: bool
     return load_source(MeshFile.of("mesh.ply", ply(vertices, np.asarray(faces))), sides=sides, scaled=scaled)
 
 
-def told(mesh: LoadedMesh) -> dict[str, Finding]:
+def told(mesh: LoadedMesh) -> dict[str, MeshFinding]:
     return {finding.code: finding for finding in mesh.findings}
 
 

@@ -19,7 +19,7 @@ from itouch_tools.cli.explain.example import play
 EXAMPLES = examples()
 FILES = [code.name for codes in HEADINGS.values() if codes is not RUNNING for code in codes]
 #: What makes a problem with a code -> which argument the code is.
-MAKERS = {"Problem": 0, "MeshError": 0, "ValueProblemError": 0, "Finding": 0, "_refuse": 0}
+MAKERS = {"Problem": 0, "MeshError": 0, "ValueProblemError": 0, "MeshFinding": 0, "_refuse": 0}
 #: Notes of meshes, which carry no code on the screen.
 NOTES = {"mesh-left-out", "mesh-inverted", "mesh-repeated", "mesh-degenerate", "mesh-joined"}
 

@@ -60,6 +60,20 @@ def test_what_has_moved_is_found_under_its_old_name_with_a_warning() -> None:
         assert said.count(told) == said.count(f"'{top}' is") == 1
 
 
+@pytest.mark.parametrize(
+    ("module", "old", "new"),
+    [("itouch.testing", "Finding", "CheckResult"), ("itouch.contact.meshfile", "Finding", "MeshFinding"),
+     ("itouch.plugin", "Touch", "TwinInputs")],
+)  # fmt: skip
+def test_an_old_name_in_a_module_is_the_new_one_with_a_warning(module: str, old: str, new: str) -> None:
+    home = import_module(module)
+    with pytest.warns(DeprecationWarning, match=f"'{module}.{old}' is '{new}' now: import that") as told:
+        assert getattr(home, old) is getattr(home, new)
+    assert told[0].filename == __file__
+    with pytest.raises(AttributeError, match=f"module '{module}' has no attribute 'Nothing'"):
+        home.Nothing  # noqa: B018
+
+
 def test_a_module_that_never_was_is_not_found() -> None:
     for name in ("itouch.nothing", "itouch.cli"):
         with pytest.raises(ModuleNotFoundError, match=name):

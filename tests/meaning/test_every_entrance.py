@@ -20,16 +20,16 @@ from itouch.plugin.discovery import Catalog
 from itouch.recording import read
 from itouch.session import load_scene
 from itouch.world import compile_scene
-from itouch_evidence.renamed import Words, renamed_device, renamed_modality
+from itouch_evidence.renamed import Renaming, renamed_device, renamed_modality
 from itouch_tools.cli import main
 from itouch_tools.viewer.signals import charts
 
 RECORDED = '<record to="run.mcap"><channels of="peltier.*"/><channels of="heat.*" rate="100 Hz"/></record>'
 
 
-def rename_all(patch: pytest.MonkeyPatch, seed: int) -> Words:
+def rename_all(patch: pytest.MonkeyPatch, seed: int) -> Renaming:
     """Let every catalog of this process have plugins with other names of channels and fields."""
-    words, known, made = Words(seed), {}, {}
+    words, known, made = Renaming(seed), {}, {}
     device, modality = Catalog.device, Catalog.modality
 
     def renamed(self, name):
@@ -120,7 +120,7 @@ def both(tmp_path_factory):
     patch.undo()
 
 
-def alike(text: str, used: Used, words: Words | None = None) -> list[str]:
+def alike(text: str, used: Used, words: Renaming | None = None) -> list[str]:
     """Return the words of a text without what differs between any two runs: names put back, times, sizes, ids."""
     text = text.replace(str(used.folder), "FOLDER")
     text = words.back(text) if words else text

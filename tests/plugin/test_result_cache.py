@@ -19,8 +19,8 @@ import itouch
 from itouch.plugin import bases, result_cache
 from itouch.plugin.bases import Bases, keeping, kept
 from itouch_tools.cli import main
+from itouch_tools.cli.doctor.diagnosis import Diagnosis
 from itouch_tools.cli.doctor.disk_caches import compile_cache, kept_meshes, kept_results
-from itouch_tools.cli.doctor.finding import Finding
 
 Array = bases.Array
 GIVEN = ("content", 1.5)
@@ -287,7 +287,7 @@ KEPT = pytest.mark.parametrize(
 
 @KEPT
 def test_the_doctor_says_where_nothing_can_be_kept_and_what_to_do(
-    look: Callable[[], Finding], switch: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    look: Callable[[], Diagnosis], switch: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each message names the folder that is meant; a folder that is not there yet, and can be made, is in order."""
     place = tmp_path / "home" / "kept"
@@ -317,7 +317,7 @@ def test_the_doctor_says_where_nothing_can_be_kept_and_what_to_do(
 
 @KEPT
 def test_the_doctor_says_that_a_home_cannot_be_written(
-    look: Callable[[], Finding], switch: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    look: Callable[[], Diagnosis], switch: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     place = tmp_path / "home" / "kept"
     monkeypatch.setenv(switch, str(place))

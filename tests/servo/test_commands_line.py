@@ -16,7 +16,7 @@ from program import program as run
 from shipped import SCENES
 
 from itouch_evidence.loop import PROCESS, PYTHON, THREAD, Row, measure
-from itouch_tools.cli.doctor.finding import Finding
+from itouch_tools.cli.doctor.diagnosis import Diagnosis
 from itouch_tools.cli.doctor.verdict import Measured, judge
 
 FIRST = str(SCENES / "first_touch.xml")
@@ -133,7 +133,7 @@ def _measured(late: float, overruns: int) -> Measured:
     [("ok", 200.0, 0, True), ("ok", 200.0, 11, False), ("ok", 6000.0, 1, False), ("lack", 200.0, 0, False)],
 )
 def test_the_verdict(priority: str, late: float, overruns: int, finger: bool) -> None:
-    verdict = judge([Finding("priority", priority, "")], [_measured(late, overruns)])
+    verdict = judge([Diagnosis("priority", priority, "")], [_measured(late, overruns)])
     assert verdict.finger is finger
     assert ("NOT" in verdict.sentence) is not finger
 

@@ -19,7 +19,7 @@ from shipped import SCENES
 from slider import Slider, SliderParams
 
 from itouch.testing import DeviceSubject, DeviceTests, EmulatorTests, timing
-from itouch.testing.checks import Finding
+from itouch.testing.checks import CheckResult
 from itouch.testing.running import last_error
 from itouch.testing.score_card import Card
 from itouch.testing.suites import DEVICE_CHECKS, EMULATOR_CHECKS
@@ -193,5 +193,5 @@ def test_a_suite_in_a_strangers_tests(tmp_path):
 def test_a_long_name_on_a_score_card_is_apart_from_what_it_means():
     written = io.StringIO()
     longest = max(EMULATOR_CHECKS, key=lambda one: len(one.name))
-    Card("emulator", written).write([Finding(longest, "passed", "", 0.0)])
+    Card("emulator", written).write([CheckResult(longest, "passed", "", 0.0)])
     assert f"{longest.name} {longest.title[:10]}" in written.getvalue()

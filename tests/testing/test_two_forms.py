@@ -14,7 +14,7 @@ from test_modality_suite import Counter, subject
 from itouch.plugin import Bound, Contact, ContactEvent, Field, HeardContact, Record, Twin, TwinInputs
 from itouch.plugin.kernels import kernel
 from itouch.testing import joined
-from itouch.testing.checks import Finding
+from itouch.testing.checks import CheckResult
 from itouch.testing.harness import DeviceSubject
 from itouch.testing.scenario import made
 
@@ -95,7 +95,7 @@ class Both(Counter):
         return Bound(_hear, self.which, event, *self._own(model, state, "heard", "last"))
 
 
-def _examined(which: int, **more: Any) -> Finding:
+def _examined(which: int, **more: Any) -> CheckResult:
     return joined.modality.examine(subject(type("Wrong", (Both,), {"which": which, **more})))
 
 
@@ -227,7 +227,7 @@ class TwoFormsTwin(SliderTwin):
         return Bound(_read, self.which, state["place"], reading["pose"])
 
 
-def _twin(which: int, **more: Any) -> Finding:
+def _twin(which: int, **more: Any) -> CheckResult:
     twin = type("WrongTwin", (TwoFormsTwin,), {"which": which, **more})
     return joined.twin.examine(DeviceSubject(type("Wrong", (Slider,), {"Twin": twin}), "slider"))
 

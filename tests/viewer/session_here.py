@@ -7,7 +7,7 @@ from itouch.plugin import Record
 from itouch.schema import ItouchError
 from itouch.session import Session
 from itouch.world import Model
-from itouch_tools.viewer.overlay import Situation
+from itouch_tools.viewer.overlay import SessionStatus
 from itouch_tools.viewer.signals import Curves
 
 
@@ -18,7 +18,7 @@ class Local:
         self._session, self._speed, self._save_to = session, speed, save_to
         self._owed = 0.0
         self._held = False
-        self.situation = Situation(pace="fast")
+        self.status = SessionStatus(pace="fast")
         self.stopped = False
 
     @property
@@ -33,7 +33,7 @@ class Local:
 
     def advance(self, seconds: float, ring: Curves) -> None:
         """Run as many ticks as the time asks for; a machine that is too slow runs slower, and drops the rest."""
-        if self.situation.paused or self.stopped or self._session.fault is not None:
+        if self.status.paused or self.stopped or self._session.fault is not None:
             return
         self._owed += min(seconds, 0.1) * self._speed
         count = int(self._owed / self.model.period)
@@ -46,12 +46,12 @@ class Local:
                 self._session.run(part * self.model.period, each=lambda: ring.add(self.state), every=5)
                 count -= part
         except DeviceFaultError:
-            self.situation.faults = self._session.statistics.faults
-        self.situation.tick_us = self._session.times.summary()["p99"]
+            self.status.faults = self._session.statistics.faults
+        self.status.tick_us = self._session.times.summary()["p99"]
 
     def pause(self) -> str:
         """Pause, or go on."""
-        self.situation.paused = not self.situation.paused
+        self.status.paused = not self.status.paused
         return ""
 
     def hold(self, held: bool) -> None:
@@ -76,7 +76,7 @@ class Local:
             self._session.rearm()
         except ItouchError as error:
             return str(error)
-        self.situation.faults = []
+        self.status.faults = []
         return "re-armed"
 
     def steer(self, step: tuple[float, float, float] | None) -> str:

@@ -18,7 +18,7 @@ import itouch
 from itouch.contact.heightmap import height_map
 from itouch_tools.viewer import colours, overlay, solids
 from itouch_tools.viewer.finishes import FINISHES, finishes
-from itouch_tools.viewer.overlay import Words
+from itouch_tools.viewer.overlay import TextLines
 from itouch_tools.viewer.scales import grid_step, length, titled
 from itouch_tools.viewer.scene_graph import SceneGraph
 from itouch_tools.viewer.signals import charts
@@ -134,7 +134,7 @@ def test_the_grid_is_of_round_millimetres():
     st.integers(3, 50), st.integers(0, 12),
 )  # fmt: skip
 def test_words_that_have_no_room_are_left_out_and_what_is_wrong_last(lines, width, most):
-    kept = overlay.fitted(Words(tuple(lines)), width, most).lines
+    kept = overlay.fitted(TextLines(tuple(lines)), width, most).lines
     assert len(kept) == min(most, len(lines)) and all(len(line) <= width for line, _ in kept)
     wrong = sum(weight in ("bad", "warn") for _, weight in lines)
     assert sum(weight in ("bad", "warn") for _, weight in kept) == min(most, wrong)

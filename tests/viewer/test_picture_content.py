@@ -11,7 +11,7 @@ from shipped import SCENES
 import itouch
 from itouch_tools.viewer import chart_layout, colours, flat_shapes, menu, overlay, solids
 from itouch_tools.viewer.camera import VIEWS, Camera
-from itouch_tools.viewer.overlay import Situation
+from itouch_tools.viewer.overlay import SessionStatus
 from itouch_tools.viewer.scene_graph import SceneGraph, along, arrow
 from itouch_tools.viewer.signals import Ring
 
@@ -190,7 +190,7 @@ def test_what_the_machine_does_to_find_its_heights_is_marked(session):
 
 
 def test_the_overlay_names_devices_contact_and_faults(session):
-    now = Situation(tick_us=50.0, overruns=3)
+    now = SessionStatus(tick_us=50.0, overruns=3)
     text = "\n".join(line for line, _ in overlay.status(session.model, session.state, now).lines)
     for part in ("arm: enabled (simulated)", "peltier: plate", "degC", "3 overruns", "1000 Hz", "tick p99 50 us"):
         assert part in text
@@ -202,7 +202,7 @@ def test_the_overlay_names_devices_contact_and_faults(session):
     narrow = overlay.alarm(now, 24)
     assert narrow is not None and max(len(line) for line, _ in narrow.lines) <= 24
     assert " ".join(line for line, weight in narrow.lines if weight == "bad") == said.lines[0][0]
-    assert overlay.alarm(Situation(), 80) is None
+    assert overlay.alarm(SessionStatus(), 80) is None
 
 
 def test_properties_of_objects_and_devices(session):
@@ -259,7 +259,7 @@ def test_the_first_line_says_what_is_felt(session):
     index, objects = session.model.objects.index("wood"), session.model.scene.objects
     called = SimpleNamespace(objects=["block"] * len(objects), scene=session.model.scene)
     assert overlay._named(called, index) == "block (wood)"
-    words = "\n".join(line for line, _ in overlay.status(session.model, state, Situation()).lines)
+    words = "\n".join(line for line, _ in overlay.status(session.model, state, SessionStatus()).lines)
     assert "touches wood, 0.90 N felt (1.85 N in the virtual world)" in words
     state["finger.object"], state["finger.near_object"], state["finger.near_distance"] = -1, 0, 0.0123
     assert overlay.headline(session.model, state) == f"finger 12 mm from {session.model.objects[0]}"

@@ -19,12 +19,12 @@ import itouch
 DRAW = """
 import sys, numpy as np, itouch
 from itouch_tools.viewer.offscreen import Offscreen
-from itouch_tools.viewer.overlay import Situation
+from itouch_tools.viewer.overlay import SessionStatus
 session = itouch.build(sys.argv[1])
 shots = Offscreen(session.model, width=640, height=360)
 pictures = {}
-def take(name, **situation):
-    pictures[name] = shots.shoot(session.state, Situation(**situation))
+def take(name, **status):
+    pictures[name] = shots.shoot(session.state, SessionStatus(**status))
 session.run(3.0, each=lambda: shots.picture.ring.add(session.state), every=10)
 take("free")
 take("again")

@@ -175,7 +175,7 @@ def test_a_recorded_fault_is_told_while_it_lasts(tmp_path: Path, scenes: Path):
         while playback.line.reading:
             playback.advance(0.0, playback.curves)
         assert playback.state.tobytes() == states[tick], tick
-        told = [fault["device"] for fault in playback.situation.faults]
+        told = [fault["device"] for fault in playback.status.faults]
         assert told == (["table"] if 400 <= tick < failed else []), tick
     assert playback.line.faults == ((pytest.approx(0.4), "device-error"),)
 

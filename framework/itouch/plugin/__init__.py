@@ -1,9 +1,9 @@
 """All that a plugin may import: the device, twin and modality contracts, channels, schema fields and poses."""
 
-import warnings
 from typing import Any
 
 from itouch import schema
+from itouch.moved import renamed
 from itouch.plugin import poses
 from itouch.plugin.bases import building, kept
 from itouch.plugin.bound import Bound
@@ -129,8 +129,4 @@ _RENAMED = {"Touch": "TwinInputs"}
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _RENAMED:
-        raise AttributeError(f"module 'itouch.plugin' has no attribute '{name}'")
-    new = _RENAMED[name]
-    warnings.warn(f"'itouch.plugin.{name}' is '{new}' now: import that", DeprecationWarning, stacklevel=2)
-    return globals()[new]
+    return globals()[renamed(__name__, name, _RENAMED)]

@@ -6,7 +6,10 @@
 ...     device, name = Lever, "lever"
 """
 
-from itouch.testing.checks import Check, CheckError, Finding
+from typing import Any
+
+from itouch.moved import renamed
+from itouch.testing.checks import Check, CheckError, CheckResult
 from itouch.testing.harness import DeviceSubject
 from itouch.testing.scenario import ModalitySubject
 from itouch.testing.suites import DeviceTests, EmulatorTests, ModalityTests
@@ -14,10 +17,17 @@ from itouch.testing.suites import DeviceTests, EmulatorTests, ModalityTests
 __all__ = [
     "Check",
     "CheckError",
+    "CheckResult",
     "DeviceSubject",
     "DeviceTests",
     "EmulatorTests",
-    "Finding",
     "ModalitySubject",
     "ModalityTests",
 ]
+
+#: Old name -> new name, kept for one version.
+_RENAMED = {"Finding": "CheckResult"}
+
+
+def __getattr__(name: str) -> Any:
+    return globals()[renamed(__name__, name, _RENAMED)]

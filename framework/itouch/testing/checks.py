@@ -12,7 +12,7 @@ from types import FrameType
 from typing import Any, Literal
 
 from itouch.testing.child_process import described
-from itouch.testing.process_state import Surroundings
+from itouch.testing.process_state import ProcessState
 
 #: How long a check may take [s]; one that takes longer counts as hanging.
 LIMIT = 45.0
@@ -54,12 +54,12 @@ class Check:
     title: str
     run: Callable[[Any], str | None]
 
-    def examine(self, subject: Any) -> Finding:
+    def examine(self, subject: Any) -> CheckResult:
         """Run the check; an exception from the plugin is a failure, with the place where it was raised."""
         begin = time.perf_counter()
         outcome: Literal["passed", "failed", "left out"]
         with _limited() as interrupted:
-            before = Surroundings()
+            before = ProcessState()
             try:
                 note, outcome = self.run(subject) or "", "passed"
             except NotApplicableError as reason:
@@ -72,7 +72,7 @@ class Check:
                 note, outcome = self._told(subject, error)
             finally:
                 before.put_back()
-        return Finding(self, outcome, note, time.perf_counter() - begin)
+        return CheckResult(self, outcome, note, time.perf_counter() - begin)
 
     def _told(self, subject: Any, error: BaseException) -> tuple[str, Literal["passed", "failed", "left out"]]:
         """Return note and outcome for an error; if the subject takes it for bad luck, run the check again."""
@@ -87,7 +87,7 @@ class Check:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class CheckResult:
     """The result of a check; ``note`` is the message of a failure, or a figure that was measured; ``seconds`` [s]."""
 
     check: Check
@@ -101,7 +101,7 @@ def check(name: str, title: str) -> Callable[[Callable[[Any], str | None]], Chec
     return lambda function: Check(name, title, function)
 
 
-def examine(checks: Iterable[Check], subject: Any) -> Iterator[Finding]:
+def examine(checks: Iterable[Check], subject: Any) -> Iterator[CheckResult]:
     """Run checks one after the other; leave out all others once one of the `VITAL` checks has failed."""
     lacking = ""
     for one in checks:
@@ -110,9 +110,9 @@ def examine(checks: Iterable[Check], subject: Any) -> Iterator[Finding]:
         yield finding
 
 
-def unexamined(one: Check, lacking: str) -> Finding:
+def unexamined(one: Check, lacking: str) -> CheckResult:
     """Return the finding of a check that is left out because an earlier one has failed."""
-    return Finding(one, "left out", f"not examined: first '{lacking}' must pass", 0.0)
+    return CheckResult(one, "left out", f"not examined: first '{lacking}' must pass", 0.0)
 
 
 def escaped(error: BaseException) -> CheckError:

@@ -19,9 +19,9 @@ from itouch.plugin import DeviceError, Record
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.child_process import apart, described
 from itouch.testing.harness import DeviceSubject
-from itouch.testing.process_state import Surroundings, children, open_files
+from itouch.testing.process_state import ProcessState, children, open_files
 from itouch.testing.scenario import ModalitySubject
-from itouch.testing.workload import Bout, Call, bouts
+from itouch.testing.workload import Call, Workload, workloads
 
 Subject = DeviceSubject | ModalitySubject
 #: How long a plugin may take for a short run in a process of its own [s].
@@ -36,7 +36,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 def survives(subject: Subject) -> None:
     """Let the plugin work in a child process, and see how that ends."""
     shared = isinstance(subject, DeviceSubject) and subject.shared is not None
-    for make in bouts(subject)[: 1 if shared else None]:
+    for make in workloads(subject)[: 1 if shared else None]:
         limit = _SHORT if isinstance(subject, DeviceSubject) else 2 * _SHORT
         ending = apart(lambda make=make: _short(make), limit)  # type: ignore[misc]
         told = ending.text
@@ -69,17 +69,17 @@ def survives(subject: Subject) -> None:
 _ENDS = ("SystemExit", "KeyboardInterrupt", "GeneratorExit", "CancelledError", "BaseException", "PlainlyBase")
 
 
-def _short(make: Callable[[], Bout]) -> bytes:
+def _short(make: Callable[[], Workload]) -> bytes:
     told = b""
     try:
-        with make() as bout:
+        with make() as workload:
             try:
-                for _ in range(min(bout.ticks, 300)):
-                    bout.tick()
+                for _ in range(min(workload.ticks, 300)):
+                    workload.tick()
             except (CheckError, DeviceError):
                 raise
             except Exception as error:
-                told = f"{bout.what} raised {described(error)}".encode()
+                told = f"{workload.what} raised {described(error)}".encode()
     except Exception:  # other checks examine what open and close raise
         return told
     except BaseException as error:
@@ -92,21 +92,21 @@ def _short(make: Callable[[], Bout]) -> bytes:
 @check("quiet", "it writes nothing to the terminal")
 def quiet(subject: Subject) -> None:
     """Capture what is written to standard output and standard error."""
-    for make in bouts(subject):
+    for make in workloads(subject):
         logged = _Logged()
-        with _caught() as said, logged, make() as bout:
-            for _ in range(min(bout.ticks, 300)):
-                bout.tick()
+        with _caught() as said, logged, make() as workload:
+            for _ in range(min(workload.ticks, 300)):
+                workload.tick()
         text = said()
-        if logged.count > 0.1 * min(bout.ticks, 300):
+        if logged.count > 0.1 * min(workload.ticks, 300):
             raise _fail(
-                f"{bout.what} logs a warning again and again: {logged.last[:60]!r}",
+                f"{workload.what} logs a warning again and again: {logged.last[:60]!r}",
                 "a message for every tick",
                 "tell a person once, by a DeviceError or a modality's notices(); log at level DEBUG, if at all",
             )
         if text.strip():
             raise _fail(
-                f"{bout.what} writes {text.strip().splitlines()[0][:60]!r} to the terminal",
+                f"{workload.what} writes {text.strip().splitlines()[0][:60]!r} to the terminal",
                 "a print that was left in; it costs more than a tick may last, and spoils the live screen",
                 "remove it; what a person must know is a DeviceError or a modality's notices()",
             )
@@ -158,21 +158,21 @@ def _caught() -> Iterator[Callable[[], str]]:
 @check("surroundings", "it leaves the process as it was")
 def surroundings(subject: Subject) -> None:
     """Compare the process before, while and after the plugin works."""
-    for make in bouts(subject):
-        before = Surroundings()
+    for make in workloads(subject):
+        before = ProcessState()
         with make() as warm:  # what a library opens once and for all is opened now
             warm.tick()
         files, threads, born = open_files(), set(threading.enumerate()), children()
-        with make() as bout:
-            for _ in range(min(bout.ticks, 200)):
-                bout.tick()
+        with make() as workload:
+            for _ in range(min(workload.ticks, 200)):
+                workload.tick()
             changes = before.changes()
-            if bout.what != "the driver":  # a driver holds what it needs while it is open
+            if workload.what != "the driver":  # a driver holds what it needs while it is open
                 changes += _kept(files, threads, born)
         changes += [change for change in before.changes() if change not in changes]
         if changes:
             raise _fail(
-                f"{bout.what} changes {changes[0]}",
+                f"{workload.what} changes {changes[0]}",
                 "a call that holds for the whole process, and so for everybody in it",
                 "leave it as it is, or change it within a call and put it back: with np.errstate(...), for instance",
             )
@@ -206,18 +206,18 @@ class _Trap(Record):
 def errors_come_through(subject: Subject) -> str:
     """Let records raise an error or KeyboardInterrupt at each look-up in turn."""
     tried = 0
-    for make in bouts(subject):
-        with make() as bout:
+    for make in workloads(subject):
+        with make() as workload:
             for _ in range(5):
-                bout.tick()
-            for call in bout.calls():
-                tried += _come_through(bout, call)
+                workload.tick()
+            for call in workload.calls():
+                tried += _come_through(workload, call)
     if not tried:
         raise NotApplicableError("no call looks anything up in its record")
     return f"{tried} errors"
 
 
-def _come_through(bout: Bout, call: Call) -> int:
+def _come_through(workload: Workload, call: Call) -> int:
     name, record, function = call
     clean = _Trap(record, None, 0)
     deadline = time.perf_counter() + 0.5
@@ -225,7 +225,7 @@ def _come_through(bout: Bout, call: Call) -> int:
         function(clean)
     for at in range(1, min(clean.looks, 8) + 1):
         for error in (_MishapError("an error that the suite made"), KeyboardInterrupt()):
-            _provoke(bout.what, name, record, function, error, at)
+            _provoke(workload.what, name, record, function, error, at)
     return 2 * min(clean.looks, 8)
 
 
@@ -252,7 +252,7 @@ def _provoke(what: str, name: str, record: Record, function: Callable[[Record], 
 @check("opens-nothing", "no file, port, process or sleep in a tick")
 def opens_nothing(subject: Subject) -> None:
     """Watch the system calls of a twin or a modality, in a child process."""
-    make = bouts(subject)[0]
+    make = workloads(subject)[0]
     ending = apart(lambda: _watched(make), 2 * _SHORT)
     if ending.kind != "returned":
         raise NotApplicableError(f"it can't be watched: {ending.text}")
@@ -280,11 +280,11 @@ _ASKS = (
 _CACHES = (".py", ".pyc", ".nbi", ".nbc")
 
 
-def _watched(make: Callable[[], Bout]) -> bytes:
+def _watched(make: Callable[[], Workload]) -> bytes:
     told: dict[str, str] = {}
-    with make() as bout:
+    with make() as workload:
         for _ in range(300):  # what is read or compiled once does not count
-            bout.tick()
+            workload.tick()
         watching = True
 
         def watch(event: str, words: tuple[Any, ...]) -> None:
@@ -294,12 +294,12 @@ def _watched(make: Callable[[], Bout]) -> bytes:
             while frame.f_code.co_filename == __file__ and frame.f_back is not None:
                 frame = frame.f_back
             where = f"{frame.f_code.co_filename}:{frame.f_lineno}"
-            told.update(what=bout.what, event=event, words=f"({', '.join(map(repr, words[:1]))})", where=where)
+            told.update(what=workload.what, event=event, words=f"({', '.join(map(repr, words[:1]))})", where=where)
 
         sys.addaudithook(watch)
         time.sleep = _watched_sleep(watch)  # type: ignore[assignment]
-        for _ in range(max(300, bout.ticks - 300)):
-            bout.tick()
+        for _ in range(max(300, workload.ticks - 300)):
+            workload.tick()
         watching = False
     return json.dumps(told).encode()
 
@@ -317,14 +317,14 @@ def _watched_sleep(watch: Callable[[str, tuple[Any, ...]], None]) -> Callable[[f
 @check("params-untouched", "parameters stay as they were given")
 def params_untouched(subject: Subject) -> None:
     """Compare the parameters before and after the plugin works."""
-    for make in bouts(subject):
-        with make() as bout:
-            before = copy.deepcopy(bout.params)
-            for _ in range(min(bout.ticks, 300)):
-                bout.tick()
-            if bout.params != before or repr(bout.params) != repr(before):
+    for make in workloads(subject):
+        with make() as workload:
+            before = copy.deepcopy(workload.params)
+            for _ in range(min(workload.ticks, 300)):
+                workload.tick()
+            if workload.params != before or repr(workload.params) != repr(before):
                 raise _fail(
-                    f"{bout.what} changes its parameters from {before!r} to {bout.params!r}",
+                    f"{workload.what} changes its parameters from {before!r} to {workload.params!r}",
                     "object.__setattr__, or a list or array within the parameters that is written to",
                     "parameters are what the scene says, and shared; what changes is State",
                 )
@@ -333,16 +333,16 @@ def params_untouched(subject: Subject) -> None:
 @check("steady", "a tick takes no longer after a while")
 def steady(subject: Subject) -> str:
     """Compare the processor time of early and late calls, and count the objects that only the collector can free."""
-    make = bouts(subject)[0]
-    with make() as bout:
+    make = workloads(subject)[0]
+    with make() as workload:
         for _ in range(300):
-            bout.tick()
-        early = _cost(bout)
-        calls = bout.calls()
+            workload.tick()
+        early = _cost(workload)
+        calls = workload.calls()
         for _ in range(4000):
             for _, record, function in calls:
                 function(record)
-        late = _cost(bout)
+        late = _cost(workload)
         if late > 1.6 * early + 15e-6:
             raise _fail(
                 f"the calls of a tick take {1e6 * early:.0f} us at first, and {1e6 * late:.0f} us 4000 ticks later",
@@ -359,10 +359,10 @@ def steady(subject: Subject) -> str:
     return f"{1e6 * early:.0f} us, then {1e6 * late:.0f} us"
 
 
-def _cost(bout: Bout) -> float:
+def _cost(workload: Workload) -> float:
     """Return the processor time of a tick's calls [s]: the least of several means, as other programs run too."""
     means = []
-    calls = bout.calls()
+    calls = workload.calls()
     for _ in range(10):
         begin = time.thread_time()
         for _ in range(20):

@@ -13,7 +13,7 @@ import sys
 sys.path[:0] = {path!r}
 sys.dont_write_bytecode = True  # what Python itself would write is not the plugin's doing
 import itouch.plugin, itouch.testing
-from itouch.testing.process_state import Surroundings, open_files
+from itouch.testing.process_state import ProcessState, open_files
 import importlib, threading
 seen, asks = [], ("socket.connect", "socket.bind", "socket.__new__", "subprocess.Popen", "os.system", "time.sleep")
 def watch(event, words):
@@ -36,7 +36,7 @@ for name, function in (("usb.core", "find"), ("serial", "Serial"), ("serial", "s
         return real(*a, **k)
     if isinstance(getattr(library, function), type(told)):
         setattr(library, function, told)
-threads, files, before = threading.active_count(), open_files(), Surroundings()
+threads, files, before = threading.active_count(), open_files(), ProcessState()
 sys.addaudithook(watch)
 try:
     importlib.import_module({module!r})

@@ -16,7 +16,7 @@ from itouch.plugin import Record, TwinInputs
 from itouch.testing.checks import CheckError, check
 from itouch.testing.harness import PERIOD, DeviceSubject
 from itouch.testing.hygiene import Subject
-from itouch.testing.workload import bouts, opened
+from itouch.testing.workload import opened, workloads
 
 #: Bytes by which memory may grow per tick, and that may be allocated and freed within one.
 _GROWTH, _WITHIN = 12.0, 16_000
@@ -122,22 +122,22 @@ def driver_keeps_nothing(subject: DeviceSubject) -> None:
 def allocates_nothing(subject: Subject) -> str:
     """Compare allocated memory before and after many calls, and measure what single calls allocate."""
     notes = []
-    for make in bouts(subject):
-        with make() as bout:
-            for _ in range(min(bout.ticks, 500)):
-                bout.tick()
-            count = 50 if bout.what == "the driver" else 1000
+    for make in workloads(subject):
+        with make() as workload:
+            for _ in range(min(workload.ticks, 500)):
+                workload.tick()
+            count = 50 if workload.what == "the driver" else 1000
             most = _GROWTH if count == 1000 else 40 * _GROWTH
-            grown, taken = _allocated(bout.calls(), count, most)
+            grown, taken = _allocated(workload.calls(), count, most)
             if grown > most:
                 raise CheckError(
-                    f"the memory of {bout.what} grows by {grown:.0f} bytes a tick",
+                    f"the memory of {workload.what} grows by {grown:.0f} bytes a tick",
                     cause="a list that is appended to, or a log",
                     advice="keep what must be kept in State, which has a fixed size",
                 )
             if taken > (_WITHIN if count == 1000 else 20 * _WITHIN):
                 raise CheckError(
-                    f"{bout.what} takes {taken / 1e3:.0f} kB in each tick, and gives it back",
+                    f"{workload.what} takes {taken / 1e3:.0f} kB in each tick, and gives it back",
                     cause="an array or a buffer that is made anew in every call",
                     advice="make it once, in __init__ or compile() or open(), and write into it",
                 )

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from itouch.testing.checks import Check, Finding
+from itouch.testing.checks import Check, CheckResult
 from itouch.testing.score_card import Card
 
 _STEP = re.compile(r"next is (step \d+: .*)")
@@ -41,14 +41,14 @@ def pytest_runtest_setup(item: Any) -> None:
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
     """Write the score cards, and finally the next step."""
-    cards: dict[str, list[Finding]] = {}
+    cards: dict[str, list[CheckResult]] = {}
     step = ""
     for reports in terminalreporter.stats.values():
         for report in reports:
             for name, value in getattr(report, "user_properties", ()):
                 if name == "itouch" and getattr(report, "when", "") == "call":
                     suite, check, title, outcome, note, seconds = value
-                    finding = Finding(Check(check, title, _nothing), outcome, note, seconds)
+                    finding = CheckResult(Check(check, title, _nothing), outcome, note, seconds)
                     cards.setdefault(suite, []).append(finding)
             found = _STEP.search(str(getattr(report, "longrepr", "") or ""))
             step = found[1] if found and not step else step

@@ -67,7 +67,7 @@ LOOKS: Mapping[str, Callable[[], Any]] = {
 }
 
 
-class Surroundings:
+class ProcessState:
     """The state of the process at the time when this object was made."""
 
     def __init__(self) -> None:

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any, ClassVar, Protocol
 
-from itouch.testing.checks import Finding
+from itouch.testing.checks import CheckResult
 
 _MARKS = {"passed": "ok  ", "failed": "FAIL", "left out": "-   "}
 _WIDTH, _NAME = 80, 20
@@ -34,9 +34,9 @@ class Card:
         self._stream, self._title = stream, title
         stream.write(f"{title}\n\n")
 
-    def write(self, findings: Iterable[Finding]) -> bool:
+    def write(self, findings: Iterable[CheckResult]) -> bool:
         """Write a line for each finding as it comes, then the totals; return whether nothing failed."""
-        seen: list[Finding] = []
+        seen: list[CheckResult] = []
         for finding in findings:
             seen.append(finding)
             if finding.outcome != "left out":
@@ -54,7 +54,7 @@ class Card:
             Card.kept.append({"title": self._title, "failed": failed, "findings": [_data(one) for one in seen]})
         return not failed
 
-    def _left_out(self, findings: Sequence[Finding]) -> None:
+    def _left_out(self, findings: Sequence[CheckResult]) -> None:
         """Write which checks were left out, by reason."""
         reasons: dict[str, list[str]] = {}
         for finding in findings:
@@ -64,7 +64,7 @@ class Card:
             told = ", ".join(names) if len(names) < _MANY else f"{len(names)} more checks"
             self._stream.write(_wrapped(f"{told}: {reason}", "  -     ") + "\n")
 
-    def _line(self, finding: Finding) -> None:
+    def _line(self, finding: CheckResult) -> None:
         head = f"  {_MARKS[finding.outcome]}  {finding.check.name:<{_NAME}} "
         note = f" [{finding.note}]" if finding.note and finding.outcome != "failed" else ""
         self._stream.write(_wrapped(finding.check.title + note, head) + "\n")
@@ -74,7 +74,7 @@ class Card:
                 self._stream.write(_wrapped(line.strip(), " " * 8, " " * (8 + len(label))) + "\n")
 
 
-def _data(finding: Finding) -> dict[str, Any]:
+def _data(finding: CheckResult) -> dict[str, Any]:
     return {
         "name": finding.check.name, "title": finding.check.title, "outcome": finding.outcome, "note": finding.note,
         "seconds": round(finding.seconds, 3),

@@ -28,7 +28,7 @@ from itouch.testing import (
     touched,
     twins,
 )
-from itouch.testing.checks import VITAL, Check, Finding, unexamined
+from itouch.testing.checks import VITAL, Check, CheckResult, unexamined
 from itouch.testing.harness import DeviceSubject
 from itouch.testing.scenario import ModalitySubject
 
@@ -126,7 +126,7 @@ class Suite:
     """What all suites have in common: one test per check, which is skipped if the check does not apply."""
 
     checks: ClassVar[Sequence[Check]] = ()
-    _vital: ClassVar[dict[str, Finding]]
+    _vital: ClassVar[dict[str, CheckResult]]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -140,7 +140,7 @@ class Suite:
         """Return the subject under examination."""
         raise NotImplementedError
 
-    def examine(self, one: Check) -> Finding:
+    def examine(self, one: Check) -> CheckResult:
         """Run a check, unless a vital one has failed; each vital check is run once."""
         subject = self.subject()
         for vital in (other for other in self.checks if other.name in VITAL):

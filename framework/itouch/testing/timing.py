@@ -109,12 +109,12 @@ def _judge(timed: Timed, what: str, held_up: float) -> None:
         )
 
 
-def _in_one_of(bouts: int, bout: Callable[[], str]) -> str:
+def _in_one_of(tries: int, measure: Callable[[], str]) -> str:
     """Return what the first attempt that passes returns: a plugin's waits show in each, a busy machine's need not."""
-    for _ in range(bouts - 1):
+    for _ in range(tries - 1):
         with contextlib.suppress(CheckError):
-            return bout()
-    return bout()
+            return measure()
+    return measure()
 
 
 @check("twin-timing", "a step fits in the tick, and never waits")

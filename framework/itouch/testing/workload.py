@@ -18,7 +18,7 @@ from itouch.world import Model
 Call = tuple[str, Record, Callable[[Record], Any]]
 
 
-class Bout(ABC):
+class Workload(ABC):
     """A plugin at work; a context that is entered before the first tick and left after the last."""
 
     #: What is at work, in words.
@@ -39,14 +39,14 @@ class Bout(ABC):
     def params(self) -> Any:
         """The parameters that the plugin works with."""
 
-    def __enter__(self) -> Bout:
+    def __enter__(self) -> Workload:
         return self
 
     def __exit__(self, *_: object) -> None:  # noqa: B027
         """Do nothing: there is nothing to end."""
 
 
-class TwinBout(Bout):
+class TwinWorkload(Workload):
     """A twin on its bench."""
 
     what, ticks = "the twin", 1200
@@ -73,7 +73,7 @@ class TwinBout(Bout):
         )
 
 
-class DriverBout(Bout):
+class DriverWorkload(Workload):
     """An open driver."""
 
     what, ticks = "the driver", 60
@@ -88,7 +88,7 @@ class DriverBout(Bout):
         """The parameters of the device."""
         return self.opened.device.params
 
-    def __enter__(self) -> Bout:
+    def __enter__(self) -> Workload:
         self.opened = self._end.enter_context(opened(self._subject))
         self.opened.fresh(5.0)
         return self
@@ -118,7 +118,7 @@ def opened(subject: DeviceSubject) -> Iterator[Opened]:
         yield own
 
 
-class ModalityBout(Bout):
+class ModalityWorkload(Workload):
     """A modality in its scene."""
 
     what = "the modality"
@@ -160,11 +160,11 @@ def touch(model: Model, tick: int) -> ContactEvent | None:
                         still, 1e-4, 1.0, 0.0)  # fmt: skip
 
 
-def bouts(subject: DeviceSubject | ModalitySubject) -> list[Callable[[], Bout]]:
+def workloads(subject: DeviceSubject | ModalitySubject) -> list[Callable[[], Workload]]:
     """Return what of a plugin can be put to work here: a modality; or a twin, and the driver if it can be opened."""
     if isinstance(subject, ModalitySubject):
-        return [lambda: ModalityBout(subject)]
-    found: list[Callable[[], Bout]] = [lambda: TwinBout(subject)]
+        return [lambda: ModalityWorkload(subject)]
+    found: list[Callable[[], Workload]] = [lambda: TwinWorkload(subject)]
     if subject.hardware or (subject.emulated and subject.cls.Emulator is not None):
-        found.append(lambda: DriverBout(subject))
+        found.append(lambda: DriverWorkload(subject))
     return found

@@ -13,7 +13,7 @@ from itouch.plugin.discovery import Catalog
 from itouch_evidence.faults.matrix import KINDS, Cell, pairs, run_cell, single
 from itouch_evidence.faults.phases import PHASES, phases, prepared
 from itouch_evidence.faults.random_rigs import campaign
-from itouch_evidence.renamed import RenamedCatalog, Words
+from itouch_evidence.renamed import RenamedCatalog, Renaming
 
 __all__ = ["KINDS", "PHASES", "Cell", "differing", "main", "pairs", "phases", "prepared", "run_cell", "single"]
 
@@ -80,14 +80,14 @@ def _cells(scene: Path | str, catalog: Catalog | None, *, paired: bool) -> Itera
     yield from pairs(session, "contact", stored["contact"]) if paired else single(session, stored)
 
 
-def differing(one: Cell, other: Cell, words: Words) -> list[str]:
+def differing(one: Cell, other: Cell, words: Renaming) -> list[str]:
     """Return the fields in which a cell and the same one under other names differ; names in sentences are put back."""
     said = words.back(other.cause).replace("_", " ") == one.cause.replace("_", " ")
     apart = [part.name for part in fields(Cell) if getattr(one, part.name) != getattr(other, part.name)]
     return [name for name in apart if name != "cause" or not said]
 
 
-def _compare(cells: Iterable[Cell], others: Iterable[Cell], words: Words) -> int:
+def _compare(cells: Iterable[Cell], others: Iterable[Cell], words: Renaming) -> int:
     """Print every cell whose result differs under other names, and how many there are."""
     count = wrong = 0
     for one, other in zip(cells, others, strict=True):

@@ -16,7 +16,7 @@ from itouch.world import Model
 from itouch_tools.viewer import colours
 from itouch_tools.viewer.context import write_png
 from itouch_tools.viewer.offscreen import Offscreen
-from itouch_tools.viewer.overlay import Situation
+from itouch_tools.viewer.overlay import SessionStatus
 
 #: Frames per second of simulated time.
 MP4_RATE, GIF_RATE = 25.0, 10.0
@@ -151,13 +151,13 @@ class Filming:
         if self._path and self._shot_tick is not None and tick + 1 >= self._shot_tick and not self.taken:
             self._shoot()
         if self._sink is not None and tick % self._every == 0:
-            self._sink.add(self._offscreen.shoot(self._state, self._situation()))
+            self._sink.add(self._offscreen.shoot(self._state, self._status()))
 
-    def _situation(self) -> Situation:
-        return Situation(faults=list(self._faults))
+    def _status(self) -> SessionStatus:
+        return SessionStatus(faults=list(self._faults))
 
     def _shoot(self) -> None:
-        write_png(self._path, self._offscreen.shoot(self._state, self._situation()))
+        write_png(self._path, self._offscreen.shoot(self._state, self._status()))
         self.taken = True
 
     def close(self) -> None:

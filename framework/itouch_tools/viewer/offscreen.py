@@ -15,7 +15,7 @@ from itouch.plugin import Record
 from itouch.schema import ItouchError
 from itouch.world import Model
 from itouch_tools.viewer.context import config
-from itouch_tools.viewer.overlay import Situation
+from itouch_tools.viewer.overlay import SessionStatus
 
 if TYPE_CHECKING:
     from itouch.servo import Handle, Link
@@ -144,10 +144,10 @@ class Offscreen:
         self.picture: Picture = Picture(model, scale=min(width / 1280, height / 720))
         self._frame = Frame(width, height)
 
-    def shoot(self, state: Record, now: Situation | None = None) -> NDArray[np.uint8]:
+    def shoot(self, state: Record, now: SessionStatus | None = None) -> NDArray[np.uint8]:
         """Return the picture of a State, shape (height, width, 3)."""
         self._window.switch_to()
-        self.picture.draw(state, self._frame, now or Situation())
+        self.picture.draw(state, self._frame, now or SessionStatus())
         return self._frame.read()
 
     def close(self) -> None:

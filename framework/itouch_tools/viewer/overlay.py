@@ -46,14 +46,14 @@ KEYS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Words:
+class TextLines:
     """Lines of text, each with its weight: "plain", "good", "warn" or "bad"."""
 
     lines: tuple[tuple[str, str], ...]
 
 
 @dataclass(slots=True)
-class Situation:
+class SessionStatus:
     """What a viewer knows besides State: the timing of the loop, messages, and faults in words."""
 
     pace: str = "fast"
@@ -133,7 +133,7 @@ def _flux(model: Model, state: Record) -> list[str]:
     return [f"{flux:.0f} W/m2{short}; desired {wish:.0f}"]
 
 
-def status(model: Model, state: Record, now: Situation) -> Words:
+def status(model: Model, state: Record, now: SessionStatus) -> TextLines:
     """Return the lines of the status corner."""
     late = "plain" if now.overruns is None else "warn" if now.overruns else "good"  # colour of the timing's line
     lines = [(line, late if index else "plain") for index, line in enumerate(_clock(model, state, now))]
@@ -150,21 +150,21 @@ def status(model: Model, state: Record, now: Situation) -> Words:
         lines.append(("paused: P goes on", "warn"))
     if now.message:
         lines.append((now.message, "good"))
-    return Words(tuple(lines))
+    return TextLines(tuple(lines))
 
 
-def fitted(words: Words, width: int, lines: int) -> Words:
+def fitted(words: TextLines, width: int, lines: int) -> TextLines:
     """Return as many lines as there is room for, cut to a width [letters]; good news is left out first."""
     rank = {"bad": 0, "warn": 0, "plain": 1, "good": 2}
     order = sorted(range(len(words.lines)), key=lambda index: rank[words.lines[index][1]])
     kept = sorted(order[: max(0, lines)])
     cut = [words.lines[index] for index in kept]
-    return Words(
+    return TextLines(
         tuple((line if len(line) <= width else line[: max(0, width - 1)] + "…", weight) for line, weight in cut)
     )
 
 
-def alarm(now: Situation, width: int) -> Words | None:
+def alarm(now: SessionStatus, width: int) -> TextLines | None:
     """Return the text about faults and losses, in lines of at most ``width`` letters; None if there are none."""
     lines = []
     for fault in now.faults:
@@ -180,10 +180,10 @@ def alarm(now: Situation, width: int) -> Words | None:
         lines += [(line, "plain") for line in textwrap.wrap(after, max(width, 20))]
     for loss in now.losses:
         lines += [(line, "bad") for line in textwrap.wrap(loss, max(width, 20))]
-    return Words(tuple(lines)) if lines else None
+    return TextLines(tuple(lines)) if lines else None
 
 
-def _clock(model: Model, state: Record, now: Situation) -> list[str]:
+def _clock(model: Model, state: Record, now: SessionStatus) -> list[str]:
     first = f"{int(state['tick']) * model.period:.3f} s at {1.0 / model.period:.0f} Hz"
     figures = (("tick p99", now.tick_us), ("late p99", now.late_us))
     parts = [f"{name} {value:.0f} us" for name, value in figures if value is not None]
@@ -224,17 +224,17 @@ def _heat(model: Model, state: Record) -> list[str]:
     return lines
 
 
-def properties(model: Model, state: Record, name: str) -> Words:
+def properties(model: Model, state: Record, name: str) -> TextLines:
     """Return the properties of an object or a device, for the panel that opens when it is clicked."""
     if name in model.objects:
-        return Words(tuple((line, "plain") for line in _object(model, state, name)))
+        return TextLines(tuple((line, "plain") for line in _object(model, state, name)))
     device = model.devices[name]
     lines = [f"device {name}: plugin {device.plugin}{', twin' if device.twin else ''}"]
     for channel in device.reads:
         numbers, unit = _shown(channel, state[f"{name}.{channel.name}"])
         meaning = f"({channel.doc})" if channel.doc else ""
         lines.append(" ".join(word for word in (f"{channel.name}:", numbers, unit, meaning) if word))
-    return Words(tuple((line, "plain") for line in lines))
+    return TextLines(tuple((line, "plain") for line in lines))
 
 
 def _shown(channel: Channel, value: Any) -> tuple[str, str]:

@@ -15,7 +15,7 @@ from itouch_tools.viewer.buffers import Frame
 from itouch_tools.viewer.camera import Camera
 from itouch_tools.viewer.canvas import Canvas
 from itouch_tools.viewer.flat_shapes import DARK, LIGHT, Rectangle, Tint, border, draw_in, look, pixels, rectangle
-from itouch_tools.viewer.overlay import Situation, Words
+from itouch_tools.viewer.overlay import SessionStatus, TextLines
 from itouch_tools.viewer.scene_graph import SceneGraph
 from itouch_tools.viewer.signals import Curves, Ring
 from itouch_tools.viewer.temperatures import plate_temperature, skin_named, skin_temperature
@@ -71,7 +71,7 @@ class Picture:
         self.under = False
         self._framed = False
 
-    def draw(self, state: Record, frame: Frame, now: Situation) -> None:
+    def draw(self, state: Record, frame: Frame, now: SessionStatus) -> None:
         """Draw a State into a frame, which stays bound."""
         chosen, size = self.choices, max(7.0, 8.0 * self.scale) * self.choices.larger
         draw_in(LIGHT if chosen.light else DARK)
@@ -111,7 +111,7 @@ class Picture:
         self.text.draw()
 
     def _foot(
-        self, frame: Frame, now: Situation, beside: float, under: float, seen: NDArray[np.float64], size: float
+        self, frame: Frame, now: SessionStatus, beside: float, under: float, seen: NDArray[np.float64], size: float
     ) -> float:
         """Draw the time line and the alarm; return the height above which there is room for the rest [pixels]."""
         width, foot = frame.width - beside - (3 if beside else 2) * size, size + (under + size if under else 0.0)
@@ -187,7 +187,7 @@ class Picture:
         self.camera.frame(low, high + room, frame.width / frame.height)
         self._framed = True
 
-    def _corner(self, words: Words, frame: Frame, size: float, *, upper: float) -> None:
+    def _corner(self, words: TextLines, frame: Frame, size: float, *, upper: float) -> None:
         if not words.lines:
             return
         self._panel(size, upper, words, frame, size)
@@ -220,7 +220,7 @@ class Picture:
             right = place.area[0] + size
         return places
 
-    def _help(self, now: Situation, area: Rectangle, frame: Frame, size: float) -> None:
+    def _help(self, now: SessionStatus, area: Rectangle, frame: Frame, size: float) -> None:
         """Draw the list of keys in place of the curves, so that the scene stays visible; what is on is in green."""
         left, bottom, width, height = area
         for _ in range(24):
@@ -242,7 +242,7 @@ class Picture:
             if y > bottom:
                 self.text.put(row.text, left + size, y, look().tint("good" if on else "plain"), size=size)
 
-    def _panel(self, left: float, upper: float, words: Words, frame: Frame, size: float) -> None:
+    def _panel(self, left: float, upper: float, words: TextLines, frame: Frame, size: float) -> None:
         width = max(len(line) for line, _ in words.lines) * self.text.width(size) + 2 * size
         height = 2.0 * size * (len(words.lines) + 0.4)
         area = (left, upper - height, width, height)

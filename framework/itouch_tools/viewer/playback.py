@@ -6,7 +6,7 @@ import numpy as np
 
 from itouch.plugin import Record
 from itouch.world import Model
-from itouch_tools.viewer.overlay import Situation
+from itouch_tools.viewer.overlay import SessionStatus
 from itouch_tools.viewer.recording_seek import SeekableRecording
 from itouch_tools.viewer.signals import Curves
 from itouch_tools.viewer.timeline import Timeline, faults_at, timeline
@@ -27,7 +27,7 @@ class Playback:
         self.model: Model = reel.model
         self.state: Record = reel.state
         self.line: Timeline = timeline(reel.recording, reel.ticks, self.model.period)
-        self.situation = Situation(pace="playback", timeline=self.line)
+        self.status = SessionStatus(pace="playback", timeline=self.line)
         self.curves: Curves = reel.curves
         self._cursor = float(reel.ticks[0])  # ticks
 
@@ -43,7 +43,7 @@ class Playback:
         line.now = float(self._cursor) * self.model.period
         line.known = reel.known(200)
         faults = reel.recording.faults
-        self.situation.faults = faults_at(faults, reel.recording.states, int(reel.ticks[reel.row]))
+        self.status.faults = faults_at(faults, reel.recording.states, int(reel.ticks[reel.row]))
 
     def pause(self) -> str:
         """Play, or pause; at the end play from the beginning."""

@@ -12,7 +12,7 @@ from itouch.safety import Trip
 from itouch.servo import Handle, Link, ServoError
 from itouch.world import Model
 from itouch_tools.viewer.deadman_switch import DeadMansSwitch
-from itouch_tools.viewer.overlay import Situation
+from itouch_tools.viewer.overlay import SessionStatus
 from itouch_tools.viewer.signals import Curves
 
 #: Seconds without a tick after which a session counts as paused, by this window or by another.
@@ -39,7 +39,7 @@ class Attached:
         self._link, self._handle, self._save_to = link, handle, save_to
         self.model = Model.of(link.scene(), Catalog())
         self.state: Record = link.state
-        self.situation = Situation(pace="real")
+        self.status = SessionStatus(pace="real")
         self._refused = 0
         #: The last State that the curves have: they are sampled as the session runs, not as pictures are drawn.
         self._seen, self._every = 0, max(1, round(SAMPLE / self.model.period))
@@ -59,7 +59,7 @@ class Attached:
         self._link.refresh(self.state)
         ring.add(self.state)
         self._holding.beat()
-        timing, now = self._link.timing, self.situation
+        timing, now = self._link.timing, self.status
         now.tick_us, now.late_us, now.overruns = timing.summary()["p99"], timing.lateness()["p99"], timing.overruns
         now.faults = self._faults()
         now.losses = self._losses()
@@ -93,7 +93,7 @@ class Attached:
         """Ask a simulated session to pause, or to go on; return why not, or nothing."""
         if any(not device.twin for device in self.model.devices.values()):
             return "a session with hardware can't pause: Esc stops it"
-        return self._ask("resume" if self.situation.paused else "pause")
+        return self._ask("resume" if self.status.paused else "pause")
 
     def hold(self, held: bool) -> None:
         """Hold the dead-man's switch as long as the key is down; if the window hangs, it is let go by itself."""
@@ -109,7 +109,7 @@ class Attached:
 
     def rearm(self) -> str:
         """Ask to re-arm after a fault."""
-        if not self.situation.faults:
+        if not self.status.faults:
             return "there is nothing to re-arm"
         return self._ask("rearm") or "re-arming"
 

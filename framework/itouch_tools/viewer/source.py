@@ -6,7 +6,7 @@ from typing import Protocol
 
 from itouch.plugin import Record
 from itouch.world import Model
-from itouch_tools.viewer.overlay import Situation
+from itouch_tools.viewer.overlay import SessionStatus
 from itouch_tools.viewer.signals import Curves
 
 
@@ -22,7 +22,7 @@ class Source(Protocol):
         """The State to show."""
 
     @property
-    def situation(self) -> Situation:
+    def status(self) -> SessionStatus:
         """What is known besides State; the window writes ``picked`` and ``message`` into it."""
 
     def advance(self, seconds: float, ring: Curves) -> None:

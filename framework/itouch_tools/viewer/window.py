@@ -100,18 +100,18 @@ class Window(pyglet.window.Window):
         begin = self._now()
         elapsed, self._last = begin - self._last, begin
         self._say(self._steering.frame(elapsed, self._keys))
-        situation = self.source.situation
+        status = self.source.status
         if begin - self._said_at > SAID:
-            situation.message = ""
-        said = situation.message
+            status.message = ""
+        said = status.message
         self.source.advance(elapsed, self.picture.ring)
-        if situation.message != said:
+        if status.message != said:
             self._said_at = begin
         self.picture.ring.add(self.source.state)
         self._speaker.hear(self.source.state)
         self.picture.choices.sound = None if self._speaker.muted else not self._speaker.hushed
         self.switch_to()
-        self.picture.draw(self.source.state, self._target, self.source.situation)
+        self.picture.draw(self.source.state, self._target, self.source.status)
         self._target.blit()
         self.flip()
         self.cost = self._now() - begin
@@ -119,12 +119,12 @@ class Window(pyglet.window.Window):
     def screenshot(self, path: str | os.PathLike[str]) -> None:
         """Write the present picture to a PNG file."""
         self.switch_to()
-        self.picture.draw(self.source.state, self._target, self.source.situation)
+        self.picture.draw(self.source.state, self._target, self.source.status)
         write_png(path, self._target.read())
 
     def _say(self, words: str) -> None:
         if words:
-            self.source.situation.message, self._said_at = words, self._now()
+            self.source.status.message, self._said_at = words, self._now()
 
     def on_key_press(self, symbol: int, modifiers: int) -> None:
         """Act on a key; see ``overlay.KEYS``."""
@@ -209,7 +209,7 @@ class Window(pyglet.window.Window):
             return
         ratio = self.get_pixel_ratio()
         self.switch_to()
-        self.source.situation.picked = self.picture.canvas.pick(
+        self.source.status.picked = self.picture.canvas.pick(
             self.source.state, self.picture.camera, self._target, int(x * ratio), int(y * ratio)
         )
 

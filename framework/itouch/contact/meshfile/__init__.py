@@ -5,8 +5,10 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from itouch.moved import renamed
+
 if TYPE_CHECKING:
-    from itouch.contact.meshfile.faults import Finding, MeshError
+    from itouch.contact.meshfile.faults import MeshError, MeshFinding
     from itouch.contact.meshfile.load import LoadedMesh, load_mesh, load_source
     from itouch.contact.meshfile.mend import MeshFacts
     from itouch.contact.meshfile.source import KINDS, MeshFile, read_mesh_file
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
 #: Public name -> the module that has it, imported on first access: a scene without meshes starts without all this.
 _HOMES = {
     "KINDS": "source",
-    "Finding": "faults",
+    "MeshFinding": "faults",
     "LoadedMesh": "load",
     "MeshError": "faults",
     "MeshFacts": "mend",
@@ -26,18 +28,21 @@ _HOMES = {
 
 __all__ = [
     "KINDS",
-    "Finding",
     "LoadedMesh",
     "MeshError",
     "MeshFacts",
     "MeshFile",
+    "MeshFinding",
     "load_mesh",
     "load_source",
     "read_mesh_file",
 ]
 
+#: Old name -> new name, kept for one version.
+_RENAMED = {"Finding": "MeshFinding"}
+
 
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
-        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+        return __getattr__(renamed(__name__, name, _RENAMED))
     return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

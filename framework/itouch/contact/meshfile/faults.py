@@ -18,7 +18,7 @@ class MeshError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class MeshFinding:
     """What a mesh's user should know: what was mended (a note), or what may not be as intended (a warning)."""
 
     code: str

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.contact.meshfile.faults import Finding, MeshError
+from itouch.contact.meshfile.faults import MeshError, MeshFinding
 from itouch.contact.meshfile.mend import MeshFacts
 
 #: Usual extents of what a finger touches [m]; a mesh outside them was probably meant in another unit.
@@ -34,7 +34,7 @@ def check_size(low: NDArray[np.float64], high: NDArray[np.float64], shown: str) 
         raise MeshError("mesh-units", sentence, "move its origin to its middle, or give a scale")
 
 
-def findings(facts: MeshFacts, shown: str, *, sides: str | None, scaled: bool = False) -> tuple[Finding, ...]:
+def findings(facts: MeshFacts, shown: str, *, sides: str | None, scaled: bool = False) -> tuple[MeshFinding, ...]:
     """Return what to tell of a mesh, warnings first.
 
     Parameters
@@ -52,10 +52,10 @@ def findings(facts: MeshFacts, shown: str, *, sides: str | None, scaled: bool = 
     return tuple(sorted(told, key=lambda finding: finding.severity != "warning"))
 
 
-def _sizes(facts: MeshFacts, shown: str, scaled: bool) -> Iterator[Finding]:
+def _sizes(facts: MeshFacts, shown: str, scaled: bool) -> Iterator[MeshFinding]:
     extent = _extent(facts)
     if not scaled and not SMALLEST <= extent <= GREATEST:
-        yield Finding("mesh-units", f"'{shown}' is {_length(extent)} long", _units(extent), "warning")
+        yield MeshFinding("mesh-units", f"'{shown}' is {_length(extent)} long", _units(extent), "warning")
 
 
 def _units(extent: float) -> str:
@@ -72,13 +72,13 @@ def _length(metres: float) -> str:
     return f"{metres * 1e3:.4g} mm" if metres < 1.0 else f"{metres:.4g} m"
 
 
-def _surface(facts: MeshFacts, shown: str, sides: str | None) -> Iterator[Finding]:
+def _surface(facts: MeshFacts, shown: str, sides: str | None) -> Iterator[MeshFinding]:
     if facts.one_sided:
         advice = 'write sides="two"'
         sentence = (
             f"'{shown}' has no front and back: {_many(facts.one_sided, 'pair')} of triangles contradict each other"
         )
-        yield Finding("mesh-winding", sentence, advice, "note" if sides == "two" else "warning")
+        yield MeshFinding("mesh-winding", sentence, advice, "note" if sides == "two" else "warning")
     if facts.open_edges:
         torn = facts.open_length < _extent(facts)  # the border of a sheet is longer than the sheet
         what = "has holes" if torn else "is an open surface"
@@ -86,42 +86,44 @@ def _surface(facts: MeshFacts, shown: str, sides: str | None) -> Iterator[Findin
         other = "one" if sides == "two" else "two"
         advice = f'{how[sides or "one"]}; sides="{other}" changes that'
         sentence = f"'{shown}' {what}: {_many(facts.open_edges, 'open edge')} of {facts.edges}"
-        yield Finding("mesh-open", sentence, advice, "warning" if sides is None and torn else "note")
+        yield MeshFinding("mesh-open", sentence, advice, "warning" if sides is None and torn else "note")
     if facts.crowded_edges:
         sentence = f"'{shown}': {_many(facts.crowded_edges, 'edge')} with three triangles or more"
-        yield Finding("mesh-crowded-edges", sentence, "its inside may not be where it seems", "warning")
+        yield MeshFinding("mesh-crowded-edges", sentence, "its inside may not be where it seems", "warning")
     if facts.overlapping:
         sentence = f"'{shown}': {_many(facts.overlapping, 'pair')} of parts reach into one another"
-        yield Finding("mesh-overlap", sentence, "make their union in a modeller; inner walls can be felt", "warning")
+        yield MeshFinding(
+            "mesh-overlap", sentence, "make their union in a modeller; inner walls can be felt", "warning"
+        )
     if facts.left_out:
         sentence = f"'{shown}': {_many(facts.left_out, 'list')} of points or lines left out"
-        yield Finding("mesh-left-out", sentence)
+        yield MeshFinding("mesh-left-out", sentence)
 
 
-def _mends(facts: MeshFacts, shown: str) -> Iterator[Finding]:
+def _mends(facts: MeshFacts, shown: str) -> Iterator[MeshFinding]:
     if facts.turned_parts:
         sentence = f"'{shown}': {_many(facts.turned_parts, 'closed part')} turned: inside out"
-        yield Finding("mesh-inverted", sentence)
+        yield MeshFinding("mesh-inverted", sentence)
     if facts.turned_faces:
         sentence = f"'{shown}': {_many(facts.turned_faces, 'triangle')} turned to agree with the others around"
-        yield Finding("mesh-winding", sentence)
+        yield MeshFinding("mesh-winding", sentence)
     if facts.repeated:
-        yield Finding("mesh-repeated", f"'{shown}': {_many(facts.repeated, 'triangle')} given twice removed")
+        yield MeshFinding("mesh-repeated", f"'{shown}': {_many(facts.repeated, 'triangle')} given twice removed")
     if facts.collapsed or facts.flat:
         sentence = f"'{shown}': {_many(facts.collapsed + facts.flat, 'triangle')} without area removed"
-        yield Finding("mesh-degenerate", sentence)
+        yield MeshFinding("mesh-degenerate", sentence)
     if facts.kept_flat:
         sentence = f"'{shown}': {_many(facts.kept_flat, 'triangle')} without area kept, because they close the surface"
-        yield Finding("mesh-degenerate", sentence)
+        yield MeshFinding("mesh-degenerate", sentence)
     if facts.unused_bad:
         sentence = f"'{shown}': {_many(facts.unused_bad, 'vertex')} that are no finite numbers, and unused, removed"
-        yield Finding("mesh-not-finite", sentence.replace("vertexs", "vertices"))
+        yield MeshFinding("mesh-not-finite", sentence.replace("vertexs", "vertices"))
     if facts.joined_seams:
         sentence = f"'{shown}': {_many(facts.joined_seams, 'vertex')} along seams joined to others close by"
-        yield Finding("mesh-joined", sentence.replace("vertexs", "vertices"))
+        yield MeshFinding("mesh-joined", sentence.replace("vertexs", "vertices"))
     if facts.joined_vertices and not shown.lower().endswith(".stl"):  # an STL cannot share vertices
         sentence = f"'{shown}': {_many(facts.joined_vertices, 'vertex')} given more than once joined"
-        yield Finding("mesh-joined", sentence.replace("vertexs", "vertices"))
+        yield MeshFinding("mesh-joined", sentence.replace("vertexs", "vertices"))
 
 
 def _many(count: int, what: str) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from itouch.contact.meshfile import cache
-from itouch.contact.meshfile.faults import Finding, MeshError
+from itouch.contact.meshfile.faults import MeshError, MeshFinding
 from itouch.contact.meshfile.findings import check_size, findings
 from itouch.contact.meshfile.mend import MeshFacts, check_finite, mended
 from itouch.contact.meshfile.parse import parse
@@ -35,7 +35,7 @@ class LoadedMesh:
 
     surface: Surface
     facts: MeshFacts
-    findings: tuple[Finding, ...]
+    findings: tuple[MeshFinding, ...]
     cached: bool
 
 

@@ -9,27 +9,27 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from itouch import caches, compiling
-from itouch_tools.cli.doctor.finding import Finding
+from itouch_tools.cli.doctor.diagnosis import Diagnosis
 
 _KERNELS = (".nbi", ".nbc")
 
 
-def compile_cache() -> Finding:
+def compile_cache() -> Diagnosis:
     """Whether compiled kernels can be cached, and how many are."""
     folders = kernel_folders()
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     count = sum(path.suffix == ".nbi" for path in kernels())
     if not os.access(folders[0], os.W_OK):
         advice = "set NUMBA_CACHE_DIR to a folder that can be written, or every start compiles for some 20 s"
-        return Finding("compile cache", "lack", f"'{folders[0]}' can't be written", advice)
+        return Diagnosis("compile cache", "lack", f"'{folders[0]}' can't be written", advice)
     if not count:
         found = "empty: the first start compiles for some 20 s"
-        return Finding("compile cache", "note", found, "itouch-py demo fills it")
+        return Diagnosis("compile cache", "note", found, "itouch-py demo fills it")
     where = "NUMBA_CACHE_DIR" if chosen else f"'{folders[0]}'"
-    return Finding("compile cache", "ok", f"{count} kernels in {where}")
+    return Diagnosis("compile cache", "ok", f"{count} kernels in {where}")
 
 
-def kept_results() -> Finding:
+def kept_results() -> Diagnosis:
     """Describe the cached results of compiling scenes: start temperatures, modal bases."""
     from itouch.plugin import result_cache
 
@@ -37,7 +37,7 @@ def kept_results() -> Finding:
     return _kept("kept results", kept, result_cache.folder(), result_cache.SWITCH, "every start finds them again")
 
 
-def kept_meshes() -> Finding:
+def kept_meshes() -> Diagnosis:
     """Describe the cached surfaces of mesh files, each with its hierarchy."""
     from itouch.contact.meshfile import cache as meshes
 
@@ -45,14 +45,14 @@ def kept_meshes() -> Finding:
     return _kept("kept meshes", kept, meshes.folder(), meshes.SWITCH, "every start builds them again")
 
 
-def _kept(name: str, kept: str, place: Path | None, switch: str, otherwise: str) -> Finding:
+def _kept(name: str, kept: str, place: Path | None, switch: str, otherwise: str) -> Diagnosis:
     if place is None:
         why = f"switched off by {switch}" if os.environ.get(switch) else "nothing is kept: this user has no home folder"
-        return Finding(name, "note", why, f"{otherwise}; name a folder by {switch}")
+        return Diagnosis(name, "note", why, f"{otherwise}; name a folder by {switch}")
     lack, mend = _lack(place)
     if lack:
-        return Finding(name, "lack", f"nothing is kept: {lack}", f"{mend}, or name another folder by {switch}")
-    return Finding(name, "ok", f"{kept} in '{place}'")
+        return Diagnosis(name, "lack", f"nothing is kept: {lack}", f"{mend}, or name another folder by {switch}")
+    return Diagnosis(name, "ok", f"{kept} in '{place}'")
 
 
 def _lack(place: Path) -> tuple[str, str]:

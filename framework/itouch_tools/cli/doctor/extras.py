@@ -6,14 +6,14 @@ import re
 from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, requires, version
 
-from itouch_tools.cli.doctor.finding import Finding
+from itouch_tools.cli.doctor.diagnosis import Diagnosis
 
 #: Extras for people who work on itouch-py itself.
 _OWN = frozenset({"test", "lint", "docs", "mutation", "bids"})
 _NEEDS = re.compile(r"^([A-Za-z0-9._-]+).*;.*extra\s*==\s*['\"]([A-Za-z0-9._-]+)['\"]")
 
 
-def extras() -> Finding:
+def extras() -> Diagnosis:
     """Which extras are installed, with their packages, and which are not."""
     there, missing = [], []
     for name, packages in sorted(named(requires("itouch-py") or ()).items()):
@@ -24,9 +24,9 @@ def extras() -> Finding:
             missing.append(name)
     said = ", ".join(there) or "none"
     if missing:
-        return Finding("extras", "note", f"{said}; not: {', '.join(missing)}",
+        return Diagnosis("extras", "note", f"{said}; not: {', '.join(missing)}",
                        f"pip install 'itouch-py[{missing[0]}]' brings one")  # fmt: skip
-    return Finding("extras", "ok", said)
+    return Diagnosis("extras", "ok", said)
 
 
 def named(requirements: Iterable[str]) -> dict[str, list[str]]:

@@ -18,7 +18,7 @@ from itouch.safety import HoldToRun, Status, connect
 from itouch.schema import ItouchError
 from itouch.session import Session
 from itouch_tools.cli.doctor.device_watch import Watched
-from itouch_tools.cli.doctor.finding import Finding
+from itouch_tools.cli.doctor.diagnosis import Diagnosis
 
 #: What a delivered drive may still read when it is off, as a share of the drive's greatest value.
 OFF = 0.02
@@ -28,7 +28,7 @@ STILL = 1.0
 PASS, FAIL, NOT = "pass", "fail", "not possible"
 
 
-def examine_rig(session: Session, seconds: float = 3.0) -> Iterator[Finding]:
+def examine_rig(session: Session, seconds: float = 3.0) -> Iterator[Diagnosis]:
     """Yield the findings on a rig that nobody touches, watched for some seconds; the session is closed at the end."""
     try:
         yield from _examined(session, seconds)
@@ -39,14 +39,14 @@ def examine_rig(session: Session, seconds: float = 3.0) -> Iterator[Finding]:
         session.close()
     except ItouchError as error:  # what was found must still be summed up
         told = "; ".join([str(error), *getattr(error, "__notes__", ())])
-        yield Finding("W2 release", FAIL, told, "switch the supplies off by hand: nobody knows what it does now")
+        yield Diagnosis("W2 release", FAIL, told, "switch the supplies off by hand: nobody knows what it does now")
 
 
-def _examined(session: Session, seconds: float) -> Iterator[Finding]:
+def _examined(session: Session, seconds: float) -> Iterator[Diagnosis]:
     watched = [Watched(runner, session.state) for runner in session.runners]
     failures = connect([one.lifecycle for one in session.runners], session.ticks)
     for name, why in failures.items():
-        yield Finding(
+        yield Diagnosis(
             f"W1 {name}", FAIL, f"does not answer: {why}", "check power, cable and address: itouch-py devices --probe"
         )
     there = [one for one in watched if one.model.name not in failures]
@@ -78,10 +78,10 @@ def _watch(session: Session, there: list[Watched], seconds: float) -> None:
             session.clock.start(period)
 
 
-def _sensors(one: Watched, seconds: float) -> Iterator[Finding]:
+def _sensors(one: Watched, seconds: float) -> Iterator[Diagnosis]:
     name, patience = one.model.name, one.model.limits.watchdog or default.WATCHDOG_OTHER
     if one.fault is not None:
-        yield Finding(
+        yield Diagnosis(
             f"T8 {name}",
             FAIL,
             one.fault.cause,
@@ -89,7 +89,7 @@ def _sensors(one: Watched, seconds: float) -> Iterator[Finding]:
         )
         return
     if not one.model.reads:
-        yield Finding(f"W1 {name}", NOT, "it reads nothing", "watch by eye what it does")
+        yield Diagnosis(f"W1 {name}", NOT, "it reads nothing", "watch by eye what it does")
         return
     if not one.count:
         yield from _silent(one, seconds)
@@ -97,38 +97,40 @@ def _sensors(one: Watched, seconds: float) -> Iterator[Finding]:
     rate = one.count / seconds
     late = f"{rate:.0f} readings/s, at most {one.gap * 1e3:.0f} ms apart; it stops after {patience * 1e3:.0f} ms"
     if one.gap > patience:
-        yield Finding(
+        yield Diagnosis(
             f"W1 {name}", FAIL, late, "a slow or disturbed line, or a busy machine: itouch-py doctor --measure 10s"
         )
     else:
-        yield Finding(f"W1 {name}", PASS, late)
+        yield Diagnosis(f"W1 {name}", PASS, late)
     if one.still and seconds >= STILL:
-        yield Finding(f"T8 {name}", NOT, "its readings never change: a sensor that is stuck would look the same",
+        yield Diagnosis(f"T8 {name}", NOT, "its readings never change: a sensor that is stuck would look the same",
                       "warm it, press it or move it by hand, and watch the reading in the window")  # fmt: skip
     else:
-        yield Finding(f"T8 {name}", PASS, "every reading is a number, in its range, and no jump")
+        yield Diagnosis(f"T8 {name}", PASS, "every reading is a number, in its range, and no jump")
     yield from _nobody_there(one)
 
 
-def _silent(one: Watched, seconds: float) -> Iterator[Finding]:
+def _silent(one: Watched, seconds: float) -> Iterator[Diagnosis]:
     """Yield the findings on a device that answered when it was opened and never again: what can't be known then."""
     found = f"it answered when it was opened, and then nothing came in {seconds:g} s"
-    yield Finding(f"W1 {one.model.name}", FAIL, found, "check power and cable, and what its plugin does when it waits")
+    yield Diagnosis(
+        f"W1 {one.model.name}", FAIL, found, "check power and cable, and what its plugin does when it waits"
+    )
     rules = {Role.CONTACT_FORCE: "K4", Role.TRACKED_POSE: "K6", Role.SKIN_CONTACT_TEMPERATURE: "T1",
              Role.DELIVERED_DRIVE: "T9"}  # fmt: skip
     roles = {channel.role for channel in one.model.reads}
     for rule in ("T8", *(rule for role, rule in rules.items() if role in roles)):
-        yield Finding(f"{rule} {one.model.name}", NOT, "no reading came that could tell", "see W1")
+        yield Diagnosis(f"{rule} {one.model.name}", NOT, "no reading came that could tell", "see W1")
 
 
-def _nobody_there(one: Watched) -> Iterator[Finding]:
+def _nobody_there(one: Watched) -> Iterator[Diagnosis]:
     """Check what sensors must read while nobody touches the rig."""
     name = one.model.name
     if (force := one.at(Role.CONTACT_FORCE, one.mean)) is not None:
         size = math.hypot(*force[1][:3])
         found = f"{force[0]} reads {size:.3f} N in the air; from {TOUCH_FORCE:g} N on it counts as a touch"
         bad = not size <= TOUCH_FORCE
-        yield Finding(
+        yield Diagnosis(
             f"K4 {name}", FAIL if bad else PASS, found, "take off what lies on it, and tare the sensor" if bad else ""
         )
     place, target = one.at(Role.TRACKED_POSE, one.newest), one.model.command(Role.SURFACE_POSE)
@@ -139,14 +141,14 @@ def _nobody_there(one: Watched) -> Iterator[Finding]:
         shown = " ".join(f"{x * 1e3:.1f}" for x in place[1][:3])
         found = f"it stands at {shown} mm, {'in' if inside else 'out of'} its travel"
         advice = "" if inside else "home it anew, and check <hardware travel>"
-        yield Finding(f"K6 {name}", PASS if inside else FAIL, found, advice)
+        yield Diagnosis(f"K6 {name}", PASS if inside else FAIL, found, advice)
     plate = one.at(Role.SKIN_CONTACT_TEMPERATURE, one.mean)
     if plate is not None:
         apart = max(abs(x - one.model.ambient) for x in plate[1])
         room = one.model.ambient - 273.15
         found = f"{plate[0]} reads {plate[1][0] - 273.15:.1f} degC; the room of the scene has {room:.1f}"
         bad = apart > 5.0
-        yield Finding(
+        yield Diagnosis(
             f"T1 {name}",
             NOT if bad else PASS,
             found,
@@ -154,12 +156,12 @@ def _nobody_there(one: Watched) -> Iterator[Finding]:
         )
 
 
-def _watchdog(one: Watched) -> Finding:
+def _watchdog(one: Watched) -> Diagnosis:
     name, own = one.model.name, one.model.cls.lets_go(one.model.params)
     if not one.model.commands:
-        return Finding(f"W2 {name}", NOT, "it obeys nothing: there is nothing to cut off")
+        return Diagnosis(f"W2 {name}", NOT, "it obeys nothing: there is nothing to cut off")
     if one.model.twin:
-        return Finding(
+        return Diagnosis(
             f"W2 {name}",
             NOT,
             "it is simulated: a twin proves no watchdog of a device",
@@ -168,13 +170,13 @@ def _watchdog(one: Watched) -> Finding:
     if own is None:
         found = "it has no watchdog of its own that its plugin knows of: it runs with the guardian and hold-to-run only"
         advice = "pull its cable with the drive on, without a finger, and see by a meter what it does"
-        return Finding(f"W2 {name}", NOT, found, advice)
+        return Diagnosis(f"W2 {name}", NOT, found, advice)
     found = f"its own watchdog of {own * 1e3:g} ms was armed and accepted when it was opened"
     advice = "that it cuts off, only its cable proves: pull it with the drive on, without a finger"
-    return Finding(f"W2 {name}", PASS, found, advice)
+    return Diagnosis(f"W2 {name}", PASS, found, advice)
 
 
-def _drives(one: Watched) -> Iterator[Finding]:
+def _drives(one: Watched) -> Iterator[Diagnosis]:
     """Check the delivered drive while nothing but safe commands are sent."""
     delivered = one.at(Role.DELIVERED_DRIVE, one.most)
     if delivered is None or one.fault is not None or not one.count:
@@ -184,7 +186,7 @@ def _drives(one: Watched) -> Iterator[Finding]:
     worst = max(delivered[1])
     found = f"{delivered[0]} reads {worst:.3g} at most while nothing is asked for"
     bad = not worst <= most
-    yield Finding(
+    yield Diagnosis(
         f"T9 {one.model.name}",
         FAIL if bad else PASS,
         found,
@@ -192,19 +194,19 @@ def _drives(one: Watched) -> Iterator[Finding]:
     )
 
 
-def _switch(session: Session) -> Finding:
+def _switch(session: Session) -> Diagnosis:
     """Check after the stop that nothing can be enabled while nobody holds the dead-man's switch."""
     asked = session.model.scene.safety.hold_to_run
     hold = HoldToRun(session.state, [one.gate for one in session.runners], session.model.period, asked=asked)
     if not hold.required:
-        return Finding(
+        return Diagnosis(
             "W3",
             NOT,
             "no device that could hurt is there: nobody need hold a switch",
             "run this on the devices: --twin none",
         )
     if hold.held(session.ticks):
-        return Finding(
+        return Diagnosis(
             "W3",
             FAIL,
             "the dead-man's switch reads as held, though nobody holds it",
@@ -216,16 +218,16 @@ def _switch(session: Session) -> Finding:
         said = str(error)
         if "dead-man's switch" in said:
             advice = "hold it and let go in a session without a finger: the drive must go off each time"
-            return Finding("W3", PASS, "nothing can be enabled while nobody holds the switch", advice)
-        return Finding("W3", NOT, f"nothing can be enabled: {said.splitlines()[0]}", "repair what is said first")
-    return Finding("W3", FAIL, "devices were enabled though nobody holds the switch", "do not use this rig")
+            return Diagnosis("W3", PASS, "nothing can be enabled while nobody holds the switch", advice)
+        return Diagnosis("W3", NOT, f"nothing can be enabled: {said.splitlines()[0]}", "repair what is said first")
+    return Diagnosis("W3", FAIL, "devices were enabled though nobody holds the switch", "do not use this rig")
 
 
-def _stop(session: Session, there: list[Watched]) -> Iterator[Finding]:
+def _stop(session: Session, there: list[Watched]) -> Iterator[Diagnosis]:
     """Stop everything as after a fault, and yield what was then seen of each device."""
     acting = [one for one in there if one.model.commands and one.runner.latch.status is not Status.CLOSED]
     if not acting:
-        yield Finding("W2", NOT, "there is nothing to cut off")
+        yield Diagnosis("W2", NOT, "there is nothing to cut off")
         return
     session.make_safe(
         DeviceFaultError(acting[0].model.name, session.ticks, Trip.RELEASED, "was stopped to see it stop")
@@ -236,4 +238,4 @@ def _stop(session: Session, there: list[Watched]) -> Iterator[Finding]:
     told = "; ".join(f"{one.model.name}: {seen[one.model.name]}" for one in acting)
     found = f"after {outcome['after_s'] * 1e3:.0f} ms: {told}"
     advice = "" if outcome["reached"] else "do not use this rig before each of them is seen to be safe"
-    yield Finding("W2", PASS if outcome["reached"] else FAIL, found, advice)
+    yield Diagnosis("W2", PASS if outcome["reached"] else FAIL, found, advice)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from itouch.loop.timing import Timing
 from itouch.platforms import cores
-from itouch_tools.cli.doctor.finding import Finding
+from itouch_tools.cli.doctor.diagnosis import Diagnosis
 from itouch_tools.cli.doctor.loop import bench_scene, in_process
 
 #: An arm's watchdog [us]: if commands are later than that, devices make themselves safe.
@@ -73,7 +73,7 @@ def _measured(load: str, times: Timing) -> Measured:
     )  # fmt: skip
 
 
-def judge(findings: Sequence[Finding], measured: Sequence[Measured] | None) -> Verdict:
+def judge(findings: Sequence[Diagnosis], measured: Sequence[Measured] | None) -> Verdict:
     """Judge whether a person should put a finger in, by the findings and by the measured loop, if it was measured."""
     lacks = {finding.name for finding in findings if finding.status == "lack"}
     why = [f"there is no {named}" for name, named in _NEEDED.items() if name in lacks]

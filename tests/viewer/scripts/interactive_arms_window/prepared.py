@@ -32,6 +32,6 @@ def tell(*event):
     window.dispatch_events()
 
 
-said = source.situation.message
+said = source.status.message
 turn()
 state = session.state

@@ -5,8 +5,8 @@ from pyglet.window import key
 
 import itouch
 
-handle, window, situation = begin(FAILING)
-until(lambda: situation.faults, "fault")
+handle, window, status = begin(FAILING)
+until(lambda: status.faults, "fault")
 press(key.ESCAPE)
 try:
     handle.wait(20)

@@ -9,29 +9,29 @@ import itouch
 
 
 def goes(ticks):  # on a busy machine the switch may be let go in between
-    if situation.faults:
+    if status.faults:
         press(key.R)
     return handle.link.tick > ticks
 
 
-handle, window, situation = begin(HELD)
+handle, window, status = begin(HELD)
 handle.command("enable")
-until(lambda: situation.waiting, "waiting")
+until(lambda: status.waiting, "waiting")
 assert handle.link.tick == 0
 window.dispatch_event("on_key_press", key.SPACE, 0)
-until(lambda: goes(50) and not situation.waiting, "moves")
+until(lambda: goes(50) and not status.waiting, "moves")
 window.dispatch_event("on_key_release", key.SPACE, 0)
-until(lambda: situation.faults, "let go")
-assert situation.faults[0]["trip"] == "released"
+until(lambda: status.faults, "let go")
+assert status.faults[0]["trip"] == "released"
 press(key.R)
-until(lambda: "nobody holds" in situation.message, "refused")
+until(lambda: "nobody holds" in status.message, "refused")
 tick = handle.link.tick
 window.dispatch_event("on_key_press", key.SPACE, 0)
 until(lambda: True, "a frame")
 press(key.R)
 until(lambda: goes(tick + 10), "goes on")
 time.sleep(0.6)  # the window hangs
-until(lambda: situation.faults and situation.faults[0]["tick"] > tick, "let go by itself")
+until(lambda: status.faults and status.faults[0]["tick"] > tick, "let go by itself")
 handle.request_stop()
 try:
     handle.wait(20)

@@ -12,11 +12,11 @@ FAILING, SOUND, HELD = sys.argv[2:5]
 
 
 def begin(scene):
-    global handle, window, situation
+    global handle, window, status
     handle = itouch.launch(scene, linger=True)
     window = open_window(handle.link, time.perf_counter, handle=handle, mute=True)
-    situation = window.source.situation
-    return handle, window, situation
+    status = window.source.status
+    return handle, window, status
 
 
 def until(condition, what, windows=()):

@@ -17,7 +17,7 @@ assert window.picture.camera.elevation > 80
 press(key.M)
 press(key.S)
 press(key.R)
-assert "recording" in playback.situation.message
+assert "recording" in playback.status.message
 tell("on_context_lost")
 turn()
 assert window.picture.ring is playback.curves and window.picture.bar is not None

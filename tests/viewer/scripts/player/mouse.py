@@ -17,7 +17,7 @@ tell("on_mouse_drag", 5000, at(0)[1], 300, 0, mouse.LEFT, 0)
 turn()
 assert line.now == line.last and camera.azimuth == before
 tell("on_mouse_release", *at(0.8), mouse.LEFT, 0)
-assert window.playback.situation.picked == ""
+assert window.playback.status.picked == ""
 tell("on_mouse_press", 200, 200, mouse.LEFT, 0)
 tell("on_mouse_drag", 230, 200, 30, 0, mouse.LEFT, 0)
 assert camera.azimuth != before and line.now == line.last

@@ -6,6 +6,6 @@ from pyglet.window import key
 press(key.P)
 turn()
 plain = pixels()
-source.situation.faults = [{"trip": "silence", "device": "table", "cause": "is silent"}]
+source.status.faults = [{"trip": "silence", "device": "table", "cause": "is silent"}]
 turn()
 assert changed(plain, pixels()) > 300

@@ -5,7 +5,7 @@ from prepared import press, session, source, tell, turn
 from pyglet.window import key
 
 press(key.M)
-assert "mouse moves" in source.situation.message
+assert "mouse moves" in source.status.message
 before = session.state["finger.hand.target"].copy()
 tell("on_mouse_motion", 10, 10, 100, -50)
 turn(7, 0.05)

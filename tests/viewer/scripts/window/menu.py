@@ -16,8 +16,8 @@ turn()
 assert choices.help and len(window.picture.menu) >= 20
 click("P")
 turn()
-assert source.situation.paused
+assert source.status.paused
 click("S")
-assert "saved" in source.situation.message
+assert "saved" in source.status.message
 click("ESCAPE")
 assert window.closed and source.stopped

@@ -37,18 +37,18 @@ click(key.PLUS)
 assert choices.larger == 1.25
 click(key.MINUS)
 assert choices.larger == 1.0
-assert camera.azimuth == azimuth and source.situation.picked == ""  # a press is no drag and no click
+assert camera.azimuth == azimuth and source.status.picked == ""  # a press is no drag and no click
 seen = set()
 for number in (key._1, key._2, key._3, key._4, key._5):
     click(number)
     seen.add((camera.azimuth, camera.elevation))
 assert len(seen) == 5
 click(key.P)
-assert not source.situation.paused
+assert not source.status.paused
 click(key.P)
-assert source.situation.paused
+assert source.status.paused
 click(key.S)
-assert "saved" in source.situation.message
+assert "saved" in source.status.message
 said = []
 source.hold = said.append
 click(key.SPACE)

@@ -8,7 +8,7 @@ tell("on_mouse_press", 100, 100, mouse.LEFT, 0)
 tell("on_mouse_drag", 130, 100, 30, 0, mouse.LEFT, 0)
 assert camera.azimuth != before
 tell("on_mouse_release", 130, 100, mouse.LEFT, 0)
-assert source.situation.picked == ""
+assert source.status.picked == ""
 target = camera.target
 tell("on_mouse_drag", 130, 100, 30, 0, mouse.LEFT, key.MOD_SHIFT)
 assert camera.target != target

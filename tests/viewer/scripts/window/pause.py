@@ -6,7 +6,7 @@ from pyglet.window import key
 press(key.P)
 before = session.seconds
 turn(10)
-assert session.seconds == before and source.situation.paused
+assert session.seconds == before and source.status.paused
 press(key.P)
 turn(10)
 assert session.seconds > before

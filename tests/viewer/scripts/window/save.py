@@ -9,8 +9,8 @@ import itouch
 
 press(key.S)
 turn()
-assert "saved" in source.situation.message
+assert "saved" in source.status.message
 assert itouch.restore(sys.argv[3]).seconds > 9.0
 source._save_to = sys.argv[2] + "/x.itouch"
 press(key.S)
-assert "x.itouch" in source.situation.message
+assert "x.itouch" in source.status.message

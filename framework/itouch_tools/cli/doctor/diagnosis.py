@@ -1,4 +1,4 @@
-"""One finding of the doctor: what was examined, its condition, and what to do."""
+"""What the doctor finds: what was examined, its condition, and what to do."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Diagnosis:
     """One thing that was examined; ``status`` is ok, lack or note, on a rig pass, fail or not possible."""
 
     name: str
