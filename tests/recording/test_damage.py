@@ -13,8 +13,8 @@ from made import written
 import itouch
 from itouch.recording.reader import Content, parse
 from itouch.recording.recording import Recording
-from itouch.recording.recover import recover
 from itouch.recording.writer import MAGIC
+from itouch_tools.cli.recover import recover
 
 DATA, ENDS, ROWS = written(chunks=size(8, 30))
 

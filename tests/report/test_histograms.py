@@ -11,7 +11,7 @@ from shipped import SCENES
 import itouch
 from itouch.loop.timing import BINS, bins, edges, merged
 from itouch.recording import read
-from itouch.recording.histograms import histograms_us
+from itouch.recording.recording import histograms_us
 
 JUNK = st.recursive(
     st.none() | st.booleans() | st.just(10**400) | st.integers() | st.floats() | st.text(max_size=3),

@@ -7,8 +7,7 @@ from typing import Any
 from itouch.exchange import ThreadedDevice
 from itouch.loop.engine_view import Running
 from itouch.loop.late_coupling import late_couplings
-from itouch.loop.lingering_plate import lingering_plates
-from itouch.loop.missing_plate import missed_plates
+from itouch.loop.plate_notices import lingering_plates, missed_plates
 from itouch.loop.skin_waits import vain_waits, waits_of
 from itouch.loop.timing import Timing
 from itouch.loop.told import of_run

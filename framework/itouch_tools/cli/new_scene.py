@@ -19,7 +19,7 @@ def main(argv: Sequence[str]) -> int:
     options = parser.parse_args(argv)
     from itouch.plugin.discovery import Catalog
     from itouch_tools.authoring.xsd import schemas
-    from itouch_tools.scaffold.scene import make_scene
+    from itouch_tools.scaffold.files import make_scene
 
     make_scene(options.name, schemas(Catalog()), folder=options.folder)
     home = os.path.join(options.folder, options.name)

@@ -17,7 +17,7 @@ def main(argv: Sequence[str]) -> int:
         "--folder", type=output_folder, default=".", metavar="FOLDER", help="where to put it (default: here)"
     )
     options = parser.parse_args(argv)
-    from itouch_tools.scaffold.study import make_study
+    from itouch_tools.scaffold.files import make_study
 
     make_study(options.name, folder=options.folder)
     home = os.path.join(options.folder, options.name)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import Parser
 from itouch_tools.cli.output_files import recording_file
+
+if TYPE_CHECKING:
+    from itouch.recording.tracks import Track
 
 
 def main(argv: Sequence[str]) -> int:
@@ -24,7 +30,6 @@ def main(argv: Sequence[str]) -> int:
         help="where to write; default: FILE-recovered.mcap",
     )
     options = parser.parse_args(argv)
-    from itouch.recording.recover import recover
     from itouch.schema.terminal import number_of
 
     source = Path(options.recording)
@@ -37,3 +42,47 @@ def main(argv: Sequence[str]) -> int:
     if not found.losses:
         print("nothing is missing")
     return 0
+
+
+@dataclass(frozen=True, slots=True)
+class Recovered:
+    """The result: the file written, its chunks, its duration [s], and what is missing."""
+
+    path: str
+    chunks: int
+    seconds: float
+    losses: tuple[str, ...]
+
+
+def recover(path: str, target: str) -> Recovered:
+    """Write the longest valid prefix of a recording into another file.
+
+    Raises
+    ------
+    RecordingError
+        If nothing of it can be read, or the target cannot be written.
+    """
+    from itouch.recording.errors import RecordingError
+    from itouch.recording.reader import read_content
+    from itouch.recording.sink import Sink
+    from itouch.recording.writer import McapWriter
+
+    content = read_content(path, chunks=True)
+    tracks: Sequence[Track] = list(content.tracks.values())
+    period, start = float(content.session["period"]), int(content.session["start_ns"])
+    part = target + ".part"
+    try:
+        sink = Sink(part)
+        try:
+            writer = McapWriter(sink, tracks, start_ns=start, period=period)
+            writer.start({n: ("application/octet-stream", d) for n, d in content.attachments.items()})
+            for rows, letters in content.chunks:
+                writer.chunk(rows, letters)
+            writer.finish()
+        finally:
+            sink.close()
+        os.replace(part, target)
+    except OSError as error:
+        raise RecordingError(f"cannot write '{target}': {error.strerror or error}") from error
+    ticks = [len(rows) for name, rows in content.rows.items() if content.tracks[name].replay]
+    return Recovered(target, len(content.chunks), min(ticks, default=0) * period, tuple(content.losses))

@@ -8,7 +8,7 @@ import time
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from itouch.loop.fault_messages import outcome, what
-from itouch.loop.missing_plate import missed_plates
+from itouch.loop.plate_notices import missed_plates
 from itouch.loop.skin_waits import vain_waits, waiting_now
 from itouch.schema.terminal import MANNER, colours, control, is_terminal, number_of, plain
 from itouch_tools.report import columns

@@ -1,4 +1,4 @@
-"""Filling templates and writing them, never over existing files."""
+"""Filling templates and writing them, never over existing files: a scene, or a study with its scene."""
 
 from __future__ import annotations
 
@@ -56,3 +56,32 @@ def write(folder: str, contents: dict[str, str]) -> list[str]:
     except OSError as error:
         raise ItouchError(f"cannot write to '{folder}': {error.strerror or error}") from error
     return written
+
+
+def make_scene(name: str, schemas: dict[str, str], *, folder: str = ".") -> list[str]:
+    """Write a folder NAME with NAME.xml and ``schema/`` and return the paths.
+
+    Raises
+    ------
+    ItouchError
+        If the name is not valid, or the folder exists already.
+    """
+    contents = {f"{check_name(name)}.xml": fill("scene.xml.in", {"name": name})}
+    contents |= {f"schema/{file}": text for file, text in schemas.items()}
+    return write(os.path.join(folder, name), contents)
+
+
+def make_study(name: str, *, folder: str = ".") -> list[str]:
+    """Write a folder NAME with NAME.xml, scene.xml and instructions.md, and return the paths.
+
+    Raises
+    ------
+    ItouchError
+        If the name is not valid, or the folder exists already.
+    """
+    words = {"name": check_name(name)}
+    contents = {
+        f"{name}.xml": fill("study.xml.in", words), "scene.xml": fill("study_scene.xml.in", words),
+        "instructions.md": fill("instructions.md.in", words),
+    }  # fmt: skip
+    return write(os.path.join(folder, name), contents)

@@ -21,8 +21,8 @@ from itouch.plugin import DeviceError, Field, Record, Trace, read_trace
 from itouch.testing import DeviceTests, EmulatorTests
 from itouch_arms.errors import ArmError, Disconnected, NotCalibrated, NotFound, ProtocolError, Refused, Timeout
 from itouch_arms.haply import Haply, HaplyParams, Inverse3, messages
+from itouch_arms.haply.haply_device import look
 from itouch_arms.haply.line import Line
-from itouch_arms.haply.look import look
 from itouch_arms.haply.virtual import CENTRE, VirtualService
 
 GOLDEN = Path(__file__).parent / "haply.trace"

@@ -24,9 +24,8 @@ def main(argv: Sequence[str]) -> int:
 def examples() -> dict[str, Example]:
     """Return an example for each code, by code."""
     from itouch_tools.cli.explain.bindings import BINDINGS, DEVICES
-    from itouch_tools.cli.explain.lint_notes import ODD
     from itouch_tools.cli.explain.meshes import MESHES
-    from itouch_tools.cli.explain.problems import FILES, NAMES, VALUES
+    from itouch_tools.cli.explain.problems import FILES, NAMES, ODD, VALUES
     from itouch_tools.cli.explain.trips import trips
 
     return {**FILES, **NAMES, **VALUES, **DEVICES, **BINDINGS, **MESHES, **ODD, **trips()}

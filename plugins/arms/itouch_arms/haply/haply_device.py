@@ -5,13 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from itouch.plugin import Attached, Emulation, ImpedanceArm, Opening, Record, Timing, schema, wrench
-from itouch_arms.errors import NotCalibrated, Refused
+from itouch_arms.errors import ArmError, NotCalibrated, Refused
+from itouch_arms.haply import messages
 from itouch_arms.haply.emulator import HaplyEmulator
 from itouch_arms.haply.inverse3 import SERVICE, Inverse3
-from itouch_arms.haply.look import look
+from itouch_arms.haply.line import Line
 
 #: Greatest force [N] that is asked of the arm: our own limit, below what such arms can give.
 FORCE = 5.0
+#: How long [s] a look at what is attached waits for the service and for its inventory.
+_WAIT = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,3 +83,30 @@ class Haply(ImpedanceArm[Inverse3]):
             return False
         self.put(reading, found.position, found.pressed)
         return True
+
+
+def look(service: str = SERVICE) -> tuple[Attached, ...]:
+    """Return the arms in the service's inventory; nothing is commanded to them."""
+    try:
+        line = Line(service, wait=_WAIT)
+    except ArmError as error:
+        return (Attached(f"Inverse Service at {service}", False, str(error)),)
+    try:
+        inventory = messages.read(line.receive(_WAIT))
+        found = messages.arms(inventory)
+    except ArmError as error:
+        return (Attached(f"Inverse Service at {service}", False, str(error)),)
+    finally:
+        line.close()
+    if not found:
+        return (Attached(f"Inverse Service at {service}", False, "it has no Inverse3: plug it in and power it"),)
+    return tuple(_attached(one) for one in found)
+
+
+def _attached(one: messages.Message) -> Attached:
+    where = f"Inverse3 {one['device_id']}"
+    try:
+        messages.check(one)
+    except ArmError as error:
+        return Attached(where, False, str(error))
+    return Attached(where, True, "calibrated and powered, as the service says")
