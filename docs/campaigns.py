@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -13,14 +14,19 @@ _HEAD = """# Campaigns and their figures
 
 What whole campaigns have measured on the simulated twins: of each command the newest run, with its date and the commit
 that it ran on. Below each table stands what earlier runs found, where that has changed something. Written from
-`docs/campaigns.toml` by `python docs/reference_pages.py`, as is the table of [the safety case](safety-case.md). Figures
-of sessions stand on [their own page](session-evidence.md), those of processes that die in [real time](real-time.md).
+`docs/campaigns.toml` by `python docs/reference_pages.py`, as is the table of [the safety case](safety-case.md). Other
+figures that pages link stand [below](#topics-of-ros-2); tests of sessions have [their own page](session-evidence.md).
 """
 
 
 def claims() -> list[dict[str, Any]]:
     """Return what is claimed, in the order of the table, with the runs that show it."""
     return tomllib.loads((HERE / "campaigns.toml").read_text(encoding="utf-8"))["claim"]  # type: ignore[no-any-return]
+
+
+def figures() -> list[dict[str, str]]:
+    """Return what pages link: their figures, each with its heading, the page, and the text with command and date."""
+    return tomllib.loads((HERE / "campaigns.toml").read_text(encoding="utf-8"))["figures"]  # type: ignore[no-any-return]
 
 
 def page() -> str:
@@ -35,6 +41,9 @@ def page() -> str:
         if claim.get("earlier"):
             lines += ["\nEarlier runs:\n", *(f"- {text}" for text in claim["earlier"])]
         lines.append("")
+    for one in figures():
+        page_of = os.path.relpath(one["page"], "explanation")
+        lines += [f"## {one['name']}\n", f"What this is: []({page_of}).\n", one["text"].strip("\n"), ""]
     return "\n".join(lines)
 
 

@@ -39,6 +39,13 @@ def test_a_claim_is_short_and_a_campaign_has_a_name_and_runs() -> None:
     assert all((links[claim["name"]] in campaigns.table()) == ("short" in claim) for claim in CLAIMS if "name" in claim)
 
 
+def test_figures_are_linked_by_their_page_and_say_command_and_date() -> None:
+    for one in campaigns.figures():
+        anchor = one["name"].lower().replace(" ", "-").replace(",", "")
+        assert f"campaigns.md#{anchor})" in (DOCS / one["page"]).read_text(encoding="utf-8"), one["name"]
+        assert re.search(r"\b20\d\d\b", one["text"]) and "`itouch-py " in one["text"], one["name"]
+
+
 def test_what_claims_name_is_there() -> None:
     benches = {one.name for one in importlib.metadata.entry_points(group="itouch.benches")}
     text = campaigns.table() + campaigns.page()
