@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import itouch
 from itouch.schema import ItouchError
+from itouch_evidence.sound import peaks
 from itouch_tools.sound import Bank, SoundTrack, Synth, write_wav
 from itouch_tools.sound.modal import RATE
 from itouch_tools.sound.sliding import Sliding
@@ -26,18 +27,6 @@ SCENE = """<itouch version="1.0">
     <operator probe="finger"><motion><to pos="-20 0 30 mm" in="0.1 s"/><to pos="-20 0 16 mm" in="0.2 s" hold="0.6 s"/>
       <to pos="30 0 16 mm" in="0.3 s" hold="0.3 s"/></motion></operator></interaction>
 </itouch>"""
-
-
-def peaks(samples: np.ndarray, count: int) -> list[float]:
-    """The frequencies of the highest separate peaks of a spectrum."""
-    size = np.abs(np.fft.rfft(samples * np.hanning(len(samples)), 1 << 18))
-    frequency = np.fft.rfftfreq(1 << 18, 1 / RATE)
-    found = []
-    for _ in range(count):
-        at = int(size.argmax())
-        found.append(float(frequency[at]))
-        size[np.abs(frequency - frequency[at]) < 60] = 0
-    return found
 
 
 frequencies = st.lists(st.floats(100, 12000), min_size=1, max_size=5).filter(

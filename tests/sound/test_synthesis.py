@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from shipped import SCENES
 
 import itouch
+from itouch_evidence.sound import peaks
 from itouch_tools.cli import main
 from itouch_tools.sound import Bank, SoundTrack, Synth
 from itouch_tools.sound.modal import RATE
@@ -49,17 +50,6 @@ ONE = '<material name="{0}"><contact stiffness="1 N/mm"/><sound friction="{2}">{
 def material(name: str, modes: list[float], *, decay: float = 0.4, friction: float = 0.0) -> str:
     rows = "".join(f'<mode frequency="{f!r} Hz" decay="{decay} s"/>' for f in modes)
     return ONE.format(name, rows, friction)
-
-
-def peaks(samples: np.ndarray, count: int) -> list[float]:
-    size = np.abs(np.fft.rfft(samples * np.hanning(len(samples)), 1 << 18))
-    frequency = np.fft.rfftfreq(1 << 18, 1 / RATE)
-    found = []
-    for _ in range(count):
-        at = int(size.argmax())
-        found.append(float(frequency[at]))
-        size[np.abs(frequency - frequency[at]) < 60] = 0
-    return sorted(found)
 
 
 def test_columns_of_a_map_run_with_the_first_axis_and_rows_against_the_second():

@@ -2,7 +2,7 @@
 
 import sys
 
-import numpy as np
+from driven_window import Driven, changed  # noqa: F401 - for the scripts
 
 import itouch
 from itouch_tools.viewer.playback import Playback
@@ -16,33 +16,14 @@ window = Player(playback, lambda: clock[0], width=640, height=360)
 line, state = playback.line, playback.state
 
 
+driven = Driven(window, clock)
+tell, press, pixels = driven.tell, driven.press, driven.pixels
+
+
 def turn(frames=1, period=1 / 60):
-    for _ in range(frames):
-        clock[0] += period
-        window.dispatch_events()
-        window.frame()
+    driven.turn(frames, period)
     while line.reading:
         window.frame()
-
-
-def tell(*event):
-    window.dispatch_event(*event)
-    window.dispatch_events()
-
-
-def press(symbol, modifiers=0):
-    tell("on_key_press", symbol, modifiers)
-    if not window.closed:
-        tell("on_key_release", symbol, modifiers)
-
-
-def pixels():
-    window.switch_to()
-    return window._target.read().astype(int)
-
-
-def changed(a, b):
-    return int((np.abs(a - b).max(2) > 24).sum())
 
 
 def at(share):

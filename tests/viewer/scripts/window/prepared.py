@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-import numpy as np
+from driven_window import Driven, changed  # noqa: F401 - for the scripts
 from session_here import Local
 
 import itouch
@@ -19,33 +19,7 @@ session = itouch.restore(begun)
 source = Local(session, save_to=sys.argv[3])
 window = Window(source, lambda: clock[0], width=640, height=400)
 
-
-def turn(frames=1, period=1 / 60):
-    for _ in range(frames):
-        clock[0] += period
-        window.dispatch_events()
-        window.frame()
-
-
-def tell(*event):
-    window.dispatch_event(*event)  # into the queue
-    window.dispatch_events()
-
-
-def press(symbol, modifiers=0):
-    tell("on_key_press", symbol, modifiers)
-    if not window.closed:
-        tell("on_key_release", symbol, modifiers)
-
-
-def pixels():
-    window.switch_to()
-    return window._target.read().astype(int)
-
-
-def changed(a, b):
-    return int((np.abs(a - b).max(2) > 24).sum())
-
-
+driven = Driven(window, clock)
+turn, tell, press, pixels = driven.turn, driven.tell, driven.press, driven.pixels
 turn()
 choices, camera = window.picture.choices, window.picture.camera
