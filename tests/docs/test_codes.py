@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from itouch.safety import Trip
-from itouch.schema.codes import CODES, HEADINGS, RUNNING
+from itouch_tools.authoring.codes import CODES, HEADINGS, RUNNING
 from itouch_tools.cli import main
 from itouch_tools.cli.explain import examples
 from itouch_tools.cli.explain.example import play

@@ -18,7 +18,7 @@ import pytest
 from listings import DOCS, ROOT, WALKED, Listing, listings, scene_around
 from shipped import SCENES
 
-from itouch.schema.codes import CODES
+from itouch_tools.authoring.codes import CODES
 from itouch_tools.cli import COMMANDS, _plugin_commands, main
 
 EVERY = listings()

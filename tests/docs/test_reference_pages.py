@@ -13,7 +13,7 @@ sys.path.insert(0, str(DOCS))
 
 import reference_pages
 
-from itouch.schema.codes import CODES
+from itouch_tools.authoring.codes import CODES
 from itouch_tools.cli import COMMANDS, _plugin_commands
 
 REFERENCE: Path = DOCS / "reference"

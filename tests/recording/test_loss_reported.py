@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 import itouch
-from itouch.loop.fault_messages import outcome, told, what
 from itouch_tools.report.screen import _fault
+from itouch_tools.viewer.fault_messages import outcome, told, what
 
 SCENE = """<itouch version="1.0">
   <devices><device name="arm" plugin="usb-arm"/></devices>{record}

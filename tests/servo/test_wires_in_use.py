@@ -17,8 +17,8 @@ import itouch
 from itouch.plugin import wire_claims
 from itouch.plugin.wire_claims import WireClaims, WireHeldError
 from itouch.servo import Handle
-from itouch.session.scene_change import succeed
 from itouch_tools.cli import main
+from itouch_tools.study.scene_change import succeed
 
 PROGRAM = (sys.executable, "-m", "itouch")
 SCENE = """<itouch version="1.0" xmlns:thermal="urn:itouch:plugin:thermal">

@@ -7,12 +7,12 @@ import sys
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from itouch.loop.fault_messages import told
 from itouch.schema import ItouchError
 from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli import deprecations, windows
 from itouch_tools.cli.shutdown import Stopping, write_report
+from itouch_tools.viewer.fault_messages import told
 
 if TYPE_CHECKING:
     from itouch.loop.timing import Timing

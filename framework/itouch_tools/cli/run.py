@@ -54,8 +54,8 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
     leader = arm_input.without_window(session.model, real=options.pace is None and not _drawn(options))
     if leader is not None:
         return live.run(options, stop, leader=leader)
-    from itouch.loop.fault_messages import told
     from itouch_tools.report.screen import Screen
+    from itouch_tools.viewer.fault_messages import told
 
     for notice in session.notices:
         note(notice)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from itouch.schema.codes import CODES
 from itouch.schema.diagnostics import Place, Problem
+from itouch_tools.authoring.codes import CODES
 from itouch_tools.authoring.fixes import Edit
 
 _LEVELS = {"error": "error", "warning": "warning", "note": "note"}

@@ -7,11 +7,11 @@ import sys
 import time
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
-from itouch.loop.fault_messages import outcome, what
 from itouch.loop.plate_notices import missed_plates
 from itouch.loop.skin_waits import vain_waits, waiting_now
 from itouch.schema.terminal import MANNER, colours, control, is_terminal, number_of, plain
 from itouch_tools.report import columns
+from itouch_tools.viewer.fault_messages import outcome, what
 
 if TYPE_CHECKING:
     from itouch.loop.timing import Timing

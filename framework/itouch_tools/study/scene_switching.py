@@ -22,10 +22,10 @@ from itouch.plugin.discovery import Catalog
 from itouch.safety import LOSSES, Outcome, Status, Trip
 from itouch.session import Session, SessionError
 from itouch.session.recorder import Onwards
-from itouch.session.scene_change import differing, succeed, touching
 from itouch.world import Model, make_state
 from itouch_tools.study.machine import Sensed
 from itouch_tools.study.reading import StudyFile
+from itouch_tools.study.scene_change import differing, succeed, touching
 from itouch_tools.study.store import Standing
 from itouch_tools.study.touches import STILL, Feeling, Presented, Toucher, TouchError, felt_by, steer_hands
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from itouch.loop import Status
-from itouch.loop.fault_messages import is_loss, what
 from itouch.plugin import Channel, Record, Role
 from itouch.plugin.quantity import PLAIN
 from itouch.world import Model, declared
+from itouch_tools.viewer.fault_messages import is_loss, what
 from itouch_tools.viewer.scales import scale_of
 from itouch_tools.viewer.temperatures import plate_temperature
 

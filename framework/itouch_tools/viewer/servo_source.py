@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from itouch.loop import Status
-from itouch.loop.fault_messages import told
 from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
 from itouch.safety import Trip
 from itouch.servo import Handle, Link, ServoError
 from itouch.world import Model
 from itouch_tools.viewer.deadman_switch import DeadMansSwitch
+from itouch_tools.viewer.fault_messages import told
 from itouch_tools.viewer.overlay import SessionStatus
 from itouch_tools.viewer.signals import Curves
 

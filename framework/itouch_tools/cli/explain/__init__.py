@@ -32,7 +32,7 @@ def examples() -> dict[str, Example]:
 
 
 def _list() -> int:
-    from itouch.schema.codes import HEADINGS
+    from itouch_tools.authoring.codes import HEADINGS
 
     for heading, codes in HEADINGS.items():
         print(f"\n{heading}\n")
@@ -42,8 +42,8 @@ def _list() -> int:
 
 
 def _explain(name: str) -> int:
-    from itouch.schema.codes import CODES
     from itouch.schema.diagnostics import did_you_mean
+    from itouch_tools.authoring.codes import CODES
     from itouch_tools.cli.explain.example import play
 
     code = CODES.get(name)

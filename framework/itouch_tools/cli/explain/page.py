@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from itouch.schema.codes import HEADINGS, Code
+from itouch_tools.authoring.codes import HEADINGS, Code
 from itouch_tools.cli.explain import examples
 from itouch_tools.cli.explain.example import Example, play
 
