@@ -15,6 +15,7 @@ import pytest
 from strangers import install
 
 import itouch
+from itouch.contact import layout
 from itouch.loop.engine import Engine
 from itouch.plugin.discovery import Catalog
 from itouch.testing.scenario import ModalitySubject
@@ -47,7 +48,11 @@ class Stylus(Device):
     def read(self, reading):
         raise NotImplementedError
 """
-WRONG = """
+WRONG = f"""
+COUNT, DISTANCE, VELOCITY = {layout.RESULT_COUNT}, {layout.RESULT_DISTANCE}, {layout.RESULT_SURFACE_VELOCITY}
+SHARE = {layout.RESULT_CONTACTS + layout.CONTACT_SHARE}
+"""
+WRONG += """
 
 @dataclass(frozen=True, slots=True)
 class Asked(Penalty):
@@ -61,8 +66,20 @@ class Wrong(PenaltyContact):
         self.error = params.error
         return super().compile(name, params, world)
 
+    def fields(self, model):
+        first, *rest = super().fields(model)
+        return (Field("object", ">f8", unit="1", doc=first.doc) if self.error == "swapped" else first, *rest)
+
     def touches(self, model):
         said = super().touches(model)
+        if self.error == "tuple":
+            return tuple(said)
+        if self.error == "listed":
+            return said._replace(probe=[said.probe])
+        if self.error == "fails":
+            raise RuntimeError("out of touch")
+        if self.error == "twice":
+            return said._replace(found="force")
         if self.error == "elsewhere":
             return said._replace(probe="thumb")
         if self.error == "nameless":
@@ -73,6 +90,10 @@ class Wrong(PenaltyContact):
         super().update(model, state, period)
         if state["tick"].item() < 700:
             return
+        if self.error == "huge":
+            state[f"{model.name}.force"][1] = 1e150
+        if self.error == "lets go":
+            state[f"{model.name}.object"] = -1.0
         if self.error == "nan":
             state[f"{model.name}.force"][1] = float("nan")
         if self.error == "beyond":
@@ -85,6 +106,22 @@ class Wrong(PenaltyContact):
             state[f"{model.name}.force"] *= -3.0
         if self.error == "raises":
             raise RuntimeError("out of springs")
+
+
+class WrongProxy(ProxyContact):
+    Params = Asked
+
+    def compile(self, name, params, world):
+        self.error = params.error
+        return super().compile(name, params, world)
+
+    def update(self, model, state, period):
+        super().update(model, state, period)
+        found = state[f"{model.name}.found"]
+        if found[COUNT] == 0.0:
+            return
+        place = {"count": COUNT, "share": SHARE, "distance": DISTANCE, "velocity": VELOCITY}[self.error]
+        found[place] = {"count": 5.0, "share": 2.0, "distance": -0.1, "velocity": 1e200}[self.error]
 
 
 class Inward(PenaltyContact):
@@ -107,7 +144,7 @@ def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Pa
     module = f"springs_{next(NUMBERS)}"
     codes = [(HERE / f"{name}_contact.py").read_text(encoding="utf-8") for name in ("penalty", "proxy")]
     code = "\n".join(codes).replace("from __future__ import annotations\n", "") + LATE + WRONG
-    classes = {"penalty": "Wrong", "proxy": "ProxyContact", "inward": "Inward", "away": "Away"}
+    classes = {"penalty": "Wrong", "proxy": "ProxyContact", "inward": "Inward", "away": "Away", "unproxy": "WrongProxy"}
     listed = "".join(f"mine.{local} = {module}:{cls}\n" for local, cls in classes.items())
     site = install(
         tmp_path / "site",
@@ -226,8 +263,15 @@ def test_what_cannot_be_is_a_fault_that_names_the_modality(written: Callable[...
         ('<mine:penalty probe="finger" error="undeclared"/>', "'object', which it does not declare as 3 numbers (f8)"),
         ('<mine:penalty probe="finger" name="a"/><mine:penalty probe="finger" name="b"/>',
          "modalities 'a' and 'b' both compute the contact of probe 'finger'"),
+        ('<mine:penalty probe="finger" error="tuple"/>',
+         "failed in touches: it returned ('finger', 'object', 'force', 'normal', 'point', '', '', False); Touches of"),
+        ('<mine:penalty probe="finger" error="listed"/>', "failed in touches: it returned Touches(probe=['finger']"),
+        ('<mine:penalty probe="finger" error="fails"/>', "failed in touches: RuntimeError: out of touch"),
+        ('<mine:penalty probe="finger" error="twice"/>', "twice: in field 'force', and in object, force, normal, point"),
+        ('<mine:penalty probe="finger" error="swapped"/>', "'object', which it does not declare as 1 number (f8)"),
     ],
-    ids=["another probe", "a field that is not named", "a field of another size", "two for one probe"],
+    ids=["another probe", "a field that is not named", "a field of another size", "two for one probe", "a tuple",
+         "no name", "an error", "said twice", "bytes in another order"],
 )  # fmt: skip
 def test_a_declaration_that_cannot_be_is_told_before_a_run(
     written: Callable[..., Path], capsys: pytest.CaptureFixture[str], element: str, said: str

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from itouch.contact import Geometry
 from itouch.plugin import (
     Carries,
+    Field,
     Modality,
     ParameterError,
     Touches,
@@ -33,6 +34,8 @@ from itouch.world.own_contacts import check_alone, check_touched
 from itouch.world.presented_surfaces import check_carried
 from itouch.world.rig import DeviceModel
 from itouch.world.surfaces import contact_of
+
+Declaration = TypeVar("Declaration", Carries, Touches)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,13 +110,15 @@ def _compiled(
         commands = _commands(instance, model)
         unknown = list(_unknown(scene, who, commands, devices, place))
         problems += unknown
-        attends, carries = every > 1 and instance.attends(model), instance.carries(model)
-        touches = instance.touches(model)
+    with failing(who, "attends", place):
+        attends = every > 1 and instance.attends(model)
+    carries = _declaration(instance.carries, Carries, model, who, place)
+    touches = _declaration(instance.touches, Touches, model, who, place)
     if unknown:
         return
     with failing(who, "fields", place):
         declared = declared_by(instance.fields, model)
-        fields = {field.name: (np.dtype(field.dtype).str[1:], field.size) for field in declared}
+        fields = {field.name: (_kind(field), field.size) for field in declared}
         if carries is not None:
             problems += check_carried(scene, part, carries, fields, commands, devices, every, instance.keeps_to)
         if touches is not None:
@@ -122,6 +127,30 @@ def _compiled(
         yield ModalityModel(
             part.name, part.plugin, instance, model, every, commands, attends, carries, touches, tuple(fields), served
         )  # fmt: skip
+
+
+def _declaration(
+    method: Callable[[Any], Any], kind: type[Declaration], model: Any, who: str, place: Place | None
+) -> Declaration | None:
+    """Return what a modality declares that it does for a probe, or None.
+
+    Raises
+    ------
+    SceneError
+        If it returns anything else, or something other than names in it.
+    """
+    with failing(who, kind.__name__.lower(), place):
+        told, kinds = method(model), [type(kind._field_defaults.get(name, "")) for name in kind._fields]
+        if told is None or (isinstance(told, kind) and all(map(isinstance, told, kinds))):
+            return told
+        raise ReturnedError(method, f"it returned {told!r:.120}; {kind.__name__} of names is wanted, or None")
+
+
+def _kind(field: Field) -> str:
+    """Return the kind of a field's numbers, such as ``f8``; with the order of bytes if that is not this machine's."""
+    kind = np.dtype(field.dtype)
+    text: str = kind.str
+    return text[1:] if kind.isnative else text
 
 
 def _commands(instance: Modality, model: Any) -> tuple[str, ...]:

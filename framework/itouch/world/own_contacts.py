@@ -35,6 +35,9 @@ def check_touched(
         lacks = ", ".join(name for name, field in zip(touches._fields[1:5], touches[1:5], strict=True) if not field)
         sentence = f"{who} computes a contact and names no field for: {lacks}"
         yield Problem("modality", sentence, place, "its touches names those, or found")
+    if touches.found and (also := [name for name in touches[1:6] if name]):
+        sentence = f"{who} says what it touches twice: in field '{touches.found}', and in {', '.join(also)}"
+        yield Problem("modality", sentence, place, "its touches names object, force, normal and point, or else found")
     sizes = {"object": 1, "found": layout.RESULT_SIZE}
     for kind, name in zip(touches._fields[1:7], touches[1:7], strict=True):
         if name and fields.get(name) not in _fields_of(count := sizes.get(kind, 3)):
