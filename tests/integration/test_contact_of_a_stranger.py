@@ -242,11 +242,34 @@ def test_what_it_says_never_pulls(written: Callable[..., Path]) -> None:
         ("between", "'own-finger.object' names an object that is not there"),
         ("long", "the normal in 'own-finger.normal' must have the length 1"),
         ("raises", "out of springs"),
+        ("huge", "is not a finite number, or beyond 1e+15"),
     ],
 )
 def test_what_cannot_be_is_a_fault_that_names_the_modality(written: Callable[..., Path], error: str, said: str) -> None:
     path = written("first_touch.xml", "penalty")
     path.write_text(path.read_text().replace("<mine:penalty", f'<mine:penalty error="{error}"'), encoding="utf-8")
+    session = itouch.build(path)
+    with pytest.raises(itouch.ItouchError) as fault:
+        session.run()
+    assert "lost its modality 'own-finger'" in str(fault.value)
+    assert said in str(fault.value)
+    assert (session.state["arm.sent.wrench"] == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        ("count", "'own-finger.found' has a number of contacts, a share or a distance that no contact can have"),
+        ("share", "'own-finger.found' has a number of contacts, a share or a distance that no contact can have"),
+        ("distance", "'own-finger.found' has a number of contacts, a share or a distance that no contact can have"),
+        ("velocity", "own-finger.found is not a finite number, or beyond 1e+15"),
+    ],
+)
+def test_what_no_step_of_contact_can_find_is_a_fault_that_names_the_modality(
+    written: Callable[..., Path], error: str, said: str
+) -> None:
+    path = written("texture.xml", "unproxy")
+    path.write_text(path.read_text().replace("<mine:unproxy", f'<mine:unproxy error="{error}"'), encoding="utf-8")
     session = itouch.build(path)
     with pytest.raises(itouch.ItouchError) as fault:
         session.run()

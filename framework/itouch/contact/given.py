@@ -11,11 +11,14 @@ from itouch.contact.report import clear, report_near, surface_velocity
 from itouch.contact.scratch import Mesh, empty_site, put_near_objects, site_rows
 from itouch.contact.vectors import Floats, along, dot, norm, put, sub, vector
 
-#: What is returned if the result was written, or why it was not: something that is said is not a finite number, an
-#: object is none of the scene, a normal has not the length 1.
-WRITTEN, NOT_A_NUMBER, NO_SUCH_OBJECT, NOT_A_NORMAL = 0, 1, 2, 3
-#: How far the length of a normal may be from 1.
+#: What is returned if the result was written, or why it was not: something that is said is not a finite number, or one
+#: that nothing in a contact can be; an object is none of the scene; a normal has not the length 1; no step of contact
+#: has such a number of contacts, shares or distance.
+WRITTEN, NOT_A_NUMBER, NO_SUCH_OBJECT, NOT_A_NORMAL, NOT_A_RESULT = 0, 1, 2, 3, 4
+#: How far the length of a normal may be from 1, and a share beyond it.
 _UNIT = 1e-6
+#: Greatest number that is taken for one of a contact (SI): what is computed from these stays finite.
+GREATEST = 1e15
 
 
 class Said(NamedTuple):
@@ -46,6 +49,28 @@ def _index(number: float, count: int) -> bool:
     return bool(-1.0 <= number < count and number == np.floor(number))
 
 
+@inner
+def _can_be(number: float) -> bool:
+    """Whether a number may be one of a contact; NaN may not."""
+    return bool(abs(number) <= GREATEST)
+
+
+@inner
+def _contacts(said: Floats, objects: int) -> int:
+    """Check the contacts in a result that is said, (RESULT_SIZE,), and how many there are; return as ``found`` does."""
+    count = said[at.RESULT_COUNT]
+    some = count > 0.0
+    if not (_index(count, at.MAX_CONTACTS + 1) and count >= 0.0 and some == (said[at.RESULT_PRIMARY] >= 0.0)):
+        return NOT_A_RESULT
+    for c in range(int(count)):
+        row = at.RESULT_CONTACTS + c * at.CONTACT_WIDTH
+        if not (_index(said[row + at.CONTACT_OBJECT], objects) and said[row + at.CONTACT_OBJECT] >= 0.0):
+            return NO_SUCH_OBJECT
+        if not 0.0 <= said[row + at.CONTACT_SHARE] <= 1.0 + _UNIT:
+            return NOT_A_RESULT
+    return WRITTEN
+
+
 @entry
 def found(world: Floats, said: Floats, result: Floats) -> int:
     """Take over a whole result that somebody else has written; return WRITTEN, or why it was not taken over.
@@ -54,20 +79,17 @@ def found(world: Floats, said: Floats, result: Floats) -> int:
     further check.
     """
     for i in range(at.RESULT_SIZE):
-        if not np.isfinite(said[i]) and i != at.RESULT_DISTANCE:
+        if not _can_be(said[i]) and not (i == at.RESULT_DISTANCE and said[i] == np.inf):
             return NOT_A_NUMBER
-    if np.isnan(said[at.RESULT_DISTANCE]):
-        return NOT_A_NUMBER
-    objects, count = world.shape[0], said[at.RESULT_COUNT]
+    objects = world.shape[0]
     if not (_index(said[at.RESULT_PRIMARY], objects) and _index(said[at.RESULT_NEAREST], objects)):
         return NO_SUCH_OBJECT
-    if not (_index(count, at.MAX_CONTACTS + 1) and count >= 0.0 and (said[at.RESULT_PRIMARY] < 0.0) == (count == 0.0)):
-        return NO_SUCH_OBJECT
-    for c in range(int(count)):
-        number = said[at.RESULT_CONTACTS + c * at.CONTACT_WIDTH + at.CONTACT_OBJECT]
-        if not (_index(number, objects) and number >= 0.0):
-            return NO_SUCH_OBJECT
-    if count > 0.0 and abs(norm(vector(said, at.RESULT_NORMAL)) - 1.0) > _UNIT:
+    wrong = _contacts(said, objects)
+    if wrong != WRITTEN:
+        return wrong
+    if said[at.RESULT_DISTANCE] < 0.0:
+        return NOT_A_RESULT
+    if said[at.RESULT_COUNT] > 0.0 and abs(norm(vector(said, at.RESULT_NORMAL)) - 1.0) > _UNIT:
         return NOT_A_NORMAL
     for i in range(at.RESULT_SIZE):
         result[i] = said[i]
@@ -101,11 +123,12 @@ def given(
         if obj >= world.shape[0] or obj != said.touched[0]:
             return NO_SUCH_OBJECT
         n, where, push = vector(said.normal, 0), vector(said.point, 0), vector(said.force, 0)
-        total = dot(n, n) + dot(where, where) + dot(push, push)
+        for i in range(3):
+            if not (_can_be(said.normal[i]) and _can_be(said.point[i]) and _can_be(said.force[i])):
+                return NOT_A_NUMBER
         for i in range(said.proxy.shape[0]):
-            total += said.proxy[i] * said.proxy[i]
-        if not np.isfinite(total):
-            return NOT_A_NUMBER
+            if not _can_be(said.proxy[i]):
+                return NOT_A_NUMBER
         if abs(norm(n) - 1.0) > _UNIT:
             return NOT_A_NORMAL
     clear(answer)

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from itouch.contact.given import NO_SUCH_OBJECT, NOT_A_NORMAL
+from itouch.contact.given import GREATEST, NO_SUCH_OBJECT, NOT_A_NORMAL, NOT_A_RESULT
 from itouch.joining import is_newest
 from itouch.loop import carrying, interpreter
 from itouch.loop.events import Events
@@ -158,7 +158,9 @@ def _wrong(code: int, one: ModalityModel, model: Model) -> str:
         return f"'{where}' names an object that is not there: -1 is none, the last one is {last}"
     if code == NOT_A_NORMAL:
         return f"the normal in '{one.name}.{touches.normal or touches.found}' must have the length 1"
-    return f"one of {', '.join(_of(one.name, *touches.said))} is not a finite number"
+    if code == NOT_A_RESULT:
+        return f"'{one.name}.{touches.found}' has a number of contacts, a share or a distance that no contact can have"
+    return f"one of {', '.join(_of(one.name, *touches.said))} is not a finite number, or beyond {GREATEST:g}"
 
 
 def look_below(rig: ProbeRig) -> Step:
