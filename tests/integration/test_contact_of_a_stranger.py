@@ -278,6 +278,15 @@ def test_what_no_step_of_contact_can_find_is_a_fault_that_names_the_modality(
     assert (session.state["arm.sent.wrench"] == 0.0).all()
 
 
+def test_a_contact_ends_when_the_modality_says_so_even_inside_the_shape(written: Callable[..., Path]) -> None:
+    path = written("first_touch.xml", "penalty")
+    path.write_text(path.read_text().replace("<mine:penalty", '<mine:penalty error="lets go"'), encoding="utf-8")
+    session = itouch.build(path)
+    session.run(1.0)
+    assert session.state["finger.hip"][2] < 0.0275  # else it has left the block, whose top is at 20 mm, by itself
+    assert [one["end_s"] for one in session.report()["contacts"]] == [pytest.approx(0.72, abs=0.002)]
+
+
 @pytest.mark.parametrize(
     ("element", "said"),
     [

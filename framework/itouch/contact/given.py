@@ -152,5 +152,10 @@ def given(
     empty_site(site)
     put_near_objects(site, borrowed(world), now, now, hip, radius, near)
     report_near(site, borrowed(mesh), hip, radius, near, answer)
+    if said.touched[0] < 0.0 and answer[at.RESULT_NEAREST] >= 0.0:
+        # A finger may be inside a shape and touch nothing, if what is touched has another shape: it is then as far from
+        # that surface as it is inside, for else a contact would not end before it has left the shape.
+        away = dot(vector(answer, at.RESULT_NEAREST_NORMAL), sub(hip, vector(answer, at.RESULT_NEAREST_POINT)))
+        answer[at.RESULT_DISTANCE] = max(answer[at.RESULT_DISTANCE], radius - away)
     own_site[0, 0] = radius  # a last use: the scratch must live until here
     return WRITTEN
