@@ -15,9 +15,10 @@ import pytest
 from strangers import install
 
 import itouch
-from itouch.contact import layout
+from itouch.contact import Box, layout
 from itouch.loop.engine import Engine
 from itouch.plugin.discovery import Catalog
+from itouch.plugin.geometry import FOUND, Geometry, point_distance, proxy_step
 from itouch.testing.scenario import ModalitySubject
 from itouch.testing.touched import touches
 from itouch_evidence.renamed import RenamedCatalog
@@ -332,6 +333,49 @@ def test_a_session_goes_on_in_the_middle_of_a_touch(written: Callable[..., Path]
     again = itouch.restore(tmp_path / "middle.itouch")
     again.run(0.9)
     assert again.state.tobytes() == whole.state.tobytes()
+
+
+@pytest.mark.parametrize("field", ["finger.coupling.stiffness", "finger.coupling.damping"])
+def test_a_stored_session_does_not_say_how_stiff_objects_are(
+    written: Callable[..., Path], tmp_path: Path, field: str
+) -> None:
+    session, found = itouch.build(written("first_touch.xml", "proxy")), list[bytes]()
+    session.run(0.9)
+    for factor in (1.0, 1e6):
+        session.state[field] *= factor
+        session.save(tmp_path / "middle.itouch")
+        again = itouch.restore(tmp_path / "middle.itouch")
+        again.run(0.1)
+        found.append(again.state.tobytes())
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize(("count", "number"), [(1.0, 1e7), (1e6, 0.0), (0.5, 1e7), (float("nan"), 0.0), (1.0, -3.0)])
+def test_a_memory_that_no_step_has_written_is_taken_as_none(count: float, number: float) -> None:
+    geometry = Geometry.build([Box((0.05, 0.05, 0.05))])
+    poses, twists = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 6))
+    found = []
+    for forged in (False, True):
+        memory, result = geometry.new_memory(), np.zeros(FOUND)
+        if forged:
+            memory[layout.MEMORY_READY], memory[layout.MEMORY_COUNT] = 1.0, count
+            memory[layout.MEMORY_CONTACTS] = number
+        proxy_step(
+            geometry.world, geometry.mesh, poses, twists, np.array([1000.0]), np.array([0.0, 0.0, 0.055]), 0.008, 0.01,
+            memory, result, geometry.new_scratch(),
+        )  # fmt: skip
+        found.append((memory.tobytes(), result.tobytes()))
+    assert found[0] == found[1]
+    assert result[layout.RESULT_FORCE + 2] > 0.0
+
+
+@pytest.mark.parametrize("number", [-1, 1, 10**7])
+def test_an_object_that_is_not_there_is_nowhere_near(number: int) -> None:
+    geometry = Geometry.build([Box((0.05, 0.05, 0.05))])
+    poses, point = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]]), np.array([0.0, 0.0, 0.06])
+    asked = geometry.world, geometry.mesh, poses
+    assert point_distance(*asked, 0, point, 1.0, geometry.new_scratch())[0] == pytest.approx(0.01)
+    assert point_distance(*asked, number, point, 1.0, geometry.new_scratch())[0] == np.inf
 
 
 @pytest.mark.parametrize(

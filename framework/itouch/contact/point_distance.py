@@ -45,7 +45,7 @@ def point_distance(
     poses
         (n, 7): x, y, z [m], quaternion w, x, y, z of each object's frame.
     obj
-        The number of the object.
+        The number of the object; one that is not there is nowhere within reach.
     point
         (3,) [m], world frame.
     within
@@ -60,6 +60,8 @@ def point_distance(
         sides), infinite if there is no surface within reach; the surface's outward unit normal there, and the nearest
         point of the surface [m], both in the world frame.
     """
+    if not 0 <= obj < world.shape[0]:
+        return np.inf, (0.0, 0.0, 1.0), vector(point, 0)
     site, now = borrowed(scratch[0]), borrowed(poses)
     empty_site(site)
     k, p = int(at.FRAME_FIRST), vector(point, 0)

@@ -245,6 +245,21 @@ def step(
     return 0
 
 
+@inner
+def _fits(world: Floats, memory: Floats) -> bool:
+    """Whether a memory can be one of a step among these objects: one from a file may have any numbers.
+
+    ``world`` (objects, WORLD_WIDTH), ``memory`` (MEMORY_POSES + 7 objects,) [m].
+    """
+    count = memory[at.MEMORY_COUNT]
+    if not (0.0 <= count <= at.MAX_CONTACTS and count == np.floor(count)):
+        return False
+    for c in range(int(count)):
+        if not 0.0 <= memory[at.MEMORY_CONTACTS + 2 * c] < world.shape[0]:
+            return False
+    return bool(at.SLIP_NONE <= memory[at.MEMORY_SLIP] <= at.SLIP_SLIDE)
+
+
 @entry
 def step_within(
     world: Floats,
@@ -261,9 +276,12 @@ def step_within(
 ) -> int:
     """Move one probe by one step, as ``step`` does, and return 0; it makes no arrays.
 
+    A memory that no step has written, with a number of an object that is not there, is taken as one that is all zero.
     ``scratch`` from ``Geometry.new_scratch``; all other arguments as in ``step``: arrays (objects, ...), (3,),
     (MEMORY_POSES + 7 objects,) and (RESULT_SIZE,), ``radius`` and ``near`` [m].
     """
+    if not _fits(world, memory):
+        memory[at.MEMORY_READY] = 0.0
     advance(
         borrowed(scratch[0]),
         borrowed(mesh),

@@ -138,6 +138,7 @@ class ProbeRig:
 
     def restore(self) -> None:
         """Tell the twins where the finger is, from State; the frames of devices are found anew."""
+        self.toucher.restore()
         self.coupling.place()
         self._placed.clear()
         self._fixed[0] = 0

@@ -211,6 +211,11 @@ class Toucher:
         nothing = np.zeros(7)
         self.leave(nothing, nothing)  # called once now, so that no tick has to compile it
 
+    def restore(self) -> None:
+        """Go on from a State that was restored: how stiff objects are follows from the scene, or behind a wire anew."""
+        if len(self.follows) == 1:
+            self._stiffness[...], self._damping[...] = self._own.T
+
     def reset(self) -> None:
         """Begin without contact."""
         self._stiffness[...], self._damping[...] = self._own.T
