@@ -378,6 +378,14 @@ def test_an_object_that_is_not_there_is_nowhere_near(number: int) -> None:
     assert point_distance(*asked, number, point, 1.0, geometry.new_scratch())[0] == np.inf
 
 
+def test_modalities_that_compute_contact_run_in_the_order_of_the_scene(written: Callable[..., Path]) -> None:
+    path = written("two_fingers.xml", "")
+    own = "".join(f'<mine:proxy name="own-{probe}" probe="{probe}"/>' for probe in ("index", "thumb"))
+    path.write_text(path.read_text().replace("<operator", f"{own}<operator", 1), encoding="utf-8")
+    names = Engine(itouch.build(path).model).plan.names
+    assert names.index("own-index") < names.index("own-thumb") < names.index("contact thumb")
+
+
 @pytest.mark.parametrize(
     ("local", "outcome", "said"),
     [("penalty", "passed", "own-finger"), ("inward", "failed", "pulls the finger in"),

@@ -180,7 +180,7 @@ def _contacts(
     """Yield the steps that find what each probe touches, by the framework's proxy or as a modality computes it."""
     own = {rig.probe.name: one for rig in rigs if (one := model.contact_of(rig.probe.name)) is not None}
     yield from (steps.follow(rig) for rig in rigs if rig.probe.name in own)
-    if given := list(own.values()):
+    if given := [one for one in model.modalities if one.touches and one.touches.probe in own]:  # in their own order
         yield from _fenced(given, model, views, [Fence(given, state)], " contacts")
     for rig in rigs:
         one = own.get(rig.probe.name)
