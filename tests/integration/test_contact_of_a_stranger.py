@@ -69,6 +69,8 @@ class Wrong(PenaltyContact):
 
     def fields(self, model):
         first, *rest = super().fields(model)
+        if self.error == "named":
+            rest.append(Field("stiffness", unit="N/m", doc="how stiff it is"))
         return (Field("object", ">f8", unit="1", doc=first.doc) if self.error == "swapped" else first, *rest)
 
     def touches(self, model):
@@ -301,10 +303,12 @@ def test_a_contact_ends_when_the_modality_says_so_even_inside_the_shape(written:
         ('<mine:penalty probe="finger" error="listed"/>', "failed in touches: it returned Touches(probe=['finger']"),
         ('<mine:penalty probe="finger" error="fails"/>', "failed in touches: RuntimeError: out of touch"),
         ('<mine:penalty probe="finger" error="twice"/>', "twice: in field 'force', and in object, force, normal, point"),
+        ('<mine:penalty name="finger.coupling" probe="finger" error="named"/>',
+         "modality 'finger.coupling' declares 'finger.coupling.stiffness', which is a field of something else, too"),
         ('<mine:penalty probe="finger" error="swapped"/>', "'object', which it does not declare as 1 number (f8)"),
     ],
     ids=["another probe", "a field that is not named", "a field of another size", "two for one probe", "a tuple",
-         "no name", "an error", "said twice", "bytes in another order"],
+         "no name", "an error", "said twice", "the name of another field", "bytes in another order"],
 )  # fmt: skip
 def test_a_declaration_that_cannot_be_is_told_before_a_run(
     written: Callable[..., Path], capsys: pytest.CaptureFixture[str], element: str, said: str

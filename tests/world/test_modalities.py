@@ -47,3 +47,22 @@ def test_a_device_that_is_missing_is_told_once(scenes: Path) -> None:
     with pytest.raises(itouch.SceneError) as fault:
         itouch.build(scenes / "four_materials_hurried.xml")
     assert {p.code for p in fault.value.problems} <= {"unknown-plugin", "wrong-plugin"}
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("arm", "probe 'finger' is tracked by 'arm', which is missing: it can't do without"),
+        ("table", "device 'peltier' is mounted on 'table', which is missing"),
+    ],
+)
+def test_an_optional_device_that_others_need_is_told_where_they_name_it(scenes: Path, name: str, said: str) -> None:
+    rig = scenes / "rigs" / "twin.xml"
+    text = rig.read_text()
+    absent = text.replace(f'<device name="{name}" plugin="', f'<device name="{name}" optional="yes" plugin="absent-')
+    assert absent != text
+    rig.write_text(absent)
+    with pytest.raises(itouch.SceneError) as fault:
+        itouch.build(scenes / "four_materials_hurried.xml")
+    found = {one.sentence: one.place for one in fault.value.problems if one.severity == "error"}
+    assert found[said] is not None

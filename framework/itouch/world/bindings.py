@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -25,7 +25,10 @@ MOST_TILT = math.asin(SPEED_NEAR / SPEED)
 
 def check_bindings(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator[Problem]:
     """Find references to devices that lack the needed channels, or that can only command locked degrees of freedom."""
+    missing = {device.name for device in scene.devices if device.optional and device.name not in devices}
+    yield from _uncarried(scene, missing)
     for probe in scene.probes:
+        yield from _untracked(scene, probe, missing)
         yield from _channels(scene, probe, f"probe '{probe.name}'", devices)
         yield from _locked(scene, probe, "force_to", Role.FORCE_ON_OPERATOR, devices)
         yield from _locked(scene, probe, "surface_to", Role.SURFACE_POSE, devices)
@@ -35,6 +38,23 @@ def check_bindings(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator
     for part in scene.modalities:
         yield from _channels(scene, part.params, f"modality '{part.name}'", devices)
     yield from _operators(scene)
+
+
+def _untracked(scene: Scene, probe: Probe, missing: Collection[str]) -> Iterator[Problem]:
+    """Find a probe whose tracker is ``missing``: a session can't go on without it, even if it is optional."""
+    if probe.pose_from in missing:
+        sentence = f"probe '{probe.name}' is tracked by '{probe.pose_from}', which is missing: it can't do without"
+        advice = f"install the plugin of '{probe.pose_from}', or remove the probe"
+        yield Problem("missing-channel", sentence, scene.places.of(probe, "pose_from"), advice)
+
+
+def _uncarried(scene: Scene, missing: Collection[str]) -> Iterator[Problem]:
+    """Find devices that are mounted on a ``missing`` one: nothing tells where they are."""
+    for device in scene.devices:
+        if device.mount.on in missing and device.name not in missing:
+            sentence = f"device '{device.name}' is mounted on '{device.mount.on}', which is missing"
+            advice = f"install the plugin of '{device.mount.on}', or remove both"
+            yield Problem("missing-channel", sentence, scene.places.of(device.mount, "on"), advice)
 
 
 def _channels(scene: Scene, element: Any, what: str, devices: Mapping[str, DeviceModel]) -> Iterator[Problem]:

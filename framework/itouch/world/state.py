@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from itouch.contact.surfaces import EFFECTS_MEMORY
 from itouch.plugin import Field, Record, Role
 from itouch.plugin.declaration_rules import faults_of
+from itouch.schema import Problem, SceneError
 from itouch.schema.hold_until import Until
 from itouch.schema.plugin_errors import failing
 from itouch.world import marks
@@ -239,7 +241,14 @@ def make_state(model: Model) -> Record:
 
     Raises
     ------
-    ValueError
-        If two parts declare the same field.
+    SceneError
+        If a modality is named so that a field of it has the name of another field.
     """
-    return Record.of(layout(model))
+    fields = layout(model)
+    counts = Counter(field.name for field in fields)
+    for one in model.modalities:
+        twice = next((name for name in one.fields if counts[f"{one.name}.{name}"] > 1), None)
+        if twice is not None:
+            sentence = f"modality '{one.name}' declares '{one.name}.{twice}', which is a field of something else, too"
+            raise SceneError([Problem("duplicate-name", sentence, model.place_of(one.name), "give it another name")])
+    return Record.of(fields)
