@@ -212,7 +212,10 @@ def test_recording_says_what_is_wrong(
 
 def test_recording_needs_a_place_and_a_flux(scenes: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = Display(heat=HEAT, control="").write(scenes)
-    assert cli.main(["record-flux", str(path), "-o", str(scenes / "none" / "x.csv")]) == 2
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["record-flux", str(path), "-o", str(scenes / "none" / "x.csv")])
+    assert ended.value.code == 2
+    assert "make it first" in capsys.readouterr().err
     assert cli.main(["record-flux", str(path), "-o", str(scenes / "x.csv"), "--what", "sensor"]) == 2
     assert cli.main(["record-flux", str(scenes / "none.xml"), "-o", str(scenes / "x.csv")]) == 2
     assert "no modality that knows the flux" in capsys.readouterr().err

@@ -104,8 +104,10 @@ def test_a_scene_without_a_film_is_refused(tmp_path, capsys):
 
 def test_a_file_that_cannot_be_written_is_told_before_the_work(tmp_path, capsys):
     words = ["touch", str(tmp_path / "none.xml"), "-o", str(tmp_path / "no" / "c.csv")]
-    assert command.main(words) == 2
-    assert "can't be written" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as ended:
+        command.main(words)
+    assert ended.value.code == 2
+    assert f"there is no folder '{tmp_path / 'no'}'; make it first" in capsys.readouterr().err
 
 
 def _record(*, force=1.0, hold=2.0, count=3, period=1e-3, slope=0.0, skin=SKIN):
