@@ -58,14 +58,18 @@ class Bound:
     def run(self) -> int:
         """Call the function from Python in its joined form, so that no other form of it has to be compiled.
 
-        The first call of a `Bound` costs more than an ordinary call, later ones cost less.
+        The first call of a `Bound` costs more than an ordinary call, later ones cost less; see `join`.
         """
+        found = (self._joined or self.join())()
+        return found & 0xFFFFFFFF if found >= 0 else 0
+
+    def join(self) -> Callable[[], int]:
+        """Make the joined form, which the first ``run`` would else do, and return it as the loop calls it."""
         if self._joined is None:
             from itouch.joining import runner
 
             self._joined = runner((Bound(self.function, *self.arguments),))  # not self: a reference cycle
-        found = self._joined()
-        return found & 0xFFFFFFFF if found >= 0 else 0
+        return self._joined
 
     def warm_up(self) -> None:
         """Call the function on copies, so that it is compiled before the first tick."""

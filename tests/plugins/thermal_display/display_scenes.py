@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from itouch_thermal.flux.onset import start_for
+from itouch_thermal.flux.setting import FluxModel
+
 HEAT = '<thermal:heat probe="finger"/>'
 CONTROL = '<thermal:flux-control display="peltier" desired-from="heat"/>'
 LIMITS = '<limits current="6 A" temperature="15 40 degC"/>'
@@ -69,3 +72,10 @@ class Display:
         names = {name: getattr(self, name) for name in self.__slots__ if name not in ("files", "hardware", "limits")}
         path.write_text(_SCENE.format(**names), encoding="utf-8")
         return path
+
+
+def start_of(model: FluxModel, index: int, skin: float, warmed: float = 0.0) -> float:
+    """Return the start temperature [K] for an object whose flux is computed; see `onset.start_for`."""
+    starts = model.starts[index]
+    assert starts is not None
+    return start_for(*starts, model.skin, model.temperatures[index], True, skin, warmed)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import itouch
 from itouch_thermal import cli
-from itouch_thermal.flux.curve import Curve, format_curve, parse_curve, read_curve
+from itouch_thermal.flux.curve import Curve, flux_at, format_curve, parse_curve, read_curve
 
 PLAYED = '<thermal:flux-control display="peltier" desired-from="heat" target="file" file="curve.csv"/>'
 ALONE = '<thermal:flux-control display="peltier" target="file" file="curve.csv"/>'
@@ -24,6 +24,18 @@ def test_units_stand_in_the_first_row() -> None:
     np.testing.assert_allclose(curve.times, [0.0, 0.01])
     np.testing.assert_allclose(curve.fluxes, [2500.0, 1500.0])
     np.testing.assert_allclose(curve.at(np.array([-1.0, 0.005, 9.0])), [2500.0, 2000.0, 1500.0])
+
+
+@given(
+    st.lists(st.floats(0.0, 10.0), min_size=2, max_size=9, unique=True).map(sorted),
+    st.lists(st.floats(-1e5, 1e5), min_size=9, max_size=9),
+    st.lists(st.floats(-1.0, 11.0), min_size=1, max_size=9),
+)
+def test_a_tick_plays_a_curve_as_it_is_to_the_bit(times: list[float], fluxes: list[float], asked: list[float]) -> None:
+    curve = Curve.of(times, fluxes[: len(times)])
+    rows = np.concatenate([[3.0, 4.0], curve.times, [0.0]]), np.concatenate([[5.0, 6.0], curve.fluxes, [7.0]])
+    for time in (*asked, *times):
+        assert flux_at(*rows, 2, 2 + len(times), time) == curve.at(time)
 
 
 def test_a_solved_case_is_a_curve_too() -> None:

@@ -10,8 +10,11 @@ from hypothesis import strategies as st
 from shipped import SCENES
 
 import itouch
-from itouch_thermal.flux import predictive
-from itouch_thermal.flux.approach import on_plate
+from itouch.plugin import Record
+from itouch_thermal.flux import contact_events, joined, predictive, usual
+from itouch_thermal.flux.aiming import TOUCHED
+from itouch_thermal.flux.law import PRIOR_ONSET
+from itouch_thermal.flux.setting import FluxModel
 
 #: When the finger came, and how fast its force grows [N a tick], up to how much [N].
 CAME, GROWS, FULL = 300, 0.02, 0.9
@@ -25,6 +28,18 @@ def host() -> itouch.Session:
 
 def force(tick: int) -> float:
     return min(FULL, max(0.0, GROWS * (tick - CAME)))
+
+
+def came(model: FluxModel, state: Record) -> tuple[int, float]:
+    """Return how many ticks ago the finger came, and the standard deviation of that [s]."""
+    scene, own, _, figures, course, *_ = joined.tick_of(model, state).prepare.arguments
+    return usual.since(scene, own, figures, course)
+
+
+def leave(model: FluxModel, state: Record) -> None:
+    """Let the finger leave the plate."""
+    scene, own, _, figures, course, models, memory, _ = joined.tick_of(model, state).prepare.arguments
+    contact_events.take_off(scene, own, course, figures, models, memory)
 
 
 def readings(old: int, every: int, phase: int) -> Iterator[tuple[int, int]]:
@@ -52,11 +67,11 @@ def test_a_force_that_comes_late_and_seldom_tells_when_the_finger_came(
     for tick, measured in readings(old, every, phase):
         state["tick"], state[field][at] = tick, measured
         state[model.force_from][2] = force(measured)
-        predictive._feel(model, state, on_plate(model, state))
-        if on_plate(model, state) and tick >= CAME + begins:
-            ago, doubt = predictive._late(model, state)
+        predictive.feel(model, state)
+        if force(measured) > TOUCHED and tick >= CAME + begins:
+            ago, doubt = came(model, state)
             assert abs((tick - ago) - CAME) <= 0.5 * every + 2.0
-            assert 0.0 < doubt <= predictive.PRIOR_ONSET
+            assert 0.0 < doubt <= PRIOR_ONSET
             return
     raise AssertionError("the finger was never felt")
 
@@ -69,12 +84,12 @@ def test_a_finger_that_slides_to_another_object_came_as_the_touch_before_ended(h
     state[model.force_from][2], state[names.tracked] = FULL, 5000
     state[names.on_plate], state[names.came], state[names.came_doubt] = 1, 3000, 1e-3
     state["tick"] = state[field][at] = 5000
-    predictive.take_off(model, state, 5000)
+    leave(model, state)
     state["tick"] = state[field][at] = 5001
-    predictive._feel(model, state, True)
-    assert predictive._late(model, state)[0] == 1
+    predictive.feel(model, state)
+    assert came(model, state)[0] == 1
     state[model.force_from][2], state["tick"], state[field][at] = 0.0, 5100, 5100
-    predictive._feel(model, state, False)
+    predictive.feel(model, state)
     state[model.force_from][2], state["tick"], state[field][at] = FULL, 5200, 5200
-    predictive._feel(model, state, True)
-    assert predictive._late(model, state)[0] > 1  # it had left meanwhile
+    predictive.feel(model, state)
+    assert came(model, state)[0] > 1  # it had left meanwhile

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 
 import pytest
+from display_scenes import start_of
 
 import itouch
+from itouch_thermal.flux.onset import warmth
 from itouch_thermal.flux.setting import FluxModel
 
 ONCE = """
@@ -48,7 +50,13 @@ def test_the_flux_of_the_last_touch_is_as_right_as_that_of_the_first(session: it
 
 def test_an_object_that_was_touched_is_warmer(session: itouch.Session) -> None:
     model = flux_model(session)
-    warmed = [model.warmed(index, session.state) for index in range(len(model.objects))]
+    assert model.preview is not None
+    warmed = [
+        0.0 if body is None else warmth(body, modes, temperature)
+        for body, modes, temperature in zip(
+            model.preview.bodies, session.state[model.names.bodies], model.temperatures, strict=True
+        )
+    ]
     at = model.objects.index("wood")
     assert warmed[at] > 0.5
     assert [part for i, part in enumerate(warmed) if i != at] == [0.0] * (len(warmed) - 1)
@@ -58,15 +66,14 @@ def test_finger_and_object_warmer_by_the_same_want_a_plate_warmer_by_that(sessio
     model = flux_model(session)
     at = model.objects.index("pyrex")
     for skin in (model.skin - 6.0, model.skin - 1.0, model.skin, model.skin + 4.0):
-        plain = model.start(at, skin)
-        assert plain is not None
-        assert model.start(at, skin + 1.7, 1.7) == pytest.approx(plain + 1.7, abs=1e-9)
+        plain = start_of(model, at, skin)
+        assert start_of(model, at, skin + 1.7, 1.7) == pytest.approx(plain + 1.7, abs=1e-9)
 
 
 def test_a_finger_as_cold_as_the_object_wants_a_plate_that_is_so_too(session: itouch.Session) -> None:
     model = flux_model(session)
     for at, rest in enumerate(model.temperatures):
-        assert model.start(at, rest) == pytest.approx(rest, abs=1e-6)
+        assert start_of(model, at, rest) == pytest.approx(rest, abs=1e-6)
         for away in (-3.0, 3.0):  # and nowhere is there a leap
-            near = [model.start(at, model.skin + away + little) for little in (-1e-6, 1e-6)]
+            near = [start_of(model, at, model.skin + away + little) for little in (-1e-6, 1e-6)]
             assert near[0] == pytest.approx(near[1], abs=1e-5)

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from display_scenes import Display
+from display_scenes import CONTROL, Display
 
 import itouch
 from itouch_thermal.flux import joined
+from itouch_thermal.flux.modality import FluxControl
 
 HOLDS_TEMPERATURE = {
     "hardware": '<thermal:hardware command="temperature"/>',
     "limits": '<limits temperature="15 40 degC"/>',
+}
+
+
+#: One of the two materials plays a curve.
+PLAYED = {
+    "control": '<thermal:flux-control display="peltier" desired-from="heat" target="file">'
+    '<thermal:curve material="pyrex" file="curve.csv"/></thermal:flux-control>',
+    "files": {"curve.csv": "t,j\n0,1200\n0.3,900\n0.7,800\n"},
 }
 
 
@@ -57,10 +67,12 @@ def test_a_driver_that_holds_a_temperature_does_as_well(scenes: Path, hertz: str
 
 
 @pytest.mark.parametrize("hertz", ["", "500 Hz", "50 Hz"])
+@pytest.mark.parametrize("what", [{}, HOLDS_TEMPERATURE, PLAYED])
 def test_compiled_updates_do_at_each_rate_what_python_does(
-    scenes: Path, hertz: str, monkeypatch: pytest.MonkeyPatch
+    scenes: Path, hertz: str, what: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = Display(left="pyrex", right="aluminium", rates=rate(hertz)).write(scenes)
+    """Also where the driver holds a temperature, and where a curve is played."""
+    path = Display(left="pyrex", right="aluminium", rates=rate(hertz), **what).write(scenes)
     compiled = itouch.build(path, seed=4)
     step = next(step for step in compiled.plan.steps if step.name == "flux-control")
     assert len(step.bounds) > 2
@@ -72,8 +84,30 @@ def test_compiled_updates_do_at_each_rate_what_python_does(
         assert compiled.state.tobytes() == python.state.tobytes(), compiled.ticks
 
 
+@pytest.mark.parametrize("what", [HOLDS_TEMPERATURE, PLAYED])
+def test_no_update_of_these_is_left_to_python(
+    scenes: Path, what: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left: list[int] = []
+    update = FluxControl.update
+
+    def counted(self: FluxControl, model: Any, state: Any, period: float) -> None:
+        left.append(1)
+        update(self, model, state, period)
+
+    monkeypatch.setattr(FluxControl, "update", counted)
+    engine = itouch.build(Display(left="pyrex", **what).write(scenes), seed=4)
+    assert left  # what came before the first tick was Python
+    left.clear()
+    while not engine.done:
+        engine.tick()
+    assert [entry["plate_ready"] for entry in engine.report()["contacts"]] == [True, True]
+    assert not left
+
+
 def test_between_two_updates_a_modality_in_python_does_not_stop_the_plan(scenes: Path) -> None:
-    engine = itouch.build(Display(rates=rate("50 Hz"), **HOLDS_TEMPERATURE).write(scenes))
+    paper = CONTROL.replace("/>", ' controller="paper"/>')
+    engine = itouch.build(Display(rates=rate("50 Hz"), control=paper).write(scenes))
     step = next(step for step in engine.plan.steps if step.name == "flux-control")
     assert (step.code, step.every) == ("Python", 20)
     assert engine.plan.whole is not None
@@ -90,6 +124,7 @@ def test_what_a_driver_of_temperature_does_is_safe_when_it_stops(scenes: Path, m
             state["peltier.command.temperature_target"] = np.nan
 
     monkeypatch.setattr(control, "update", update)
+    monkeypatch.setattr(control, "bound_update", lambda *_: ())
     engine = itouch.build(path)
     engine.run(6.0)
     assert engine.state["peltier.sent.output"][0] == 1.0

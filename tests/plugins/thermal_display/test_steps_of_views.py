@@ -50,7 +50,7 @@ def test_a_virtual_rig_compares_an_estimate_only_when_it_is_new(monkeypatch: pyt
         hold=20, curves=[None],
     )  # fmt: skip
     state: Any = {"touching": np.array(1), "object": np.array(0), "desired": np.array(-900.0),
-                  "obtained": np.array(-950.0)}  # fmt: skip
+                  "obtained": np.array(-950.0), "f.account": np.zeros(9)}  # fmt: skip
     for tick in range(1, 62):
         FluxControl.witness(
             SimpleNamespace(),

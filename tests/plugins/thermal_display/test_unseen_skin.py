@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+from display_scenes import start_of
 
 from itouch_thermal.drivers.virtual import VirtualLine
 from itouch_thermal.flux.setting import FluxModel
@@ -63,7 +64,7 @@ def test_the_start_is_that_of_the_skin_as_it_is_and_not_of_one_at_rest(
     index = model.objects.index("polystyrene")
     assert state["flux-control.approached"].item() == index
     assert skin < model.skin - 0.7
-    ready, wanted = state["flux-control.start_temperature"].item(), model.start(index, skin)
+    ready, wanted = state["flux-control.start_temperature"].item(), start_of(model, index, skin)
     assert ready == pytest.approx(wanted, abs=0.15)
     assert abs(ready - model.starts[index][1]) > 0.5  # type: ignore[index]
 

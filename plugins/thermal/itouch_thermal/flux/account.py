@@ -7,13 +7,16 @@ from collections.abc import Mapping
 from typing import Any
 
 from itouch.plugin import Field, Measured, Record, Role
+from itouch.plugin.kernels import kernel
 from itouch_thermal.flux import onset
-from itouch_thermal.flux.usual import FLOOR, SCORED_FROM, enter
+from itouch_thermal.flux.views import Floats
 
 #: Sums beside an estimate: squares of the sensor's relative error and of the estimate's standard deviation, and their
 #: number; where a virtual rig knows the true flux, squares of its relative error, their number, squares of the
 #: estimate's error against it, and their number.
 _RAW, _DEVIATION, _READ, _TRUE, _SEEN, _MISSED, _ASKED = range(7)
+#: Seconds after the start from which the flux error counts, and the least flux [W/m2] it is relative to.
+SCORED_FROM, FLOOR = 0.1, 50.0
 
 FIELDS: tuple[Field, ...] = (
     Field("account", "f8", 9, unit="mixed", doc="sums of the open contact, of which the report's figures are made"),
@@ -54,34 +57,37 @@ MEASURED: tuple[Measured, ...] = (
 )  # fmt: skip
 
 
-def begin(state: Record, name: str) -> None:
-    """Open the account of a contact that begins; the plate has rendered nothing of it yet."""
-    state[f"{name}.account"] = 0.0
-    state[f"{name}.beside"] = 0.0
+@kernel
+def enter(account: Floats, flux: float, desired: float, skin: float, period: float) -> None:
+    """Enter one tick into the account (9,): obtained and desired flux [W/m2], skin temperature [K] (NaN: unknown)."""
+    ticks, first = account[onset.TICKS], account[onset.SKIN_BEGIN]
+    if abs(flux) > abs(account[onset.PEAK]):
+        account[onset.PEAK] = flux
+    if abs(skin - first) > abs(account[onset.SKIN_EXTREME] - first):
+        account[onset.SKIN_EXTREME] = skin
+    if scored(account, period):
+        error = (flux - desired) / max(abs(desired), FLOOR)
+        account[onset.SQUARES] += error * error
+        account[onset.SCORED] += 1.0
+    account[onset.TICKS] = ticks + 1.0
+    account[onset.SUM] += flux
 
 
-def render(state: Record, name: str, ready: bool, limited: bool, skin: float) -> bool:
-    """Note that the plate begins to render the contact; tell whether it had already rendered part of it before.
+@kernel
+def scored(account: Floats, period: float) -> bool:
+    """Tell whether the flux error of this tick counts: it does from 0.1 s after the start of the touch on.
 
-    ``ready`` says whether the plate is at its start temperature, ``limited`` whether that was clipped to the plate's
-    band; ``skin`` [K] is the skin temperature before (NaN: unknown).
+    ``account`` (9,) is the contact's, without a unit as a whole; ``period`` is that of an update [s].
     """
-    return bool(onset.render(state[f"{name}.account"], ready, limited, skin))
+    return bool(account[onset.TICKS] * period >= SCORED_FROM)
 
 
-def add(state: Record, name: str, flux: float, desired: float, skin: float, period: float) -> None:
-    """Take in one tick: obtained and desired flux [W/m2] and skin temperature [K] (NaN: unknown)."""
-    enter(state[f"{name}.account"], flux, desired, skin, period)
+@kernel
+def compare(beside: Floats, sensor: float, deviation: float, desired: float) -> None:
+    """Take in, beside an estimate, the sensor's reading [W/m2] and the estimate's standard deviation [W/m2].
 
-
-def scored(state: Record, name: str, period: float) -> bool:
-    """Tell whether the flux error of this tick counts: it does from 0.1 s after the start of the touch on."""
-    return bool(state[f"{name}.account"][onset.TICKS].item() * period >= SCORED_FROM)
-
-
-def compare(state: Record, name: str, sensor: float, deviation: float, desired: float) -> None:
-    """Take in, beside an estimate, the sensor's reading [W/m2] and the estimate's standard deviation [W/m2]."""
-    beside = state[f"{name}.beside"]
+    ``beside`` (7,) are the contact's sums; ``desired`` is the flux [W/m2] that was desired.
+    """
     beside[_RAW] += _relative(sensor - desired, desired)
     beside[_DEVIATION] += deviation * deviation
     beside[_READ] += 1.0
@@ -97,8 +103,10 @@ def witness(state: Record, name: str, truth: float, estimate: float, desired: fl
         beside[_ASKED] += 1.0
 
 
+@kernel
 def _relative(error: float, desired: float) -> float:
-    return (error / max(abs(desired), FLOOR)) ** 2
+    relative = error / max(abs(desired), FLOOR)
+    return float(relative * relative)
 
 
 def measures(state: Record, name: str, source: str) -> dict[str, float | str | bool | None]:

@@ -8,11 +8,14 @@ inferred from the current that it reports and from the targets that are still on
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
-from itouch.plugin import Field, Record
+import numpy as np
+
+from itouch.plugin import Bound, Field, Record
 from itouch.plugin.kernels import kernel
 from itouch_thermal.flux.setting import FluxModel
+from itouch_thermal.flux.views import Scene
 
 #: Time constants [s] of the filters of the plate's level and slope, and of the driver's integral.
 LEVEL, INTEGRAL = 0.03, 0.05
@@ -54,23 +57,44 @@ def reset(model: FluxModel, state: Record) -> None:
         state[f"{model.name}.targets"] = 0.0
 
 
-def issue(model: FluxModel, state: Record, current: float, hold: int) -> None:
-    """Write the command for a wanted current [A] that will be held for ``hold`` servo periods."""
-    names = model.names
-    if model.display.command == "current":
-        state[names.command] = current
-        return
-    display = model.display
-    flowing = state[names.actual or names.asked].item()  # one that reports no current is taken to give what was asked
-    target, asked = target_for(
-        state[names.driver], state[names.targets], state[names.plate_temperature].item(), flowing, current,
-        display.target_gain, display.target_integral, model.current, model.band[0], model.band[1],
-        model.period, hold,
+def bound(model: FluxModel, state: Record, scene: Scene) -> tuple[Bound, ...]:
+    """Return the call that turns the wanted current into the command of a driver that holds a temperature, else ()."""
+    names, display = model.names, model.display
+    if display.command == "current":
+        return ()
+    flowing = state[names.actual or names.asked]  # one that reports no current is taken to give what was asked
+    told = state[names.target], state[names.output] if names.output else np.zeros(1)
+    driver = Driver(*(float(n) for n in (display.target_gain, display.target_integral, model.current, *model.band)))
+    return (
+        Bound(
+            _issue, state[names.driver], state[names.targets], scene.plate_temperature, flowing, scene.command, *told,
+            state[names.asked], driver, float(model.period), model.hold,
+        ),
     )  # fmt: skip
-    state[names.target] = target
-    if names.output:
-        state[names.output] = 1.0
-    state[names.asked] = asked
+
+
+class Driver(NamedTuple):
+    """A driver's proportional [A/K] and integral gain [A/(K s)], its greatest current [A], and range of targets [K]."""
+
+    gain: float
+    integral: float
+    ceiling: float
+    low: float
+    high: float
+
+
+@kernel
+def _issue(
+    driver: Any, targets: Any, plate: Any, flowing: Any, current: Any, target: Any, output: Any, asked: Any, of: Driver,
+    period: float, hold: int,
+) -> int:  # fmt: skip
+    """Command the target for the wanted ``current`` (1,) [A], which will be held for ``hold`` servo periods."""
+    target[0], asked[0] = target_for(
+        driver, targets, plate[0], flowing[0], current[0], of.gain, of.integral, of.ceiling, of.low, of.high, period,
+        hold,
+    )  # fmt: skip
+    output[0] = 1.0
+    return 0
 
 
 @kernel

@@ -1,11 +1,15 @@
-"""Between touches, compiled: which object the plate is prepared for, and how near it is to the start temperature."""
+"""Before the touch, compiled: which object the finger approaches, the plate's start temperature, and when it is ready.
+
+With ``equalise`` the plate is ready after the same time for every object, long enough for the longest switch: neither
+a delay nor its absence reveals the material.  (What the table does before a touch depends on finger and shape alone.)
+"""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
-from itouch.plugin.kernels import kernel
+from itouch.plugin.kernels import inlined, kernel
 from itouch_thermal.display.column import F_BEGIN, F_DECAY, F_END, F_PORT
 from itouch_thermal.flux import onset
 from itouch_thermal.flux.start import MARGIN
@@ -103,7 +107,7 @@ def neutral(
 
 @kernel
 def aim_for_skin(scene: Any, own: Any, given: Any, figures: Any) -> None:
-    """Aim for the skin's temperature during calibration; see `approach.equal`."""
+    """Aim for the skin's temperature during calibration, so that a plate felt then does not cool the finger."""
     seen = scene.skin.shape[0] > 0 and (scene.skin_valid.shape[0] == 0 or scene.skin_valid[0] >= 0.5)
     own.approached[0] = -1
     wanted = neutral(
@@ -120,14 +124,27 @@ def coming(scene: Any) -> int:
     return int(below if near >= 0 and below >= 0 else near)
 
 
+@inlined
+def sees(scene: Any, figures: Any) -> bool:
+    """Tell whether a sensor sees the skin, for all that the controller asks before a touch."""
+    return bool(scene.skin.shape[0] > 0 and not (figures.doubts and scene.skin_valid[0] < 0.5))
+
+
+@inlined
+def blind(scene: Any, figures: Any) -> bool:
+    """Tell whether the skin's temperature, which is needed for a new aim, is not known here."""
+    return bool(not sees(scene, figures) and math.isnan(scene.guess[0]))
+
+
 @kernel
 def wanted_for(scene: Any, given: Any, figures: Any, index: int) -> float:
-    """Return the start temperature [K] for an object, as warm as it and the skin, which must be seen, are now."""
+    """Return the start temperature [K] for an object, as warm as it and the skin, which must be known, are now."""
     goes_on, warmed, row = given.played[index] == 0, 0.0, given.start[index]
     if goes_on and given.known[index] != 0:
         warmed = onset.warmth(given.bodies[index], scene.bodies[index], row[OWN])
+    skin = scene.skin[0] if sees(scene, figures) else scene.guess[0]
     return float(
-        onset.start_for(row[COOL], row[USUAL], row[WARM], figures.rest, row[OWN], goes_on, scene.skin[0], warmed)
+        onset.start_for(row[COOL], row[USUAL], row[WARM], figures.rest, row[OWN], goes_on, skin, warmed)
     )  # fmt: skip
 
 

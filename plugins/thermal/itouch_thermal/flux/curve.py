@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import QuantityError, parse_quantity
+from itouch.plugin.kernels import kernel
 
 #: Limits of a file: its size [bytes], the greatest flux [W/m2] and the latest time [s].
 LARGEST_FILE, LARGEST_FLUX, LONGEST = 32 << 20, 1e6, 86400.0
@@ -64,6 +65,27 @@ class Curve:
     def at(self, times: float | Array) -> Array:
         """Return the flux [W/m2] at times [s], same shape: linear between the rows, constant outside."""
         return np.asarray(np.interp(times, self.times, self.fluxes))
+
+
+@kernel
+def flux_at(times: Array, fluxes: Array, first: int, end: int, time: float) -> float:
+    """Return what `Curve.at` does, to the bit, of the curve in some rows of a table.
+
+    ``times`` [s] and ``fluxes`` [W/m2], shape (rows,); the curve is in those from ``first`` up to ``end``.
+    """
+    if not time > times[first]:
+        return float(fluxes[first])
+    low, high = first, end
+    while high - low > 1:  # times[low] <= time < times[high]
+        middle = (low + high) // 2
+        if times[middle] <= time:
+            low = middle
+        else:
+            high = middle
+    if low == end - 1 or times[low] == time:
+        return float(fluxes[low])
+    slope = (fluxes[low + 1] - fluxes[low]) / (times[low + 1] - times[low])
+    return float(slope * (time - times[low]) + fluxes[low])
 
 
 def read_curve(folder: str, name: str) -> Curve:

@@ -99,6 +99,8 @@ DRIFT_FLUX, DRIFT_OFFSET = 3.0, 1e-3
 LAGS = 0.1
 #: Time [s] in which an error of the plate's heat is corrected before a touch.
 DEADBEAT = 0.012
+#: Greatest number of periods without news that are caught up with; after more, the plate is as its sensors say.
+MISSED = 250
 #: Temperature [K] from which the plate's modes are counted.
 REFERENCE = 296.15
 #: How often the plan's responses are recomputed in a touch [s].
@@ -527,10 +529,6 @@ class ModelLaw:
         )
         return found
 
-    def disturb(self, state: Record) -> None:
-        """Note that something other than air touches the plate: for a while nothing is learnt from its readings."""
-        state[self.prefix + "memory"][at.M_QUIET] = at.QUIET
-
     def place(self, state: Record, finger: Array) -> None:
         """Set the finger that is about to touch, by its coordinates (modes,) [K] in the modes of ``fine``."""
         state[self.prefix + "x"][0, : len(finger)] = finger
@@ -541,11 +539,6 @@ class ModelLaw:
         ``onset`` is the standard deviation [s] of the time at which it came; it is used only behind a wire.
         """
         _begin(self.fixed, self.memory(state), flux, scale, onset)
-
-    def end(self, state: Record) -> None:
-        """Take the finger off the plate."""
-        s, p = state, self.prefix
-        at.end_touch(self.fine.tissue, self.fine.plate, s[p + "x"], s[p + "memory"])
 
     def follow(
         self, state: Record, scale: float = 1.0, every: int = 1, coming: Coming = AT_ONCE

@@ -11,9 +11,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from itouch.plugin import Bound, Contact, ContactEvent, Field, HeardContact, Modality, Record, Role, World
-from itouch_thermal.flux import account, actuation, approach, condensation, joined, predictive, published, telling
+from itouch_thermal.flux import account, actuation, condensation, joined, predictive, published, telling
 from itouch_thermal.flux.flux_control_params import FluxControlParams
-from itouch_thermal.flux.masking import masked
 from itouch_thermal.flux.setting import FluxModel, setting
 from itouch_thermal.flux.start import within
 
@@ -121,75 +120,20 @@ class FluxControl(Modality):
         """Aim for the object that comes near; begin and end the touch."""
         if event.probe != model.probe:
             return
-        names = model.names
-        if event.kind is Contact.NEAR and not state[names.touching].item():
-            approach.aim(model, state, approach.coming(model, state), event.tick)
-        elif event.kind is Contact.BEGIN:
-            account.begin(state, model.name)
-            state[names.object] = event.object_index
-            state[names.begun] = event.tick
-            state[names.open] = 1
-            self._meet(model, state, event.tick)
-            if state[names.touching].item() and model.hold > 1:
-                predictive.set_down(model, state, event.tick)
-        elif event.kind is Contact.END:
-            state[names.open] = 0
-            self._part(model, state, event.tick)
-
-    def _meet(self, model: FluxModel, state: Record, tick: int) -> None:
-        """Render the heat of the open contact as long as the plate is what touches the finger, and only then."""
-        names, index = model.names, state[model.names.object].item()
-        if model.starts[index] is None or state[names.met].item() < 0:  # a finger lifts for a moment: no change
-            return
-        there, touching = bool(state[names.plate].item()), bool(state[names.touching].item())
-        if touching and not there:
-            self._part(model, state, tick)
-        elif there and not touching:
-            aimed = state[names.approached].item() == index
-            ready, limited = (aimed and bool(state[one].item()) for one in (names.plate_ready, names.plate_limited))
-            again = account.render(state, model.name, ready, limited, self._obtained(model, state)[1])
-            state[names.touching] = state[names.fresh] = 1
-            state[names.pressing] = 0
-            state[f"{model.name}.integral"] = state[names.flux].item()
-            if not ready and not again:
-                state[names.unready] += 1
-
-    def _part(self, model: FluxModel, state: Record, tick: int) -> None:
-        """End the touch of a finger that the plate no longer touches, and aim for the next object.
-
-        The finger may be on that already, so readiness is judged at once, by how near its start temperature is.
-        """
-        names, touched = model.names, bool(state[model.names.touching].item())
-        predictive.take_off(model, state, tick)
-        state[names.touching] = 0
-        approach.aim(model, state, approach.coming(model, state), tick)
-        if touched:
-            error = state[names.plate_temperature].item() - state[names.start_temperature].item()
-            approach.judge(model, state, error, tick)
+        tick = joined.tick_of(model, state)
+        if model.law is not None and model.preview is not None:
+            predictive.hear(model, model.law, model.preview, tick, state, event)
+        else:
+            tick.hear(event).run()
 
     def update(self, model: FluxModel, state: Record, period: float) -> None:
         """Command the display."""
-        names, period = model.names, model.period if model.wire else period
-        tick = state["tick"].item()
-        if state[names.open].item():
-            self._meet(model, state, tick)
-        touching = bool(state[names.touching].item())
-        if touching:
-            self._note(model, state, period, model.in_contact(state))  # not while the contact is about to end
-            self._desire(model, state, tick)
-        else:
-            self._look(model, state, tick, period)
+        tick = joined.tick_of(model, state)
         if model.law is not None and model.preview is not None:
-            current, flux = predictive.control(model, model.law, model.preview, state, touching, tick)
+            predictive.control(model, model.law, model.preview, tick, state)
         else:
-            current, flux = published.control(model, state, touching, period, tick)
-        state[names.fresh] = 0
-        state[names.flux] = flux
-        if model.law is not None and model.estimates:
-            state[names.obtained] = model.law.estimate(state)[0]
-        if not touching:
-            current = masked(current, model.preset_noise, model.current, tick)
-        actuation.issue(model, state, current, model.hold)
+            tick.attend.run()
+            published.control(model, tick, state, period)
 
     def left_out(self, model: FluxModel, state: Record, seconds: float) -> None:
         """Let the law go on under the current that left last; the touch is older by the time left out."""
@@ -203,63 +147,14 @@ class FluxControl(Modality):
 
     def bound_update(self, model: FluxModel, state: Record, period: float) -> tuple[Bound, ...]:
         """Return the update of these views as compiled calls, which leave unusual ticks to Python; empty: none can."""
-        if model.law is None or model.preview is None or not joined.joins(model, state):
-            return ()
-        return joined.bounds(model, model.law, model.preview, state)
+        return joined.Tick(model, state).bounds if joined.joins(model, state) else ()
 
     def bound_contact(self, model: FluxModel, state: Record, event: HeardContact) -> Bound | None:
         """Return the handling of an event as one compiled call, which leaves unusual ones to Python; None: all are."""
-        if model.law is None or model.preview is None or not joined.joins(model, state):
-            return None
-        return joined.heard(model, model.law, model.preview, state, event)
-
-    def _look(self, model: FluxModel, state: Record, tick: int, period: float) -> None:
-        """Aim, between touches, for the object that is near, and count the time in which water may condense."""
-        names = model.names
-        near = approach.coming(model, state)
-        if not state["ready"].item():
-            approach.equal(model, state, period)
-        elif near >= 0 and near != state[names.approached].item():
-            approach.aim(model, state, near, tick)
-        elif near >= 0:
-            approach.follow(model, state, tick)
-        if state[names.desired].item():
-            state[names.desired] = 0.0
-        if state[names.plate_temperature].item() < model.dew:
-            state[names.condensation_time] += period
-
-    def _desire(self, model: FluxModel, state: Record, tick: int) -> None:
-        """Write the flux that is desired in this tick."""
-        names = model.names
-        curve = model.curves[state[names.object].item()]
-        if curve is not None:
-            state[names.desired] = curve.at((tick - state[names.begun].item() + 1) * model.period)
-        else:
-            state[names.desired] = state[names.heat_desired]
-
-    def _note(self, model: FluxModel, state: Record, period: float, pressing: bool) -> None:
-        """Enter the last update into the account, but not one in which the finger lifts: it is no part of the touch."""
-        names = model.names
-        flux, skin = self._obtained(model, state)
-        if pressing and state[names.pressing].item():
-            desired = state[names.desired].item()
-            if model.estimates and account.scored(state, model.name, period):
-                deviation = model.law.estimate(state)[1] if model.law is not None else 0.0
-                account.compare(state, model.name, state[names.heat_flux].item(), deviation, desired)
-            account.add(state, model.name, state[names.obtained].item(), desired, skin, period)
-        state[names.obtained] = flux
-        state[names.pressing] = int(pressing)
-
-    def _obtained(self, model: FluxModel, state: Record) -> tuple[float, float]:
-        """Return the flux out of the finger [W/m2] as best known, and its skin temperature [K]; NaN: unknown."""
-        names = model.names
-        if model.estimates:
-            return state[names.obtained].item(), math.nan
-        if model.truth and names.true_flux in state:
-            return state[names.true_flux].item(), state[names.true_skin].item() if names.true_skin else math.nan
-        force = abs(state[model.force_from][2].item()) if model.force_from else state[names.normal_force].item()
-        part = model.display.seen(force) if force > 0.0 else 1.0
-        return state[names.heat_flux].item() / part, math.nan
+        joins = joined.joins(model, state)
+        if not joins or joined.leaves(model):
+            joined.tick_of(model, state).join(event)
+        return joined.Tick(model, state).heard(event) if joins else None
 
     def witness(self, model: FluxModel, state: Record, twins: Mapping[str, Record]) -> None:
         """Take in the true flux, which the twin behind the display's emulator knows."""
@@ -267,7 +162,11 @@ class FluxControl(Modality):
         if twin is None or names.truth not in twin or not state[names.touching].item():
             return
         truth = twin[names.truth].item()
-        if not truth or not model.in_contact(state) or not account.scored(state, model.name, model.period * model.hold):
+        if (
+            not truth
+            or not model.in_contact(state)
+            or not account.scored(state[f"{model.name}.account"], model.period * model.hold)
+        ):
             return
         curve, tick = model.curves[state[names.object].item()], state["tick"].item() - 1
         if curve is None:

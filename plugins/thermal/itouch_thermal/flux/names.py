@@ -27,24 +27,19 @@ _HEAT = {"heat_desired": "desired", "resistance": "resistance", "finger": "finge
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """Names of State fields: the modality's own, the display's, the finger's, those of what computes the desired flux.
+    """Names of State fields that Python uses: the modality's own, the display's, the finger's, those of the desired flux.
 
     ``sent`` is the current that was sent last: to the display or, where that holds a temperature, what was asked of it.
     What the display does not have is empty; ``truth`` is the name of ``true_flux`` in the twin's own State.
     """
 
-    open: str
     touching: str
     met: str
     object: str
     approached: str
-    calm: str
-    looked: str
-    covered: str
     on_plate: str
     begun: str
     fresh: str
-    pressing: str
     tracked: str
     taken: str
     taken_at: str
@@ -58,10 +53,7 @@ class Names:
     force_before_at: str
     came: str
     came_doubt: str
-    scale_before: str
-    x: str
     theta: str
-    memory: str
     preset_begun: str
     flux: str
     desired: str
@@ -75,12 +67,6 @@ class Names:
     asked: str
     driver: str
     targets: str
-    preview_finger: str
-    preview_object: str
-    preview_index: str
-    reached: str
-    future: str
-    wanted: str
     sink: str
     age: str
     sequence: str

@@ -138,12 +138,12 @@ def keep_ahead(
 
 
 @kernel
-def look_ahead(future: Any, ticks: int, offsets: Any, desired: float, wanted: Any) -> None:
-    """Fill in the desired flux at ``offsets`` ticks from now; its present difference from the preview is kept."""
+def look_ahead(future: Any, ticks: int, offsets: Any, wait: int, desired: float, wanted: Any) -> None:
+    """Fill in the desired flux at ``offsets`` ticks from ``wait`` ticks on; its difference from the preview is kept."""
     size = future.shape[0]
     lift = desired - future[ticks % size]
     for k in range(offsets.shape[0]):
-        wanted[k] = future[(ticks + offsets[k]) % size] + lift
+        wanted[k] = future[(ticks + wait + offsets[k]) % size] + lift
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,7 +8,8 @@ from __future__ import annotations
 from itouch.plugin import Field, Record
 from itouch_thermal.display.column import plate_capacity
 from itouch_thermal.display.peltier import current_for
-from itouch_thermal.flux import approach
+from itouch_thermal.flux.joined import Tick
+from itouch_thermal.flux.masking import masked
 from itouch_thermal.flux.proportional import proportional_integral
 from itouch_thermal.flux.setting import APPROACH, FluxModel
 from itouch_thermal.flux.start import MARGIN
@@ -29,17 +30,23 @@ def memory(model: FluxModel) -> tuple[Field, ...]:
     )
 
 
-def control(model: FluxModel, state: Record, touching: bool, period: float, tick: int) -> tuple[float, float]:
-    """Return current [A] and pumped flux [W/m2] of `paper` and `hold`."""
-    plate, sink = state[model.names.plate_temperature].item(), state[model.names.sink].item()
+def control(model: FluxModel, tick: Tick, state: Record, period: float) -> None:
+    """Command the display by `paper` or `hold`."""
+    names, p, now = model.names, model.display, state["tick"].item()
+    plate, sink, touching = (
+        state[names.plate_temperature].item(),
+        state[names.sink].item(),
+        state[names.touching].item(),
+    )
     if touching:
-        flux = _bounded(model, state, _touch(model, state, plate, period), plate, tick, period)
+        flux = _bounded(model, state, _touch(model, state, plate, period), plate, now, period)
     else:
         flux = _approach(model, state, plate)
-        approach.judge(model, state, plate - state[model.names.start_temperature].item(), tick)
-    p = model.display
     current = current_for(p.seebeck, p.resistance, p.conductance, flux * p.area, plate, sink)
-    return float(min(model.current, max(-model.current, current))), flux
+    current = float(min(model.current, max(-model.current, current)))
+    state[names.fresh], state[names.flux] = 0, flux
+    tick.scene.command[...] = current if touching else masked(current, model.preset_noise, model.current, now)
+    tick.issue()
 
 
 def _approach(model: FluxModel, state: Record, plate: float) -> float:

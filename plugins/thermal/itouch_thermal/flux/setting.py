@@ -16,10 +16,10 @@ from itouch_thermal.flux.condensation import dew_of, driest
 from itouch_thermal.flux.curve import Curve
 from itouch_thermal.flux.desire import start_for_curve
 from itouch_thermal.flux.flux_control_params import FluxControlParams
-from itouch_thermal.flux.law import DEADBEAT, Coming, ModelLaw
+from itouch_thermal.flux.law import DEADBEAT, ModelLaw
 from itouch_thermal.flux.names import Names, driven
 from itouch_thermal.flux.object_curves import curves_of
-from itouch_thermal.flux.onset import SKIN_STEP, start_for, warmth
+from itouch_thermal.flux.onset import SKIN_STEP
 from itouch_thermal.flux.preview import Preview, preview
 from itouch_thermal.flux.start import equation_three, outer_effusivity, within
 from itouch_thermal.heat import FINGER, HeatParams, ThermalMaterial
@@ -82,7 +82,6 @@ class FluxModel:
     at: tuple[int, int]
     period: float
     hold: int
-    at_once: Coming
     resistance: ResistanceLaw
     expected: float
     press: float
@@ -110,27 +109,6 @@ class FluxModel:
     def estimates(self) -> bool:
         """Whether the obtained flux is the law's own estimate, as no twin knows the true one."""
         return self.law is not None and not self.truth
-
-    def start(self, index: int, skin: float, warmed: float = 0.0) -> float | None:
-        """Return the start temperature [K] for an object and a skin temperature [K]; None: nothing is known of it.
-
-        Parameters
-        ----------
-        warmed
-            By how much [K] earlier touches have warmed the object.  If finger and object are both warmer by the same
-            amount, the plate must be, too.
-        """
-        found = self.starts[index]
-        if found is None:
-            return None
-        return start_for(*found, self.skin, self.temperatures[index], self.curves[index] is None, skin, warmed)
-
-    def warmed(self, index: int, state: Record) -> float:
-        """Return by how much [K] earlier touches have warmed an object, as known to what computes the desired flux."""
-        body = None if self.preview is None or not self.heat else self.preview.bodies[index]
-        if body is None or self.curves[index] is not None:
-            return 0.0
-        return warmth(body, state[self.names.bodies][index], self.temperatures[index])
 
     def in_contact(self, state: Record) -> bool:
         """Tell whether the finger presses on a virtual object now."""
@@ -191,7 +169,6 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         at=(reads.index(Role.HEAT_FLUX), reads.index(Role.SKIN_CONTACT_TEMPERATURE)) if wire else (0, 0),
         period=world.servo_period,
         hold=hold,
-        at_once=Coming(hold),
         resistance=heat.law(),
         expected=max(heat.expected_resistance, LEAST),
         press=heat.press,

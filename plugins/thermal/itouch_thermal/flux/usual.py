@@ -1,6 +1,7 @@
-"""A tick of the controller `model`, compiled: three calls, of which the first leaves unusual ticks to Python.
+"""A tick, compiled: ``attend`` says which touch the plate renders, what was obtained and what is desired.
 
-``prepare`` determines what the law takes in, ``track`` lets it do so, ``command`` asks it for the next current.
+For the controller `model`, ``begin`` lets its law know before a touch ends, and leaves unusual ticks to Python;
+``prepare`` determines what the law takes in, ``track`` lets it do so, and ``command`` asks it for the next current.
 Contact events are heard in between (`contact_events`).
 """
 
@@ -12,14 +13,15 @@ from typing import Any
 import numpy as np
 
 from contact_heat.resistance import resistance_at
-from itouch.plugin.kernels import kernel
-from itouch_thermal.flux import aiming, contact_events, observer, onset
+from itouch.plugin.kernels import inlined, kernel
+from itouch_thermal.flux import account, aiming, contact_events, late, observer, onset
 from itouch_thermal.flux import law as laws
 from itouch_thermal.flux.contact_events import PYTHON
-from itouch_thermal.flux.law import Coming, Memory
+from itouch_thermal.flux.curve import flux_at
+from itouch_thermal.flux.law import DEADBEAT, MISSED, PRIOR_ONSET, Coming, Memory
 from itouch_thermal.flux.masking import masked
 from itouch_thermal.flux.preview import Ahead, begin_ahead, keep_ahead, look_ahead
-from itouch_thermal.flux.views import Figures, Floats, Given, Own, Scene, Taken
+from itouch_thermal.flux.views import Course, Figures, Floats, Given, Models, Own, Scene, Taken
 from itouch_thermal.laws import press_factor
 
 #: Least and greatest contact resistance that the force may explain, as multiples of the expected one.
@@ -30,8 +32,8 @@ _NOTHING: Any = np.int64(0)
 #: Time constant [s] of the press for which the strength of pressing equals by how much the scale exceeds 1, time
 #: constant [s] of the filter that gives the resistance's rate of change, and the strength that is noise.
 PRESSING, PRESS_FILTER, STILL = 0.05, 0.02, 0.1
-#: Seconds after the start from which the flux error counts, and the least flux [W/m2] it is relative to.
-SCORED_FROM, FLOOR = 0.1, 50.0
+#: Behind a wire, how many servo periods ago at most the finger may have come when it is set down.
+EARLY = 50
 
 _resistance_at, _press_factor = kernel(resistance_at), kernel(press_factor)
 
@@ -43,94 +45,140 @@ def scale_of(law: Any, force: float, expected: float, time: float, press: float)
     return float(min(SCALE[1], max(SCALE[0], found)))
 
 
-@kernel
-def enter(account: Floats, flux: float, desired: float, skin: float, period: float) -> None:
-    """Enter one tick into the account (9,): obtained and desired flux [W/m2], skin temperature [K] (NaN: unknown)."""
-    ticks, first = account[onset.TICKS], account[onset.SKIN_BEGIN]
-    if abs(flux) > abs(account[onset.PEAK]):
-        account[onset.PEAK] = flux
-    if abs(skin - first) > abs(account[onset.SKIN_EXTREME] - first):
-        account[onset.SKIN_EXTREME] = skin
-    if ticks * period >= SCORED_FROM:
-        error = (flux - desired) / max(abs(desired), FLOOR)
-        account[onset.SQUARES] += error * error
-        account[onset.SCORED] += 1.0
-    account[onset.TICKS] = ticks + 1.0
-    account[onset.SUM] += flux
+@inlined
+def _turns(scene: Any, own: Any, given: Any) -> bool:
+    """Tell whether the plate begins, or ceases, in this tick to render a contact that is open."""
+    return bool(own.open[0] != 0 and contact_events.turns(scene, own, given, own.object[0]))
 
 
-@kernel
-def _unusual(scene: Any, own: Any, given: Any, figures: Any) -> bool:
-    """Tell whether this tick is left to Python: readings or ticks are missing, or an object's flux is not computed.
-
-    Such an object plays a curve, or nothing is known of its heat.  Where an update stands for several periods, ticks in
-    which rendering begins or ends are left to Python, too, and so is a new aim where no sensor sees the skin.
-    """
-    tick, index = scene.tick[0], own.object[0]
-    if own.tracked[0] != tick - figures.hold or scene.age[0] != 0:
-        return True
-    turns = own.open[0] != 0 and contact_events.turns(scene, own, given, index)
-    touched = own.touching[0] != 0
-    if turns or own.fresh[0] != 0 or (touched and own.on_plate[0] == 0):
-        if figures.hold > 1 or (turns and touched and not figures.sees):
-            return True
-    elif not touched and own.on_plate[0] != 0:
-        return True
-    if touched != turns:  # it is rendered in this tick
-        begins = turns or own.fresh[0] != 0
-        body = index if begins else own.preview_index[0]
-        return bool(given.played[index] != 0 or body < 0 or given.known[body] == 0)
-    if scene.ready[0] == 0 or figures.sees:
-        return False
+@inlined
+def _aims(scene: Any, own: Any, given: Any, figures: Any) -> bool:
+    """Tell whether in this tick the plate gets a start temperature for which the skin's temperature is needed."""
+    begins_or_ends, touched = _turns(scene, own, given), own.touching[0] != 0
+    if touched or begins_or_ends:
+        return touched and begins_or_ends
     near = aiming.coming(scene)
-    return bool(near >= 0 and (near != own.approached[0] or tick % figures.again < figures.hold))
+    return bool(
+        scene.ready[0] != 0
+        and near >= 0
+        and (near != own.approached[0] or scene.tick[0] % figures.again < figures.hold)
+    )
+
+
+@kernel
+def attend(scene: Scene, own: Own, given: Given, figures: Figures) -> int:
+    """Begin and end what the plate renders; in a touch note what was obtained and is desired, before it take aim."""
+    if _turns(scene, own, given):
+        if own.touching[0] != 0:
+            contact_events.part_from(scene, own, given, figures)
+        else:
+            contact_events.meet(scene, own)
+    if own.touching[0] != 0:
+        _note(scene, own, given, figures)
+        own.desired[0] = _desired(scene, own, given, figures)
+        return 0
+    if scene.ready[0] == 0:
+        aiming.aim_for_skin(scene, own, given, figures)
+    else:
+        aiming.look_near(scene, own, given, figures)
+    if own.desired[0] != 0.0:
+        own.desired[0] = 0.0
+    if scene.plate_temperature[0] < figures.dew:
+        own.condensation_time[0] += figures.update
+    return 0
+
+
+@kernel
+def attend_and_judge(scene: Scene, own: Own, given: Given, figures: Figures) -> int:
+    """Do the same, and judge by the reading of the plate how ready it is."""
+    attend(scene, own, given, figures)
+    if own.touching[0] == 0:
+        aiming.judge(scene, own, figures, scene.plate_temperature[0] - own.start_temperature[0])
+    return 0
+
+
+@inlined
+def _note(scene: Any, own: Any, given: Any, figures: Any) -> None:
+    """Enter the last update into the account, but not one in which the finger lifts: it is no part of the touch."""
+    contact = aiming.in_contact(scene, figures.heat)
+    if contact and own.pressing[0] != 0:
+        skin = scene.true_skin[0] if scene.true_skin.shape[0] > 0 else math.nan
+        account.enter(own.account, own.obtained[0], own.desired[0], skin, figures.update)
+    own.pressing[0] = int(contact)
+    if scene.true_flux.shape[0] > 0:
+        own.obtained[0] = scene.true_flux[0]
+    elif not figures.estimates:
+        force = _force(scene)
+        own.obtained[0] = scene.heat_flux[0] / (observer.seen(given.pad, force) if force > 0.0 else 1.0)
+
+
+@inlined
+def _desired(scene: Any, own: Any, given: Any, figures: Any) -> float:
+    """Return the flux [W/m2] that is desired in this tick."""
+    index = own.object[0]
+    if index < 0 or given.played[index] == 0:
+        return float(scene.heat_desired[0])
+    time = (scene.tick[0] - own.begun[0] + 1) * figures.period
+    return flux_at(given.times, given.fluxes, given.rows[index, 0], given.rows[index, 1], time)
+
+
+@kernel
+def begin(
+    scene: Scene, own: Own, given: Given, figures: Figures, course: Course, models: Models, memory: Memory,
+) -> int:  # fmt: skip
+    """Let the law know before a finger leaves the plate, and compare its estimate with the sensor's reading.
+
+    Return PYTHON, with nothing changed, to leave the tick to Python, else 0: if ticks must be caught up with before the
+    finger leaves the plate, or the skin's temperature is needed and not known here.
+    """
+    parts = own.touching[0] != 0 and _turns(scene, own, given)
+    if parts and own.on_plate[0] != 0 and course.tracked[0] != scene.tick[0] - 1:
+        return PYTHON
+    if aiming.blind(scene, figures) and _aims(scene, own, given, figures):
+        return PYTHON
+    if parts:
+        contact_events.take_off(scene, own, course, figures, models, memory)
+    elif figures.estimates and own.touching[0] != 0:
+        _compare(scene, own, figures, models, memory)
+    return 0
 
 
 @kernel
 def prepare(
-    scene: Scene, own: Own, given: Given, figures: Figures, memory: Memory, taken: Taken
+    scene: Scene, own: Own, given: Given, figures: Figures, course: Course, models: Models, memory: Memory,
+    taken: Taken,
 ) -> int:  # fmt: skip
-    """Begin and end what the plate renders, note what was obtained, and determine what the law takes in.
-
-    Return PYTHON, with nothing changed, to leave the tick to Python, else 0.
-    """
-    if _unusual(scene, own, given, figures):
-        return PYTHON
-    # All are set anew in each tick, as these arrays are not in State.
-    taken.scale[0], taken.press[0], taken.part[0], taken.unclear[0] = 1.0, 0.0, 1.0, 0
-    if own.open[0] != 0 and contact_events.turns(scene, own, given, own.object[0]):
-        if own.touching[0] != 0:
-            contact_events.part_from(scene, own, given, figures, memory)
-        else:
-            contact_events.meet(scene, own)
+    """Determine what the law takes in: all is set anew in each tick, as ``taken`` is not in State."""
+    taken.scale[0], taken.press[0], taken.unclear[0] = 1.0, 0.0, 0
+    memory.memory[observer.M_PART] = 1.0
     if own.touching[0] != 0:
-        taken.part[0] = observer.seen(given.fixed.pad, _force(scene))
+        memory.memory[observer.M_PART] = observer.seen(given.pad, _force(scene))
         taken.unclear[0] = int(not aiming.pressed(scene, figures.heat))
-        contact = aiming.in_contact(scene, figures.heat)
-        if contact and own.pressing[0] != 0:
-            enter(own.account, own.obtained[0], own.desired[0], scene.true_skin[0], figures.update)
-        own.obtained[0], own.pressing[0] = scene.true_flux[0], int(contact)
-        own.desired[0] = scene.heat_desired[0]
         if not figures.steady:
-            scale = _scale(scene, own, given, figures, _NOTHING)
+            scale = _scale(scene, own, models, figures, _NOTHING)
             now = math.log(scale)
             taken.scale[0] = scale
             taken.press[0] = (
-                press_anew(own.scale_before, now)
+                press_anew(course.scale_before, now)
                 if own.fresh[0] != 0
-                else press_on(own.scale_before, now, figures.part)
+                else press_on(course.scale_before, now, figures.part)
             )
-    else:
-        if scene.ready[0] == 0:
-            aiming.aim_for_skin(scene, own, given, figures)
-        else:
-            aiming.look_near(scene, own, given, figures)
-        if own.desired[0] != 0.0:
-            own.desired[0] = 0.0
-        if scene.plate_temperature[0] < figures.dew:
-            own.condensation_time[0] += figures.update
-    own.tracked[0] = scene.tick[0]
     return 0
+
+
+@inlined
+def _compare(scene: Any, own: Any, figures: Any, models: Any, memory: Any) -> None:
+    """Enter what stands beside the estimate of the last update, if that is entered into the account."""
+    entered = own.pressing[0] != 0 and aiming.in_contact(scene, figures.heat)
+    if entered and account.scored(own.account, figures.update):
+        deviation = late.estimate(memory.x, memory.cover, _column(models))[1]
+        account.compare(own.beside, scene.heat_flux[0], deviation, own.desired[0])
+
+
+@inlined
+def _column(models: Any) -> int:
+    """Return the number of modes of tissue and plate."""
+    return int(models.fixed.fine.tissue.shape[1] + models.fixed.fine.plate.shape[1])
 
 
 @kernel
@@ -162,34 +210,43 @@ def _force(scene: Any) -> float:
 
 
 @kernel
-def _scale(scene: Any, own: Any, given: Any, figures: Any, later: int) -> float:
+def _scale(scene: Any, own: Any, models: Any, figures: Any, later: int) -> float:
     """Return the resistance that the force explains ``later`` periods from now, as a multiple of the expected one."""
     time = (scene.tick[0] - own.begun[0] + later + 1) * figures.period
-    return float(scale_of(given.law, _force(scene), figures.expected, time, figures.press))
+    return float(scale_of(models.law, _force(scene), figures.expected, time, figures.press))
 
 
 @kernel
-def track(scene: Scene, given: Given, memory: Memory, taken: Taken, size: int, passed: int) -> int:
-    """Let the law take in what was sent and read, after ``passed`` periods without readings."""
-    memory.memory[observer.M_PART] = taken.part[0]
-    for k in range(passed + 1):
-        last = k == passed and taken.unclear[0] == 0
+def track(scene: Scene, course: Course, models: Models, memory: Memory, taken: Taken, size: int) -> int:
+    """Let the law take in what was sent and read; periods in which nothing was taken in pass without readings before.
+
+    ``taken.passes`` is 1 if only these pass.  A driver that holds a temperature may give another current than was asked
+    for: it reports which.
+    """
+    passed = max(0, min(MISSED, scene.tick[0] - 1 - course.tracked[0]))
+    for k in range(passed + 1 - taken.passes[0]):
+        last = k == passed and taken.unclear[0] == 0 and scene.age[0] == 0
+        if k == passed and scene.actual.shape[0] > 0 and memory.slots[1] > 0.0:
+            memory.line[int(memory.slots[0])] = scene.actual[0]
         laws._track(  # noqa: SLF001
-            given.fixed.fine, memory, size, scene.sent[0], taken.scale[0], taken.press[0],
+            models.fixed.fine, memory, size, scene.sent[0], taken.scale[0], taken.press[0],
             scene.heat_flux[0] if last else math.nan, scene.plate_temperature[0] if last else math.nan,
             scene.sink[0] if last else math.nan,
         )  # fmt: skip
+    course.tracked[0] = scene.tick[0] - taken.passes[0]
     return 0
 
 
 @kernel
-def _look_on(scene: Any, own: Any, given: Any, figures: Any, future: Floats, ticks: int) -> None:
+def _look_on(
+    scene: Any, own: Any, given: Any, figures: Any, course: Any, models: Any, future: Floats, ticks: int
+) -> None:
     """Keep the preview a horizon ahead, with the resistance that is expected to last at the felt force."""
-    index = own.preview_index[0]
+    index = course.preview_index[0]
     ahead = Ahead(
-        given.finger, own.preview_finger, given.bodies[index], own.preview_object, future, own.reached
+        models.finger, course.preview_finger, given.bodies[index], course.preview_object, future, course.reached
     )  # fmt: skip
-    resistance = figures.alone if figures.steady else _resistance_at(given.law, scene.felt_force[0])
+    resistance = figures.alone if figures.steady else _resistance_at(models.law, scene.felt_force[0])
     press = figures.press / figures.period
     if own.fresh[0] != 0:
         begin_ahead(
@@ -203,59 +260,113 @@ def _look_on(scene: Any, own: Any, given: Any, figures: Any, future: Floats, tic
         )  # fmt: skip
 
 
-@kernel
-def _set_down(scene: Any, own: Any, given: Any, memory: Any, scale: float) -> None:
+@inlined
+def _place(scene: Any, figures: Any, models: Any, memory: Any) -> None:
+    """Tell the law which finger is about to touch: the model finger as it is now or, without one, a resting one."""
+    if figures.heat:
+        onset.converted(models.into, scene.finger, memory.x[0])
+    else:
+        risen = (scene.skin[0] if scene.skin.shape[0] > 0 else figures.rest) - models.fixed.fine.c[observer.O_REST]
+        for i in range(models.rise.shape[0]):
+            memory.x[0, i] = models.rise[i] * risen
+
+
+@inlined
+def since(scene: Any, own: Any, figures: Any, course: Any) -> tuple[int, float]:
+    """Return how many servo periods ago the finger came to the plate, and the standard deviation of that [s]."""
+    tick = scene.tick[0]
+    if scene.load.shape[0] == 0:
+        return 0, PRIOR_ONSET
+    if figures.hold > 1:  # it was not there when the touch began, else it would have been set down then
+        return max(1, min(figures.hold, tick - own.begun[0])), PRIOR_ONSET
+    if figures.wire:
+        return max(1, min(EARLY, tick - course.came[0])), course.came_doubt[0]
+    return onset.grown_for(abs(scene.load[2]), course.force_before[0]), PRIOR_ONSET
+
+
+@inlined
+def _set_down(scene: Any, own: Any, figures: Any, course: Any, models: Any, memory: Any, scale: float) -> None:
     """Set the finger down as of when, by the force, it came: a reading is a period old, and the force had to grow."""
-    ago = 0
-    if scene.load.shape[0] > 0:
-        ago = onset.grown_for(abs(scene.load[2]), own.force_before[0])
-    laws._begin(given.fixed, memory, own.flux[0], scale, laws.PRIOR_ONSET)  # noqa: SLF001
-    basis = given.fixed.fine
+    ago, doubt = since(scene, own, figures, course)
+    flows = scene.sent[0]
+    if figures.wire:
+        flows = memory.line[int(memory.slots[0])] if figures.delay > 0 else course.acting[0]
+    laws._begin(models.fixed, memory, own.flux[0], scale, doubt)  # noqa: SLF001
+    basis = models.fixed.fine
     own.on_plate[0] = 1
     for _ in range(ago):
-        observer.advance(
-            basis.c, basis.tissue, basis.plate, memory.x, memory.theta, memory.memory, scene.sent[0], scale
-        )  # fmt: skip
+        observer.advance(basis.c, basis.tissue, basis.plate, memory.x, memory.theta, memory.memory, flows, scale)
+
+
+@kernel
+def feel_between(
+    scene: Scene, own: Own, figures: Figures, models: Models, taken: Taken
+) -> int:  # fmt: skip
+    """Return 1 if the finger is on the plate in the tick in which its touch begins, and what that means for the law."""
+    taken.scale[0] = 1.0 if figures.steady else _scale(scene, own, models, figures, _NOTHING)
+    return int(aiming.pressed(scene, figures.heat))
+
+
+@kernel
+def set_between(
+    scene: Scene, own: Own, given: Given, figures: Figures, course: Course, models: Models, memory: Memory,
+    taken: Taken,
+) -> int:  # fmt: skip
+    """Begin a touch between two updates, in the tick in which it began; ticks before it have been caught up with."""
+    memory.memory[observer.M_PART] = observer.seen(given.pad, _force(scene))
+    _place(scene, figures, models, memory)
+    _set_down(scene, own, figures, course, models, memory, taken.scale[0])
+    return 0
 
 
 @kernel
 def command(
-    scene: Scene, own: Own, given: Given, figures: Figures, memory: Memory, taken: Taken, leaving: Coming
+    scene: Scene, own: Own, given: Given, figures: Figures, course: Course, models: Models, memory: Memory,
+    taken: Taken,
 ) -> int:  # fmt: skip
-    """Command the current [A] by which the law follows the plan, or brings the plate to its start temperature.
-
-    ``leaving`` says what leaves before it; without a wire nothing does.
-    """
+    """Command the current [A] by which the law follows the plan, or brings the plate to its start temperature."""
     touching, ticks = own.touching[0] != 0, scene.tick[0] - own.begun[0]
+    leaving = Coming(taken.hold[0], taken.wait[0], (taken.out[0], taken.out[1], taken.out[2]))
     comes = own.on_plate[0] == 0 and aiming.pressed(scene, figures.heat)
     if comes or (figures.hold > 1 and scene.ready[0] == 0):
         memory.memory[observer.M_QUIET] = observer.QUIET
+    played = touching and own.object[0] >= 0 and given.played[own.object[0]] != 0
     if touching:
         if own.fresh[0] != 0:
-            own.preview_index[0] = own.object[0]
+            course.preview_index[0] = own.object[0]
             if own.on_plate[0] == 0:
-                onset.converted(given.into, scene.finger, memory.x[0])
-        _look_on(scene, own, given, figures, memory.future, ticks)
+                _place(scene, figures, models, memory)
+        if not played and course.preview_index[0] >= 0 and given.known[course.preview_index[0]] != 0:
+            _look_on(scene, own, given, figures, course, models, memory.future, ticks)
         if comes:
-            _set_down(scene, own, given, memory, taken.scale[0])
+            _set_down(scene, own, figures, course, models, memory, taken.scale[0])
     if touching and own.on_plate[0] != 0:
-        scale = 1.0
-        look_ahead(memory.future, ticks, given.fixed.offsets, own.desired[0], memory.wanted)
+        offsets, scale = models.fixed.offsets, taken.scale[0]
+        if played:
+            first, end = given.rows[own.object[0], 0], given.rows[own.object[0], 1]
+            for k in range(offsets.shape[0]):
+                time = (ticks + (offsets[k] + leaving.wait) + 1) * figures.period
+                memory.wanted[k] = flux_at(given.times, given.fluxes, first, end, time)
+        else:
+            look_ahead(memory.future, ticks, offsets, leaving.wait, own.desired[0], memory.wanted)
         if not figures.steady:
-            scale = _scale(scene, own, given, figures, figures.delay)
-        doubt = memory.cover[observer.RESISTANCE, observer.RESISTANCE]
+            scale = _scale(scene, own, models, figures, figures.delay + leaving.wait)
+        doubt = 0.0 if figures.believes else memory.cover[observer.RESISTANCE, observer.RESISTANCE]
         current, flux = laws._follow(  # noqa: SLF001
-            given.fixed, memory, figures.bounds, leaving, scale, doubt, figures.hold
+            models.fixed, memory, figures.bounds, leaving, scale, doubt, figures.hold
         )
     else:
-        if scene.load.shape[0] > 0:
-            own.force_before[0] = abs(scene.load[2])
+        if scene.load.shape[0] > 0 and not figures.wire:
+            course.force_before[0] = abs(scene.load[2])
+        within = max(DEADBEAT, 1.5 * leaving.hold * figures.period)
         current, flux, error = laws._approach(  # noqa: SLF001
-            given.fixed.fine, memory, figures.bounds, leaving, own.start_temperature[0], figures.within
+            models.fixed.fine, memory, figures.bounds, leaving, own.start_temperature[0], within
         )
         aiming.judge(scene, own, figures, error)
         if not touching:
             current = masked(current, figures.noise, figures.most, scene.tick[0])
     own.fresh[0] = 0
     own.flux[0], scene.command[0] = flux, current
+    if figures.estimates:
+        own.obtained[0] = late.estimate(memory.x, memory.cover, _column(models))[0]
     return 0

@@ -1,4 +1,4 @@
-"""What the compiled tick of the controller `model` works on: named tuples of views of State, and of constants."""
+"""What the compiled tick works on: named tuples of views of State, and of constants."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ Numbers = NDArray[np.int64]
 class Scene(NamedTuple):
     """Views of State fields that are not the modality's, scalars as (1,).
 
-    ``load`` is the wrench on the plate, ``skin`` and ``skin_valid`` are the skin's reading; (0,): it is not measured.
+    ``load`` is the wrench on the plate, ``skin`` and ``skin_valid`` are the skin's reading; (0,): it is not measured,
+    and so for all that a rig or scene does not have.  ``command`` is the current that is commanded; a driver that holds
+    a temperature is told that instead, and ``actual`` is the current that it reports.  ``guess`` is no State: the
+    temperature [K] of a skin that no sensor sees, NaN where only Python can tell it.
     """
 
     tick: Numbers
@@ -41,11 +44,13 @@ class Scene(NamedTuple):
     finger: Floats
     bodies: Floats
     sent: Floats
+    actual: Floats
     command: Floats
+    guess: Floats
 
 
 class Own(NamedTuple):
-    """Views of the modality's own State fields, scalars as (1,)."""
+    """Views of the modality's own State fields that all controllers have, scalars as (1,)."""
 
     open: Numbers
     touching: Numbers
@@ -54,7 +59,6 @@ class Own(NamedTuple):
     fresh: Numbers
     pressing: Numbers
     on_plate: Numbers
-    tracked: Numbers
     approached: Numbers
     calm: Floats
     looked: Floats
@@ -68,12 +72,21 @@ class Own(NamedTuple):
     obtained: Floats
     flux: Floats
     condensation_time: Floats
-    force_before: Floats
-    scale_before: Floats
     account: Floats
     beside: Floats
     integral: Floats
     unready: Numbers
+
+
+class Course(NamedTuple):
+    """Views of the State fields of the controller `model` beside its law's, scalars as (1,)."""
+
+    tracked: Numbers
+    force_before: Floats
+    scale_before: Floats
+    came: Numbers
+    came_doubt: Floats
+    acting: Floats
     preview_finger: Floats
     preview_object: Floats
     preview_index: Numbers
@@ -81,30 +94,47 @@ class Own(NamedTuple):
 
 
 class Given(NamedTuple):
-    """Arrays that never change: those of the law (``fixed``) and of the preview, and what is known of each object.
+    """Arrays that never change, for all controllers: what is known of each object, of finger and sensor.
 
     Per object, ``known`` says whether its heat is, ``starts`` whether it has start temperatures, ``played`` whether it
     plays a curve; ``start`` has its start temperatures [K] at three skin temperatures, and its own temperature [K].
+    The curves' ``times`` [s] and ``fluxes`` [W/m2] stand one after the other, those of an object in ``rows`` (n, 2).
+    ``cover`` is the tissue of a finger at rest, ``pad`` as in `observer.seen`.
     """
 
-    fixed: Fixed
-    finger: Floats
     bodies: Floats
     known: Numbers
     starts: Numbers
     played: Numbers
-    law: Floats
-    cover: Floats
-    into: Floats
     start: Floats
+    times: Floats
+    fluxes: Floats
+    rows: Numbers
+    cover: Floats
+    pad: Floats
+
+
+class Models(NamedTuple):
+    """Arrays that never change, of the controller `model`: those of its law (``fixed``) and of its preview.
+
+    ``finger`` is the preview's, ``law`` that from force to contact resistance, ``into`` converts the model finger to
+    the law's, and ``rise`` is the law's finger at rest per kelvin of its skin.
+    """
+
+    fixed: Fixed
+    finger: Floats
+    law: Floats
+    into: Floats
+    rise: Floats
 
 
 class Figures(NamedTuple):
     """Numbers that never change: the law's (``bounds``), sizes in periods, and what is known of skin and room, in SI.
 
     An update stands for ``hold`` servo periods, which are ``update`` [s] together.  ``probe`` is the number of the
-    finger, ``first`` how many steps a contact is run ahead in the tick in which it begins, and ``sees`` says whether
-    the skin's temperature is read.
+    finger, ``first`` how many steps a contact is run ahead in the tick in which it begins.  ``doubts`` says that only
+    the readings tell whether a sensor sees the skin, ``estimates`` that the obtained flux is the law's estimate,
+    ``wire`` that readings and currents are late, and ``believes`` as in `ModelLaw`.
     """
 
     bounds: Bounds
@@ -122,7 +152,6 @@ class Figures(NamedTuple):
     preset_time: float
     low: float
     high: float
-    within: float
     part: float
     resting: float
     lead: float
@@ -132,18 +161,26 @@ class Figures(NamedTuple):
     update: float
     probe: int
     first: int
-    sees: bool
+    doubts: bool
+    estimates: bool
+    wire: bool
+    believes: bool
 
 
 class Taken(NamedTuple):
-    """What ``prepare`` has found for the law, each of shape (1,).
+    """What has been found for the law, which is no State, each of shape (1,), and ``out`` of (3,).
 
     ``scale`` is the contact resistance as a multiple of the expected one, ``press`` how strongly the finger is being
-    pressed on, ``part`` the part of the sensor that the finger covers; ``unclear`` is 1 where the readings are
-    ambiguous, because the finger hovers.
+    pressed on; ``unclear`` is 1 where the readings are ambiguous, because the finger hovers.  ``hold``, ``wait`` and
+    ``out`` are a `Coming`: what becomes of the current that is asked for.  ``alone`` is 1 while Python runs the calls,
+    and can do what is between them; ``passes`` is 1 if time is only to pass, see `usual.track`.
     """
 
     scale: Floats
     press: Floats
-    part: Floats
     unclear: Numbers
+    hold: Numbers
+    wait: Numbers
+    out: Floats
+    alone: Numbers
+    passes: Numbers

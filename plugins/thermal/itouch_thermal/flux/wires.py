@@ -8,11 +8,9 @@ it will wait for that, and for how long it will stand then, is learnt from the l
 from __future__ import annotations
 
 from itouch.plugin import Field, Record
-from itouch_thermal.flux.law import Coming, ModelLaw
+from itouch_thermal.flux.law import MISSED, Coming, ModelLaw
 from itouch_thermal.flux.setting import FluxModel
 
-#: Greatest number of servo periods without news that are caught up with; after more, the plate is as its sensors say.
-MISSED = 250
 #: Weight of the newest departure in the estimate for the next one (exponential smoothing), and the greatest number of
 #: periods for which a current is expected to stand.
 LEARNT, LONG = 0.3, 50.0
@@ -37,18 +35,9 @@ FIELDS = (
 def coming(model: FluxModel, state: Record, tick: int) -> Coming:
     """Return what will become of a current that is asked for in this tick."""
     names = model.names
-    if not model.wire:
-        return model.at_once
     wait, span = int(state[names.waited].item() + 0.5), int(state[names.interval].item() + 0.5)
     later = max(0.0, float(state[names.departed].item() - tick))
     return Coming(max(1, span), wait, (state[names.before].item(), state[names.acting].item(), later))
-
-
-def flowing(law: ModelLaw, state: Record) -> float:
-    """Return the current [A] that flows in the module now."""
-    if law.delay == 0:
-        return float(state[f"{law.prefix}acting"].item())
-    return float(state[f"{law.prefix}line"][int(state[f"{law.prefix}slots"][0])])
 
 
 def take(model: FluxModel, law: ModelLaw, state: Record, hovering: bool, tick: int, scale: float, press: float) -> None:
