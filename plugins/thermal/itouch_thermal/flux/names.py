@@ -27,7 +27,7 @@ _HEAT = {"heat_desired": "desired", "resistance": "resistance", "finger": "finge
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """Names of State fields that Python uses: the modality's own, the display's, the finger's, those of the desired flux.
+    """Names of State fields that Python uses: the modality's own, those of display, finger and desired flux.
 
     ``sent`` is the current that was sent last: to the display or, where that holds a temperature, what was asked of it.
     What the display does not have is empty; ``truth`` is the name of ``true_flux`` in the twin's own State.
