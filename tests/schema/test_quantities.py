@@ -118,6 +118,8 @@ def test_any_text_is_read_or_refused(text: str) -> None:
 @example("1,5 x", 1)
 @example("1,5 2 mm", 3)
 @example("1,5 - mm", 2)
+@example("0,0,", 1)
+@example("1,5, m", 1)
 def test_the_text_that_is_said_to_be_meant_is_read(text: str, size: int) -> None:
     with contextlib.suppress(QuantityError):
         parse_quantity(text, "m", size=size)

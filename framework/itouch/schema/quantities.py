@@ -118,9 +118,10 @@ def parse_quantity(
 
 def _with_points(text: str, counts: tuple[int, ...]) -> str:
     """Return advice for a text with decimal commas; empty if the text would be wrong with points too."""
-    pointed = _DECIMAL_COMMA.sub(".", text.strip())
+    pointed = _DECIMAL_COMMA.sub(".", text.strip()).rstrip(", ")
     words, _ = split_unit(pointed)
-    right = pointed != text.strip() and len(words) in counts and all(map(_NUMBER.fullmatch, words))
+    whole = pointed != text.strip() and "," not in pointed
+    right = whole and len(words) in counts and all(map(_NUMBER.fullmatch, words))
     return f"a comma stands between numbers; did you mean '{pointed}'?" if right else ""
 
 
