@@ -164,17 +164,22 @@ def progress() -> tuple[int, int | None, str]:
     return len(done - set(under_way)), len(needed | done) if needed else None, now
 
 
+#: How a kernel is compiled.  What is left open, Numba takes over from the function for which a kernel is compiled:
+#: no arrays of its own within ``inlined``, or the looser arithmetic that a plugin's author allows his own function.
+ALONE: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "forceinline": False, "_nrt": True}
+
+
 def kernel(function: Function) -> Function:
     """Compile a function when it is first called, and cache it on disk; division by zero follows IEEE 754.
 
     Where nothing can be cached (neither the package's folder nor the user's can be written), every process compiles.
     """
-    return _kept(function, _numba.njit(error_model="numpy", no_cfunc_wrapper=True)(function))
+    return _kept(function, _numba.njit(**ALONE, no_cfunc_wrapper=True)(function))
 
 
 def nogil_kernel(function: Function) -> Function:
     """Do what ``kernel`` does, for a function that releases the GIL while it runs."""
-    return _kept(function, _numba.njit(error_model="numpy", nogil=True, no_cfunc_wrapper=True)(function))
+    return _kept(function, _numba.njit(**ALONE, nogil=True, no_cfunc_wrapper=True)(function))
 
 
 def addressed_kernel(function: Function) -> Function:
@@ -182,7 +187,7 @@ def addressed_kernel(function: Function) -> Function:
 
     Unboxing arguments from Python, which is left out, would be a good part of a small function's compilation.
     """
-    return _kept(function, _numba.njit(error_model="numpy", no_cpython_wrapper=True)(function))
+    return _kept(function, _numba.njit(**ALONE, no_cpython_wrapper=True)(function))
 
 
 def part_of_its_caller(function: Function) -> Function:
@@ -204,9 +209,8 @@ def inlined(function: Function) -> Function:
     It is for a named step of a derivation, where passing the arguments would cost more than the step itself.  It is
     compiled without reference counting, so it must not create arrays; it is cached as part of the kernels that call it.
     """
-    marked: Function = register_jitable(
-        error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True, _nrt=False
-    )(function)
+    options = {**ALONE, "forceinline": True, "_nrt": False}
+    marked: Function = register_jitable(**options, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
     return marked
 
 

@@ -5,7 +5,7 @@ from typing import TypeVar
 
 from numba.extending import register_jitable
 
-from itouch.compiling import inlined, kernel
+from itouch.compiling import ALONE, inlined, kernel
 
 __all__ = ["entry", "inlined", "inner", "making"]
 
@@ -22,13 +22,12 @@ def inner(function: Function) -> Function:
 
     It is compiled without reference counting (see ``borrowed``), so it must not create arrays.
     """
-    marked: Function = register_jitable(
-        error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False
-    )(function)
+    options = {**ALONE, "_nrt": False}
+    marked: Function = register_jitable(**options, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
     return marked
 
 
 def making(function: Function) -> Function:
     """Like ``inner``, for a function that creates arrays."""
-    marked: Function = register_jitable(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
+    marked: Function = register_jitable(**ALONE, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
     return marked
