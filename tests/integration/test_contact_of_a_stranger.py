@@ -16,6 +16,7 @@ from strangers import install
 
 import itouch
 from itouch.contact import Box, layout
+from itouch.faults.kinds import Kind
 from itouch.loop.engine import Engine
 from itouch.plugin.discovery import Catalog
 from itouch.plugin.geometry import FOUND, Geometry, point_distance, proxy_step
@@ -325,6 +326,49 @@ def test_a_rate_of_its_own_is_refused(written: Callable[..., Path], capsys: pyte
     path.write_text(text, encoding="utf-8")
     assert main(["check", str(path)]) == 2
     assert "is updated in one of 2" in capsys.readouterr().err
+
+
+SHORT = ("arm", Kind.BIAS), ("peltier", Kind.SATURATED)
+CELLS = [(device, kind) for device in ("arm", "table", "peltier") for kind in Kind if kind]
+
+
+@pytest.mark.parametrize(
+    ("device", "kind"), [pytest.param(*cell, marks=() if cell in SHORT else pytest.mark.long) for cell in CELLS]
+)
+def test_a_fault_in_the_middle_of_a_touch_stops_and_is_armed_anew_alike(
+    written: Callable[..., Path], device: str, kind: Kind
+) -> None:
+    fault = f'<fault device="{device}" kind="{kind.label}" at="9 s" for="0.5 s"/>'  # the finger is on the polystyrene
+    both = [
+        _armed_anew(written("four_materials.xml", own, ("</itouch>", f"{fault}</itouch>"))) for own in ("proxy", "")
+    ]
+    assert both[0] == both[1]
+    assert len(both[0][0]) > 9000
+
+
+def _armed_anew(path: Path) -> tuple[list[bytes], list[str]]:
+    """Run the scene, arming it anew after each trip; return its commands, and what was said."""
+    session, rows, said = itouch.build(path), list[bytes](), list[str]()
+    names = [name for name in session.state if ".sent." in name or name.endswith((".contact_force", ".felt_force"))]
+    session.taps.append(lambda tick: rows.append(b"".join(session.state[name].tobytes() for name in names)))
+    for call in (lambda: session.run(9.4), session.rearm, lambda: session.run(0.8), session.rearm):
+        try:
+            call()
+        except itouch.ItouchError as error:
+            said.append(str(error).replace(str(path), "the scene"))
+    return rows, said
+
+
+def test_many_sessions_of_it_run_in_a_batch(written: Callable[..., Path]) -> None:
+    found = [
+        itouch.batch(written("mesh.xml", own), seeds=(1, 2, 3), until=1.5, collect=_commanded) for own in ("proxy", "")
+    ]
+    assert found[0] == found[1]
+    assert any(any(row) for row in found[0])
+
+
+def _commanded(session: itouch.Session) -> list[float]:
+    return [*session.state["arm.sent.wrench"].tolist(), session.state["finger.area"].item()]
 
 
 def test_a_session_goes_on_in_the_middle_of_a_touch(written: Callable[..., Path], tmp_path: Path) -> None:
