@@ -7,6 +7,7 @@ its process handles, its anonymous files and its scheduler; elsewhere they are r
 from __future__ import annotations
 
 import contextlib
+import itertools
 import mmap
 import os
 import signal
@@ -63,10 +64,33 @@ def reading_advice(error: Exception, otherwise: str) -> str:
     if isinstance(error, PermissionError):
         return "it is there, but may not be read: change its permissions, or take a copy that is yours"
     if isinstance(error, FileNotFoundError | NotADirectoryError | ValueError):
-        return otherwise
+        return _meant(error) or otherwise
     if "not a file" in str(error):
         return "name an ordinary file"
     return "the system cannot read it: look at its disk, or where its link leads"
+
+
+def why_unread(error: OSError) -> str:
+    """Return why a file can't be read, with the file that was probably meant, if there is one like it."""
+    close = _meant(error)
+    return f"{error.strerror or error}{'; ' if close else ''}{close}"
+
+
+def _meant(error: Exception) -> str:
+    """Ask for the file whose name is most like that of one that is not there, of those in its folder."""
+    if not isinstance(error, FileNotFoundError) or not isinstance(error.filename, str):
+        return ""
+    from difflib import get_close_matches  # only for who has mistyped a name
+
+    folder, name = os.path.split(error.filename)
+    try:
+        with os.scandir(folder or os.curdir) as entries:
+            # a folder may hold anything: enough to find a name among some thousand
+            names = sorted(entry.name for entry in itertools.islice(entries, 2000) if not entry.name.startswith("."))
+    except OSError:
+        return ""
+    close = get_close_matches(name, names, n=1, cutoff=0.7)
+    return f"did you mean '{close[0]}', in the same folder?" if close else ""
 
 
 def keep_standard_numbers() -> None:

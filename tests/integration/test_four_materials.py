@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,24 +12,40 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shipped import SCENES
+from shipped import REPOSITORY, SCENES
 
 import itouch
+from itouch_tools.report.screen import Screen
 
 SCENE = SCENES / "four_materials.xml"
 ORDER = ("polystyrene", "wood", "pyrex", "aluminium")
 
 
 @pytest.fixture(scope="module")
-def finished() -> itouch.Session:
-    engine = itouch.build(SCENE, seed=1)
-    engine.run()
-    return engine
+def shown() -> tuple[itouch.Session, str]:
+    """Return the finished session, and what `itouch-py` prints of it."""
+    session, printed = itouch.build(SCENE), io.StringIO()
+    screen = Screen(session, printed)
+    session.run()
+    screen.finish(session.report())
+    return session, printed.getvalue()
+
+
+@pytest.fixture(scope="module")
+def finished(shown: tuple[itouch.Session, str]) -> itouch.Session:
+    return shown[0]
 
 
 @pytest.fixture(scope="module")
 def contacts(finished: itouch.Session) -> dict[str, dict[str, Any]]:
     return {entry["material"]: entry for entry in finished.report()["contacts"]}
+
+
+def test_the_readme_shows_what_is_printed_today(shown: tuple[itouch.Session, str]) -> None:
+    readme = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+    captured = readme.split("<!-- capture: itouch-py scenes/four_materials.xml -->\n```text\n")[1].split("```")[0]
+    speed = re.compile(r"in [\d.]+ s \([\d.]+ x real time\); tick p50 .* us, p99 .* us;")  # of a machine
+    assert speed.sub("", shown[1]) == speed.sub("", captured)
 
 
 def test_each_block_is_touched_once_through_the_plate(contacts: dict[str, dict[str, Any]]) -> None:

@@ -184,6 +184,22 @@ def test_hostile_files(write: Write, tmp_path: Path) -> None:
     assert [p.code for p in problems_of(tmp_path)] == ["no-such-file"]
 
 
+def test_for_a_file_that_is_not_there_one_like_it_is_proposed(
+    write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    meant = "did you mean 'aluminium.xml', in the same folder?"
+    write("aluminium.xml", HEAD + TAIL)
+    (problem,) = problems_of(tmp_path / "aluminum.xml")
+    assert problem.advice == meant
+    (problem,) = problems_of(write("a.xml", '<itouch version="1.0">\n<include file="aluminum.xml"/></itouch>'))
+    assert (problem.advice, problem.place.line if problem.place else 0) == (meant, 2)
+    (problem,) = problems_of(tmp_path / "ice.xml")  # it is like none
+    assert "mean" not in problem.advice
+    for command in ("replay", "run", "inspect"):  # of sessions and recordings, too
+        assert cli([command, str(tmp_path / "aluminum.xml")]) == 2, command
+        assert meant in capsys.readouterr().err, command
+
+
 def test_include_cycle_shows_the_chain(write: Write) -> None:
     write("b.xml", '<itouch version="1.0"><include file="a.xml"/></itouch>')
     path = write("a.xml", '<itouch version="1.0">\n <include file="b.xml"/>\n</itouch>')

@@ -18,6 +18,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from itouch.platforms import why_unread
 from itouch.recording.codec import HEAD, Codec
 from itouch.recording.errors import RecordingError
 from itouch.recording.tracks import Track, load_track
@@ -99,7 +100,7 @@ def read_content(path: str, *, chunks: bool = False) -> Content:
         with open_regular(path) as stream:
             data = stream.read()
     except OSError as error:
-        raise RecordingError(f"cannot read '{path}': {error.strerror or error}") from error
+        raise RecordingError(f"cannot read '{path}': {why_unread(error)}") from error
     return parse(path, data, size, chunks=chunks)
 
 

@@ -100,12 +100,12 @@ class DocumentReader:
             return replace(problem, place=place)
         if place is None or problem.code != "no-such-file":
             return problem
-        if problem.advice != CHECK:
-            return replace(problem, place=place)
-        advice = "paths are relative to the file that names them"
         named = [
             name for name in bundled_scenes.names() if problem.sentence.endswith(f"{name}': No such file or directory")
         ]
+        if problem.advice != CHECK and not named:
+            return replace(problem, place=place)
+        advice = "paths are relative to the file that names them"
         if named:
             advice += f'; the program brings one: file="{bundled_scenes.SCHEME}{named[-1]}"'
         return Problem(problem.code, problem.sentence, place, advice)

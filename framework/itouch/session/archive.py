@@ -7,6 +7,7 @@ import re
 import zipfile
 from collections.abc import Mapping
 
+from itouch.platforms import why_unread
 from itouch.schema.files import open_regular
 from itouch.session.errors import ADVICE, SessionError, plainly
 
@@ -56,7 +57,7 @@ def read_members(path: str) -> dict[str, bytes]:
             with zipfile.ZipFile(stream) as archive:
                 return _members(archive, path)
     except OSError as error:
-        raise SessionError(f"cannot read '{path}': {error.strerror or error}") from error
+        raise SessionError(f"cannot read '{path}': {why_unread(error)}") from error
     except SessionError:
         raise
     except Exception as error:  # BadZipFile, zlib.error and what else a mutated archive may raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 
+from itouch.platforms import why_unread
 from itouch.plugin.discovery import Catalog
 from itouch.schema.files import is_document, kind_of, open_regular, stored_kind
 from itouch.session.document import MAX_DOCUMENT, from_xml
@@ -44,7 +45,7 @@ def read_session(path: Path, catalog: Catalog) -> Snapshot:
             document = is_document(head)
             data = head + stream.read(MAX_DOCUMENT + 1 - len(head)) if document else b""
     except OSError as error:
-        raise SessionError(f"cannot read '{name}': {error.strerror or error}") from error
+        raise SessionError(f"cannot read '{name}': {why_unread(error)}") from error
     if kind_of(head) == "recording":
         from itouch.session.recorded import last_snapshot
 
