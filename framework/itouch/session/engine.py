@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pathlib
 from collections import deque
@@ -111,7 +112,14 @@ class Session(Shown, Engine):
         return self._snapshots().pack(state if state is not None else self.state, ledger or self.statistics.dump())
 
     def saving(self, path: Path, every: float) -> Saving:
-        """Return a context in which the session is saved every ``every`` seconds while it runs."""
+        """Return a context in which the session is saved every ``every`` seconds while it runs.
+
+        Raises
+        ------
+        SessionError
+            If the session is being recorded to that file.
+        """
+        self._refuse_recording(path)
         return Saving(self, self.pack, self.note_fault, os.fspath(path), every)
 
     def save(self, path: Path) -> None:
@@ -120,9 +128,16 @@ class Session(Shown, Engine):
         Raises
         ------
         SessionError
-            If it can't be written.
+            If it can't be written, or the session is being recorded to that file.
         """
+        self._refuse_recording(path)
         write_snapshot(path, self.pack())
+
+    def _refuse_recording(self, path: Path) -> None:
+        """Refuse to put a snapshot in the place of the recording that is being written: it would be lost."""
+        with contextlib.suppress(OSError):  # there is no such file yet
+            if self.recorder is not None and os.path.samefile(path, self.recorder.path):
+                raise SessionError(f"cannot write '{os.fspath(path)}': the session is being recorded to it")
 
     def snapshot(self) -> Snapshot:
         """Return the content of a snapshot of the session now."""
