@@ -128,6 +128,12 @@ class WrongProxy(ProxyContact):
         found[place] = {"count": 5.0, "share": 2.0, "distance": -0.1, "velocity": 1e200}[self.error]
 
 
+class SmallProxy(ProxyContact):
+    def fields(self, model):
+        memory, found = super().fields(model)
+        return Field("memory", "f8", 9, unit="mixed", doc=memory.doc), found
+
+
 class Inward(PenaltyContact):
     def update(self, model, state, period):
         super().update(model, state, period)
@@ -149,6 +155,7 @@ def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Pa
     codes = [(HERE / f"{name}_contact.py").read_text(encoding="utf-8") for name in ("penalty", "proxy")]
     code = "\n".join(codes).replace("from __future__ import annotations\n", "") + LATE + WRONG
     classes = {"penalty": "Wrong", "proxy": "ProxyContact", "inward": "Inward", "away": "Away", "unproxy": "WrongProxy"}
+    classes["small"] = "SmallProxy"
     listed = "".join(f"mine.{local} = {module}:{cls}\n" for local, cls in classes.items())
     site = install(
         tmp_path / "site",
@@ -415,6 +422,36 @@ def test_a_memory_that_no_step_has_written_is_taken_as_none(count: float, number
         found.append((memory.tobytes(), result.tobytes()))
     assert found[0] == found[1]
     assert result[layout.RESULT_FORCE + 2] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("small", "said"),
+    [("poses", "those of all objects"), ("twists", "those of all objects"), ("stiffness", "those of all objects"),
+     ("hip_at", "3 numbers"), ("memory", "memory_size"), ("result", "FOUND"), ("scratch", "new_scratch")],
+)  # fmt: skip
+def test_an_array_that_is_too_small_is_refused(small: str, said: str) -> None:
+    geometry = Geometry.build([Box((0.05, 0.05, 0.05)), Box((0.05, 0.05, 0.05))])
+    poses = np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (2, 1))
+    arrays: dict[str, Any] = {"poses": poses, "twists": np.zeros((2, 6)), "stiffness": np.array([1000.0, 1000.0])}
+    arrays |= {"hip_at": np.array([0.0, 0.0, 0.055]), "memory": geometry.new_memory(), "result": np.zeros(FOUND)}
+    arrays["scratch"] = geometry.new_scratch()
+
+    def step() -> int:
+        poses, twists, stiffness, hip, memory, result, scratch = arrays.values()
+        return proxy_step(
+            geometry.world, geometry.mesh, poses, twists, stiffness, hip, 0.008, 0.01, memory, result, scratch
+        )
+
+    assert step() == 0
+    alone = Geometry.build([Box((0.05, 0.05, 0.05))]).new_scratch()
+    arrays[small] = alone if small == "scratch" else arrays[small][:-1]
+    with pytest.raises(ValueError, match=said):
+        step()
+
+
+def test_a_memory_that_is_too_small_is_told_before_a_run(written: Callable[..., Path]) -> None:
+    with pytest.raises(itouch.SceneError, match=r"'own-finger' failed in update: .*it takes Geometry\.memory_size"):
+        itouch.build(written("first_touch.xml", "small"))
 
 
 @pytest.mark.parametrize("number", [-1, 1, 10**7])

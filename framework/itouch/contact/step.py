@@ -260,6 +260,26 @@ def _fits(world: Floats, memory: Floats) -> bool:
     return bool(at.SLIP_NONE <= memory[at.MEMORY_SLIP] <= at.SLIP_SLIDE)
 
 
+@inlined
+def _check_sizes(
+    world: Floats, poses: Floats, twists: Floats, stiffness: Floats, hip_at: Floats, memory: Floats, result: Floats,
+    scratch: tuple[Floats, Floats],
+) -> None:  # fmt: skip
+    """Refuse arrays that are smaller than a step writes or reads, whoever made them; sizes as in `step_within`."""
+    n = world.shape[0]
+    if memory.shape[0] < at.MEMORY_POSES + 7 * n:
+        raise ValueError("the proxy's memory is too small: it takes Geometry.memory_size() numbers")
+    if result.shape[0] < at.RESULT_SIZE:
+        raise ValueError("the result of a step is too small: it takes FOUND numbers")
+    if hip_at.shape[0] < 3:
+        raise ValueError("a place is 3 numbers")
+    if poses.shape[0] < n or poses.shape[1] < 7 or twists.shape[0] < n or twists.shape[1] < 6 or stiffness.shape[0] < n:
+        raise ValueError("poses (n, 7), twists (n, 6) and stiffness (n,) are those of all objects")
+    site, last = scratch
+    if site.shape[0] < site_rows(n) or site.shape[1] != at.SITE_WIDTH or last.shape[0] < n or last.shape[1] < 7:
+        raise ValueError("the scratch is that of another geometry: it comes from Geometry.new_scratch()")
+
+
 @entry
 def step_within(
     world: Floats,
@@ -279,7 +299,13 @@ def step_within(
     A memory that no step has written, with a number of an object that is not there, is taken as one that is all zero.
     ``scratch`` from ``Geometry.new_scratch``; all other arguments as in ``step``: arrays (objects, ...), (3,),
     (MEMORY_POSES + 7 objects,) and (RESULT_SIZE,), ``radius`` and ``near`` [m].
+
+    Raises
+    ------
+    ValueError
+        If an array is smaller than that: compiled code would write beyond its end.
     """
+    _check_sizes(world, poses, twists, stiffness, hip_at, memory, result, scratch)
     if not _fits(world, memory):
         memory[at.MEMORY_READY] = 0.0
     advance(
