@@ -187,7 +187,8 @@ def addressed_kernel(function: Function) -> Function:
 
     Unboxing arguments from Python, which is left out, would be a good part of a small function's compilation.
     """
-    return _kept(function, _numba.njit(**ALONE, no_cpython_wrapper=True)(function))
+    options = {**ALONE, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return _kept(function, _numba.njit(**options)(function))
 
 
 def part_of_its_caller(function: Function) -> Function:

@@ -6,8 +6,9 @@ argument types and unpacking its arrays costs more than the computation.  Here t
 
 Data passes from one call to the next through the arrays.  A function returns 0, or another number to hand over to
 Python: the chain stops there, and can go on with the call after it.  Several calls can form one step: ``SKIP`` leaves
-out the rest of the step.  Where functions cannot be joined, Python calls the same function with the same arguments by
-itself: there is one implementation.
+out the rest of the step.  What a function raises ends the chain, which raises it in Python and notes which call it was.
+Where functions cannot be joined, Python calls the same function with the same arguments by itself: there is one
+implementation.
 """
 
 from __future__ import annotations
@@ -27,7 +28,6 @@ import numpy as np
 from llvmlite import ir
 from numba import int64, types
 from numba.core import cgutils, imputils
-from numba.experimental.function_type import _get_wrapper_address
 from numba.extending import intrinsic as _intrinsic
 from numpy.typing import NDArray
 
@@ -37,7 +37,7 @@ _SIGNATURE = int64(int64)
 #: What a call returns to leave out the remaining calls of its step.
 SKIP = 1 << 40
 #: The numbers that describe where a chain is in memory (``Chain._about``), and how many they are.
-_COUNT, _ENTRIES, _WORDS, _ENDS, _STEPS, _CLOCK, _MEMORY, _ABOUT = range(8)
+_COUNT, _ENTRIES, _WORDS, _ENDS, _STEPS, _CLOCK, _MEMORY, _CALLED, _ABOUT = range(9)
 #: Element types that arrays may have.
 _KINDS = (
     np.float64, np.float32, np.int64, np.int32, np.int16, np.int8, np.uint64, np.uint32, np.uint16, np.uint8,
@@ -75,12 +75,22 @@ def _only_read(typing: Any, array: Any) -> Any:
 
 @intrinsic
 def _call(typing: Any, address: Any, words: Any) -> Any:
-    """Call the function at an address with one number, and return the number that it returns."""
+    """Call the compiled function at an address with one number, and return the number that it returns.
+
+    It is called as Numba's functions call one another: what it raises, the caller raises, too.
+    """
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        number = ir.IntType(64)
-        kind = ir.FunctionType(number, [number])
-        return builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), [arguments[1]])
+        called, conventions = builder.function.function_type, context.call_conv
+        kind = conventions.get_function_type(types.int64, (types.int64,))
+        result = cgutils.alloca_once_value(builder, ir.Constant(ir.IntType(64), 0))
+        raised = cgutils.alloca_once(builder, called.args[1].pointee)
+        entry = builder.inttoptr(arguments[0], kind.as_pointer())
+        code = builder.call(entry, [result, raised, arguments[1]])
+        status = conventions._get_return_status(builder, code, builder.load(raised))  # noqa: SLF001
+        with cgutils.if_unlikely(builder, status.is_error):
+            conventions.return_status_propagate(builder, status)
+        return builder.load(result)
 
     return types.int64(types.int64, types.int64), generate
 
@@ -111,6 +121,7 @@ def run_chain(about: int, begin: int) -> int:
     ends = carray(_pointer(chain[_ENDS]), count, int64)
     i = begin
     while i < count:
+        chain[_CALLED] = i
         code: int = _call(entries[i], words[i])
         if code != 0 and code != SKIP:
             return (i << 32) | code
@@ -128,6 +139,7 @@ def _run_timed(about: int, begin: int, stamps: Any, first: int) -> int:
     memory = carray(_pointer(chain[_MEMORY]), 2, int64)
     i = begin
     while i < count:
+        chain[_CALLED] = i
         code: int = _call(entries[i], words[i])
         if code != 0 or i + 1 == ends[i]:
             _read_clock(chain[_CLOCK], 1, chain[_MEMORY])
@@ -194,14 +206,23 @@ class Chain:
         arrays = (self._entries, self._blocks, self.ends, self.steps)
         addresses = [array.ctypes.data for array in arrays]
         #: What compiled code needs to know of the chain: the number of calls, and the addresses of the arrays (entries,
-        #: argument words, ends, steps), of the clock's function and of the memory for its result.
+        #: argument words, ends, steps), of the clock's function and of the memory for its result; at the end stands
+        #: which call was the last.
         count = len(calls) if _listed is None else 0  # entries that are only listed cannot be run
-        self._about = np.array([count, *addresses, _clock_address(), self._memory.ctypes.data], np.int64)
+        self._about = np.array([count, *addresses, _clock_address(), self._memory.ctypes.data, 0], np.int64)
         #: The address of ``_about``.
         self.place = int(self._about.ctypes.data)
 
+    @property
+    def called(self) -> int:
+        """The call that was run last: the one that has failed, if the chain has raised something."""
+        return int(self._about[_CALLED])
+
     def run(self, begin: int = 0) -> int:
-        """Run the calls from ``begin`` on; return -1, or index * 2**32 + code of the call that hands over to Python."""
+        """Run the calls from ``begin`` on; return -1, or index * 2**32 + code of the call that hands over to Python.
+
+        What a call raises is raised here, too.
+        """
         return run_chain(self.place, begin)
 
     def warm_up(self) -> None:
@@ -346,7 +367,8 @@ def _written(call: Call) -> int:
     if key not in _made:
         _made[key] = _joined(call.function, body, writer.classes)
         _made[key].compile(_SIGNATURE)
-    return int(_get_wrapper_address(_made[key], _SIGNATURE))
+    made = _made[key].overloads[_SIGNATURE.args]
+    return int(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
 
 
 def _joined(function: Callable[..., int], body: str, classes: dict[str, type]) -> Any:

@@ -29,6 +29,8 @@ def _update(which: int, count: Any, x: Any, choice: Any, place: Any, told: Any) 
     if which == 7 and x[0] > 0.01:
         count[0] += 1
         return 1
+    if which == 15 and x[0] < -1e-3:
+        raise ValueError("there is no such x")
     wrong = (
         (which == 1 and x[0] < -1e-3)
         or (which == 2 and count[0] > 1000)
@@ -116,6 +118,7 @@ def test_a_modality_whose_forms_are_the_same_passes(which: int) -> None:
         (4, r"'count.count' is \d+ joined and \d+ in Python after update, in draw \d+ of seed \d+"),
         (5, r"'count.told' is 0.0450*5 joined and 0.045 in Python, at tick 0, in which NEAR happened"),
         (7, r"'count.count' is \d+ joined and \d+ before it, though what joins for update returns 1, in draw \d+"),
+        (15, r"what joins for update raises ValueError: there is no such x, and Python does not, in draw \d+ of seed"),
         (10, r"'count.heard' is 1.0 joined and 0.0 in Python, at tick 0, in which NEAR happened"),
         (11, r"'count.heard' is 4.0 joined and 3.0 in Python, at tick \d+, in which NEAR and END and BEGIN happened"),
         (12, r"'count.last' is .* joined and -.* in Python, at tick \d+, in which .*BEGIN happened"),

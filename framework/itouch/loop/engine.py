@@ -312,7 +312,12 @@ class Engine:
         if self._unfinished:
             self._finish_stop()
         paced = self.clock.pace == "real"  # then every part of every tick is timed
-        found = PYTHON if paced or self._advance is None else self._advance()
+        found, failure = PYTHON, None
+        if not paced and self._advance is not None:
+            try:
+                found = self._advance()
+            except Exception as error:  # a plugin's compiled function has raised it
+                found, failure = STOPPED, error
         if found < 0:
             tick = int(self._tick) - 1
             if not tick % _SAMPLED:
@@ -325,7 +330,9 @@ class Engine:
         if not stopped:
             stamps[0] = now()
         try:
-            if stopped:
+            if failure is not None:
+                self.plan.go_on_after(failure, tick, ready)
+            elif stopped:
                 self.plan.go_on(self._left[0].item(), tick, ready)
             elif timed:
                 self.plan.run_timed(tick, ready, stamps)

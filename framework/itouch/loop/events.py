@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import NoReturn
 
 import numpy as np
 
@@ -142,6 +143,26 @@ class Events:
         if self._around is not None:
             self._around.take()
 
+    def fail(self, error: Exception, which: int, tick: int) -> None:
+        """Raise the fault for an error in the compiled call of a modality, at the probe ``which``.
+
+        Raises
+        ------
+        DeviceFaultError
+            Put down to the modality.
+        """
+        hears, chain = [listener for listener in self._listeners if listener.kinds], self._probes[which].chain
+        number, call = divmod(chain.called - 2 - (self._around is not None), _CALLS) if chain is not None else (-1, 0)
+        if call == 1 and 0 <= number < len(hears):
+            self._fail(hears[number], error, tick)
+        raise error
+
+    def _fail(self, listener: _Listener, error: BaseException, tick: int, method: str = "on_contact") -> NoReturn:
+        replaced = interpreter.put_back()  # first: all else needs Python's functions
+        listener.fence.mend()
+        fault = modality_fault(self._model, listener.one.instance, method, tick, error)
+        raise with_replaced(fault, replaced) from error
+
     def _look(self, tick: int) -> None:
         """Check whether a modality that has run has written where it may not, before anything else writes there."""
         if self._around is not None and (changed := self._around.mend()):
@@ -190,7 +211,10 @@ class Events:
     def _deliver_to(self, probe: _Probe, kind: int, tick: int, hears: Sequence[_Listener]) -> None:
         for listener in hears:
             if kind in listener.kinds:
-                found = 1 << 32 if listener.call is None else listener.call()
+                try:
+                    found = 1 << 32 if listener.call is None else listener.call()
+                except Exception as error:
+                    self._fail(listener, error, tick)
                 if found >> 32 == _CALLS - 1:
                     self._written(listener, tick)
                 if found >= 0:

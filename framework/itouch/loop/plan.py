@@ -69,6 +69,18 @@ class Plan:
         if isinstance(piece, _Joined):
             piece.go_on(found, tick, ready)
 
+    def go_on_after(self, error: Exception, tick: int, ready: bool) -> None:
+        """Go on with a tick whose only chain has raised an error, which is mostly a fault.
+
+        Raises
+        ------
+        DeviceFaultError
+            Put down to the plugin whose compiled function has raised it.
+        """
+        piece = self._pieces[0]
+        if isinstance(piece, _Joined):
+            piece.go_on(piece.run_after(error, tick), tick, ready)
+
     def run(self, tick: int, ready: bool) -> None:
         """Run all steps of a tick; ``ready``: the rig is calibrated, and scripts go on."""
         for work in self._works:
@@ -105,20 +117,63 @@ class _Joined:
 
     def work(self, tick: int, ready: bool) -> None:
         """Run the steps; what one leaves to Python is done before the next one runs."""
-        self.go_on(self._run(), tick, ready)
+        try:
+            found = self._run()
+        except Exception as error:
+            found = self.run_after(error, tick)
+        self.go_on(found, tick, ready)
 
     def go_on(self, found: int, tick: int, ready: bool) -> None:
         """Do what a step has left to Python, and run those after it; ``found`` is what ``Chain.run`` returned."""
         while found >= 0:
-            found = self._run(self._answered(found, tick, ready))
+            begin = self._answered(found, tick, ready)
+            try:
+                found = self._run(begin)
+            except Exception as error:
+                found = self.run_after(error, tick)
 
     def run_timed(self, tick: int, ready: bool, stamps: Stamps) -> None:
         """Run the steps, and stamp the end of each by the same clock."""
-        found = self.chain.run_timed(stamps, self._mark)
-        while found >= 0:
-            begin = self._answered(found, tick, ready)
-            stamps[self._mark + self._owners[found >> 32]] = now()
-            found = self.chain.run_timed(stamps, self._mark, begin)
+        begin = 0
+        while True:
+            try:
+                found = self.chain.run_timed(stamps, self._mark, begin)
+            except Exception as error:
+                last, begin = self.chain.called, self._failed(error, tick)
+            else:
+                if found < 0:
+                    return
+                last, begin = found >> 32, self._answered(found, tick, ready)
+            stamps[self._mark + self._owners[last]] = now()
+
+    def run_after(self, error: Exception, tick: int) -> int:
+        """Run the steps after one whose function has raised an error, unless that is a fault; return as ``Chain.run``.
+
+        Raises
+        ------
+        DeviceFaultError
+            Put down to the plugin whose function it is.
+        """
+        while True:
+            begin = self._failed(error, tick)
+            try:
+                return self._run(begin)
+            except Exception as another:
+                error = another
+
+    def _failed(self, error: Exception, tick: int) -> int:
+        """Raise the fault for an error of a plugin's function; if it is none, return the first call of the next step.
+
+        It is none where the device has failed before.
+        """
+        call = self.chain.called
+        owner = self._owners[call]
+        failed = self.steps[owner].failed
+        if failed is None:
+            raise error
+        failed(error, call - self._owners.index(owner), tick)
+        end: int = self._ends[call]
+        return end
 
     def _answered(self, found: int, tick: int, ready: bool) -> int:
         """Do what a step has left to Python, and return the first call of the next one."""

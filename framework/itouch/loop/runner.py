@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -100,8 +102,18 @@ class Runner:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            cause = f"failed in the step of its twin: {said(error)}"
-            raise DeviceFaultError(self.model.name, tick, Trip.DEVICE_ERROR, cause) from error
+            self.not_stepped(error, 0, tick)
+
+    def not_stepped(self, error: BaseException, which: int, tick: int) -> NoReturn:
+        """Raise the fault for an error of the twin's step; ``which`` of its compiled calls it was makes no difference.
+
+        Raises
+        ------
+        DeviceFaultError
+            Always.
+        """
+        cause = f"failed in the step of its twin: {said(error)}"
+        raise DeviceFaultError(self.model.name, tick, Trip.DEVICE_ERROR, cause) from error
 
     def settle(self) -> None:
         """Step the twin once before the first tick, so that its first reading is true; no planned fault acts yet."""

@@ -15,6 +15,10 @@ Work = Callable[[int, bool], None]
 #: What Python calls for what a compiled step leaves to it: with the step's code, and the same two arguments.
 Answer = Callable[[int, int, bool], None]
 
+#: What raises the fault for an error of a plugin's compiled function, with the error, which of the step's calls has
+#: failed, and the number of the tick.  If it returns, the rest of the step is skipped.
+Failed = Callable[[Exception, int, int], None]
+
 #: What a step runs as: compiled code, Python that calls compiled functions, or Python alone.
 COMPILED, CALLS_KERNELS, PYTHON = "compiled", "calls kernels", "Python"
 
@@ -28,7 +32,8 @@ class Step:
     ``amends`` names commands that another step writes and that this one may overrule.
 
     A step with ``bounds`` is joined with its neighbours that have some: together they are one call from Python.  What
-    it leaves to Python, ``answer`` does; the bounds of the step that have not run by then are skipped.
+    it leaves to Python, ``answer`` does; the bounds of the step that have not run by then are skipped.  ``failed``
+    blames the plugin whose compiled function has raised something; it is None where the functions are the framework's.
     """
 
     name: str
@@ -40,6 +45,7 @@ class Step:
     bounds: tuple[Bound, ...] = ()
     answer: Answer | None = None
     amends: tuple[str, ...] = ()
+    failed: Failed | None = None
 
     @property
     def bound(self) -> Bound | None:
@@ -59,14 +65,20 @@ class Step:
 
 def joinable(
     name: str, bound: Bound | Sequence[Bound], reads: tuple[str, ...] | None, writes: tuple[str, ...],
-    answer: Answer | None = None,
+    answer: Answer | None = None, failed: Failed | None = None,
 ) -> Step:  # fmt: skip
     """Return a compiled step; its ``work`` does the same where calls can't be joined."""
     bounds = (bound,) if isinstance(bound, Bound) else tuple(bound)
 
     def work(tick: int, ready: bool) -> None:
-        for one in bounds:
-            code = one()
+        for which, one in enumerate(bounds):
+            try:
+                code = one()
+            except Exception as error:
+                if failed is None:
+                    raise
+                failed(error, which, tick)
+                return
             if code == SKIP:
                 return
             if code:
@@ -74,7 +86,7 @@ def joinable(
                     answer(code, tick, ready)
                 return
 
-    return Step(name, work, reads, writes, 1, COMPILED, bounds, answer)
+    return Step(name, work, reads, writes, 1, COMPILED, bounds, answer, failed=failed)
 
 
 @lru_cache(maxsize=4096)

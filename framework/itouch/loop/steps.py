@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from itouch.loop.placing import bound_supervision, bound_together
 from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import Counts
 from itouch.loop.runner import Runner
-from itouch.loop.step import CALLS_KERNELS, PYTHON, Step, joinable
+from itouch.loop.step import CALLS_KERNELS, PYTHON, Answer, Step, joinable
 from itouch.loop.touchoff import DONE
 from itouch.loop.write_access import Fence, mended, shown_fields
 from itouch.plugin import Bound, Record, Role
@@ -69,7 +70,8 @@ def read(gate: Gate) -> Step:
     )
     reads, bounds = _of(name, "status", "twin.*"), gate.bound_take()
     if bounds:
-        return joinable(f"read {name}", bounds, reads, written, lambda code, tick, ready: gate.take(tick))
+        answer: Answer = lambda code, tick, ready: gate.take(tick)  # noqa: E731
+        return joinable(f"read {name}", bounds, reads, written, answer, gate.not_taken)
     return Step(f"read {name}", lambda tick, ready: gate.take(tick), reads, written)
 
 
@@ -244,7 +246,7 @@ def tell(model: Model, events: Events, rigs: Sequence[ProbeRig], state: Record) 
     reads = tuple(f"{name}.*" for name in probes)
     return joinable(
         "events", events.bounds, (*reads, *heard, "objects.*"), (*noted, *heard, "events.*"),
-        lambda code, tick, ready: events.answer(code, tick),
+        lambda code, tick, ready: events.answer(code, tick), events.fail,
     )  # fmt: skip
 
 
@@ -264,9 +266,12 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[F
             interrupted.add_note(f"in {method} of modality '{one.name}'")
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            replaced = interpreter.put_back()  # first: all else needs it
-            mended(around)
-            raise with_replaced(modality_fault(model, one.instance, method, tick, error), replaced) from error
+            fail(method, error, tick)
+
+    def fail(method: str, error: BaseException, tick: int) -> NoReturn:
+        replaced = interpreter.put_back()  # first: all else needs it
+        mended(around)
+        raise with_replaced(modality_fault(model, one.instance, method, tick, error), replaced) from error
 
     commands = tuple(".command.".join(command.split(".", 1)) for command in one.commands)
     own, reads = (*shown_fields(one, state), *commands), one.instance.reads(compiled)
@@ -277,9 +282,11 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[F
     calls = (bound,) if isinstance(bound, Bound) else bound or ()
     if calls:
         bounds = calls if every == 1 else (Bound(carrying.turn, state["tick"], every), *calls)
-        return replace(
-            joinable(one.name, bounds, reads, own, lambda code, tick, ready: run(tick, ready)), every=every
+        joined = joinable(
+            one.name, bounds, reads, own, lambda code, tick, ready: run(tick, ready),
+            lambda error, which, tick: fail("update", error, tick),
         )  # fmt: skip
+        return replace(joined, every=every)
     if every > 1 and not one.attends:  # between its updates Python has nothing to do
         due = Bound(carrying.due, state["tick"], every)
         work = lambda code, tick, ready: run(tick, ready)  # noqa: E731
@@ -331,7 +338,7 @@ def between(step: Step, rest: Fence, model: Model, listed: Sequence[ModalityMode
         rest.take()
 
     if step.bounds:
-        joined = joinable(step.name, step.bounds, step.reads, step.writes, answer)
+        joined = joinable(step.name, step.bounds, step.reads, step.writes, answer, step.failed)
         return replace(joined, every=step.every, code=step.code, amends=step.amends)
     return replace(step, work=lambda tick, ready: answer(0, tick, ready))
 
@@ -471,7 +478,8 @@ def twin(runner: Runner) -> Step:
         own, reads = (*own, f"{runner.worn_by}.taken"), (*reads, f"{runner.worn_by}.skin")
     if bound is not None:
         bounds = (Bound(carrying.original, runner.gate.replaced), bound)
-        return joinable(f"twin {name}", bounds, reads, own, lambda code, tick, ready: runner.step_twin(tick))
+        answer: Answer = lambda code, tick, ready: runner.step_twin(tick)  # noqa: E731
+        return joinable(f"twin {name}", bounds, reads, own, answer, runner.not_stepped)
     return Step(f"twin {name}", lambda tick, ready: runner.step_twin(tick), reads, own)
 
 

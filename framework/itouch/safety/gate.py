@@ -251,6 +251,18 @@ class Gate:
         except TripError as error:
             self._disbelieve(tick, error)
 
+    def not_taken(self, error: BaseException, which: int, tick: int) -> None:
+        """Act on an error of the twin's compiled reading; ``which`` of the calls it was makes no difference.
+
+        Raises
+        ------
+        DeviceFaultError
+            Always.
+        """
+        failed = TripError(Trip.DEVICE_ERROR, f"failed in read: {said(error)}")
+        failed.__cause__ = error
+        self._disbelieve(tick, failed)
+
     def _measure_slip(self) -> None:
         """Note how much more time has passed since the reading before than ticks say."""
         before, self._came = self._came, time.monotonic()

@@ -146,7 +146,7 @@ class TwoForms:
             if drawn:
                 raise ImplausibleError from error
             raise
-        code = self._chain.run() if self._chain is not None else 0
+        code = self._joined(where) if self._chain is not None else 0
         if self._chain is None:
             self._sides.level()
         elif code >= 0:
@@ -155,6 +155,16 @@ class TwoForms:
         else:
             self.compared += 1
             self._compare(said, kept, where, drawn)
+
+    def _joined(self, where: str) -> int:
+        try:
+            return self._chain.run() if self._chain is not None else 0
+        except Exception as error:
+            raise CheckError(
+                f"what joins for {self.name} raises {type(error).__name__}: {error}, and Python does not, {where}",
+                cause="the two forms differ in what they take for an error",
+                advice="let both raise it, or neither",
+            ) from error
 
     def _check_leaving(self, code: int, kept: Sequence[bytes], where: str) -> None:
         """Check that a form that leaves it to Python does so with its first call, and has changed nothing."""
