@@ -96,15 +96,17 @@ def test_commands_that_are_named_exist() -> None:
 
 
 def test_every_measured_table_says_how_it_was_made() -> None:
-    """A page with measured figures names a command, the date, and the commit that printed them."""
-    measured = ("explanation/real-time.md", "explanation/thermal-display.md", "explanation/safety-case.md",
-                "explanation/session-evidence.md", "explanation/ten-thousand-fingers.md", "explanation/campaigns.md", "reference/thermal-display.md",
-                "reference/thermal-solver.md")  # fmt: skip
-    for name in measured:
-        text = (DOCS / name).read_text(encoding="utf-8")
+    """The pages of measured figures name commands, dates and commits; pages that explain what was measured link there."""
+    for name in ("campaigns", "safety-case", "long-form"):
+        text = (DOCS / "explanation" / f"{name}.md").read_text(encoding="utf-8")
         assert re.search(r"2026-\d\d-\d\d|\d\d? November 2026", text), name
-        assert re.search(r"(?<![\w/])[0-9a-f]{7}(?![\w/])", text), name
-        assert "`itouch-py bench" in text or "`itouch-py " in text, name
+        assert re.search(r"(?<![\w/])[0-9a-f]{7,8}(?![\w/])", text), name
+        assert "`itouch-py bench" in text or "`python -m pytest" in text, name
+    explained = ("explanation/real-time.md", "explanation/thermal-display.md", "explanation/session-evidence.md",
+                 "explanation/ten-thousand-fingers.md", "reference/thermal-display.md", "reference/thermal-solver.md")  # fmt: skip
+    for name in explained:
+        text = (DOCS / name).read_text(encoding="utf-8")
+        assert re.search(r"[(/]campaigns\.md#[\w-]+\)", text) and "`itouch-py " in text, name
 
 
 def test_the_index_leads_to_every_page() -> None:
