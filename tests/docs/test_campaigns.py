@@ -18,7 +18,7 @@ import campaigns
 ROOT = DOCS.parent
 CLAIMS = campaigns.claims()
 #: Figures of runs whose commit nobody wrote down.
-NO_COMMIT: tuple[str, ...] = ("Topics of ROS 2",)
+NO_COMMIT = ("Topics of ROS 2", "A sweep on Ray")
 _COMMAND = re.compile(r"`(?:itouch-py|pytest|python) ")
 _DATE = re.compile(r"\b20\d\d-\d\d-\d\d\b|\b\d{1,2} (?:October|November|December) 20\d\d\b")
 #: A hash has a digit, and no point of a decimal beside it; numbers of seven digits are written with spaces.
