@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,9 @@ BEGIN, END = "<!-- table: docs/campaigns.toml -->\n", "<!-- end of the table -->
 _HEAD = """# Campaigns and their figures
 
 What whole campaigns have measured on the simulated twins: of each command the newest run, with its date and the commit
-that it ran on. Below each table stands what earlier runs found, where that has changed something. Written from
-`docs/campaigns.toml` by `python docs/reference_pages.py`, as is the table of [the safety case](safety-case.md). Other
-figures that pages link stand [below](#topics-of-ros-2); tests of sessions have [their own page](session-evidence.md).
+that it ran on. Below each table stands what earlier runs found, where that has changed something. Other figures that
+pages link stand [below](#FIRST); each leads to the page that says what it means. Written from `docs/campaigns.toml` by
+`python docs/reference_pages.py`, as is the table of [the safety case](safety-case.md).
 """
 
 
@@ -29,9 +30,14 @@ def figures() -> list[dict[str, str]]:
     return tomllib.loads((HERE / "campaigns.toml").read_text(encoding="utf-8"))["figures"]  # type: ignore[no-any-return]
 
 
+def anchor(name: str) -> str:
+    """Return the anchor of a heading."""
+    return re.sub(r"[^\w -]", "", name.lower()).replace(" ", "-")
+
+
 def page() -> str:
     """Return the page of campaigns as Markdown."""
-    lines = [_HEAD]
+    lines = [_HEAD.replace("#FIRST", f"#{anchor(figures()[0]['name'])}")]
     for claim in claims():
         if "run" not in claim:
             continue
@@ -56,8 +62,7 @@ def table() -> str:
         figure = claim["short"]
         if "run" in claim:
             first = claim["run"][0]
-            anchor = claim["name"].replace(" ", "-")
-            figure += f" ([{first['date']}, {first['commit']}](campaigns.md#{anchor}))"
+            figure += f" ([{first['date']}, {first['commit']}](campaigns.md#{anchor(claim['name'])}))"
         lines.append(f"| {claim['says']} | {claim['see']} | {figure} |")
     return "\n".join(lines) + "\n"
 
