@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from listings import ROOT, pages
+from listings import DOCS, ROOT, pages
 
 #: Pages that are there for dates and commits: what was measured, what was changed, what was decided.
 _PLACES = {
@@ -73,6 +73,17 @@ def test_excepted_lines_are_there() -> None:
     for page, lines in _EXCEPTED.items():
         text = (ROOT / page).read_text(encoding="utf-8")
         assert [part for part, _ in lines if part not in text] == [], page
+
+
+def test_the_specification_of_the_display_has_the_limits_that_the_bench_prints() -> None:
+    page = (DOCS / "reference" / "thermal-display.md").read_text(encoding="utf-8")
+    specified = "".join(re.findall(r"^\|.*\|.*(\|.*\|.*\|)$", page.partition("## Specification\n")[2], flags=re.M))
+    printed = (DOCS / "explanation" / "campaigns.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^(\S.{38}) (.{40}) +\S+ +(\S+) ok ", printed, flags=re.M)
+    limits = {float(limit) for case, figure, limit in rows if "that of paper" not in figure and "plate " not in figure}
+    assert len(rows) > 25 and {0.8, 3.0, 1.25, 35000.0} <= limits
+    told = {float(number) for number in re.findall(r"\d+(?:\.\d+)?", specified)} | {35000.0}
+    assert "35 kW/m²" in specified and limits - told == set()
 
 
 @pytest.mark.parametrize(
