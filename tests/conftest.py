@@ -74,6 +74,8 @@ import numpy as np
 from itouch.compiling import compile_together
 from itouch.contact import Box, Friction, Geometry, Proxy, Surface
 from itouch.contact.step import step
+from itouch.plugin import Bound
+from itouch.plugin.geometry import FOUND, proxy_step
 from itouch.servo import prepare as companions
 from itouch.servo.prepare import prepare
 
@@ -90,6 +92,14 @@ proxy.follow([[0.0, 0.0, 1.0]])
 box = Geometry.build([Box((1.0, 1.0, 1.0))], [Friction(0.0, 0.0)])
 pose = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
 step(box.world, None, pose, np.zeros((1, 6)), np.ones(1), np.zeros(3), 0.1, 0.1, box.new_memory(), box.new_result())
+read = [pose, np.zeros((1, 6)), np.ones(1), np.zeros(3)]
+for array in read:
+    array.flags.writeable = False
+for shapes in (proxy.geometry, box):  # as a modality that computes contact calls it
+    own = shapes.new_memory(), np.zeros(FOUND), shapes.new_scratch()
+    call = Bound(proxy_step, shapes.world, shapes.mesh, *read, 0.1, 0.1, *own)
+    call()
+    call.join()
 """
 
 

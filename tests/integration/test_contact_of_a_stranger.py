@@ -182,6 +182,12 @@ def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Pa
     return write
 
 
+def only_read(array: Any) -> Any:
+    """Return an array as a modality has it that only reads it: for others the same is compiled once more."""
+    array.flags.writeable = False
+    return array
+
+
 def commands(path: Path, seconds: float) -> list[bytes]:
     """Run a scene, and return what it has sent to devices and found of contacts, tick by tick."""
     session, rows = itouch.build(path), list[bytes]()
@@ -409,16 +415,14 @@ def test_a_stored_session_does_not_say_how_stiff_objects_are(
 def test_a_memory_that_no_step_has_written_is_taken_as_none(count: float, number: float) -> None:
     geometry = Geometry.build([Box((0.05, 0.05, 0.05))])
     poses, twists = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 6))
+    read = [only_read(array) for array in (poses, twists, np.array([1000.0]), np.array([0.0, 0.0, 0.055]))]
     found = []
     for forged in (False, True):
         memory, result = geometry.new_memory(), np.zeros(FOUND)
         if forged:
             memory[layout.MEMORY_READY], memory[layout.MEMORY_COUNT] = 1.0, count
             memory[layout.MEMORY_CONTACTS] = number
-        proxy_step(
-            geometry.world, geometry.mesh, poses, twists, np.array([1000.0]), np.array([0.0, 0.0, 0.055]), 0.008, 0.01,
-            memory, result, geometry.new_scratch(),
-        )  # fmt: skip
+        proxy_step(geometry.world, geometry.mesh, *read, 0.008, 0.01, memory, result, geometry.new_scratch())
         found.append((memory.tobytes(), result.tobytes()))
     assert found[0] == found[1]
     assert result[layout.RESULT_FORCE + 2] > 0.0
@@ -433,7 +437,8 @@ def test_an_array_that_is_too_small_is_refused(small: str, said: str) -> None:
     geometry = Geometry.build([Box((0.05, 0.05, 0.05)), Box((0.05, 0.05, 0.05))])
     poses = np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (2, 1))
     arrays: dict[str, Any] = {"poses": poses, "twists": np.zeros((2, 6)), "stiffness": np.array([1000.0, 1000.0])}
-    arrays |= {"hip_at": np.array([0.0, 0.0, 0.055]), "memory": geometry.new_memory(), "result": np.zeros(FOUND)}
+    arrays = {name: only_read(array) for name, array in (arrays | {"hip_at": np.array([0.0, 0.0, 0.055])}).items()}
+    arrays |= {"memory": geometry.new_memory(), "result": np.zeros(FOUND)}
     arrays["scratch"] = geometry.new_scratch()
 
     def step() -> int:
@@ -457,7 +462,9 @@ def test_a_memory_that_is_too_small_is_told_before_a_run(written: Callable[..., 
 @pytest.mark.parametrize("number", [-1, 1, 10**7])
 def test_an_object_that_is_not_there_is_nowhere_near(number: int) -> None:
     geometry = Geometry.build([Box((0.05, 0.05, 0.05))])
-    poses, point = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]]), np.array([0.0, 0.0, 0.06])
+    poses, point = (
+        only_read(np.array(numbers)) for numbers in ([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]], [0.0, 0.0, 0.06])
+    )
     asked = geometry.world, geometry.mesh, poses
     assert point_distance(*asked, 0, point, 1.0, geometry.new_scratch())[0] == pytest.approx(0.01)
     assert point_distance(*asked, number, point, 1.0, geometry.new_scratch())[0] == np.inf

@@ -39,10 +39,27 @@ def _borrowed(typing_context: Any, thing: Any) -> Any:
     return thing(thing), nothing if isinstance(thing, types.NoneType) else array_or_tuple
 
 
+@intrinsic
+def _lent(typing_context: Any, array: Any) -> Any:
+    """Return an array without its reference count, of the type of one that may be written."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _without_owner(context, builder, signature.return_type, arguments[0])
+
+    return array.copy(readonly=False)(array), generate
+
+
 if TYPE_CHECKING or config.DISABLE_JIT:  # what runs as Python counts as Python does
 
     def borrowed(thing: Thing) -> Thing:
         """Return an array, or a tuple of arrays, or None, without its reference count; valid while the owner lives."""
         return thing
+
+    def lent(array: Thing) -> Thing:
+        """Do what ``borrowed`` does with an array that is only read, whether Python may write to it or not.
+
+        Compiled code tells these two apart: what reads arrays of both kinds, and all that it calls, is compiled twice.
+        """
+        return array
 else:
-    borrowed = _borrowed
+    borrowed, lent = _borrowed, _lent

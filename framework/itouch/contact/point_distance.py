@@ -3,7 +3,7 @@
 import numpy as np
 
 from itouch.contact import layout as at
-from itouch.contact.array_views import borrowed
+from itouch.contact.array_views import borrowed, lent
 from itouch.contact.compiling import entry, inner
 from itouch.contact.distance import distance
 from itouch.contact.frames import rotate, to_local
@@ -62,7 +62,7 @@ def point_distance(
     """
     if not 0 <= obj < world.shape[0]:
         return np.inf, (0.0, 0.0, 1.0), vector(point, 0)
-    site, now = borrowed(scratch[0]), borrowed(poses)
+    site, now = borrowed(scratch[0]), lent(poses)
     empty_site(site)
     k, p = int(at.FRAME_FIRST), vector(point, 0)
     put_object(site, k, borrowed(world), now, now, obj, 0.0)

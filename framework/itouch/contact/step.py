@@ -3,7 +3,7 @@
 import numpy as np
 
 from itouch.contact import layout as at
-from itouch.contact.array_views import borrowed
+from itouch.contact.array_views import borrowed, lent
 from itouch.contact.compiling import entry, inlined, inner
 from itouch.contact.constraint_planes import touching
 from itouch.contact.distance import distance
@@ -312,10 +312,10 @@ def step_within(
         borrowed(scratch[0]),
         borrowed(mesh),
         borrowed(world),
-        borrowed(poses),
+        lent(poses),
         borrowed(scratch[1]),
-        borrowed(twists),
-        borrowed(stiffness),
+        lent(twists),
+        lent(stiffness),
         vector(hip_at, 0),
         radius,
         near,
