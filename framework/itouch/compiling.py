@@ -104,7 +104,7 @@ event.register("numba:compile", _seldom)
 
 
 def _compare_quickly(options: Any) -> None:
-    """Let options of compilations be compared by what is set in them, and by all of them only where that differs.
+    """Let options of compilations be compared by what is set in them: all others have their defaults in both.
 
     Numba compares them for each overload of each call that it types; looking at all of them, defaults included, took a
     twelfth of a first start.  Its hash is that of their names, and so the same for all.
@@ -112,7 +112,10 @@ def _compare_quickly(options: Any) -> None:
     by_all = options.__eq__
 
     def equal(self: Any, other: Any) -> Any:
-        return (type(self) is type(other) and self._values == other._values) or by_all(self, other)
+        if type(self) is not type(other):
+            return by_all(self, other)
+        one, two = self._values, other._values
+        return one == two or all(getattr(self, name) == getattr(other, name) for name in one.keys() | two.keys())
 
     def digest(self: Any) -> int:
         return len(self.options)

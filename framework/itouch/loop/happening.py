@@ -83,18 +83,24 @@ def happens(seen: Any, kept: Any, event: Any, probe: int, moving: bool, moves: b
         After how many ticks apart a contact ends.
     """
     nearest, primary, current = seen.nearest[0], seen.primary[0], kept.current[0]
-    if nearest != kept.near[0]:
-        kept.near[0] = nearest
-        if nearest >= 0:
-            return _tell(seen, kept, event, probe, moving, NEAR, nearest, False)
-    if current >= 0:
-        if _goes_on(seen, kept, patience):
-            return _tell(seen, kept, event, probe, moving, MOVE, current, primary == current) if moves else 0
-        return _tell(seen, kept, event, probe, moving, END, current, primary == current)
-    if primary >= 0:
+    news = nearest != kept.near[0]
+    kept.near[0] = nearest
+    kind, index = NOTHING, -1
+    if news and nearest >= 0:
+        kind, index = NEAR, nearest
+    elif current >= 0:
+        index = current
+        if not _goes_on(seen, kept, patience):
+            kind = END
+        elif moves:
+            kind = MOVE
+    elif primary >= 0:
         kept.current[0], kept.separated[0], kept.begin[0] = primary, 0, seen.tick[0]
-        return _tell(seen, kept, event, probe, moving, BEGIN, primary, True)
-    return 0
+        kind, index = BEGIN, primary
+    if kind == NOTHING:
+        return 0
+    # one call: with a constant for its kind, each would be compiled anew
+    return _tell(seen, kept, event, probe, moving, kind, index, kind != NEAR and primary == index)
 
 
 @kernel

@@ -358,7 +358,8 @@ def _rendered(
             _track(fixed.fine, some, bounds.size, current, press[i], max(0.0, press[i] - 1.0), read, film, math.nan)
             read, film = plant.x[0, o + at.X_SEEN], plant.x[0, o + at.X_FILM]
         found[i] = plant.x[0, o + at.X_FLUX]
-        fingers[i] = plant.x[0, :n]
+        for k in range(n):  # not as a whole: the check of its shape alone takes over a second to compile
+            fingers[i, k] = plant.x[0, k]
 
 
 class ModelLaw:
