@@ -11,6 +11,7 @@ from itouch.contact.effects import EFFECTS_MEMORY, render_effects
 from itouch.contact.heights import carved
 from itouch.contact.step import step
 from itouch.contact.surfaces import Effects, Texture, effects_table
+from itouch.plugin import Bound
 
 K, PERIOD, RADIUS, TOP = 1000.0, 1e-3, 0.005, 0.105
 STILL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
@@ -28,15 +29,18 @@ class Finger:
         self.contact, self.result = self.geometry.new_memory(), self.geometry.new_result()
         self.memory, self.extra = np.zeros(EFFECTS_MEMORY), np.zeros(3)
         self.old: Floats | None = None
+        self.stiffness, self.place, self.velocity = np.array([K]), np.zeros(3), np.zeros(3)
+        self.render = Bound(
+            render_effects, self.table, self.samples, self.geometry.world, self.pose, self.stiffness, self.place,
+            self.velocity, PERIOD, self.memory, self.result, self.extra,
+        )  # fmt: skip
 
     def __call__(self, hip: Floats) -> Floats:
         place = self.turn @ np.asarray(hip, float) + self.pose[0, :3]
-        velocity = np.zeros(3) if self.old is None else (place - self.old) / PERIOD
-        self.old = place
-        k = np.array([K])
-        step(self.geometry.world, None, self.pose, np.zeros((1, 6)), k, place, RADIUS, 0.05, self.contact, self.result)
-        render_effects(self.table, self.samples, self.geometry.world, self.pose, k, place, velocity, PERIOD, self.memory,
-                       self.result, self.extra)  # fmt: skip
+        self.place[:], self.velocity[:] = place, 0.0 if self.old is None else (place - self.old) / PERIOD
+        self.old, world, still = place, self.geometry.world, np.zeros((1, 6))
+        step(world, None, self.pose, still, self.stiffness, place, RADIUS, 0.05, self.contact, self.result)
+        self.render.run()  # as in a tick, where the same is compiled
         return np.asarray(self.turn.T @ (self.result[:3] + self.extra))
 
     @property
