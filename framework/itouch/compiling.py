@@ -55,10 +55,14 @@ CAPACITY = 512_000_000
 _DAY = 86_400.0
 
 
+#: Settings of Numba (environment variables) that change what is compiled: what one has made serves no other.
+_SETTINGS = ("OPT", "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML")
 #: How often [s] a process that waits for another one to compile a kernel checks whether it is done.
 _LOOK = 0.02
-#: How long [s] it waits at most: a process that is suspended, or waits for a disk, keeps its claim.
+#: How long [s] it waits at most, once: a process that is suspended, or waits for a disk, keeps all of its claims.
 _LONGEST = 120.0
+#: Whether it still waits.
+_patient = True
 #: Folder where processes that compile for the same start claim kernels (``compile_together``); None: compile alone.
 _together: Path | None = None
 #: The file in that folder with the names of the kernels that the start needs, a line each.
@@ -132,8 +136,8 @@ def compile_together(place: Path | None) -> None:
     There is no deadlock: the functions that a kernel calls are compiled before it and never wait for it, and a process
     that ends, in whatever way, releases its claims.  None: compile alone again.
     """
-    global _together
-    _together = place
+    global _together, _patient
+    _together, _patient = place, True
     _claimed.clear()
 
 
@@ -404,9 +408,8 @@ class KernelCache(FunctionCache):
         of_numba(py_func)
         making = os.environ.get(shipped.MAKING)
         place = os.path.join(making or shipped.FOLDER, py_func.__module__)
-        self._base = (
-            f"{py_func.__qualname__.replace('<', '').replace('>', '')}.py{sys.version_info[0]}{sys.version_info[1]}"
-        )
+        python = f"py{sys.version_info[0]}{sys.version_info[1]}{getattr(sys, 'abiflags', '')}"
+        self._base = f"{py_func.__qualname__.replace('<', '').replace('>', '')}.{python}"
         self._shipped = IndexDataCacheFile(place, f"{self._base}-{py_func.__code__.co_firstlineno}", "shipped")
         self._making = making is not None
         self._store: _Store | None = None
@@ -430,7 +433,9 @@ class KernelCache(FunctionCache):
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         of_numba: Any = super()._index_key
-        return (*of_numba(sig, codegen), fingerprint(self._py_func), *_parts_of(getattr(sig, "args", sig)))
+        settings = tuple(repr(getattr(_numba.config, name, None)) for name in _SETTINGS)
+        parts = _parts_of(getattr(sig, "args", sig))
+        return (*of_numba(sig, codegen), fingerprint(self._py_func), settings, *parts)
 
     def _kept(self) -> _Store:
         """Return the store, made at its first use: only then does all that the function names exist."""
@@ -470,9 +475,11 @@ class KernelCache(FunctionCache):
             )
         except OSError:  # the folder is gone: that start is over
             return None
+        global _patient
         limit = time.monotonic() + _LONGEST
         while not _locks(claim):
-            if time.monotonic() > limit:
+            if not _patient or time.monotonic() > limit:
+                _patient = False
                 os.close(claim)
                 return None
             time.sleep(_LOOK)

@@ -4,10 +4,13 @@ Equal fingerprints mean equal machine code for equal types of arguments on one k
 are and whenever they were written: what was compiled for one Python environment serves another.
 """
 
+# ruff: noqa: SLF001  - what Numba compiles instead of a function has no public name
+
 from __future__ import annotations
 
 import enum
 import hashlib
+import sys
 from collections.abc import Iterator
 from functools import lru_cache
 from types import CodeType, FunctionType, ModuleType
@@ -76,17 +79,25 @@ def _parts(value: Any) -> Iterator[Any]:
     inner = getattr(value, "py_func", None) or getattr(value, "_defn", None)
     if inner is not None:  # a compiled function or an intrinsic
         yield repr(sorted(getattr(value, "targetoptions", {}).items(), key=str)).encode()
+        yield repr(sorted(getattr(value, "locals", {}).items())).encode()
+        if not getattr(value, "_can_compile", True):  # for given types alone
+            yield repr(getattr(value, "signatures", ())).encode()
         yield inner
     elif isinstance(value, FunctionType):
         yield f"{value.__module__}.{value.__qualname__}{value.__defaults__}{value.__kwdefaults__}".encode()
-        if value.__module__.partition(".")[0] not in _OUTSIDE:
+        if not _is_outside(value.__module__):
             yield from _used(value)
+        yield from _stand_ins(value)
     elif isinstance(value, np.ndarray):
-        yield f"{value.dtype}{value.shape}".encode() + value.tobytes()
+        yield f"{value.dtype}{value.shape}{value.flags.c_contiguous}{value.flags.f_contiguous}".encode()
+        yield value.tobytes()
     elif isinstance(value, tuple):
+        yield repr(getattr(value, "_fields", "")).encode()
         for item in value:
             yield from _held(item)
-    elif isinstance(value, (int, float, complex, str, bytes, np.generic, np.dtype, type(None))):
+    elif isinstance(value, enum.Enum):
+        yield f"{type(value).__module__}.{type(value).__qualname__} {value.name} {value.value!r}".encode()
+    elif isinstance(value, (int, float, complex, str, bytes, np.generic, np.dtype, slice, type(None))):
         yield f"{type(value).__name__} {value!r}".encode()
     elif isinstance(value, type) and issubclass(value, enum.Enum):
         yield f"{value.__module__}.{value.__qualname__} {[(each.name, each.value) for each in value]}".encode()
@@ -95,6 +106,58 @@ def _parts(value: Any) -> Iterator[Any]:
     else:
         kind = value if isinstance(value, type) else type(value)
         yield f"{kind.__module__}.{kind.__qualname__} {getattr(kind, '_fields', '')}".encode()
+        if kind is not value and isinstance(name := getattr(value, "__name__", None), str):  # math.sin, np.exp, min
+            yield f"{getattr(value, '__module__', '')}.{name}".encode()
+        yield from _inside(value)
+        yield from _stand_ins(value)
+
+
+def _inside(value: Any) -> Iterator[Any]:
+    """Yield what Numba compiles of a universal function, a stencil or a class: the kinds of things that it makes."""
+    if (function := getattr(value, "_dispatcher", None)) is not None:  # vectorize, guvectorize
+        built = getattr(value, "gufunc_builder", None)
+        yield f"{getattr(value, 'identity', None)} {getattr(built, 'signature', '')}".encode()
+        if getattr(value, "_frozen", False):  # for given types alone
+            yield repr(value.types).encode()
+        yield function
+    elif (read := getattr(value, "kernel_ir", None)) is not None:  # stencil
+        yield f"{value.mode} {value.neighborhood} {sorted(value.options.items(), key=str)}".encode()
+        yield read.func_id.func
+    elif (made := getattr(value, "class_type", None)) is not None and hasattr(made, "jit_methods"):  # jitclass
+        yield repr(list(made.struct.items())).encode()
+        properties = {f"{name} {way}": part for name, ways in made.jit_props.items() for way, part in ways.items()}
+        for name, part in sorted({**made.jit_methods, **made.jit_static_methods, **properties}.items()):
+            yield name.encode()
+            yield part
+
+
+def _is_outside(module: str | None) -> bool:
+    return (module or "numba").partition(".")[0] in _OUTSIDE  # what has no module was made by Numba
+
+
+@lru_cache(maxsize=1)
+def _overloads(count: int) -> dict[int, list[Any]]:
+    """Return what stands in for functions in compiled code, by their identities, by the first of Numba's list of it."""
+    templates = sys.modules["numba.core.typing.templates"]
+    found: dict[int, list[Any]] = {}
+    for value, kind in templates.builtin_registry.globals[:count]:
+        for template in getattr(kind, "templates", ()):
+            if hasattr(template, "_overload_func"):
+                found.setdefault(id(value), []).append(template)
+    return found
+
+
+def _stand_ins(function: Any) -> Iterator[Any]:
+    """Yield what others than Numba let it compile instead of a function, and how: nothing in the function shows it."""
+    if (templates := sys.modules.get("numba.core.typing.templates")) is None:
+        return
+    for template in _overloads(len(templates.builtin_registry.globals)).get(id(function), ()):
+        stand_in, inline = template._overload_func, template._inline.value
+        itself = stand_in.__module__ == "numba.core.extending"  # register_jitable
+        if itself or not _is_outside(stand_in.__module__):
+            yield repr(sorted(template._jit_options.items(), key=str)).encode()
+            yield inline if isinstance(inline, FunctionType) else str(inline).encode()
+            yield stand_in
 
 
 def _used(function: FunctionType) -> Iterator[Any]:
@@ -112,9 +175,16 @@ def _used(function: FunctionType) -> Iterator[Any]:
     seen = set()
     while modules:  # also modules reached through others: package.module.constant
         module = modules.pop()
-        if module.__name__.partition(".")[0] in _OUTSIDE or module.__name__ in seen:
+        if module.__name__ in seen:
             continue
         seen.add(module.__name__)
+        if _is_outside(module.__name__):
+            yield module.__name__.encode()
+            named = [vars(module)[name] for name in sorted(names) if name in vars(module)]
+            modules += [value for value in named if isinstance(value, ModuleType)]
+            for value in named:
+                yield from _stand_ins(value)
+            continue
         for name in sorted(names):
             value = getattr(module, name, None)
             if isinstance(value, ModuleType):

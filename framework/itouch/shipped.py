@@ -92,7 +92,8 @@ def made_with() -> dict[str, str]:
     """Return what shipped kernels depend on besides the processor level and what their cache keys contain."""
     from importlib.metadata import version
 
-    python = f"{sys.implementation.name} {sys.version_info[0]}.{sys.version_info[1]}"
+    flags = getattr(sys, "abiflags", "")  # without the lock of the interpreter, its objects have another layout
+    python = f"{sys.implementation.name} {sys.version_info[0]}.{sys.version_info[1]}{flags}"
     versions = {name: version(name) for name in ("numba", "llvmlite", "numpy")}
     return {"python": python, "machine": platform.machine(), "system": platform.system(), **versions}
 

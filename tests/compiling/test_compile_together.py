@@ -108,3 +108,48 @@ def test_a_folder_that_has_gone_lets_everybody_compile_alone(tmp_path: Path) -> 
 
 def test_what_is_listed_is_compiled_and_not_run(tmp_path: Path) -> None:
     said(begin(tmp_path, LISTED))
+
+
+SUSPENDED = """
+from kernels import *
+from numba.core import event
+
+class Stops(event.Listener):
+    def on_start(self, seen):
+        if seen.data["dispatcher"].py_func.__name__ == "inner":  # it holds two claims now
+            print("stopped", flush=True)
+            os.kill(os.getpid(), signal.SIGSTOP)
+    def on_end(self, seen):
+        pass
+
+event.register("numba:compile", Stops())
+compile_together(Path(sys.argv[1]))
+first(x, y)
+"""
+PATIENT = """
+from kernels import *
+from itouch import compiling
+
+tried, locks = [], compiling._locks
+def counted(file):
+    tried.append(os.fstat(file).st_ino)
+    return locks(file)
+
+compiling._locks, compiling._LONGEST = counted, 0.5
+compile_together(Path(sys.argv[1]))
+first(x, y)
+last(x, y)
+print([tried.count(file) > 1 for file in dict.fromkeys(tried)])
+"""
+
+
+def test_a_suspended_process_is_waited_for_once(tmp_path: Path) -> None:
+    """It keeps all of its claims: a kernel and what that calls were waited for one after the other."""
+    (tmp_path / "together").mkdir()
+    stopped = begin(tmp_path, SUSPENDED, str(tmp_path / "together"))
+    try:
+        assert stopped.stdout is not None and stopped.stdout.readline() == "stopped\n"
+        assert said(begin(tmp_path, PATIENT, str(tmp_path / "together"))) == "[True, False, False]\n"
+    finally:
+        stopped.kill()
+        stopped.communicate()
