@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 from forms import (  # noqa: F401  - hooks
     pytest_addoption,
+    pytest_collectreport,
     pytest_configure,
     pytest_configure_node,
     pytest_runtest_logreport,

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from pathlib import Path
 from typing import Any
 
 import campaign
 import long_results
 import pytest
+from needed import MEANT
 
 HERE = Path(__file__).parent
 #: Tests that a whole run of the short form leaves out though they are not marked ``long``: one a line, a test of some
@@ -139,12 +141,35 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
-    """Send what a campaign told along with the test's result."""
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Send what a campaign told along with the test's result; let a test fail that ``CI`` may not leave out."""
     if call.when == "call":
         item.user_properties += [("campaign", text) for text in campaign.TOLD]
         campaign.TOLD.clear()
-    return (yield)
+    report: pytest.TestReport = yield
+    # a check of the conformance suite tells with its result why it has no meaning for a plugin
+    if not hasattr(report, "wasxfail") and not any(name == "itouch" for name, _ in item.user_properties):
+        leave_nothing_out(report)
+    return report
+
+
+@pytest.hookimpl(tryfirst=True)  # before it is counted, or sent to the process that prints
+def pytest_collectreport(report: pytest.CollectReport) -> None:
+    """Let a whole file fail that ``CI`` may not leave out."""
+    leave_nothing_out(report)
+
+
+def leave_nothing_out(report: pytest.TestReport | pytest.CollectReport) -> None:
+    """Turn what was skipped into what has failed where ``CI`` is set, unless it is meant to be left out there, too."""
+    if report.outcome != "skipped" or not os.environ.get("CI"):
+        return
+    reason = str(report.longrepr[2] if isinstance(report.longrepr, tuple) else report.longrepr)
+    reason = reason.removeprefix("Skipped: ")
+    if reason not in MEANT:
+        report.outcome = "failed"
+        report.longrepr = f"where CI is set nothing is left out, and this was: {reason}"
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:

@@ -1,4 +1,7 @@
-"""What a test needs of the machine: where it is missing the test is skipped, and fails where ``CI`` is set."""
+"""What a test needs of the machine: where it is missing the test is skipped, and fails where ``CI`` is set.
+
+There, a test that is skipped in any other way fails, too (``forms.py``): what may be left out everywhere says so here.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,20 @@ import shutil
 from typing import NoReturn
 
 import pytest
+
+#: The reasons for which tests may be left out where ``CI`` is set, too: nothing that could be installed is missing.
+MEANT: set[str] = set()
+
+
+def meant(reason: str) -> str:
+    """Return the reason for which a test is left out, also where ``CI`` is set: on this machine it has no meaning."""
+    MEANT.add(reason)
+    return reason
+
+
+def not_here(reason: str) -> NoReturn:
+    """Skip a test that has no meaning here, or not now, also where ``CI`` is set."""
+    pytest.skip(meant(reason))
 
 
 def missing(sentence: str) -> NoReturn:

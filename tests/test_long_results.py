@@ -14,6 +14,7 @@ TESTS = """
 import os
 import pytest
 from campaign import tell
+from needed import not_here
 
 @pytest.mark.long
 @pytest.mark.parametrize("word", ["a", "b"])
@@ -26,7 +27,7 @@ def test_other():
 
 @pytest.mark.long
 def test_lacking():
-    pytest.skip("no such thing here")
+    not_here("no such thing here")
 
 def test_short():
     raise AssertionError

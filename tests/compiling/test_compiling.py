@@ -13,6 +13,7 @@ from types import ModuleType
 
 import campaign
 import pytest
+from needed import meant
 from numba import njit
 from numba.core import errors, event
 
@@ -144,7 +145,7 @@ def test_what_is_compiled_for_given_types_is_kept_too(tmp_path: Path) -> None:
     assert run(tmp_path, shown) == (2.0, 1)
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root can write everywhere")
+@pytest.mark.skipif(os.geteuid() == 0, reason=meant("root can write everywhere"))
 def test_without_a_place_to_keep_anything_it_is_compiled_every_time(tmp_path: Path) -> None:
     write(tmp_path)
     tmp_path.chmod(0o555)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
+from needed import meant
 from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
@@ -131,7 +132,7 @@ def _spoil(rows: Floats) -> int:
     return 0
 
 
-@pytest.mark.skipif(not can_join(), reason="compiling is switched off")
+@pytest.mark.skipif(not can_join(), reason=meant("compiling is switched off"))
 def test_what_is_read_only_stays_so_where_calls_are_joined() -> None:
     """One type for both ways of calling: nothing is compiled twice, and nothing writes what a model holds."""
     fixed, out = np.arange(4.0), np.zeros(1)

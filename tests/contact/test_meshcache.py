@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from meshfiles import BOX, stl
+from needed import meant
 from probing import grid
 
 from itouch import caches
@@ -262,7 +263,7 @@ def test_an_entry_that_others_can_write_is_built_anew(folder: Path, mode: int) -
     assert load_source(BALL).cached
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
+@pytest.mark.skipif(os.geteuid() != 0, reason=meant("only root can give files away"))
 def test_what_is_somebody_elses_is_not_used(folder: Path) -> None:
     load_source(BALL)
     (entry,) = entries(folder)

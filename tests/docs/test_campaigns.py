@@ -10,6 +10,7 @@ import sys
 
 import pytest
 from listings import DOCS
+from needed import missing
 
 sys.path.insert(0, str(DOCS))
 
@@ -90,10 +91,10 @@ def test_what_claims_name_is_there() -> None:
 
 def test_commits_of_runs_are_of_this_history() -> None:
     if not (ROOT / ".git").exists():
-        pytest.skip("no history here")
+        missing("no history here: test a clone of the repository")
     shallow = subprocess.run(["git", "rev-parse", "--is-shallow-repository"], cwd=ROOT, capture_output=True, text=True)
     if shallow.stdout.strip() != "false":
-        pytest.skip("no whole history here")
+        missing("no whole history here: git fetch --unshallow")
     told = {commit for one in campaigns.figures() for commit in _COMMIT.findall(one["text"])}
     for commit in told | {run["commit"] for claim in CLAIMS for run in claim.get("run", ())}:
         done = subprocess.run(["git", "merge-base", "--is-ancestor", commit, "HEAD"], cwd=ROOT, capture_output=True)

@@ -13,6 +13,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from needed import meant
 
 from itouch_evidence.sweeps import deaths, failures
 from itouch_evidence.sweeps.backends import Measured, Rate, plain, shown, steady
@@ -73,7 +74,9 @@ def rows_in(out: Path, *digests: str) -> None:
     pq.write_table(pa.table({"digest": list(digests)}), folder / f"{len(list(folder.iterdir()))}.parquet")
 
 
-@pytest.mark.skipif(not hasattr(signal, "SIGKILL") or sys.platform != "linux", reason="processes are found in /proc")
+@pytest.mark.skipif(
+    not hasattr(signal, "SIGKILL") or sys.platform != "linux", reason=meant("processes are found in /proc")
+)
 def test_a_row_that_is_lost_or_doubled_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out = tmp_path / "out"
     rows_in(out, "a", "b")
@@ -96,7 +99,7 @@ def test_a_row_that_is_lost_or_doubled_is_seen(tmp_path: Path, monkeypatch: pyte
     assert (lost["good"], lost["lost"]) == (False, 1)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="processes are found in /proc")
+@pytest.mark.skipif(sys.platform != "linux", reason=meant("processes are found in /proc"))
 def test_what_goes_on_working_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(deaths, "GONE", 0.2)
     mark = f"some mark of {os.getpid()}"  # another run of the tests on this machine has its own

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as some
 from hypothesis.extra import numpy as arrays
+from needed import meant
 from shipped import SCENES
 
 import itouch
@@ -127,7 +128,7 @@ def test_a_folder_that_others_can_write_is_not_read(solve: Solver, folder: Path,
     assert solve.solved == 2
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give folders away")
+@pytest.mark.skipif(os.geteuid() != 0, reason=meant("only root can give folders away"))
 def test_a_folder_of_somebody_else_is_not_read(solve: Solver, folder: Path) -> None:
     solve()
     os.chown(folder, 12345, 12345)

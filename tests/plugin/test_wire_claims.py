@@ -5,11 +5,12 @@ from __future__ import annotations
 import sys
 
 import pytest
+from needed import meant
 
 from itouch.plugin import wire_claims
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="guardians hold wires on Linux only")
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason=meant("guardians hold wires on Linux only"))
 @pytest.mark.parametrize(("patience", "held_for", "waits"), [(60.0, 3, True), (0.0, 1000, False)])
 def test_a_guardian_is_waited_for_until_it_lets_go_or_it_has_taken_too_long(
     patience: float, held_for: int, waits: bool, monkeypatch: pytest.MonkeyPatch

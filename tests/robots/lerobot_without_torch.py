@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 import types
 from pathlib import Path
 
-import pytest
+from needed import missing
 
 ROBOTS = Path(__file__).resolve().parents[2] / "plugins" / "robots"
 
@@ -17,9 +18,11 @@ def lerobot() -> None:
     ``lerobot.processor`` imports torch and ``lerobot.motors.motors_bus`` drivers of motors: the base class takes a
     type's name from each, for annotations only.
     """
-    for name in ("draccus", "huggingface_hub"):
-        pytest.importorskip(name)
-    pytest.importorskip("lerobot")
+    for name in ("draccus", "huggingface_hub", "lerobot"):
+        if importlib.util.find_spec(name) is None:
+            missing(
+                f"{name} is not installed: pip install draccus huggingface_hub; pip install --no-deps 'lerobot>=0.4,<0.5'"
+            )
     if "torch" not in sys.modules:
         for name, taken in (("lerobot.processor", "RobotAction"), ("lerobot.motors.motors_bus", "MotorCalibration")):
             module = types.ModuleType(name)

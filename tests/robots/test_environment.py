@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+import importlib.util
 import warnings
 from typing import Any
 
 import numpy as np
 import pytest
 from lerobot_without_torch import found
+from needed import missing
 
 pytestmark = pytest.mark.long
+
+
+def need_gymnasium() -> None:
+    """Skip where Gymnasium is not installed."""
+    if importlib.util.find_spec("gymnasium") is None:
+        missing("gymnasium is not installed: pip install 'gymnasium>=1.0,<2'")
 
 
 @pytest.fixture(scope="module")
 def gymnasium() -> Any:
     found()
-    module = pytest.importorskip("gymnasium")
+    need_gymnasium()
+    import gymnasium as module
+
     module.make("itouch_gym:itouch/FluxControl-v0").close()  # as a user does who has not imported it
     return module
 
@@ -60,7 +70,7 @@ def test_a_plate_that_is_driven_too_far_is_kept_in_its_limits(gymnasium: Any) ->
 
 def test_itouchs_controller_beats_the_baseline_which_beats_nothing() -> None:
     found()
-    pytest.importorskip("gymnasium")
+    need_gymnasium()
     from itouch_gym.scores import score
 
     episodes = [("aluminium", 33.0, 3), ("wood", 32.0, 4)]

@@ -11,6 +11,7 @@ import threading
 from collections.abc import Iterator
 
 import pytest
+from needed import meant
 
 from itouch.platforms import lives
 from itouch.plugin import TwinInputs
@@ -40,7 +41,7 @@ except OSError:
     print("hung up")
 """
 
-needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root can run a program as somebody else")
+needs_root = pytest.mark.skipif(os.geteuid() != 0, reason=meant("only root can run a program as somebody else"))
 
 
 def said_by(user: int, address: str) -> str:

@@ -16,6 +16,7 @@ from typing import Any
 
 import campaign
 import pytest
+from needed import not_here
 from shipped import SCENES
 from test_limits_stored import edited
 
@@ -153,7 +154,7 @@ def test_no_limit_of_a_shipped_scene_and_rig_is_looser_on_the_way_back(tmp_path:
         loaded = itouch.load(SCENES / scene, rig=SCENES / "rigs" / rig if rig else None, twin="all", records=False)
         base = itouch.build(loaded)
     except SceneError:
-        pytest.skip("this rig does not fit this scene")
+        not_here("this rig does not fit this scene")
     every = list(changes(base))
     random.Random(f"{scene} {rig}").shuffle(every)
     must = [change for change in every if change[1] in FLAGS][: campaign.size(2, 2)]

@@ -15,13 +15,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from needed import meant
 from run_scene import write_study
 
 from itouch_tools.study import client
 from itouch_tools.study.client import ServedError, connect
 from itouch_tools.study.server import MOST, Door, DoorError
 
-pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="processes are ended by signals")
+pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason=meant("processes are ended by signals"))
 
 
 class Other:
