@@ -29,6 +29,7 @@ from forms import (  # noqa: F401  - hooks
 )
 from forms import pytest_collection_modifyitems as _choose
 from hypothesis import HealthCheck, settings
+from punctuality import pytest_runtest_protocol  # noqa: F401  - a hook
 from shipped import SCENES
 
 # a machine may be busy with other work: how long an example takes says nothing

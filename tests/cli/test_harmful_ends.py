@@ -58,7 +58,7 @@ def run(folder: Path, act: str, pace: str = "fast") -> Ended:
     words = ["run", "scene.xml", "--headless", "--pace", pace, "--for", "0.1 s", "--report", str(report)]
     path = os.pathsep.join((str(folder), os.environ.get("PYTHONPATH", "")))
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, *words, "--save", "s.itouch"], capture_output=True, text=True, timeout=100,
+        [sys.executable, "-c", PROGRAM, *words, "--save", "s.itouch"], capture_output=True, text=True, timeout=600,
         check=False, cwd=folder, env={**os.environ, "PYTHONPATH": path},
     )  # fmt: skip
     told = json.loads(report.read_text(encoding="utf-8")) if report.exists() else None
@@ -159,8 +159,8 @@ def test_what_was_replaced_by_something_else_is_put_back(tmp_path: Path, act: st
 @pytest.mark.parametrize(
     "act",
     campaign.some([
-        "class Left:\n  def __del__(self):\n    time.sleep(90)\none = Left()\none.me = one",
-        "import gc\ngc.callbacks.append(lambda *a: time.sleep(90))",
+        "class Left:\n  def __del__(self):\n    time.sleep(900)\none = Left()\none.me = one",
+        "import gc\ngc.callbacks.append(lambda *a: time.sleep(900))",
     ], lambda one: "Left" in one),
 )  # fmt: skip
 def test_what_is_left_in_garbage_is_not_taken_apart_at_the_end(tmp_path: Path, act: str) -> None:
@@ -169,21 +169,21 @@ def test_what_is_left_in_garbage_is_not_taken_apart_at_the_end(tmp_path: Path, a
     assert code == 0, complained
     assert "0.100 s simulated" in said
     assert report is not None and report["faults"] == []
-    assert took < 60.0
+    assert took < 600.0
 
 
 @pytest.mark.parametrize(
     ("act", "what", "pace"),
     campaign.some([
-        ("def wait():\n  time.sleep(90)\natexit.register(wait)", r"\(evil\.py, line 23\)", "fast"),
-        ("atexit.register(time.sleep, 90)", r"\(registered with atexit, or holding a lock\)", "fast"),
-        ("atexit.register(time.sleep, 90)", r"\(registered with atexit, or holding a lock\)", "real"),
+        ("def wait():\n  time.sleep(900)\natexit.register(wait)", r"\(evil\.py, line 23\)", "fast"),
+        ("atexit.register(time.sleep, 900)", r"\(registered with atexit, or holding a lock\)", "fast"),
+        ("atexit.register(time.sleep, 900)", r"\(registered with atexit, or holding a lock\)", "real"),
         ("one = logging.StreamHandler()\nlogging.getLogger().addHandler(one)\n"
-         "threading.Thread(target=lambda: (one.acquire(), time.sleep(90)), daemon=True).start()",
+         "threading.Thread(target=lambda: (one.acquire(), time.sleep(900)), daemon=True).start()",
          r"\(registered with atexit, or holding a lock\)", "fast"),
-        ("threading.Thread(target=lambda: (threading._active_limbo_lock.acquire(), time.sleep(90)), daemon=True).start()\n"
+        ("threading.Thread(target=lambda: (threading._active_limbo_lock.acquire(), time.sleep(900)), daemon=True).start()\n"
          "time.sleep(0.1)", r"\(registered with atexit, or holding a lock\)", "fast"),
-        ("threading.Thread(target=time.sleep, args=(90,), name='listener').start()", r"\(thread 'listener'\)", "real"),
+        ("threading.Thread(target=time.sleep, args=(900,), name='listener').start()", r"\(thread 'listener'\)", "real"),
     ], lambda one: "wait" in one[0] or one[2] == "real"),
 )  # fmt: skip
 def test_what_is_left_for_the_end_is_not_waited_for(tmp_path: Path, act: str, what: str, pace: str) -> None:
@@ -195,4 +195,4 @@ def test_what_is_left_for_the_end_is_not_waited_for(tmp_path: Path, act: str, wh
     assert re.search(
         f"note: what a plugin has left {what} does not end; all is done, the program ends without", complained
     )
-    assert LONGEST < took < 60.0
+    assert LONGEST < took < 600.0

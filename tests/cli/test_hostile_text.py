@@ -92,7 +92,7 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path, words: list[str]) -> None:
     (tmp_path / "s.xml").write_text(FIRST, encoding="utf-8")
     (tmp_path / "i.xml").write_text('<itouch version="1.0"><include file="p.xml"/></itouch>', encoding="utf-8")
     code = f"import sys; from itouch_tools.cli import main; sys.exit(main({words!r}))"
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120,
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=600,
                           check=False)  # fmt: skip
     assert done.returncode == 2, done.stderr
     assert "a pipe, a device or a socket, not a file" in done.stderr

@@ -262,13 +262,13 @@ def test_an_interrupted_run_leaves_a_whole_recording(tmp_path: Path) -> None:
     words = [sys.executable, "-m", "itouch_tools.cli", str(SCENES / "first_touch.xml"), "--headless", "--pace", "real"]
     running = subprocess.Popen([*words, "--for", "60s", "--record", str(tmp_path / "r.mcap")], stdout=subprocess.DEVNULL,
                                stderr=subprocess.DEVNULL)  # fmt: skip
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + 300.0
     while not ((tmp_path / "r.mcap").exists() and (tmp_path / "r.mcap").stat().st_size > 30_000):
         assert running.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.05)
     running.send_signal(signal.SIGINT)
-    running.wait(30)
+    running.wait(300)
     recording = itouch.read(tmp_path / "r.mcap")
     assert recording.whole, recording.losses
     assert len(recording.ticks) > 100

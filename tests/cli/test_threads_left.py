@@ -23,7 +23,7 @@ class Listens(Modality):
     "Listens to something for ever."
     Params = Nothing
     def compile(self, name, params, world):
-        threading.Thread(target=time.sleep, args=(300.0,), name="listener", daemon={daemon}).start()
+        threading.Thread(target=time.sleep, args=(900.0,), name="listener", daemon={daemon}).start()
         return params
     def reset(self, model, state):
         pass
@@ -43,7 +43,7 @@ def run(folder: Path, daemon: bool) -> subprocess.CompletedProcess[str]:
     words = ["run", str(folder / "scene.xml"), "--headless", "--pace", "fast", "--for", "0.05 s"]
     path = os.pathsep.join((str(folder), os.environ.get("PYTHONPATH", "")))
     return subprocess.run(
-        [sys.executable, "-c", PROGRAM, *words], capture_output=True, text=True, timeout=120, check=False,
+        [sys.executable, "-c", PROGRAM, *words], capture_output=True, text=True, timeout=600, check=False,
         env={**os.environ, "PYTHONPATH": path},
     )  # fmt: skip
 

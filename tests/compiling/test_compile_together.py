@@ -82,7 +82,7 @@ def begin(folder: Path, script: str, *words: str) -> subprocess.Popen[str]:
 
 
 def said(process: subprocess.Popen[str]) -> str:
-    out, error = process.communicate(timeout=120)
+    out, error = process.communicate(timeout=600)
     assert process.returncode == 0, error
     return out
 
@@ -96,7 +96,7 @@ def test_two_processes_compile_each_kernel_once(tmp_path: Path) -> None:
 def test_what_a_process_was_at_that_was_killed_is_compiled_by_another(tmp_path: Path) -> None:
     (tmp_path / "together").mkdir()
     killed = begin(tmp_path, KILLED, str(tmp_path / "together"))
-    killed.communicate(timeout=120)
+    killed.communicate(timeout=600)
     assert killed.returncode == -9
     assert any((tmp_path / "together").iterdir())
     assert said(begin(tmp_path, BOTH, str(tmp_path / "together"), "forwards")) == "3\n"

@@ -79,7 +79,7 @@ def run(folder: Path, program: str = RUN, **more: str) -> tuple[float, int]:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=100,
+        timeout=600,
         check=False,
     )
     assert done.returncode == 0, done.stderr

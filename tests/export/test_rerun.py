@@ -256,11 +256,11 @@ def test_rerun_is_told_by_another_process(tmp_path: Path) -> None:
     try:
         with itouch.launch(SCENES / "first_touch.xml") as handle:
             words = [sys.executable, "-m", "itouch_tools.cli", "view", handle.name, "--rerun", "--to", address]
-            view = subprocess.run(words, capture_output=True, text=True, timeout=120)  # until the session ends
+            view = subprocess.run(words, capture_output=True, text=True, timeout=600)  # until the session ends
         assert view.returncode == 0, view.stderr
     finally:
         server.terminate()
-        server.wait(60)
+        server.wait(300)
     listed = subprocess.run([sys.executable, "-m", "rerun", "rrd", "print", str(kept)], capture_output=True, text=True)
     for entity in ("/world/finger\\/hip", "/world/object\\/", "/curves/N/arm"):
         assert entity in listed.stdout, entity

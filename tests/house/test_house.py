@@ -352,7 +352,7 @@ def test_pinned_versions_are_looked_up_in_a_clone_of_the_advisories(tmp_path: Pa
     pins = tmp_path / "pins.txt"
     pins.write_text("Left_Pad==1.0.1 \\\n    --hash=sha256:ab\nright-pad==3.0\n")
     script = ROOT / ".ci" / "advisories.py"
-    done = subprocess.run([sys.executable, script, tmp_path, pins], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, script, tmp_path, pins], capture_output=True, text=True, timeout=600)
     assert done.returncode == 1, done.stderr
     assert done.stdout.splitlines() == [
         "left-pad 1.0.1: PYSEC-1: so it is",
@@ -360,14 +360,14 @@ def test_pinned_versions_are_looked_up_in_a_clone_of_the_advisories(tmp_path: Pa
         "2 pinned versions, 2 known weaknesses, by entries until 2026-01-01",
     ]
     done = subprocess.run(
-        [sys.executable, script, pins.parent / "no", pins], capture_output=True, text=True, timeout=60
+        [sys.executable, script, pins.parent / "no", pins], capture_output=True, text=True, timeout=600
     )
     assert (done.returncode, done.stdout) == (2, "") and "is no clone" in done.stderr
 
 
 def test_a_release_is_not_made_over_another(tmp_path: Path) -> None:
     (tmp_path / "SHA256SUMS").write_text("of another release")
-    done = subprocess.run(["bash", ROOT / ".ci" / "release", tmp_path], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(["bash", ROOT / ".ci" / "release", tmp_path], capture_output=True, text=True, timeout=600)
     assert (done.returncode, done.stdout) == (1, "")
     assert "is not empty" in done.stderr
     done = subprocess.run(

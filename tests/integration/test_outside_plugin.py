@@ -34,7 +34,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(site: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, *words], capture_output=True, text=True, check=False, timeout=120,
+        [sys.executable, *words], capture_output=True, text=True, check=False, timeout=600,
         env={**os.environ, "PYTHONPATH": str(site)},
     )  # fmt: skip
 

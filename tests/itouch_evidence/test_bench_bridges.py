@@ -48,7 +48,7 @@ def state_of(pid: int) -> str:
 
 
 def becomes(pid: int, states: str) -> bool:
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + 300.0
     while state_of(pid) not in list(states) and time.monotonic() < end:
         time.sleep(0.01)
     return state_of(pid) in list(states)
@@ -62,7 +62,7 @@ def test_a_program_is_frozen_counted_and_killed_with_its_children(
     program.open("session")
     child = int((tmp_path / "pid").read_text())
     try:
-        end = time.monotonic() + 20.0
+        end = time.monotonic() + 300.0
         while program.used < 0.2 and time.monotonic() < end:
             time.sleep(0.02)
         assert program.used >= 0.2

@@ -265,7 +265,7 @@ def test_kill_loses_at_most_a_quarter_of_a_second(victim: str, tmp_path: Path) -
             stdout=subprocess.DEVNULL,
         )  # fmt: skip
         try:
-            deadline = time.monotonic() + 30.0
+            deadline = time.monotonic() + 300.0
             while not (clock.exists() and clock.read_bytes() and int(clock.read_bytes()) > 300 + 37 * number):
                 assert running.poll() is None
                 assert time.monotonic() < deadline
@@ -281,7 +281,7 @@ def test_kill_loses_at_most_a_quarter_of_a_second(victim: str, tmp_path: Path) -
             running.kill()
             running.wait()
         if victim == "session":  # the process that writes sees that it is alone, writes what it has, and ends
-            deadline = time.monotonic() + 10.0
+            deadline = time.monotonic() + 300.0
             while not itouch.read(path).whole and time.monotonic() < deadline:
                 time.sleep(0.05)
         ticks = itouch.read(path).ticks

@@ -105,6 +105,7 @@ def touched(scene: Path, table: type[Slab]) -> list[tuple[float, float, int]]:
     return clock
 
 
+@pytest.mark.punctual
 @pytest.mark.parametrize("every", campaign.some([0.020, 0.007, 0.023], 1))
 def test_the_clock_of_contact_is_the_walls(tmp_path: Path, every: float) -> None:
     (tmp_path / "s.xml").write_text(SCENE, encoding="utf-8")

@@ -125,6 +125,7 @@ def test_devices_with_odd_periods_of_their_own_let_go_of_the_finger(
     campaign.tell(f"{table} and {display} ms: {len(done)} cells")
 
 
+@pytest.mark.punctual
 def test_a_cell_through_threads_reaches_its_fault(found: tuple[Pair, Phases]) -> None:
     """While a host was enabled no new reading of the arm came: each cell ended in its first tick, and none was wrong."""
     _, phases = found

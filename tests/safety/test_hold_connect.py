@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import os
 import threading
-import time
 
 import pytest
 from parts import ARM, PERIOD, TABLE, Fake, Supervised, lost, model, state
@@ -83,7 +82,7 @@ def test_letting_go_stops_what_acts() -> None:
 
 def test_all_devices_are_opened_at_once_and_read() -> None:
     data, devices = supervised(("one", ARM), ("two", ARM), ("three", ARM), twin=False)
-    barrier = threading.Barrier(3, timeout=10.0)
+    barrier = threading.Barrier(3, timeout=600.0)
     for one in devices:
         assert isinstance(one.gate.device, Fake)
         one.gate.device.open = barrier.wait  # type: ignore[method-assign,assignment]  # opens only if all do
@@ -117,11 +116,9 @@ def test_a_device_that_never_opens_is_told() -> None:
     done = threading.Event()
     assert isinstance(devices[0].gate.device, Fake)
     devices[0].gate.device.open = done.wait  # type: ignore[method-assign,assignment]
-    begin = time.monotonic()
-    failures = connect([one.lifecycle for one in devices], 0, patience=0.05)
+    failures = connect([one.lifecycle for one in devices], 0, patience=0.5)
     done.set()
-    assert failures == {"one": "did not open within 0.05 s"}
-    assert time.monotonic() - begin < 10.0
+    assert failures == {"one": "did not open within 0.5 s"}
 
 
 def test_what_is_open_is_not_opened_again() -> None:

@@ -78,6 +78,7 @@ def warm(count: int, reading: Record, name: str = "t") -> None:
 # --- what a driver says and hands over ------------------------------------------------------------------------------
 
 
+@pytest.mark.punctual  # in a thread: each word holds for 80 ms
 @pytest.mark.parametrize("no", [False, np.bool_(False), 0])
 @pytest.mark.parametrize("behind", ["inline", "in step", "in a thread"])
 def test_whatever_is_false_is_no_news(tmp_path: Path, no: object, behind: str) -> None:
@@ -100,6 +101,7 @@ def test_whatever_is_false_is_no_news(tmp_path: Path, no: object, behind: str) -
     session.close()
 
 
+@pytest.mark.punctual
 @pytest.mark.parametrize("behind", ["in step", "in a thread"])
 @pytest.mark.parametrize(
     "time", [{"inside": -1e9}, {"ago": -1e9}, {"inside": math.nan}, {"ago": math.inf}, {"ago": -0.01}]

@@ -44,7 +44,9 @@ def test_whatever_is_written_holds_for_80_ms_at_most(value: int, place: int) -> 
     segment.close()
 
 
-def test_who_lets_go_is_not_covered_by_another(segment: SharedMemory) -> None:
+def test_who_lets_go_is_not_covered_by_another(segment: SharedMemory, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = monotonic()
+    monkeypatch.setattr("itouch.servo.deadman_holders.monotonic", lambda: now)  # a machine may hold a test up for 80 ms
     switch, first, second = Switch(segment.words), Holder(segment), Holder(segment)
     first.say(True)
     second.say(True)
@@ -102,9 +104,10 @@ def test_one_write_of_the_greatest_number_holds_no_session(scene: Path) -> None:
     with itouch.launch(scene, seconds=30.0, realtime=False) as handle:
         handle.link._segment.words[at.HELD_UNTIL] = 1 << 62  # as any process of the same user could
         with pytest.raises(itouch.DeviceFaultError, match="was let go: nobody holds the switch"):
-            handle.wait(20.0)
+            handle.wait(300.0)
 
 
+@pytest.mark.punctual  # a word holds for 80 ms
 def test_a_viewer_that_lets_go_stops_a_session_that_another_holds(scene: Path) -> None:
     with itouch.launch(scene, seconds=60.0, realtime=False) as handle, attach(handle.name) as other:
 
@@ -113,10 +116,10 @@ def test_a_viewer_that_lets_go_stops_a_session_that_another_holds(scene: Path) -
             other.hold()
             return handle.link.tick > 50
 
-        assert _until(both, 20.0)
+        assert _until(both, 300.0)
         other.hold(False)
         with pytest.raises(itouch.DeviceFaultError, match="one of those who held the switch let it go"):
-            assert _until(lambda: (handle.hold(), handle.wait(0.0))[1], 20.0)
+            assert _until(lambda: (handle.hold(), handle.wait(0.0))[1], 300.0)
 
 
 def test_a_stored_state_holds_nothing(scene: Path, tmp_path: Path) -> None:

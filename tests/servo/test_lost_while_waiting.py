@@ -59,7 +59,7 @@ def test_it_is_told_and_the_session_does_not_go_on_waiting(tmp_path: Path, moves
     path = os.pathsep.join((str(tmp_path), os.environ.get("PYTHONPATH", "")))
     words = ["run", str(tmp_path / "scene.xml"), "--headless", "--for", "1 s"]
     done = subprocess.run(
-        [sys.executable, "-m", "itouch_tools.cli", *words], capture_output=True, text=True, timeout=60, check=False,
+        [sys.executable, "-m", "itouch_tools.cli", *words], capture_output=True, text=True, timeout=600, check=False,
         env={**os.environ, "PYTHONPATH": path},
     )  # fmt: skip
     assert done.returncode == 2, done.stderr

@@ -29,7 +29,7 @@ def test_a_process_whose_parent_has_gone_does_not_begin(words: tuple[str, ...]) 
         [sys.executable, "-P", "-m", *words], stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     try:
-        assert process.wait(120) == 1
+        assert process.wait(300) == 1
         assert process.stderr is not None
         assert process.stderr.read() == ""
     finally:
@@ -106,11 +106,11 @@ def test_a_dead_guardian_is_told_while_the_servo_process_still_imports() -> None
         words = [sys.executable, "-c", _IMPORTING, str(far.fileno())]
         servo = subprocess.Popen(words, pass_fds=(far.fileno(),))
         far.close()
-        near.settimeout(60.0)
+        near.settimeout(300.0)
         try:
             said = near.recv(65536).decode()
             assert "nothing is enabled without it" in said
-            assert servo.wait(60) == 1
+            assert servo.wait(300) == 1
         finally:
             servo.kill()
             servo.wait()

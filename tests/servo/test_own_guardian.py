@@ -93,7 +93,7 @@ def in_time(folder: Path, act: str, code: int, rest: str = "session.run(1.0)\n")
     """
     for number in range(3):
         script, log = begun(folder / str(number), act, rest)
-        said, _ = script.communicate(timeout=100)
+        said, _ = script.communicate(timeout=600)
         wait_until(lambda log=log, script=script: any(who != script.pid for _, who, _ in entries(log)))
         told = entries(log)
         if let_go(told, script.pid) < PROMPT and script.returncode == code:
@@ -138,6 +138,7 @@ def test_while_no_tick_comes_from_a_script_the_device_is_safe_and_the_next_tick_
     assert log[-1][2] == "close"
 
 
+@pytest.mark.punctual
 def test_a_script_that_is_suspended_and_woken_finds_the_device_safe(tmp_path: Path) -> None:
     script, log = begun(tmp_path / "one", "pass", GOES_ON.format(pause="pass"))
     wait_until(lambda: sum(what not in ("open", "0.0") for _, _, what in entries(log)) > 200, 60.0)
@@ -145,16 +146,17 @@ def test_a_script_that_is_suspended_and_woken_finds_the_device_safe(tmp_path: Pa
     wait_until(lambda: entries(log)[-1][1] != script.pid)
     _, who, force = entries(log)[-1]
     os.kill(script.pid, signal.SIGCONT)
-    said, _ = script.communicate(timeout=60)
+    said, _ = script.communicate(timeout=600)
     assert who != script.pid and force == "0.0"
     assert "or it was suspended" in said
     assert entries(log)[-1][2] == "close"
 
 
+@pytest.mark.punctual
 def test_a_script_whose_guardian_is_killed_stops(tmp_path: Path) -> None:
     killed = "session.run(0.3)\nos.kill(session._guardian._guarded.pid, signal.SIGKILL)\nsession.run(1.0)\n"
     script, log = begun(tmp_path / "one", "pass", killed)
-    _, complained = script.communicate(timeout=60)
+    _, complained = script.communicate(timeout=600)
     assert script.returncode == 1
     assert "'stick' was made safe: the guardian process has died or hangs" in complained
     assert entries(log)[-1][2] == "0.0"

@@ -59,7 +59,7 @@ def test_it_goes_on_in_another_process(scenes: Path, faults: str) -> None:
     expected = told(straight, (END - SAVED) * 1e-3)
     done = subprocess.run(
         [sys.executable, "-c", _GO_ON, str(scenes / "flying.itouch"), str((END - SAVED) * 1e-3)],
-        capture_output=True, text=True, timeout=100, check=False,
+        capture_output=True, text=True, timeout=600, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == expected

@@ -45,7 +45,7 @@ def test_a_killed_session_goes_on_from_what_was_recorded(tmp_path: Path) -> None
         [*words, "--headless", "--record", str(path)], start_new_session=True, stdout=subprocess.DEVNULL
     )
     try:
-        until = time.monotonic() + 60
+        until = time.monotonic() + 300
         while time.monotonic() < until and (not path.exists() or path.stat().st_size < 200_000):
             time.sleep(0.02)
     finally:
@@ -53,7 +53,7 @@ def test_a_killed_session_goes_on_from_what_was_recorded(tmp_path: Path) -> None
         running.wait()
     done = subprocess.run(
         [sys.executable, "-m", "itouch_tools.cli", str(path), "--headless", "--for", "0.2s"],
-        capture_output=True, text=True, timeout=100, check=False,
+        capture_output=True, text=True, timeout=600, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "0 faults" in done.stdout

@@ -186,7 +186,7 @@ def test_a_new_process_refuses_what_would_be_looser(tmp_path: Path) -> None:
         [sys.executable, "-c", program, *words],
         capture_output=True,
         text=True,
-        timeout=100,
+        timeout=600,
         check=False,
         env=os.environ,
     )

@@ -32,7 +32,7 @@ def test_marks_go_out_and_come_in(network: None) -> None:
     session.clock = itouch.WallClock()
     theirs = pylsl.StreamOutlet(pylsl.StreamInfo("eeg triggers", "Markers", 1, 0.0, "string", "amp-1"))
     with Streams(session):
-        deadline, inlet, arm, marks, samples = time.monotonic() + 20.0, None, None, [], []
+        deadline, inlet, arm, marks, samples = time.monotonic() + 300.0, None, None, [], []
         while time.monotonic() < deadline and not (marks and samples and session.marks[-1:] != []
                                                    and session.marks[-1]["name"] == "eeg triggers"):  # fmt: skip
             session.run(0.05)

@@ -29,6 +29,7 @@ def session(tmp_path: Path) -> Any:
     built.close()
 
 
+@pytest.mark.punctual
 def test_hardware_is_stopped_in_the_first_tick_after_the_machine_has_slept(
     session: itouch.Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -48,11 +49,12 @@ def test_hardware_is_stopped_in_the_first_tick_after_the_machine_has_slept(
 
 
 def test_what_a_machine_has_slept_is_told_by_its_clocks() -> None:
-    found = [clock.asleep() for _ in range(50)]
+    found = [clock.asleep() for _ in range(50)]  # two clocks, read one after the other
     assert max(found) - min(found) < 0.1
     assert min(found) > -0.1
 
 
+@pytest.mark.punctual
 def test_a_switch_that_was_held_before_a_pause_of_the_script_is_not_held_after_it(tmp_path: Path) -> None:
     """It was for what was left of 80 ms of ticks, however long nobody had said so."""
     (tmp_path / "scene.xml").write_text(SCENE, encoding="utf-8")

@@ -305,7 +305,7 @@ def test_a_sound_server_plays_the_modes_that_were_asked_for(tmp_path):
         )
     finally:
         server.terminate()
-        server.wait(10)
+        server.wait(300)
     assert done.returncode == 0, done.stderr
     found = json.loads((tmp_path / "x.json").read_text())
     assert found["plays_by"] == "PulseAudio" and found["strokes_heard"] == "4 of 4"

@@ -166,7 +166,7 @@ def test_a_process_that_dies_is_told_and_not_waited_for(installed: None, tmp_pat
     words = ["study", "simulate", str(written(tmp_path)), "-o", str(tmp_path / "rows"), "--observers", "3"]
     done = subprocess.run(
         [sys.executable, "-m", "itouch_tools.cli", *words, "--processes", "2", "--model", "dies"], capture_output=True,
-        text=True, timeout=100, check=False, env={**os.environ, "PYTHONPATH": str(tmp_path / "site")},
+        text=True, timeout=600, check=False, env={**os.environ, "PYTHONPATH": str(tmp_path / "site")},
     )  # fmt: skip
     assert done.returncode == 1
     assert "one of the processes that simulate was killed" in done.stderr and "Traceback" not in done.stderr

@@ -125,7 +125,7 @@ sys.exit(main(argv))
 def killed(path: Path, folder: Path, answers: Path, when: str, number: int) -> int:
     argv = ["study", "run", str(path), "-o", str(folder), "--participant", "P07", "--answers", str(answers)]
     command = [sys.executable, "-c", _KILLED, when, str(number), *argv]
-    return subprocess.run(command, capture_output=True, check=False, timeout=300).returncode
+    return subprocess.run(command, capture_output=True, check=False, timeout=600).returncode
 
 
 def test_killed_at_a_write_nothing_is_lost_or_doubled(whole: tuple[Path, Path, list[Row]], tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ def test_live_window(name: str, said):
 
 def view(*words: str, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-m", "itouch_tools.cli", "view", *words], capture_output=True, text=True,
-                          env=environment, timeout=60)  # fmt: skip
+                          env=environment, timeout=600)  # fmt: skip
 
 
 def test_view_says_what_is_missing(screen):
@@ -80,13 +80,13 @@ def test_run_opens_a_window_that_sigterm_ends_safely(screen, tmp_path: Path):
     words = [sys.executable, "-m", "itouch_tools.cli", "run", str(SCENES / "four_materials_hurried.xml"), "--mute", "--report",
              str(report), "--for", "60s"]  # fmt: skip
     run = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=screen)
-    end = time.monotonic() + 60
+    end = time.monotonic() + 300
     while not any(info.owner == run.pid and info.phase == "running" for info in itouch.servo.sessions()):
         assert time.monotonic() < end and run.poll() is None
         time.sleep(0.05)
     time.sleep(0.5)
     os.kill(run.pid, signal.SIGTERM)
-    said, _ = run.communicate(timeout=60)
+    said, _ = run.communicate(timeout=600)
     assert run.returncode == 128 + signal.SIGTERM, said
     assert "stopped by SIGTERM" in said and "Traceback" not in said
     assert report.exists()
@@ -101,7 +101,7 @@ def test_curves_are_those_of_the_loop_at_any_rate_of_pictures() -> None:
     with launch(SCENES / "first_touch.xml", twin="all", seconds=600.0) as handle:
         slow, quick = Attached(handle.link), Attached(handle.link)
         rings = Ring(slow.model), Ring(slow.model)
-        until = time.monotonic() + 60.0
+        until = time.monotonic() + 300.0
         begin = last = handle.link.seconds
         while handle.link.seconds < begin + 2.4 and time.monotonic() < until:
             quick.advance(0.02, rings[1])
@@ -112,7 +112,7 @@ def test_curves_are_those_of_the_loop_at_any_rate_of_pictures() -> None:
         slow.advance(0.8, rings[0])
         quick.advance(0.02, rings[1])
         handle.request_stop()
-        handle.wait(30)
+        handle.wait(300)
     for ring in rings:
         times, values = ring.curves(ring.charts[0])
         assert len(times) > 50 and (np.diff(times) > 0).all()

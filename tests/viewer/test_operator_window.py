@@ -27,10 +27,10 @@ def test_a_session_is_seen_by_the_operator(screen: Mapping[str, str], tmp_path: 
     words = [sys.executable, "-m", "itouch_tools.cli", "study", "run", str(study), "--participant", "P1", "--operator"]
     words += ["--answers", str(answers)]
     bare = {name: value for name, value in screen.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    done = subprocess.run(words, capture_output=True, text=True, env=bare, timeout=300)
+    done = subprocess.run(words, capture_output=True, text=True, env=bare, timeout=600)
     assert done.returncode == 2
     assert "no window" in done.stderr and "Traceback" not in done.stderr
-    done = subprocess.run(words, capture_output=True, text=True, env=dict(screen), timeout=300)
+    done = subprocess.run(words, capture_output=True, text=True, env=dict(screen), timeout=600)
     assert done.returncode == 0, done.stderr
     assert "all done: 3 new trials" in done.stdout
     assert not any(word in done.stdout for word in ("wood", "steel", "cork"))

@@ -71,7 +71,7 @@ def told() -> Iterator[tuple[Any, list[Any], Heard, list[str], set[str]]]:
         heard = Heard(port, 7)
         topics = Topics(engine.model, engine.state, Place("127.0.0.1", port, 7))
         states = []
-        end = time.monotonic() + 60
+        end = time.monotonic() + 300
         while "/tf" not in heard.found and time.monotonic() < end:  # until the listener is known
             topics.tell(Moment(0, START, engine.state.copy()))
             time.sleep(0.05)
@@ -87,7 +87,7 @@ def told() -> Iterator[tuple[Any, list[Any], Heard, list[str], set[str]]]:
             if name not in ("/events", "/marks"):
                 heard.wait(name, len(states))
         heard.wait("/marks", 1)
-        tokens = {str(reply.ok.key_expr) for reply in heard.session.liveliness().get("@ros2_lv/7/**", timeout=10.0)}
+        tokens = {str(reply.ok.key_expr) for reply in heard.session.liveliness().get("@ros2_lv/7/**", timeout=600.0)}
         yield engine, states, heard, topics.names, tokens
         topics.close()
         heard.session.close()

@@ -50,7 +50,7 @@ class Client:
     def until(self, words: str) -> None:
         """Take messages until the words beside the picture are these: they are told last."""
         while self.words != words:
-            data = self._line.recv(timeout=60)
+            data = self._line.recv(timeout=600)
             assert isinstance(data, bytes)
             size = int.from_bytes(data[8:16], "little")
             whole = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(data[16 : 16 + size]))
@@ -99,7 +99,7 @@ class Served:
         self._ready, self._loop = threading.Event(), asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_until_complete, args=(self._run(inner, token),))
         self._thread.start()
-        assert self._ready.wait(30)
+        assert self._ready.wait(300)
 
     async def _run(self, inner: tuple[str, int], token: str) -> None:
         self._end = asyncio.Event()
@@ -110,14 +110,14 @@ class Served:
 
     def close(self) -> None:
         self._loop.call_soon_threadsafe(self._end.set)
-        self._thread.join(30)
+        self._thread.join(300)
         self._loop.close()
 
     def ask(self, target: str = "/", **headers: str) -> tuple[int, dict[str, str], bytes]:
         """Return status, headers and body of a request that a browser makes."""
         import http.client
 
-        line = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        line = http.client.HTTPConnection("127.0.0.1", self.port, timeout=600)
         line.request("GET", target, headers=headers)
         answer = line.getresponse()
         found = answer.status, dict(answer.getheaders()), answer.read()
@@ -226,7 +226,7 @@ def test_nothing_that_a_browser_says_opens_a_way_to_the_internet(
     monkeypatch.setattr(server, "request_share_url", lambda: (before(), asked.set()))
     with served.look() as line:
         line.send(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
-        assert asked.wait(30)
+        assert asked.wait(300)
     assert not opened
 
 
@@ -268,7 +268,7 @@ def test_what_is_no_request_of_a_browser_harms_nothing(served: Served) -> None:
     import socket
 
     for words in (b"\0\1\2\r\n\r\n", b"POST / HTTP/1.1\r\n\r\n", b"x" * 40_000, b"GET /\r\n\r\n", b""):
-        with socket.create_connection(("127.0.0.1", served.port), timeout=30) as line:
+        with socket.create_connection(("127.0.0.1", served.port), timeout=600) as line:
             try:
                 line.sendall(words)
                 line.shutdown(socket.SHUT_WR)
@@ -322,7 +322,7 @@ def test_chromium_shows_it_and_dies_and_hangs_and_the_loop_goes_on(tmp_path: Pat
             browser.close()
         assert view.poll() is None and handle.running
         os.kill(view.pid, signal.SIGINT)
-        assert view.wait(30) == 0 and handle.running
+        assert view.wait(300) == 0 and handle.running
         assert json.dumps(handle.report()["faults"]) == "[]"
     finally:
         view.kill()

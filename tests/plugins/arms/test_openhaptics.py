@@ -50,7 +50,7 @@ def records(arm: OpenHaptics) -> tuple[Record, Record]:
 
 
 def until(true: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 5.0
+    deadline = time.monotonic() + 300.0
     while not true():
         assert time.monotonic() < deadline, "it never came"
         time.sleep(1e-3)

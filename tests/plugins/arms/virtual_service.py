@@ -28,7 +28,7 @@ class ServedService:
 
     def end(self) -> None:
         self._stop.set()
-        self._thread.join(5.0)
+        self._thread.join(300.0)
         self._server.close()
 
     @property

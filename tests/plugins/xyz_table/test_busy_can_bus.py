@@ -107,7 +107,7 @@ def test_a_bus_that_is_full_of_others_frames_holds_up_nothing(quiet: Bench, monk
         ended.set()
 
     threading.Thread(target=work, daemon=True).start()
-    assert ended.wait(60.0), "it listens for ever"
+    assert ended.wait(300.0), "it listens for ever"
     assert not failed
     assert places[-1] == pytest.approx(quiet.truth(), abs=1e-4)
 

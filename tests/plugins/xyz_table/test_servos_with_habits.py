@@ -30,7 +30,7 @@ def drive(
     """Lead an open table to a place until something is true of a reading; return all that was read."""
     reading, command = records()
     command["pose_target"] = (*place, 1.0, 0.0, 0.0, 0.0)
-    end, found = time.monotonic() + 30.0, list[list[float]]()
+    end, found = time.monotonic() + 300.0, list[list[float]]()
     while time.monotonic() < end:
         device.write(command)
         if device.read(reading):
@@ -143,7 +143,9 @@ def test_a_place_that_jumps_is_not_believed(bench: Bench) -> None:
     """A servo that is told nothing at homing, and whose count is another after a start."""
     for servo in bench.bus.servos.values():
         servo.zero = -servo.place
-    device = ThreadedDevice(table(bench, homing="absolute"), patience=30.0)
+    servos = table(bench, homing="absolute")
+    servos.clock = lambda: bench.now  # by the machine's, a table that nobody asked for long may have gone so far
+    device = ThreadedDevice(servos, patience=30.0)
     device.open()
     found = drive(device, (0.0, 0.0, 0.0), near((0.0, 0.0, 0.0)))
     bench.bus.servos[1].zero += 2.0

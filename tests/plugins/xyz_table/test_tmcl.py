@@ -201,7 +201,7 @@ def test_the_heartbeat_stops_a_table_whose_host_is_silent(bench: Bench) -> None:
     command["pose_target"] = (*[low + 0.9 * length for low, length in zip(LOWS, TRAVEL, strict=True)], 1.0, 0, 0, 0)
     device.write(command)
     device.read(reading)
-    limit = time.monotonic() + 20.0
+    limit = time.monotonic() + 300.0
     while not bench.module.tripped and time.monotonic() < limit:
         time.sleep(0.01)
     assert all(motor.mode == 0 for motor in bench.motors.values())

@@ -30,7 +30,7 @@ class Remote:
     """The device behind a USB/IP server: transfers out, answers in when they come."""
 
     def __init__(self, port):
-        self.line = socket.create_connection(("127.0.0.1", port), timeout=5)
+        self.line = socket.create_connection(("127.0.0.1", port), timeout=600)
         self.line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.line.sendall(struct.pack(">HHI", 0x0111, 0x8003, 0) + b"1-1".ljust(32, b"\0"))
         _, _, status = struct.unpack(">HHI", self.take(8))

@@ -9,7 +9,7 @@ handle, window, status = begin(FAILING)
 until(lambda: status.faults, "fault")
 press(key.ESCAPE)
 try:
-    handle.wait(20)
+    handle.wait(300)
 except itouch.DeviceFaultError as fault:
     assert fault.device == "table"
 else:

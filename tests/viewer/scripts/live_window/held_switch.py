@@ -34,7 +34,7 @@ time.sleep(0.6)  # the window hangs
 until(lambda: status.faults and status.faults[0]["tick"] > tick, "let go by itself")
 handle.request_stop()
 try:
-    handle.wait(20)
+    handle.wait(300)
 except itouch.DeviceFaultError as fault:
     assert "switch" in str(fault)
 window.source.stop()

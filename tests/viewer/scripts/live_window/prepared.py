@@ -20,7 +20,7 @@ def begin(scene):
 
 
 def until(condition, what, windows=()):
-    end = time.monotonic() + 60
+    end = time.monotonic() + 300
     while not condition():
         assert time.monotonic() < end, what
         for one in (window, *windows):

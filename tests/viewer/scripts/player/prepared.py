@@ -21,9 +21,10 @@ tell, press, pixels = driven.tell, driven.press, driven.pixels
 
 
 def turn(frames=1, period=1 / 60):
-    driven.turn(frames, period)
-    while line.reading:
-        window.frame()
+    for _ in range(frames):  # it waits where the recording has not been read yet, on a busy machine at any frame
+        driven.turn(1, period)
+        while line.reading:
+            window.frame()
 
 
 def at(share):
