@@ -98,6 +98,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.punctual  # what is drawn in a second
 def test_a_bar_goes_when_nobody_knows_any_more_how_far_it_is(tmp_path: Path) -> None:
     found = on_terminal(tmp_path, """
 with shown("reading") as wait:
@@ -112,6 +113,7 @@ with shown("reading") as wait:
     assert any("90%" in line for line in seen)
 
 
+@pytest.mark.punctual
 def test_words_have_the_room_of_a_bar_that_would_cut_them(tmp_path: Path) -> None:
     words = "1234 of 99999 runs, 12.34 a second, 12.3 h left"
     found = on_terminal(tmp_path, f"""
@@ -125,6 +127,7 @@ with shown("sweep") as wait:
     assert all(len(line) <= 80 for line in seen)
 
 
+@pytest.mark.punctual
 def test_a_wait_inside_another_is_told_in_its_line(tmp_path: Path) -> None:
     found = on_terminal(tmp_path, """
 with shown_by(shown), waiting("outer") as wait:
@@ -139,6 +142,7 @@ with shown_by(shown), waiting("outer") as wait:
     assert re.fullmatch(r"outer: \d+\.\d s", seen[-1])
 
 
+@pytest.mark.punctual
 def test_nothing_is_done_beside_work_that_measures(tmp_path: Path) -> None:
     """Its line stands before the work begins, comes back below what it prints, and is never drawn by anybody else."""
     found = on_terminal(tmp_path, """

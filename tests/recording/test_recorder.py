@@ -227,9 +227,11 @@ def test_the_death_of_the_writing_process_is_a_fault(scenes: Path, tmp_path: Pat
         session = itouch.build(path)
         recorder = session.record(tmp_path / f"{policy}.mcap")
         session.run(0.3)
-        time.sleep(0.3)
+        deadline = time.monotonic() + 300.0
+        while len(itouch.read(tmp_path / f"{policy}.mcap").ticks) < 50 and time.monotonic() < deadline:
+            time.sleep(0.01)
         os.kill(recorder.process_id, signal.SIGKILL)
-        time.sleep(0.05)
+        recorder._process.wait()
         session.run(0.7)
         fault = session.report()["faults"][0]
         assert fault["trip"] == "recording"
@@ -252,6 +254,7 @@ session.run(30.0, each=each)
 """
 
 
+@pytest.mark.punctual
 @pytest.mark.campaign
 @pytest.mark.parametrize("victim", ["session", "recorder"])
 def test_kill_loses_at_most_a_quarter_of_a_second(victim: str, tmp_path: Path) -> None:

@@ -52,7 +52,7 @@ def test_view_says_what_is_missing(screen):
     nobody = view("there-is-no-such-session", environment=screen)
     assert nobody.returncode == 2
     assert "there is no running session" in nobody.stderr
-    with itouch.launch(SCENES / "first_touch.xml", name="unseen", seconds=30.0) as handle:
+    with itouch.launch(SCENES / "first_touch.xml", name="unseen", seconds=3600.0) as handle:
         for environment, says in ((without_display(), "no display"), (screen | {"DISPLAY": ":990"}, "no display")):
             blind = view("unseen", environment=environment)
             assert blind.returncode == 2
