@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -14,6 +15,7 @@ from shipped import SCENES
 
 import itouch
 from itouch.servo import attach, sessions
+from itouch.session.outputs import Outputs
 
 Write = Callable[[str, str], Path]
 FIRST = SCENES / "first_touch.xml"
@@ -198,6 +200,25 @@ def test_a_servo_process_that_is_ended_from_outside(number: signal.Signals) -> N
         with pytest.raises(itouch.ServoError, match="killed by SIGKILL"):
             handle.report()
         assert handle.state["tick"] >= 0  # the last State stays readable
+
+
+def test_a_session_that_is_safe_and_finishes_its_files_slowly_is_not_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a busy machine that takes its time; the recording and the report were lost with the process."""
+    monkeypatch.setattr("itouch.servo.handle.END_TIME", 0.3)
+    with itouch.launch(FIRST, seconds=600, keep=Outputs(record=str(tmp_path / "r.mcap"))) as handle:
+        _until(lambda: handle.link.tick > 50)
+        (writer,) = Path(f"/proc/{handle.pid}/task/{handle.pid}/children").read_text(encoding="ascii").split()
+        os.kill(int(writer), signal.SIGSTOP)
+        handle.request_stop()
+        _until(lambda: handle.link.phase == "ending")
+        slow = threading.Timer(2.0, os.kill, (int(writer), signal.SIGCONT))
+        slow.start()
+        handle.stop()
+        slow.join()
+        assert handle.report()["servo"]["ticks"] > 50
+    assert itouch.read(tmp_path / "r.mcap").whole
 
 
 def test_a_session_that_can_not_be_saved_at_its_end_still_tells_why_it_ended(tmp_path: Path) -> None:

@@ -20,8 +20,9 @@ from itouch.servo.link import Link
 from itouch.servo.shared_memory import ServoError, SharedMemory
 from itouch.servo.thread_session import Unguarded, Within
 
-#: How long [s] the end of a session may take before the servo process is killed; its guardian acts long before.
-END_TIME = 10.0
+#: How long [s] the devices may take to be safe at the end of a session before the servo process is killed, as its
+#: guardian does long before; and how long it may take in all if they are, because then it finishes files.
+END_TIME, FILES_TIME = 10.0, 90.0
 
 
 class Handle:
@@ -218,10 +219,7 @@ class Handle:
         DeviceFaultError, ServoError, ...
             The error that ended the session before, if one did and it has not been raised yet.
         """
-        self.request_stop()
-        if not self._over.wait(END_TIME):
-            self._process.kill()
-            self._over.wait()
+        self._end()
         self._raise()
 
     def wait(self, timeout: float | None = None) -> bool:
@@ -262,11 +260,18 @@ class Handle:
 
     def close(self) -> None:
         """End the session if it runs, and release its memory; the last State stays readable."""
+        self._end()
+        self._segment.close()
+
+    def _end(self) -> None:
+        """Ask for the end of the session and wait for it; kill a servo process that does not get there."""
         self.request_stop()
-        if not self._over.wait(END_TIME):
+        if self._over.wait(END_TIME):
+            return
+        safe = self._segment.phase >= at.ENDING and not self._segment.words[at.ARMED]
+        if not safe or not self._over.wait(FILES_TIME - END_TIME):
             self._process.kill()
             self._over.wait()
-        self._segment.close()
 
     def __enter__(self) -> Handle:
         return self
