@@ -388,7 +388,7 @@ def test_lines_come_back(text: str) -> None:
 
 def test_a_rig_of_ones_own(terminal: Terminal) -> None:
     with own_rig(terminal) as device:
-        rig = LineDriver(LinePort(port=terminal.path), patience=5.0)
+        rig = LineDriver(LinePort(port=terminal.path), patience=15.0)
         seen = rig.exchange(-1.5)
         assert seen == pytest.approx((299.0, 300.0, -42.0, 305.0, -1.5), abs=1e-3)
         for lapse in ("lost", "damaged"):
