@@ -194,9 +194,11 @@ class Odrives:
             if state_now != can_.CLOSED_LOOP and not self._ended(axis):  # else this host was held up
                 self._turn_down(axis, f"cannot be driven, so its own watchdog cannot be tried out{self._why(axis)}")
         end = self._clock() + (LONGEST_WATCHDOG + HEARTBEAT) * max(1.0, self._patience / 5.0)
-        while self._clock() < end and not all(
+        late = False  # a host that was held up until then has not heard yet what the servos have told meanwhile
+        while not late and not all(
             error and state != can_.CLOSED_LOOP for error, state in zip(self._error, self._state, strict=True)
         ):
+            late = self._clock() >= end
             self._listen(0.05)
         advice = "set enable_watchdog and watchdog_timeout (0.1 s) with the maker's program"
         for axis, state_now in enumerate(self._state):
@@ -233,11 +235,12 @@ class Odrives:
             If it does not hold in time.
         """
         begin = told = self._clock()
-        end = begin + CHANGE * self._patience
+        end, late = begin + CHANGE * self._patience, False
         while not all(done(axis) for axis in range(len(self._ids))):
-            if self._clock() > end:
+            if late:
                 axis = next(axis for axis in range(len(self._ids)) if not done(axis))
                 raise ServoError(f"servo {AXES[axis]} (id {self._ids[axis]}) {otherwise}{self._why(axis)}")
+            late = self._clock() > end  # a host that was held up hears out what has come meanwhile
             renewed = self._clock() - told > AGAIN
             told = self._clock() if renewed else told
             for axis in range(len(self._ids)):

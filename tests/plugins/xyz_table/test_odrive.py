@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from itouch.plugin import DeviceError, Field, Record, Terminal, Trace
 from itouch_xyz_table import XyzTable, XyzTableParams, canframes
 from itouch_xyz_table.emulator import TableEmulator
+from itouch_xyz_table.odrive import Odrives
 from itouch_xyz_table.servos import ServoError, ServoFault
 from itouch_xyz_table.virtual import FASTEST, FEED, GOAL, GOAL_SPEED, MOST
 from itouch_xyz_table.virtual_odrive import VirtualCan, VirtualOdrive
@@ -188,6 +189,29 @@ def test_only_a_watchdog_that_has_ended_is_a_proof(quiet: Bench, tripped: int, r
     with pytest.raises(ServoError, match=words):
         quiet.table().open()
     assert all(servo.mode == 0 for servo in quiet.servos.values())
+
+
+def test_a_host_that_is_held_up_while_the_watchdogs_are_tried_out_hears_that_they_have_ended(
+    quiet: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It said that the first servo had none: what that had told meanwhile was not heard."""
+    device, listen, held = quiet.table(), Odrives._listen, list[float]()
+    device.patience = 5.0
+
+    def held_up(servos: Odrives, wait: float) -> None:
+        if wait == 0.05 and not held:
+            held.append(wait)
+            end = quiet.now + 0.6  # longer than the servos' watchdogs
+            while quiet.now < end:
+                time.sleep(0.01)
+            time.sleep(0.8)  # and longer than the host waits for them
+        else:
+            listen(servos, wait)
+
+    monkeypatch.setattr(Odrives, "_listen", held_up)
+    device.open()
+    assert held
+    device.close()
 
 
 def test_a_host_that_is_silent_loses_the_servos_and_is_told(quiet: Bench) -> None:
