@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 import itouch
+from itouch.servo import sessions
 from itouch_tools.report.screen import _fault
 from itouch_tools.viewer.fault_messages import outcome, told, what
 
@@ -98,16 +99,18 @@ def test_the_terminal_of_a_session_in_real_time_says_it_at_once(scene: Path) -> 
     words = [sys.executable, "-m", "itouch_tools.cli", str(scene), "--headless", "--pace", "real", "--for", "600s",
              "--record", str(scene.parent / "r.mcap")]  # fmt: skip
     with subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
-        writer = _recorder_of(process.pid)
-        _grows(scene.parent / "r.mcap")
-        os.kill(writer, signal.SIGKILL)
-        assert process.stderr is not None
-        for line in process.stderr:
-            if line.startswith("RECORDING LOST"):
-                break
-        assert [info.phase for info in itouch.servo.sessions() if info.owner == process.pid] == ["running"]
-        assert "= help: what was written before is whole" in process.stderr.readline()
-        process.send_signal(signal.SIGINT)
+        try:
+            writer = _recorder_of(process.pid)
+            _grows(scene.parent / "r.mcap")
+            os.kill(writer, signal.SIGKILL)
+            assert process.stderr is not None
+            for line in process.stderr:
+                if line.startswith("RECORDING LOST"):
+                    break
+            assert [info.phase for info in sessions() if info.owner == process.pid] == ["running"]
+            assert "= help: what was written before is whole" in process.stderr.readline()
+        finally:
+            process.send_signal(signal.SIGINT)
         process.stderr.read()
 
 
