@@ -10,6 +10,7 @@ import pytest
 from test_failing_plugins import Hum, Rod, RodTwin, engine
 
 import itouch
+from itouch import joining
 from itouch.plugin import Bound, Contact, Device, Field, HeardContact, Modality, Record, TwinInputs
 from itouch.plugin.kernels import kernel
 from itouch.safety import Trip
@@ -132,7 +133,7 @@ def test_a_kernel_that_raises_makes_safe_and_is_named(
     made, trip, cause = KINDS[kind]
     session = engine(tmp_path, *made(most))
     whole = [len(piece) for piece in session.plan.pieces] == [len(session.plan.steps)]
-    assert whole == joins  # else it is tried in one form only
+    assert whole == (joins and joining.can_join())  # else it is tried in one form only
     with pytest.raises(itouch.DeviceFaultError) as caught:
         session.run()
     assert (caught.value.device, caught.value.trip) == ("arm", trip)
