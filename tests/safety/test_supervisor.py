@@ -251,6 +251,15 @@ def test_a_device_that_fails_to_read_is_a_fault(error: Exception, words: str) ->
     assert caught.value.__cause__ is not None
 
 
+def test_a_twins_compiled_reading_that_fails_is_a_fault() -> None:
+    rig, error = Rig().enabled(), KeyError("x")
+    with pytest.raises(DeviceFaultError) as caught:
+        rig.it.gate.not_taken(error, 0, 7)
+    assert (caught.value.trip, caught.value.tick) == (Trip.DEVICE_ERROR, 7)
+    assert caught.value.cause == "failed in read: KeyError: 'x'"
+    assert caught.value.__cause__ is not None and caught.value.__cause__.__cause__ is error
+
+
 @pytest.mark.parametrize(
     ("error", "words"),
     [
