@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from itouch.exchange import ThreadedDevice
+from itouch.exchange.thread import CLOSE_TIME
 from itouch.plugin import Device, DeviceError, Field, Record, pose, wrench
 
 
@@ -155,6 +156,19 @@ def test_a_hung_device_does_not_hold_the_caller(device: _Slow) -> None:
     with pytest.raises(DeviceError, match="does not answer"):
         threaded.close()
     assert ("close", threading.get_ident()) not in device.calls
+
+
+def test_closing_waits_longer_for_a_device_whose_answers_are_waited_for_longer(device: _Slow) -> None:
+    device.patience = 100.0
+    threaded = ThreadedDevice(device, patience=10.0)
+    threaded.open()
+    device.hang.clear()
+    assert device.hangs.wait(300)
+    later = threading.Timer(2 * CLOSE_TIME, device.hang.set)
+    later.start()
+    threaded.close()
+    assert device.calls[-1][0] == "close"
+    later.join()
 
 
 def test_an_error_comes_up_in_the_next_read_and_the_device_is_closed(device: _Slow) -> None:

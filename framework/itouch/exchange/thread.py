@@ -23,7 +23,8 @@ Sent = tuple[float, bytes] | None
 #: A reading with the times [s] at which its channels were measured.
 _Reading = tuple[tuple[float, ...], bytes]
 
-#: How long [s] closing waits for an exchange that is under way; after that the thread is left to end by itself.
+#: How long [s] closing waits for an exchange that is under way, times the device's patience; after that the thread is
+#: left to end by itself.
 CLOSE_TIME = 0.5
 #: How long [s] opening waits for the first reading.
 FIRST_TIME = 1.0
@@ -150,7 +151,7 @@ class ThreadedDevice(Device, Stamped):
         self._woken.set()
         if thread is None:
             return
-        thread.join(CLOSE_TIME)
+        thread.join(CLOSE_TIME * max(1.0, self.device.patience))
         if thread.is_alive():
             raise DeviceError("does not answer; it will be closed when its exchange ends")
 
