@@ -83,14 +83,17 @@ def _meant(error: Exception) -> str:
     from difflib import get_close_matches  # only for who has mistyped a name
 
     folder, name = os.path.split(error.filename)
+    stem, ending = os.path.splitext(name)
     try:
         with os.scandir(folder or os.curdir) as entries:
             # a folder may hold anything: enough to find a name among some thousand
             names = sorted(entry.name for entry in itertools.islice(entries, 2000) if not entry.name.startswith("."))
     except OSError:
         return ""
-    close = get_close_matches(name, names, n=1, cutoff=0.7)
-    return f"did you mean '{close[0]}', in the same folder?" if close else ""
+    names.sort(key=lambda one: os.path.splitext(one)[1] == ending)  # of one stem, the last one counts
+    stems = {os.path.splitext(one)[0]: one for one in names}  # endings are alike anyway
+    close = get_close_matches(stem, stems, n=1, cutoff=0.7)
+    return f"did you mean '{stems[close[0]]}', in the same folder?" if close else ""
 
 
 def keep_standard_numbers() -> None:

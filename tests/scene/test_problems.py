@@ -193,8 +193,14 @@ def test_for_a_file_that_is_not_there_one_like_it_is_proposed(
     assert problem.advice == meant
     (problem,) = problems_of(write("a.xml", '<itouch version="1.0">\n<include file="aluminum.xml"/></itouch>'))
     assert (problem.advice, problem.place.line if problem.place else 0) == (meant, 2)
-    (problem,) = problems_of(tmp_path / "ice.xml")  # it is like none
-    assert "mean" not in problem.advice
+    (tmp_path / "aluminium.stl").touch()  # of another kind
+    (problem,) = problems_of(tmp_path / "aluminium")
+    assert problem.advice in (meant, meant.replace("xml", "stl"))
+    (problem,) = problems_of(tmp_path / "aluminum.xml")
+    assert problem.advice == meant
+    for name in ("ice.xml", "b.xml", "absent.xml"):  # they are like none, but for their endings
+        (problem,) = problems_of(tmp_path / name)
+        assert "mean" not in problem.advice, name
     for command in ("replay", "run", "inspect"):  # of sessions and recordings, too
         assert cli([command, str(tmp_path / "aluminum.xml")]) == 2, command
         assert meant in capsys.readouterr().err, command
