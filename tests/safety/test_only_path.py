@@ -12,9 +12,7 @@ import mutation
 from shipped import REPOSITORY
 
 FRAMEWORK = REPOSITORY / "framework"
-#: The test of what a twin's compiled reading raises.
-RAISES = "loop/test_failing_kernels.py::test_a_kernel_that_raises_makes_safe_and_is_named[read-130-alone]"
-UNIT = [str(mutation.HERE / name) for name in (*mutation.SAFETY, RAISES)]
+UNIT = [str(mutation.HERE / name) for name in mutation.SAFETY]
 #: What takes most of the time with the compiler off, and reaches no branch that nothing else there reaches; to
 #: find them, coverage with ``dynamic_context = test_function``.  All of them run in the short form, with the compiler.
 SLOW = (
