@@ -154,14 +154,13 @@ class Events:
         hears, chain = [listener for listener in self._listeners if listener.kinds], self._probes[which].chain
         number, call = divmod(chain.called - 2 - (self._around is not None), _CALLS) if chain is not None else (-1, 0)
         if call == 1 and 0 <= number < len(hears):
-            self._fail(hears[number], error, tick)
+            self._fail(hears[number].one, hears[number].fence, "on_contact", tick, error)
         raise error
 
-    def _fail(self, listener: _Listener, error: BaseException, tick: int, method: str = "on_contact") -> NoReturn:
+    def _fail(self, one: ModalityModel, fence: Fence, method: str, tick: int, error: BaseException) -> NoReturn:
         replaced = interpreter.put_back()  # first: all else needs Python's functions
-        listener.fence.mend()
-        fault = modality_fault(self._model, listener.one.instance, method, tick, error)
-        raise with_replaced(fault, replaced) from error
+        fence.mend()
+        raise with_replaced(modality_fault(self._model, one.instance, method, tick, error), replaced) from error
 
     def _look(self, tick: int) -> None:
         """Check whether a modality that has run has written where it may not, before anything else writes there."""
@@ -214,7 +213,7 @@ class Events:
                 try:
                     found = 1 << 32 if listener.call is None else listener.call()
                 except Exception as error:
-                    self._fail(listener, error, tick)
+                    self._fail(listener.one, listener.fence, "on_contact", tick, error)
                 if found >> 32 == _CALLS - 1:
                     self._written(listener, tick)
                 if found >= 0:
@@ -251,9 +250,7 @@ class Events:
             interrupted.add_note(f"in {method} of modality '{one.name}'")
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            replaced = interpreter.put_back()  # first: all else needs Python's functions
-            fault = modality_fault(self._model, one.instance, method, tick, error)
-            raise with_replaced(fault, replaced) from error
+            self._fail(one, fence, method, tick, error)
         finally:
             changed = fence.mend()
         if changed:
