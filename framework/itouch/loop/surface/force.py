@@ -222,9 +222,8 @@ def push(
             stirs = max(virtual, memory[STIRS], memory[STIRS + 1])
             step, most = max(step, stirs - BELOW), max(most, stirs)
         if memory[CHANGING] <= AFTER and memory[SHARE] >= 1.0 and memory[CUT] <= 0.0 and depth < -ABOUT:
-            step = max(
-                step, 1.1 * own
-            )  # the plate has long been away: the arm's force may follow the virtual one, and catch up with it
+            # the plate has long been away: the arm's force may follow the virtual one, and catch up with it
+            step = max(step, 1.1 * own)
         if _lead(c, sent, force, rise, step, most):  # it goes on in steps until it has arrived
             memory[CHANGING] = max(memory[CHANGING], c[PERIOD])
         _shorten(force, c[FORCE_LIMIT] - memory[CUT])
