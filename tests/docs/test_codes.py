@@ -117,3 +117,16 @@ def test_the_page_shows_input_files_command_and_message() -> None:
     for part in ('<device name="arm"', "`rig.xml` beside it", "itouch-py check scene.xml --rig rig.xml", "error[rig]:"):
         assert part in text
     assert text.startswith("### rig\n")
+
+
+def test_the_page_names_the_files_in_which_each_code_is_told() -> None:
+    from itouch_tools.cli.explain.told_in import told_in
+
+    assert [code for code in CODES if not told_in(code)] == ["injected"]  # that is no reason, but who asked for it
+    for code, where in made():
+        if code in CODES:
+            assert where.partition(":")[0] in {Path(file).name for file in told_in(code)}
+    assert told_in("released") == ["itouch/safety/hold_to_run.py", "itouch_tools/cli/doctor/rig.py"]
+    from itouch_tools.cli.explain.page import _entry
+
+    assert "Told in `itouch/scene/rigs.py`." in "\n".join(_entry(CODES["rig"], EXAMPLES["rig"]))

@@ -31,7 +31,12 @@ COMMENT = {
     ".h": r"/\*(.*?)\*/",
     ".js": r"//([^\n]*)",
     ".ino": r"//([^\n]*)",
+    ".yml": r"\A#([^\n]*)",
+    ".toml": r"\A#([^\n]*)",
+    ".md": r"\A#*\s*([^\n]*)",
 }
+#: Kinds of files that belong to the program only as templates.
+_NOT_PROGRAM = (".yml", ".toml", ".md")
 #: A first sentence that is shorter than this does not say enough by itself [characters].
 _SHORT = 60
 #: Longest value of a constant that is shown [characters].
@@ -70,7 +75,7 @@ def others() -> dict[str, list[Path]]:
     for root in ("framework", "plugins", "scenes"):
         for path in sorted((ROOT / root).rglob("*")):
             kind = Path(path.stem).suffix if path.suffix == ".in" else path.suffix
-            if kind in COMMENT and path not in inside:
+            if kind in COMMENT and path not in inside and (path.suffix == ".in" or kind not in _NOT_PROGRAM):
                 found.setdefault(str(path.parent.relative_to(ROOT)), []).append(path)
     return found
 

@@ -1,4 +1,4 @@
-"""The notice of an operator twin that waited for its skin to recover, and whether it did, from State."""
+"""What is said of an operator twin that waits for its skin to recover, in the live line and in the report."""
 
 from __future__ import annotations
 

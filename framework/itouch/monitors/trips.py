@@ -1,4 +1,4 @@
-"""Trips: every reason for which a device is stopped, with its number, and the fault that reports it."""
+"""Trips: every reason for which a device is stopped, with its number; each is put into words where it is raised."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which channels a scene's `<record>` selects, at which rate, and the name of its file."""
+"""Which channels a scene's `<record>` selects, at which rate, and the name of its file: `-2`, `-3` if that exists."""
 
 from __future__ import annotations
 

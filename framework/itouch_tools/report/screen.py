@@ -1,4 +1,4 @@
-"""The live line of a run on a terminal, and its closing table, whose columns are those of ``report.columns``."""
+"""The live line of a run on a terminal, but for its words on waits and plates, and the closing table of contacts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a participant may answer in each task, and which answer is right."""
+"""What a participant is asked in each task, may answer, and which answer is right."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from itouch_tools.study.plugin_tasks import task_of
 from itouch_tools.study.trials import Trial
 
 _ORDINALS = ("the first", "the second", "the third")
+#: The question of each task whose study does not ask its own.
 _QUESTIONS = {
     "identify": "What was it?", "colder": "Which was colder?", "odd": "Which was the odd one?",
     "same": "Were they the same?", "rate": "How cold was it?",

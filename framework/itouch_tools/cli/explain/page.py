@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from itouch_tools.authoring.codes import HEADINGS, Code
 from itouch_tools.cli.explain import examples
 from itouch_tools.cli.explain.example import Example, play
+from itouch_tools.cli.explain.told_in import told_in
 
 _HEAD = """# Messages and their codes
 
@@ -17,7 +18,7 @@ Every problem of a file has a code, a sentence, a place (`file:line:column`) and
 reported at once, nothing is started, and the exit code is 2. A *warning* is reported too, but does not stop. A
 device that is stopped while it runs is a *fault*: its code is printed, stands in the report under `trip`, and is
 `fault.trip.label` of the `itouch.DeviceFaultError` that is raised; the exit code is 1. `itouch-py explain CODE` prints
-what stands here.
+what stands here, but for the files of the program in which a code is told: they are for whoever changes a message.
 """
 
 
@@ -36,7 +37,8 @@ def _lines() -> Iterator[str]:
 
 def _entry(code: Code, example: Example) -> Iterator[str]:
     yield f"### {code.name}\n"
-    yield f"{_sentence(code.wrong)} {_sentence(code.remedy)}\n"
+    files = ", ".join(f"`{file}`" for file in told_in(code.name))
+    yield f"{_sentence(code.wrong)} {_sentence(code.remedy)}{f' Told in {files}.' if files else ''}\n"
     yield f"```{_language(example)}\n{example.text.strip()}\n```\n"
     for name, text in _beside(example):
         yield f"with `{name}` beside it,\n\n```text\n{text}\n```\n"
