@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import importlib
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -19,7 +20,8 @@ from itouch.monitors.trips import Trip
 from itouch_evidence.surface import campaign, main
 from itouch_evidence.surface.course import Course, follow
 from itouch_evidence.surface.draw import FAMILIES, draw
-from itouch_evidence.surface.laws import LAWS, LAWS_WIRED, broken, judge
+from itouch_evidence.surface.laws import LAWS, LAWS_WIRED, broken, judge, least
+from itouch_evidence.surface.reach import reach
 from itouch_evidence.surface.scenes import Slope, ball, ramp
 from itouch_evidence.surface.wires import LONGEST, SHORTEST, Wire, draw_wire
 
@@ -185,13 +187,54 @@ def test_behind_a_wire_the_force_of_a_plate_is_judged_in_the_mean_over_a_run(fla
     assert "plate" not in broken(judge(off, wired=True))
 
 
+def test_no_command_through_a_wire_keeps_a_plate_where_its_surface_is(folder: Path) -> None:
+    """Not one that knows how the finger goes on; one that takes it to go on straight is farther off."""
+    stroke = Slope(*ball([20, -20, 20], 0.25))
+    session = stroke.build(folder, catalog=Wire(0.01, 0.006).catalog())
+    course, table = follow(session), session.model.devices["table"]
+    session.close()
+    best = reach(course, table)
+    know, straight, own = least(course, best.know), least(course, best.straight), judge(course, wired=True)["plate"]
+    assert know is not None and straight is not None
+    assert 0.0 < know < straight
+    assert know < own
+    same = reach(course, table)
+    assert all(np.array_equal(a, b) for a, b in zip(best.know, same.know, strict=True))
+
+
+def test_without_a_wire_commands_that_know_the_path_keep_the_law(folder: Path) -> None:
+    session = Slope(*ball([25, -25], 0.5)).build(folder)
+    course, table = follow(session), session.model.devices["table"]
+    session.close()
+    know = least(course, reach(course, table).know)
+    assert know is not None and know < LAWS_WIRED[1].bound
+
+
+def test_scenes_that_no_command_could_render_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = tmp_path / "wired.jsonl"
+    for number, (own, know, straight) in enumerate(
+        [(6.0, 3.0, 4.0), (5.0, 1.0, 2.5), (3.0, 0.5, 1.5), (1.0, 0.5, 0.9)]
+    ):
+        row = {"seed": 1, "number": number, "family": "ball", "wire": "w", "changes": 0, "figures": {"plate": own}}
+        with open(kept, "a", encoding="utf-8") as stream:
+            stream.write(json.dumps({**row, "reach": {"know": know, "straight": straight}}) + "\n")
+    assert campaign([], 1, str(kept), wired=True) == 3
+    assert capsys.readouterr().out.splitlines()[-1] == (
+        "plate: of 3 scenes that break it, 1 do with commands that know the finger's path, too, 2 with commands that take "
+        "it to go on straight; at the median they are 2.0 x as far off as these"
+    )
+
+
 def test_the_bench_judges_scenes_behind_wires(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     kept = tmp_path / "wired.jsonl"
     main(["--wire", "--only", "0", "--seed", "7", "--keep", str(kept)])
     said = capsys.readouterr().out.splitlines()
     assert said[0].startswith(f"--seed 7 --only 0 --wire (ramp, {draw_wire(0, 7)}): ")
     assert "1 random scenes of seed 7 behind wires, " in said[1]
-    assert [line.split()[0] for line in said[3:-1]] == [law.name for law in LAWS_WIRED]
+    assert [line.split()[0] for line in said[3:-2]] == [law.name for law in LAWS_WIRED]
+    assert said[-1].startswith("plate: of 0 scenes that break it, 0 ")
     (line,) = [line for line in said if line.startswith("plate ")]
     assert line.endswith("(rms)")
     with pytest.raises(SystemExit) as ended:

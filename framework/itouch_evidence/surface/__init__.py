@@ -15,7 +15,8 @@ from itouch_evidence.faults import shipped_scene
 from itouch_evidence.resumable import Kept
 from itouch_evidence.surface.course import follow
 from itouch_evidence.surface.draw import draw
-from itouch_evidence.surface.laws import LAWS, LAWS_WIRED, VIRTUAL, Law, broken, judge
+from itouch_evidence.surface.laws import LAWS, LAWS_WIRED, VIRTUAL, WIRED, Law, broken, judge, least
+from itouch_evidence.surface.reach import reach
 from itouch_evidence.surface.wires import draw_wire
 
 
@@ -96,13 +97,18 @@ def run(number: int, seed: int, folder: Path, *, wired: bool = False) -> dict[st
     wire = draw_wire(number, seed) if wired else None
     row: dict[str, Any] = {"family": family, **({"wire": str(wire)} if wire else {})}
     session = scene.build(folder, catalog=wire.catalog() if wire else None)
+    table = session.model.devices["table"]
     try:
         course = follow(session)
     except DeviceFaultError as fault:
         return {**row, "figures": {"trip": 1.0}, "changes": 0, "cause": str(fault)}
     finally:
         session.close()
-    return {**row, "figures": judge(course, wired=wired), "changes": len(course.changes())}
+    figures = judge(course, wired=wired)
+    if wired and "plate" in figures:
+        best = reach(course, table)
+        row["reach"] = {"know": least(course, best.know), "straight": least(course, best.straight)}
+    return {**row, "figures": figures, "changes": len(course.changes())}
 
 
 def _tell(row: dict[str, Any], *, full: bool) -> None:
@@ -114,7 +120,16 @@ def _tell(row: dict[str, Any], *, full: bool) -> None:
     cause = f" ({row['cause']})" if "cause" in row else ""
     shown_as = f"--seed {row['seed']} --only {row['number']}{' --wire' * bool(wire)}"
     what = f"{row['family']}, {wire}" if wire else row["family"]
-    print(f"{shown_as} ({what}): {'WRONG: ' * bool(wrong)}{said}{cause}", flush=True)
+    print(f"{shown_as} ({what}): {'WRONG: ' * bool(wrong)}{said}{_at_best(row, shown)}{cause}", flush=True)
+
+
+def _at_best(row: dict[str, Any], shown: list[Law]) -> str:
+    """Return how near the plate could have come through this wire, if its law is shown."""
+    best = row.get("reach")
+    if best is None or WIRED.name not in {law.name for law in shown}:
+        return ""
+    know, straight = _figure(WIRED, best["know"]), _figure(WIRED, best["straight"])
+    return f"; through this wire the plate's commands reach {know} if they know the finger's path, {straight} if not"
 
 
 def _figure(law: Law, value: float) -> str:
@@ -133,7 +148,22 @@ def _sum_up(rows: list[dict[str, Any]], seeds: list[int], *, wired: bool) -> int
         print(_line(law, rows))
     itself = sum(row["figures"].get(VIRTUAL.name, 0.0) > VIRTUAL.bound for row in rows)
     print(f"{VIRTUAL.says}: {itself} scenes")
+    if wired:
+        print(_out_of_reach(rows))
     return len(wrong)
+
+
+def _out_of_reach(rows: list[dict[str, Any]]) -> str:
+    """Return how many of the scenes that break the plate's law would break it with the best of commands, too."""
+    off = [row for row in rows if row["figures"].get(WIRED.name, 0.0) > WIRED.bound and row.get("reach")]
+    know = sum(row["reach"]["know"] > WIRED.bound for row in off)
+    straight = sum(row["reach"]["straight"] > WIRED.bound for row in off)
+    times = sorted(row["figures"][WIRED.name] / row["reach"]["straight"] for row in off)
+    middle = f"; at the median they are {times[len(times) // 2]:.1f} x as far off as these" if times else ""
+    return (
+        f"{WIRED.name}: of {len(off)} scenes that break it, {know} do with commands that know the finger's path, too, "
+        f"{straight} with commands that take it to go on straight{middle}"
+    )
 
 
 def _line(law: Law, rows: list[dict[str, Any]]) -> str:

@@ -94,9 +94,10 @@ class Course:
         edges = np.flatnonzero(np.diff(np.r_[0, waits.astype(int), 0]))
         return int((edges[1::2] - edges[::2]).max(initial=0))
 
-    def rigid(self) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    def rigid(self, given: Floats | None = None) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Return the pad's force on a rigid plate at the virtual height, that on the real one, and where they count.
 
+        ``given``: other forces on the pad (n,) [N], in place of those on the real plate.
         All have shape (n,).  They count where the plate renders a contact and is at the surface, at least 0.1 s after
         first impact and changes, and where it need not yield.  Forces [N] are means over 15 ticks (15 ms), because the
         arm reads in steps of 30 um.
@@ -108,7 +109,11 @@ class Course:
         there &= ~self.after([*self.begins(), *self.changes()], 0.1) & (pad < min(PLATE_FORCE, self.force - 0.15) - 0.1)
         window = np.ones(15) / 15.0
         there &= np.convolve(~there, np.ones(31), "same") < 1
-        return np.convolve(pad, window, "same"), np.convolve(self.pad, window, "same"), there
+        return (
+            np.convolve(pad, window, "same"),
+            np.convolve(self.pad if given is None else given, window, "same"),
+            there,
+        )
 
 
 def follow(session: Session, seconds: float | None = None) -> Course:

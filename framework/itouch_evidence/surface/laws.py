@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,13 +104,29 @@ def _plate(course: Course, so_much: Callable[[Floats], float | None]) -> dict[st
 
     ``so_much`` makes one figure of the pad's errors (n,).
     """
-    rigid, pad, there = course.rigid()
-    off = np.abs(pad - rigid) / np.maximum(rigid, LEAST_PLATE)
+    off, there = _off(course, course.pad)
     along = np.sum(course.virtual * course.normal, axis=1)[:, None] * course.normal
     aside, size = course.virtual - along, np.linalg.norm(course.virtual, axis=1)
     extra = np.linalg.norm(course.arm - aside, axis=1) / np.maximum(size, LEAST_PLATE)
     free = there & (np.linalg.norm(aside, axis=1) + course.pad < course.force - ROOM)
     return {"plate": so_much(off[there]), "aside": _most(extra[free])}
+
+
+def least(course: Course, forces: Iterable[Floats]) -> float | None:
+    """Return the least of the figures that the plate's law behind a wire gives for forces on the pad [%].
+
+    ``forces``: arrays (n,) [N], each in place of the run's own.  None: there are too few ticks to judge.
+    """
+    figures = [
+        figure for off, there in (_off(course, pad) for pad in forces) if (figure := _rms(off[there])) is not None
+    ]
+    return min(figures, default=None)
+
+
+def _off(course: Course, pad: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the relative errors (n,) of forces on the pad (n,) [N] against a rigid surface's, and where they count."""
+    rigid, found, there = course.rigid(pad)
+    return np.abs(found - rigid) / np.maximum(rigid, LEAST_PLATE), there
 
 
 def _most(off: Floats) -> float | None:
