@@ -15,7 +15,7 @@ import pytest
 import itouch
 from itouch.servo import control_block as at
 from itouch.servo.errors import let_go
-from itouch.servo.guardian import SILENCE, Guardian
+from itouch.servo.guardian import ORPHAN_TIME, SILENCE, Guardian
 from itouch.servo.shared_memory import monotonic
 from itouch.servo.silence_limit import LastWords, Process
 from itouch_evidence.deaths.observer import Observer
@@ -168,6 +168,24 @@ class Words:
         value = self._now[word]
         self._now[word] = self._then.get(word, value)
         return value
+
+
+@pytest.mark.parametrize(
+    ("phase", "armed", "hangs"),
+    [(at.ENDING, 0, False), (at.ENDING, 1, True), (at.RUNNING, 0, True)],
+    ids=["it writes its files", "it is not safe yet", "it goes on"],
+)
+def test_a_process_whose_launcher_has_died_is_ended_but_not_while_it_writes_its_files(
+    phase: int, armed: int, hangs: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A last save or the end of a recording would be cut short."""
+    guardian = Guardian.__new__(Guardian)
+    words = Words({at.ARMED: armed, at.BEAT: monotonic() - 5_000_000}, {})
+    monkeypatch.setattr(guardian, "_words", words, raising=False)
+    monkeypatch.setattr(guardian, "_segment", SimpleNamespace(phase=phase), raising=False)
+    monkeypatch.setattr(guardian, "_orphaned", time.monotonic() - ORPHAN_TIME - 1.0, raising=False)
+    monkeypatch.setattr(guardian, "_was_armed", bool(armed), raising=False)
+    assert guardian._hangs() == hangs
 
 
 @pytest.mark.parametrize(

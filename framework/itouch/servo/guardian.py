@@ -30,7 +30,8 @@ LOOK, SILENCE, SILENCE_ALONE = 0.005, 0.12, 5.0
 SILENCE_ENDING = 90.0
 #: Silence [s] after which the kernel is asked.
 DOUBT = 0.01
-#: How long [s] the servo process may take to end when its launcher is gone, and to be dead once it is killed.
+#: How long [s] the servo process may take until all is safe when its launcher is gone (files that it then still writes
+#: are waited for as otherwise), and to be dead once it is killed.
 ORPHAN_TIME, _DEAD = 3.0, 1.0
 
 #: Makes one device safe.
@@ -103,14 +104,14 @@ class Guardian:
         beat = int(self._words[at.BEAT])
         silent = (monotonic() - beat) * 1e-9
         self._silent = silent if beat else 0.0
-        if self._orphaned is not None and time.monotonic() - self._orphaned > ORPHAN_TIME:
+        ends_in_order = self._segment.phase >= at.ENDING and not self._was_armed
+        if self._orphaned is not None and time.monotonic() - self._orphaned > ORPHAN_TIME and not ends_in_order:
             return True
         if self._segment.phase < at.RUNNING and not self._was_armed:
             return False
         if self._was_armed and silent > DOUBT and self._gone():
             return True
-        ending = self._segment.phase >= at.ENDING
-        if silent <= (SILENCE if self._was_armed else SILENCE_ENDING if ending else SILENCE_ALONE):
+        if silent <= (SILENCE if self._was_armed else SILENCE_ENDING if ends_in_order else SILENCE_ALONE):
             return False
         # between these two reads this process, too, may have waited for a processor: meanwhile the other one may have
         # sent a heartbeat, or disarmed because its devices are at rest, and only then have fallen silent
