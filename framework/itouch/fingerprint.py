@@ -11,7 +11,7 @@ from __future__ import annotations
 import enum
 import hashlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
@@ -147,6 +147,29 @@ def _overloads(count: int) -> dict[int, list[Any]]:
     return found
 
 
+@lru_cache(maxsize=1)
+def _attributes(count: int) -> dict[str, list[Any]]:
+    """Return what others than Numba compile for a method or an attribute, by its name, by the first of Numba's list."""
+    templates = sys.modules["numba.core.typing.templates"]
+    found: dict[str, list[Any]] = {}
+    for template in templates.builtin_registry.attributes[:count]:
+        stand_in = getattr(template, "_overload_func", None)
+        if stand_in is not None and not _is_outside(stand_in.__module__):
+            found.setdefault(template._attr, []).append(template)
+    return found
+
+
+def _of_attributes(names: Iterable[str]) -> Iterator[Any]:
+    """Yield what may be compiled for attributes of these names: of which type a value is, only Numba finds out."""
+    if (templates := sys.modules.get("numba.core.typing.templates")) is None:
+        return
+    known = _attributes(len(templates.builtin_registry.attributes))
+    for name in sorted(known.keys() & set(names)):
+        for template in known[name]:
+            yield f"{name} {getattr(template, '_inline', '')}".encode()
+            yield template._overload_func
+
+
 def _stand_ins(function: Any) -> Iterator[Any]:
     """Yield what others than Numba let it compile instead of a function, and how: nothing in the function shows it."""
     if (templates := sys.modules.get("numba.core.typing.templates")) is None:
@@ -166,6 +189,7 @@ def _used(function: FunctionType) -> Iterator[Any]:
     yield from _code(function.__code__, names, function.__doc__)
     for cell in function.__closure__ or ():
         yield from _held(cell.cell_contents)
+    yield from _of_attributes(names)
     outer = function.__globals__
     modules = [outer[name] for name in sorted(names) if isinstance(outer.get(name), ModuleType)]
     for name in sorted(names):

@@ -109,6 +109,35 @@ def test_what_stands_in_for_a_function_of_numpy_is_compiled_again_when_it_change
     assert hits == [0, 0, 0, 1]
 
 
+OF_TYPE = """
+from numba import types
+from numba.extending import overload_attribute, overload_method
+from itouch.compiling import kernel
+
+@overload_method(types.Float, "itouch_times")
+def times(x):
+    return lambda x: x * {times}
+
+@overload_attribute(types.Float, "itouch_more")
+def more(x):
+    return lambda x: x + {more}
+
+@kernel
+def outer(x):
+    return x.itouch_times() + x.itouch_more
+"""
+
+
+def test_a_method_and_an_attribute_of_a_type_are_compiled_again_when_they_change(tmp_path: Path) -> None:
+    hits = []
+    for times, more in ((2.0, 1.0), (3.0, 1.0), (3.0, 4.0), (2.0, 1.0)):
+        (tmp_path / "kernels.py").write_text(OF_TYPE.format(times=times, more=more), encoding="utf-8")
+        value, hit = run(tmp_path, RUN, NUMBA_CACHE_DIR="", ITOUCH_KERNELS=str(tmp_path / "kept"))
+        assert value == 2.0 * times + 2.0 + more
+        hits.append(hit)
+    assert hits == [0, 0, 0, 1]
+
+
 CHECKED = """
 from itouch.compiling import kernel
 @kernel
