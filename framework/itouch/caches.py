@@ -8,6 +8,7 @@ import os
 import stat
 import sys
 import tempfile
+import time
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -17,6 +18,8 @@ from itouch.platforms import NO_WAIT, OPEN_FLAGS
 #: Flags of opening an entry: a pipe under its name is not waited for, and a link is not followed.
 _GUARDED = os.O_RDONLY | NO_WAIT | OPEN_FLAGS | getattr(os, "O_NOFOLLOW", 0)
 _OFF = ("off", "no", "0", "none")
+#: After what time [s] half an entry is one that its writer, which was killed, has left: writing takes milliseconds.
+_LEFT = 3600.0
 
 
 def folder(name: str, switch: str) -> Path | None:
@@ -131,7 +134,14 @@ def clear(place: Path | None, suffix: str) -> int:
 
 
 def _make_room(place: Path, suffix: str, size: int, capacity: int) -> None:
-    found = entries(place, suffix)
+    """Remove what a writer that was killed has left, and the least recently used entries until there is room."""
+    found = []
+    for entry in entries(place, suffix):
+        if entry[2].suffix == ".part" and entry[0] < time.time() - _LEFT:
+            with contextlib.suppress(OSError):
+                entry[2].unlink()
+        else:
+            found.append(entry)
     total = sum(length for _, length, _ in found) + size
     for _, length, path in sorted(found):
         if total <= capacity:

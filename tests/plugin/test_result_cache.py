@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,9 +18,11 @@ from needed import meant
 from shipped import SCENES
 
 import itouch
+from itouch import compiling
 from itouch.plugin import bases, result_cache
 from itouch.plugin.bases import Bases, keeping, kept
 from itouch_tools.cli import main
+from itouch_tools.cli.doctor import disk_caches
 from itouch_tools.cli.doctor.diagnosis import Diagnosis
 from itouch_tools.cli.doctor.disk_caches import compile_cache, kept_meshes, kept_results
 
@@ -260,6 +263,26 @@ def test_no_command_looks_for_a_second_time(words: list[str], monkeypatch: pytes
 
     monkeypatch.setattr(Trial, "run", run)
     assert main(command) == 0
+
+
+def test_what_a_writer_that_was_killed_has_left_is_removed_by_a_later_one(folder: Path) -> None:
+    """Half a file of a writer that still writes is not touched."""
+    folder.mkdir(mode=0o700)
+    for name, age in ((".left.part", 7200.0), (".now.part", 0.0)):
+        (folder / name).touch()
+        os.utime(folder / name, (time.time() - age,) * 2)
+    result_cache.write("0" * 40, (np.zeros(3),))
+    assert sorted(path.name for path in folder.iterdir()) == [".now.part", f"{'0' * 40}.arrays"]
+
+
+def test_the_doctor_clears_halves_of_kernels_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiling, "folder", lambda: tmp_path / "kernels")
+    (tmp_path / "kernels").mkdir()
+    (tmp_path / "kernels" / ".left.part").touch()
+    (tmp_path / "kernels" / "notes.txt").touch()
+    monkeypatch.setattr(disk_caches, "kernel_folders", lambda: [tmp_path / "kernels"])
+    disk_caches.clear_kept()
+    assert [path.name for path in (tmp_path / "kernels").iterdir()] == ["notes.txt"]
 
 
 def test_the_doctor_shows_and_clears_what_is_kept(

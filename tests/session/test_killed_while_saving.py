@@ -16,8 +16,8 @@ from running import advance, digest
 from shipped import SCENES
 
 import itouch
-from itouch.session import durable
-from itouch.session.durable import write_whole
+from itouch.schema import durable
+from itouch.schema.durable import write_whole
 from itouch.session.snapshot import write_snapshot
 
 

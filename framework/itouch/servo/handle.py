@@ -163,6 +163,12 @@ class Handle:
         return self._guarded.pid
 
     @property
+    def built(self) -> bool:
+        """Whether the session has been built, after which devices may have been enabled."""
+        known = self._got_ready or self._report is not None
+        return known or at.READY <= self._segment.phase < at.ENDED
+
+    @property
     def running(self) -> bool:
         """Whether the servo process has not ended yet."""
         return not self._over.is_set()
@@ -208,8 +214,13 @@ class Handle:
         self.link.hold(held)
 
     def request_stop(self) -> None:
-        """Ask for the end of the session and return at once; may be called from a signal handler."""
+        """Ask for the end of the session and return at once; may be called from a signal handler.
+
+        A session that is still being built, where nothing can act yet, ends without being built.
+        """
         self._segment.words[at.STOP] = 1
+        if self._segment.phase < at.READY and isinstance(self._process, subprocess.Popen):
+            self._process.terminate()
 
     def stop(self) -> None:
         """Make the devices safe, end the session and wait for its end.

@@ -79,7 +79,7 @@ def launch(
         scene, seed=seed, twin=twin, rig=rig, seconds=seconds, save=save, enable=enable, linger=linger,
         realtime=realtime, keep=keep,
     )  # fmt: skip
-    return start(name or _name(config["scene"]), config)
+    return start(name or named(config["scene"]), config)
 
 
 def configured(
@@ -127,8 +127,7 @@ def start(name: str, config: dict[str, Any]) -> Handle:
     ServoError
         If the servo process can't be started.
     """
-    keep_standard_numbers()
-    handle = _start(name, config)
+    handle = begin(name, config)
     try:
         handle.await_ready()
     except KeyboardInterrupt:  # nobody will ever use it
@@ -137,7 +136,20 @@ def start(name: str, config: dict[str, Any]) -> Handle:
     return handle
 
 
-def _name(scene: str) -> str:
+def begin(name: str, config: dict[str, Any]) -> Handle:
+    """Do what ``start`` does, but return at once: ``Handle.await_ready`` waits until the engine is built.
+
+    Raises
+    ------
+    ServoError
+        If the servo process can't be started.
+    """
+    keep_standard_numbers()
+    return _start(name, config)
+
+
+def named(scene: str) -> str:
+    """Return the name of a session for which none was given."""
     return f"{Path(scene).stem or 'scene'}-{os.getpid()}-{time.monotonic_ns() // 1000 % 10**6}"
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
+import stat
 import subprocess
 import sys
 import tempfile
@@ -15,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from itouch import shipped
+from itouch.platforms import lives
 from itouch.schema.terminal import MANNER
 from itouch.schema.wait_notices import waiting
 
@@ -28,6 +31,8 @@ if TYPE_CHECKING:
 _PATIENCE, _LOOK = 1.6, 0.3
 #: How many processes help at most: each begins elsewhere in the list, and uses what the others have done.
 _COMPANIONS = 3
+#: How the names begin of folders in which processes say what they compile; the id of the one that made it follows.
+_FOLDER = "itouch-compiling-"
 #: From what share on the time that compiling has taken so far tells how long the rest will take.
 _TELLS = 0.1
 
@@ -48,6 +53,7 @@ class _Companion:
 
     def _look(self) -> None:
         """Start the processes once compiling takes long; one that only loads gets no help, however long it takes."""
+        sweep()
         wait = _PATIENCE
         while not self._over.wait(wait):
             if _compiled() > self._before:
@@ -65,7 +71,18 @@ class _Companion:
         count = min(_processors() - 1, _COMPANIONS)
         if count < 1:
             return
-        self._folder = Path(tempfile.mkdtemp(prefix="itouch-compiling-"))
+        with contextlib.suppress(OSError):  # no room for a folder, or no more processes: this one compiles all
+            self._begin(count)
+
+    def _begin(self, count: int) -> None:
+        """Start as many processes as this.
+
+        Raises
+        ------
+        OSError
+            If they have no folder, or the system does not start them.
+        """
+        self._folder = Path(tempfile.mkdtemp(prefix=f"{_FOLDER}{os.getpid()}-"))
         sys.modules["itouch.compiling"].compile_together(self._folder)
         command = [sys.executable, "-m", "itouch.servo.compile_ahead", *self._words]
         command += ["--parent", str(os.getpid()), "--together", str(self._folder)]
@@ -104,6 +121,23 @@ class _Companion:
         if self._folder is not None:
             sys.modules["itouch.compiling"].compile_together(None)
             shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def sweep() -> None:
+    """Remove folders in which starts that have been killed said what they compiled."""
+    with contextlib.suppress(OSError):
+        for place in Path(tempfile.gettempdir()).glob(f"{_FOLDER}*-*"):
+            owner = place.name.removeprefix(_FOLDER).partition("-")[0]
+            if owner.isdecimal() and not lives(int(owner)) and _is_own(place):
+                shutil.rmtree(place, ignore_errors=True)
+
+
+def _is_own(place: Path) -> bool:
+    """Tell whether a folder, and no link to one, belongs to this user."""
+    with contextlib.suppress(OSError):
+        status = place.lstat()
+        return stat.S_ISDIR(status.st_mode) and (not hasattr(os, "geteuid") or status.st_uid == os.geteuid())
+    return False
 
 
 def _compiled() -> int:

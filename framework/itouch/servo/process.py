@@ -23,6 +23,13 @@ from itouch.servo.launcher_pipe import Outbox, messages
 from itouch.servo.parent_process import LOOK, end_with
 from itouch.servo.shared_memory import SharedMemory, monotonic
 
+#: What is said of a session that was asked to end before anything could act.
+_ENDED_EARLY = "the session was asked to end while it began: nothing was enabled"
+
+
+class _EndedEarly(BaseException):
+    """SIGTERM came before anything may act."""
+
 
 def main(argv: Sequence[str]) -> int:
     """Run a session as the launcher asks, and tell the launcher how it ended."""
@@ -31,7 +38,14 @@ def main(argv: Sequence[str]) -> int:
     parent = int(argv[3])
     segment.words[at.SERVO] = os.getpid()
     segment.words[at.BEAT] = monotonic()
-    _end_on_signals(segment)
+    try:
+        _end_on_signals(segment)
+        return _obey(segment, line, parent)
+    except _EndedEarly:  # what to build was not known yet
+        return 1
+
+
+def _obey(segment: SharedMemory, line: socket.socket, parent: int) -> int:
     # until anything may act, this process ends at once with its launcher; later the devices are made safe first
     end_with(parent, while_=lambda: segment.phase < at.READY)
     config = next(messages(line), None)
@@ -72,7 +86,7 @@ def _end_without_guardian(segment: SharedMemory, outbox: Outbox) -> None:
             if guardian and not lives(guardian):
                 said = "the guardian process died while the session began: nothing is enabled without it"
                 # nothing is imported here: that would wait for the other thread's imports
-                outbox.finish({"report": None, "error": {"type": "ServoError", "message": said, "traceback": ""}})
+                outbox.finish({"report": None, "error": _plain(said)})
                 os._exit(1)
             time.sleep(LOOK)
 
@@ -89,19 +103,34 @@ def _serve(
     return found
 
 
+def _plain(message: str) -> dict[str, Any]:
+    """Return an error that came before anything was loaded, as plain data."""
+    return {"type": "ServoError", "message": message, "traceback": ""}
+
+
 def _told(error: BaseException | None) -> dict[str, Any] | None:
     if error is None:
         return None
+    if isinstance(error, _EndedEarly):
+        return _plain(_ENDED_EARLY)
     from itouch.servo.errors import encode
 
     return encode(error)
 
 
 def _end_on_signals(segment: SharedMemory) -> None:
-    """Let SIGTERM end the session safely; signals from a terminal are left to the launcher."""
+    """Let SIGTERM end the session safely; signals from a terminal are left to the launcher.
+
+    While the session is being built, which may take long, nothing may act yet: then SIGTERM ends it at once.
+    """
 
     def stop(number: int, frame: object) -> None:
         segment.words[at.STOP] = 1
+        if segment.phase < at.READY and not ended:  # once: the way out is not to be interrupted
+            ended.append(number)
+            raise _EndedEarly(_ENDED_EARLY)
+
+    ended: list[int] = []
 
     signal.signal(signal.SIGTERM, stop)
     for number in signals("SIGINT", "SIGHUP"):

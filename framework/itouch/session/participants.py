@@ -28,7 +28,7 @@ from itouch.loop.engine_view import Running
 from itouch.platforms import claim
 from itouch.safety.device_monitors import InstalledMonitor
 from itouch.schema import Problem, SceneError
-from itouch.session.durable import write_whole
+from itouch.schema.durable import write_whole
 from itouch.session.errors import SessionError
 
 if TYPE_CHECKING:

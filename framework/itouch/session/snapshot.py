@@ -15,9 +15,9 @@ from itouch.plugin.bases import Arrays, Bases
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, loads, write
 from itouch.schema import SceneError
+from itouch.schema.durable import write_whole
 from itouch.session.archive import ArchiveWriter, read_members
 from itouch.session.arrays import load_bases, npy_header, pack_bases, record_from, write_record
-from itouch.session.durable import write_whole
 from itouch.session.errors import ADVICE, SessionError, check_ledger, plainly
 from itouch.session.manifest import FORMAT, constant_part, digest
 from itouch.world import Model

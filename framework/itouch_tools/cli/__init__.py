@@ -5,10 +5,12 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import signal
 import sys
 import time
 from collections.abc import Sequence
 from importlib import import_module
+from types import FrameType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -63,8 +65,37 @@ commands:
 """
 
 
+#: SIGINTs that this process has got, where it runs as a program and no command answers them in a way of its own.
+_interrupts: list[int] = []
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit code: 0 done, 1 a fault while running, 2 wrong input."""
+    if argv is None:
+        _note_interrupts()
+    try:
+        return _main(argv)
+    except KeyboardInterrupt:  # before a command began, or after it
+        return _interrupted()
+
+
+def _note_interrupts() -> None:
+    """Note each SIGINT that raises KeyboardInterrupt: a module that is being imported may make another error of it."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+
+        def note(number: int, frame: FrameType | None) -> None:
+            _interrupts.append(number)
+            raise KeyboardInterrupt
+
+        signal.signal(signal.SIGINT, note)
+
+
+def _interrupted() -> int:
+    print("interrupted", file=sys.stderr)
+    return 130
+
+
+def _main(argv: Sequence[str] | None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     from itouch.schema.diagnostics import ItouchError
     from itouch.schema.terminal import escaped
@@ -111,13 +142,18 @@ def _guarded(words: list[str]) -> int:
         return 141
     except OSError as error:
         if error.errno != errno.ENOSPC:  # the output goes to a full disk; any other error here is a bug
+            if _interrupts:
+                return _interrupted()
             raise
         stop_writing()
         print(f"cannot write: {error.strerror}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return 130
+        return _interrupted()
+    except Exception:
+        if _interrupts:
+            return _interrupted()
+        raise
     except SystemExit:  # of a parser: what it printed must be flushed here, where the reader may be gone
         with contextlib.suppress(BrokenPipeError):
             sys.stdout.flush()

@@ -100,9 +100,9 @@ def _is_session(path: str) -> bool:
 
 def _session(options: argparse.Namespace) -> list[str]:
     from itouch.plugin.discovery import Catalog
+    from itouch.schema.durable import write_whole
     from itouch.session.building import rebuild
     from itouch.session.document import to_xml
-    from itouch.session.durable import write_whole
     from itouch.session.open import read_session
 
     if not (options.xml or options.itouch):

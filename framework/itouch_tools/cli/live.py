@@ -11,7 +11,7 @@ from itouch.schema import ItouchError
 from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli import deprecations, windows
-from itouch_tools.cli.shutdown import Stopping, write_report
+from itouch_tools.cli.shutdown import Interrupted, Stopping, write_report
 from itouch_tools.viewer.fault_messages import told
 
 if TYPE_CHECKING:
@@ -36,20 +36,15 @@ def needed(session: Session) -> bool:
 
 def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, leader: Leader | None = None) -> int:
     """Run in real time, in a window if that is asked for, or led by a gamepad, and return the exit code."""
-    from itouch.servo import ServoError, launch
-    from itouch_tools.cli import arm_input, outputs
+    from itouch.servo import ServoError
+    from itouch_tools.cli import arm_input
 
     for option in ("screenshot", "film", "wav"):
         if getattr(options, option, None):
             named = option.replace("_", "-")
             raise ItouchError(f"--{named} needs --pace fast: in real time a window or an attached process does that")
-    with waiting(f"starting {options.scene}"):
-        handle = launch(
-            options.scene, seed=options.seed, twin=options.twin, rig=options.rig, seconds=options.duration,
-            save=options.save, enable=not window, linger=window, keep=outputs.wanted(options),
-        )  # fmt: skip
+    handle = _launched(options, stop, window=window)
     windows.tell(options, opened=window)
-    stop.bind(handle.request_stop)
     with handle:
         try:
             if not window and leader is None:
@@ -67,6 +62,36 @@ def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, le
     if options.save:
         did(f"saved {options.save}")
     return code
+
+
+def _launched(options: argparse.Namespace, stop: Stopping, *, window: bool) -> Handle:
+    """Start the session and return its handle once it is built; from then on, signals ask it to end.
+
+    Raises
+    ------
+    Interrupted
+        If a signal came before it was built.
+    SceneError, SessionError, ServoError
+        If it can't be built.
+    """
+    from itouch.servo import launching
+    from itouch_tools.cli import outputs
+
+    config = launching.configured(
+        options.scene, seed=options.seed, twin=options.twin, rig=options.rig, seconds=options.duration,
+        save=options.save, enable=not window, linger=window, keep=outputs.wanted(options),
+    )  # fmt: skip
+    with waiting(f"starting {options.scene}"):
+        handle = launching.begin(launching.named(config["scene"]), config)
+        try:
+            handle.await_ready()
+            stop.bind(handle.request_stop)
+        except Interrupted:
+            stop.bind(handle.request_stop)
+            handle.close()
+            if not handle.built:
+                raise  # otherwise it ends as at any other time: devices may have been enabled by then
+    return handle
 
 
 def _follow(

@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from itouch.plugin import trace
 from itouch.schema import ItouchError
 from itouch.schema.files import stored_kind
 from itouch.schema.seeds import checked_seed
@@ -29,15 +28,20 @@ def main(argv: Sequence[str]) -> int:
     with Stopping() as stop:
         try:
             return _start(options, stop)
-        except Interrupted as signalled:
+        except (Exception, KeyboardInterrupt) as raised:
+            number = raised.number if isinstance(raised, Interrupted) else stop.unstarted
+            if not number:
+                raise
             words = {"scene": options.scene, "seed": options.seed or 0, "pace": options.pace}
-            return unstarted(signalled.number, words, begun, options.report)
+            return unstarted(number, words, begun, options.report)
 
 
 def _start(options: argparse.Namespace, stop: Stopping) -> int:
     """Choose how to run, and run; until something runs, a signal raises ``Interrupted``."""
     _check(options)
     if options.trace:
+        from itouch.plugin import trace
+
         trace.begin(options.trace)
     window = windows.wanted(options)
     if options.pace == "real" or window:
@@ -135,6 +139,9 @@ def _run(session: Session, options: argparse.Namespace, show: Callable[[], None]
     from itouch.loop import DeviceFaultError, interpreter
     from itouch.loop.fault_attribution import changed_python, ended_by
 
+    if number := stop.unstarted:  # what was raised then has been dropped on its way
+        session.close()
+        raise Interrupted(number)
     stop.bind(session.stop)
     fault: BaseException | None = None
     modules = interpreter.LoadedModules()

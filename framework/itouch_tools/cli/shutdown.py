@@ -79,7 +79,9 @@ class Interrupted(KeyboardInterrupt):
 class Stopping:
     """Lets Ctrl-C, SIGTERM and SIGHUP end a run safely while the context lasts.
 
-    Until something runs (``bind``) a signal ends the preparation, by raising ``Interrupted``.
+    Until something runs (``bind``) a signal ends the preparation, by raising ``Interrupted``.  That may come at any
+    instant: code that is being imported, or the interpreter itself, may make another error of it or drop it.  A SIGHUP
+    that the program was told to ignore (``nohup``) stays ignored.
     """
 
     def __init__(self) -> None:
@@ -88,12 +90,24 @@ class Stopping:
         self._before: dict[int, Any] = {}
 
     def bind(self, stop: Callable[[], None]) -> None:
-        """Let signals from now on ask a run to end; ``stop`` is called from a signal handler."""
+        """Let signals from now on ask a run to end; ``stop`` is called from a signal handler.
+
+        If a signal has come before, ``stop`` is called at once.
+        """
         self._stop = stop
+        if self._signal:
+            stop()
+
+    @property
+    def unstarted(self) -> int:
+        """The number of a signal that came before anything ran; 0: none did."""
+        return self._signal if self._stop is None else 0
 
     def __enter__(self) -> Stopping:
         if threading.current_thread() is threading.main_thread():
             for number in signals("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):
+                if number in signals("SIGHUP") and signal.getsignal(number) == signal.SIG_IGN:
+                    continue
                 self._before[number] = signal.signal(number, self._note)
         return self
 
@@ -189,7 +203,7 @@ def write_report(path: str | None, report: Callable[[], dict[str, Any]]) -> None
         raise ItouchError(f"cannot write '{path}': the report holds what is no number ({error})") from error
     try:
         if _may_be_replaced(path):
-            from itouch.session.durable import write_whole  # imported only here, so that help is instant
+            from itouch.schema.durable import write_whole  # imported only here, so that help is instant
 
             write_whole(path, data)
             return

@@ -77,6 +77,7 @@ def clear_kept() -> str:
     from itouch.plugin import result_cache
 
     results, built = caches.clear(result_cache.folder(), result_cache.SUFFIX), caches.clear(meshes.folder(), ".mesh")
+    caches.clear(compiling.folder(), ".part")  # what writers that were killed have left
     compiled = 0
     for path in kernels():
         with contextlib.suppress(OSError):

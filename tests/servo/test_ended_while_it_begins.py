@@ -1,0 +1,48 @@
+"""A session that is asked to end while it is being built: its process unwinds at once, and tells why."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+from itouch.servo import ServoError, launching
+
+SLOW = """
+import time
+from pathlib import Path
+
+def serve(segment, outbox, config):
+    place = Path(config["place"])
+    (place / "begun").touch()
+    try:
+        time.sleep(600.0)
+    finally:
+        (place / "unwound").touch()
+"""
+
+
+def test_a_session_that_is_asked_to_end_is_not_built_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compiling may take a minute: what helps it, and its folder, would outlive a process that is killed instead."""
+    (tmp_path / "slow_to_build.py").write_text(SLOW, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))  # the process gets it, too
+    handle = launching.begin("slow", {"serves": "slow_to_build:serve", "place": str(tmp_path)})
+    until = time.monotonic() + 300.0
+    while not (tmp_path / "begun").exists() and handle.running and time.monotonic() < until:
+        time.sleep(0.01)
+    handle.request_stop()
+    with pytest.raises(ServoError, match="asked to end while it began: nothing was enabled"):
+        handle.await_ready()
+    assert (tmp_path / "unwound").exists()
+    assert not handle.built
+    handle.close()
+
+
+def test_a_process_that_does_not_know_yet_what_to_build_ends_too() -> None:
+    handle = launching.begin("early", {"serves": "nothing:there"})
+    handle.request_stop()
+    with pytest.raises(ServoError):
+        handle.await_ready()
+    assert not handle.built
+    handle.close()
