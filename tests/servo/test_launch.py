@@ -227,8 +227,8 @@ def test_a_session_that_can_not_be_saved_at_its_end_still_tells_why_it_ended(tmp
         '<fault device="arm" kind="nan" at="20 ms"/></itouch>', encoding="utf-8"
     )  # fmt: skip
     target = tmp_path / "s.itouch"
+    target.mkdir()  # nothing can take its place
     with itouch.launch(tmp_path / "scene.xml", seconds=5.0, save=target) as handle:
-        target.mkdir()  # nothing can take its place
         with pytest.raises(itouch.DeviceFaultError, match="NaN"):
             handle.wait(300)
         assert "not-a-number" in [fault["trip"] for fault in handle.report()["faults"]]

@@ -24,11 +24,16 @@ class Guarded:
         servo, owner = os.pidfd_open(process), os.pidfd_open(os.getpid())
         passed = (segment.handle, servo, owner, far)
         words = [sys.executable, "-P", "-m", "itouch.servo.guardian", *map(str, passed), segment.name, *manner]
-        self._process = subprocess.Popen(
-            words, pass_fds=passed, stdin=subprocess.DEVNULL, start_new_session=True, env=environment
-        )
-        for handle in (servo, owner, far):
-            os.close(handle)
+        try:
+            self._process = subprocess.Popen(
+                words, pass_fds=passed, stdin=subprocess.DEVNULL, start_new_session=True, env=environment
+            )
+        except OSError:
+            os.close(near)
+            raise
+        finally:
+            for handle in (servo, owner, far):
+                os.close(handle)
         self._near = near
         segment.words[at.GUARDIAN] = self._process.pid
         #: What it had to do, in words; empty if nothing.

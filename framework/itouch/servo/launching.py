@@ -145,7 +145,10 @@ def begin(name: str, config: dict[str, Any]) -> Handle:
         If the servo process can't be started.
     """
     keep_standard_numbers()
-    return _start(name, config)
+    try:
+        return _start(name, config)
+    except OSError as error:  # no more files, processes or memory
+        raise ServoError(f"cannot start the session's processes: {error.strerror or error}") from error
 
 
 def named(scene: str) -> str:
@@ -171,19 +174,20 @@ def _start(name: str, config: dict[str, Any]) -> Handle:
         return Handle(Within(segment, far, config), segment, near, Unguarded())
     words = [sys.executable, "-P", "-m", "itouch.servo.process", str(segment.handle), name, str(far.fileno())]
     words.append(str(os.getpid()))
+    process = None
     try:
         process = subprocess.Popen(
             words, pass_fds=(segment.handle, far.fileno()), stdin=subprocess.DEVNULL, start_new_session=True,
             env=child_environment(),
         )  # fmt: skip
-    except OSError as error:
-        raise ServoError(f"cannot start the servo process: {error.strerror}") from error
+        near.sendall(json.dumps(config).encode() + b"\n")
+        return Handle(process, segment, near, Guarded(process.pid, segment, child_environment()))
+    except BaseException:
+        if process is not None:  # there would be no guardian
+            process.kill()
+            process.wait()
+        near.close()
+        segment.close()
+        raise
     finally:
         far.close()
-    near.sendall(json.dumps(config).encode() + b"\n")
-    try:
-        return Handle(process, segment, near, Guarded(process.pid, segment, child_environment()))
-    except BaseException:  # there would be no guardian
-        process.kill()
-        process.wait()
-        raise

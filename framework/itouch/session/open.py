@@ -25,7 +25,8 @@ def is_session(path: Path) -> bool:
     try:
         with open_regular(path) as stream:
             head = stream.read(256)
-            return is_document(head) and b"<session " in head + stream.read(MAX_DOCUMENT)
+            size = os.fstat(stream.fileno()).st_size  # reading up to the limit would reserve that much memory
+            return is_document(head) and b"<session " in head + stream.read(min(size, MAX_DOCUMENT))
     except OSError:
         return False
 

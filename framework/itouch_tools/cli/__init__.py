@@ -144,12 +144,20 @@ def _guarded(words: list[str]) -> int:
         if error.errno != errno.ENOSPC:  # the output goes to a full disk; any other error here is a bug
             if _interrupts:
                 return _interrupted()
+            if not _stands():
+                print("error: the current folder has been removed\n  = help: change to another one", file=sys.stderr)
+                return 2
             raise
         stop_writing()
         print(f"cannot write: {error.strerror}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return _interrupted()
+    except MemoryError:
+        print(
+            "error: memory has run out\n  = help: end other programs, or raise the limit (ulimit -v)", file=sys.stderr
+        )
+        return 2
     except Exception:
         if _interrupts:
             return _interrupted()
@@ -160,6 +168,14 @@ def _guarded(words: list[str]) -> int:
             raise
         stop_writing()
         return 141
+
+
+def _stands() -> bool:
+    """Tell whether the current folder is still there."""
+    try:
+        return bool(os.getcwd())
+    except OSError:
+        return False
 
 
 def _told(error: Exception) -> int:

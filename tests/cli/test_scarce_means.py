@@ -1,0 +1,58 @@
+"""A machine that is short of memory, files or a folder: one sentence, no traceback."""
+
+from __future__ import annotations
+
+import os
+import tracemalloc
+from pathlib import Path
+
+import pytest
+from program import program
+from shipped import SCENES
+
+import itouch_tools.cli
+from itouch.servo import guardian_link
+from itouch.session import is_session
+
+FIRST = str(SCENES / "first_touch.xml")
+
+
+def test_memory_that_runs_out_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def run_out(words: list[str]) -> int:
+        raise MemoryError
+
+    monkeypatch.setattr(itouch_tools.cli, "_dispatch", run_out)
+    done = program("check", FIRST)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: memory has run out\n")
+
+
+def test_a_current_folder_that_was_removed_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def looks(words: list[str]) -> int:
+        (tmp_path / "gone").rmdir()
+        return len(os.getcwd())
+
+    (tmp_path / "gone").mkdir()
+    monkeypatch.setattr(itouch_tools.cli, "_dispatch", looks)
+    done = program("check", FIRST, cwd=tmp_path / "gone")
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: the current folder has been removed\n")
+
+
+def test_a_session_whose_processes_can_not_be_started_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr(guardian_link.os, "pipe", refused)
+    done = program(FIRST, "--headless", "--pace", "real", "--for", "0.1s")
+    assert done.returncode == 2
+    assert done.stderr == "cannot start the session's processes: Too many open files\n"
+
+
+def test_asking_whether_a_scene_is_a_session_takes_no_more_memory_than_the_scene() -> None:
+    tracemalloc.start()
+    try:
+        assert not is_session(FIRST)
+        assert tracemalloc.get_traced_memory()[1] < 10_000_000
+    finally:
+        tracemalloc.stop()
