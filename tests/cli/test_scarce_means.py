@@ -27,6 +27,22 @@ def test_memory_that_runs_out_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert done.stderr.startswith("error: memory has run out\n")
 
 
+def test_a_part_of_the_program_that_is_missing_is_told_and_no_other_module(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While the program is upgraded in place, its files are replaced one after the other."""
+
+    def missing(words: list[str]) -> int:
+        raise ModuleNotFoundError(f"No module named '{name}'", name=name)
+
+    monkeypatch.setattr(itouch_tools.cli, "_dispatch", missing)
+    name = "itouch.servo.errors"
+    done = program("check", FIRST)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: a part of the program is missing (itouch.servo.errors)\n")
+    name = "another"
+    with pytest.raises(ModuleNotFoundError):
+        program("check", FIRST)
+
+
 def test_a_current_folder_that_was_removed_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def looks(words: list[str]) -> int:
         (tmp_path / "gone").rmdir()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 
@@ -37,6 +38,32 @@ def test_a_session_that_is_asked_to_end_is_not_built_first(tmp_path: Path, monke
     assert (tmp_path / "unwound").exists()
     assert not handle.built
     handle.close()
+
+
+MISSING = """
+import sys
+
+def serve(segment, outbox, config):
+    if config["here"]:
+        sys.modules["itouch.servo.errors"] = None
+    raise ValueError("what went wrong")
+"""
+
+
+@pytest.mark.parametrize(("here", "said"), [(True, "changed while it ran; start it again"), (False, "what went wrong")])
+def test_a_part_of_the_program_that_is_missing_while_it_is_upgraded_is_told(
+    here: bool, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Of the servo process, or of its launcher, which waited for ever."""
+    (tmp_path / "broken_build.py").write_text(MISSING, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    if not here:
+        monkeypatch.setitem(sys.modules, "itouch.servo.errors", None)
+    handle = launching.begin("missing", {"serves": "broken_build:serve", "here": here})
+    with pytest.raises(ServoError, match=said):
+        assert handle.wait(120.0)
+    handle.close()
+    assert capfd.readouterr().err == ""
 
 
 def test_a_process_that_does_not_know_yet_what_to_build_ends_too() -> None:

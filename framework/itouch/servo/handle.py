@@ -122,8 +122,11 @@ class Handle:
         if told is not None and not told["traceback"]:  # raised before anything was loaded there; load nothing here
             self._error = ServoError(told["message"])
         elif told is not None:
-            from itouch.servo.errors import decode
-
+            try:
+                from itouch.servo.errors import decode
+            except ImportError:  # the program has been upgraded in place, or removed, meanwhile
+                self._error = ServoError(f"{told['message']} (the program was changed while it ran)")
+                return
             self._error = decode(told)
 
     def await_ready(self) -> None:

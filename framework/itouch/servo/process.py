@@ -113,8 +113,10 @@ def _told(error: BaseException | None) -> dict[str, Any] | None:
         return None
     if isinstance(error, _EndedEarly):
         return _plain(_ENDED_EARLY)
-    from itouch.servo.errors import encode
-
+    try:
+        from itouch.servo.errors import encode
+    except ImportError as missing:  # while the program is upgraded in place, parts of it are missing
+        return _plain(f"{missing}: the program was changed while it ran; start it again")
     return encode(error)
 
 

@@ -158,9 +158,13 @@ def _guarded(words: list[str]) -> int:
             "error: memory has run out\n  = help: end other programs, or raise the limit (ulimit -v)", file=sys.stderr
         )
         return 2
-    except Exception:
+    except Exception as error:
         if _interrupts:
             return _interrupted()
+        if isinstance(error, ModuleNotFoundError) and str(error.name).startswith("itouch"):
+            advice = "it was changed while it ran: start it again; or install it again"
+            print(f"error: a part of the program is missing ({error.name})\n  = help: {advice}", file=sys.stderr)
+            return 2
         raise
     except SystemExit:  # of a parser: what it printed must be flushed here, where the reader may be gone
         with contextlib.suppress(BrokenPipeError):
