@@ -24,14 +24,13 @@ from shipped import SCENES
 from strangers import install
 
 import itouch
-from itouch.loop.surface import ground, memory
 from itouch.monitors.thresholds import DOUBT_GAP, DOUBT_GAP_UNCALIBRATED
+from itouch.plugin.carried_surfaces import ROOM, SLOPE_AHEAD
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch.session import layout
 from itouch.testing.checks import examine
 from itouch.testing.scenario import ModalitySubject
 from itouch.testing.suites import MODALITY_CHECKS
-from itouch.world.presented_surfaces import ROOM
 from itouch_encountered import Encountered, choosing, modality, motion, own
 from itouch_tools.cli.__main__ import main
 
@@ -273,13 +272,10 @@ def test_the_plan_says_who_carries_and_that_limits_have_the_last_word(
 
 
 def test_what_other_limits_are_made_of_is_what_it_reckons_with() -> None:
-    """A plugin can't import them."""
+    """A plugin can't import what monitors have."""
     assert (choosing.FAR, choosing.FAR_UNCALIBRATED) == (DOUBT_GAP, DOUBT_GAP_UNCALIBRATED)
-    assert modality.ROOM == ROOM
-    assert (own.LOW, own.HIGH, own.TOUCH, own.LEFT) == (memory.LOW, memory.HIGH, memory.TOUCH, memory.LEFT)
-    assert (own.ABOUT, motion.HAND_OVER) == (memory.ABOUT, memory.HAND_OVER)
-    assert motion.SEEN_AHEAD == ground.AHEAD
-    assert 2 * round(ground.AHEAD * 4000.0) <= own.MOST_KINKS  # at the fastest servo rate
+    assert modality.ROOM_WIRED >= ROOM
+    assert 2 * round(SLOPE_AHEAD * 4000.0) <= own.MOST_KINKS  # at the fastest servo rate
 
 
 #: Over the top of the ball and back, so quickly that a drive is late.
@@ -322,7 +318,7 @@ def test_it_evens_out_the_steps_of_an_arm_on_steep_faces_that_it_renders(tilt: f
 @pytest.mark.parametrize("period", [2.5e-4, 1e-3, 3e-3])
 def test_it_rounds_a_kink_off_and_is_on_both_faces_before_and_after(period: float) -> None:
     """Its speed grows by the same from tick to tick, from when the kink is seen to as long after it."""
-    ahead = max(1, round(motion.SEEN_AHEAD / period))
+    ahead = max(1, round(SLOPE_AHEAD / period))
     numbers = motion.Numbers(8e-3, 5e-3, 0.9, 0.92, period, 2.0, 2.0, 1e3, True, 2e-4, 4e-3, ahead, 0.0, 0.0, 0.0)
     state, steepens = np.zeros(own.KINKS + own.MOST_KINKS), 0.05  # [m/s]
     state[own.INERTIA] = 1.6e-5

@@ -11,6 +11,7 @@ from program import program
 from shipped import SCENES
 
 from itouch.loop.surface import memory as surface
+from itouch.plugin import carried_surfaces
 from itouch_encountered import own
 from itouch_encountered.choosing import FAR_UNCALIBRATED, doubt, touches_unasked
 from itouch_encountered.motion import Numbers
@@ -148,7 +149,7 @@ def test_a_pad_that_is_soft_by_itself_is_no_plate_that_is_missing(stiffness: flo
     for _ in range(200):
         if memory[own.LOST] == 0.0:
             doubt(numbers, memory, depth * 1e-3, 0.04, True)
-    assert memory[own.LOST] == (own.LOW if told else 0.0)
+    assert memory[own.LOST] == (carried_surfaces.LOW if told else 0.0)
 
 
 def hover(height: float, approach: float) -> tuple[str, str]:
@@ -216,7 +217,7 @@ def unasked(force: float, noise: float, gap: float = 0.6) -> float:
     for tick in range(60_000):
         touches_unasked(numbers, memory, -gap * 1e-3, max(0.0, force + noise * rng.standard_normal()), False)
         if memory[own.LOST] > 0.0:
-            assert memory[own.LOST] == own.HIGH
+            assert memory[own.LOST] == carried_surfaces.HIGH
             return tick * 1e-3
     return 60.0
 
@@ -242,7 +243,7 @@ def test_what_an_axis_reads_in_the_air_is_no_finger(gap: float, force: float, to
     for _ in range(1000):
         if memory[own.LOST] == 0.0:
             doubt(numbers, memory, -gap * 1e-3, force, False)
-    assert memory[own.LOST] == (own.HIGH if told else 0.0)
+    assert memory[own.LOST] == (carried_surfaces.HIGH if told else 0.0)
 
 
 def test_all_that_a_surface_remembers_has_a_place_in_state(folder: Path) -> None:

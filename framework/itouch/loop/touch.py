@@ -24,6 +24,7 @@ from itouch.loop.surface import memory, plate
 from itouch.loop.surface.force import SOON
 from itouch.monitors.surface_kernels import Nearing
 from itouch.plugin import Bound, Contact, ContactEvent, HeardContact, Record, Role, Touches
+from itouch.plugin.carried_surfaces import ABOUT, LEFT
 from itouch.world import Model, ProbeModel
 
 #: Time constant [s] of the filter on the HIP's velocity.
@@ -243,7 +244,7 @@ class Toucher:
     def gone(self) -> None:
         """Mark a surface that safety has taken away as not present, once it is clear of the finger."""
         away = self.figures[render.HIP + 2] - self._constants[render.RADIUS] - self.figures[render.PLATE_TOP]
-        if away > (SOON if self._constants[render.HAS_LOAD] > 0.0 else memory.ABOUT) and -self._load[2] < memory.LEFT:
+        if away > (SOON if self._constants[render.HAS_LOAD] > 0.0 else ABOUT) and -self._load[2] < LEFT:
             self.surface[memory.PRESENT] = self.plate[...] = 0
 
     def restart(self) -> None:

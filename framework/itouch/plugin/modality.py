@@ -47,6 +47,7 @@ class Carries(NamedTuple):
     missed
         Field: why the surface renders no more: 1, it was not felt where it should be; 2, it was felt below that; 0,
         nothing is wrong.  The arm then renders the contact, and report and log tell where it happened first.
+        `itouch.plugin.carried_surfaces` has these values, and the others on which framework and modality agree.
     yields
         Field: how far [m] its command already yields because the surface presses too hard.  The framework (K4) then
         lowers the surface only by as much as its own yielding exceeds this, not by all of it again.

@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from itouch.plugin import Carries, Role, WorldSurface
+from itouch.plugin.carried_surfaces import ROOM
 from itouch.scene import Scene
 from itouch.scene.elements import Operator, PluginPart
 from itouch.schema import Problem
@@ -19,8 +20,6 @@ _OWN = ("clearance", "plate_angle")
 _ONE = (("f8", 0), ("f8", 1), ("i8", 0), ("i8", 1))
 #: Stiffness [N/m] and damping [N s/m] of a finger's pad if nothing is known of it.
 PAD_STIFFNESS, PAD_DAMPING = 1e3, 2.0
-#: How far a plate's force stays below the scene's limit [N].
-ROOM = 0.15
 
 
 def face_of(table: str, devices: Mapping[str, DeviceModel]) -> str:

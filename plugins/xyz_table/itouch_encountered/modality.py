@@ -21,16 +21,16 @@ from itouch.plugin import (
     WorldSurface,
     schema,
 )
+from itouch.plugin.carried_surfaces import ROOM, SLOPE_AHEAD
 from itouch_encountered.choosing import FAR, FAR_UNCALIBRATED
-from itouch_encountered.motion import INERTIA_FIRST, SEEN_AHEAD, Numbers, Seen, carry
+from itouch_encountered.motion import INERTIA_FIRST, Numbers, Seen, carry
 from itouch_encountered.over_wire import LAG_FIRST, Wire, look_over_wire
 from itouch_encountered.own import FIELDS, OVER_WIRE
 
 #: A contact that passed to the arm because of its tilt is taken back when the tilt is below the limit by this [rad].
 TILT_BACK = math.radians(2.0)
-#: How far the surface's force stays below the arm's force limit [N].
-ROOM = 0.15
-#: The same behind a wire, where the finger goes on unseen until a command acts.
+#: How far the surface's force stays below the arm's force limit [N] behind a wire, where the finger goes on unseen
+#: until a command acts; elsewhere it is `ROOM`.
 ROOM_WIRED = 0.25
 
 
@@ -185,5 +185,5 @@ def _numbers(
         radius, surface.clearance, math.cos(surface.plate_angle), math.cos(max(0.0, surface.plate_angle - TILT_BACK)),
         period, surface.greatest_force, max(0.0, min(surface.greatest_force, force)), surface.pad_stiffness,
         has_load, speed * period, FAR if surface.touch_off else FAR_UNCALIBRATED,
-        max(1, round(SEEN_AHEAD / period)), *surface.face,
+        max(1, round(SLOPE_AHEAD / period)), *surface.face,
     )  # fmt: skip

@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from itouch.plugin.carried_surfaces import ABOUT, AHEAD, HAND_OVER, HIGH, LEFT, TOUCH, YIELD_RATE, YIELD_RETURN
 from itouch.plugin.kernels import kernel
 from itouch_encountered.choosing import along, choose, doubt, touches_unasked
 from itouch_encountered.own import (
-    ABOUT,
     ARRIVED,
     AT_FINGER,
     BEHIND,
@@ -29,11 +29,9 @@ from itouch_encountered.own import (
     GIVE,
     HASTE,
     HERE,
-    HIGH,
     INERTIA,
     KINKS,
     LAG,
-    LEFT,
     LOST,
     ORIGIN,
     ORIGIN_Z,
@@ -49,7 +47,6 @@ from itouch_encountered.own import (
     SINCE,
     SPEED,
     TAKES,
-    TOUCH,
     UPRIGHT,
     WAY,
     YIELDS,
@@ -70,10 +67,6 @@ MADE, MAKES = 1e-3, 0.022
 WAITED_FOR = 2e-4
 #: How far the wanted height may be ahead of the one sent last [m] before it counts as held up.
 SLACK = 3e-5
-#: Gap [m] over which the arm takes over the normal force from a surface that is too low.
-HAND_OVER = 1e-3
-#: How fast the surface yields above its greatest force [m/s per N], and how fast it comes back [m/s].
-YIELD_RATE, YIELD_RETURN = 0.02, 0.005
 #: How fast the force on a finger may decrease when its virtual surface falls away, at first and at most [N/s], because
 #: 0.1 N a tick is felt; and by how much the surface may then fall faster from tick to tick [m/s].
 FALLS, MOST_FALLS, FASTER = 45.0, 60.0, 0.005
@@ -85,8 +78,6 @@ EASES = 4.0
 #: How far a device may be behind its command on the way up to a finger, and within what distance of the finger that
 #: matters [m]: it would rush to catch up.
 LEADS, NEAR = 1e-3, 0.02
-#: How far ahead the surface's force is predicted [s], because a device needs time to move.
-AHEAD = 0.008
 #: Learning rate of the device's compliance, lag and inertia [1/s]; the greatest compliance [m/N] and lag [s] that are
 #: compensated; and the error [m] above which something else is the cause, so that nothing is learned from it.
 LEARNS, MOST_GIVE, MOST_LAG, ASTRAY = 80.0, 1e-4, 0.005, 1e-4
@@ -95,8 +86,6 @@ LEARNS, MOST_GIVE, MOST_LAG, ASTRAY = 80.0, 1e-4, 0.005, 1e-4
 INERTIA_FIRST, MOST_INERTIA = 1.6e-5, 5e-5
 #: Damping ratio of such a control [1]; and the most by which the surface is sent higher or lower for that [m].
 DAMPING_RATIO, MOST_SHIFT = 0.9, 3e-4
-#: How far ahead of the finger, in time, the framework looks at the slope [s].
-SEEN_AHEAD = 0.003
 #: A surface this far from where it was a tick ago [m] has not moved there: it is seen for the first time.
 ELSEWHERE = 5e-3
 #: Acceleration [m/s2] well below which a device's error is not due to its inertia.

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from itouch.plugin.carried_surfaces import ABOUT, LEFT, TOUCH
 from itouch.plugin.kernels import kernel
 from itouch_encountered.own import (
-    ABOUT,
     BEHIND,
     BENDS,
     COMMANDS,
@@ -23,7 +23,6 @@ from itouch_encountered.own import (
     HOLD,
     INERTIA,
     LAG,
-    LEFT,
     LIFTED,
     LIFTS,
     ORIGIN_Z,
@@ -36,7 +35,6 @@ from itouch_encountered.own import (
     ROW_Z,
     SENT_TO,
     SINCE,
-    TOUCH,
     WAY,
 )
 

@@ -84,10 +84,3 @@ GOES, LIFTED, LIFTS, HOISTS = _at["goes"], _at["lifts_before"], _at["lift_speed"
 WAY, HOLD, COMMANDS, READ_AT, RISE = _at["ahead"], _at["hold"], _at["commands"], _at["read_at"], _at["climbs_by"]
 SINCE, BEHIND, RESTS, PRESSES = _at["since"], _at["behind"], _at["rests"], _at["pressed_now"]
 PLACE, SENT_TO, GONE_BY = _at["place"], _at["sent_to"], _at["past"]
-
-#: Values of `LOST`: the surface is lower than its height says, or higher.
-LOW, HIGH = 1.0, 2.0
-#: Force [N] above which a surface is felt, and below which the finger has left it.
-TOUCH, LEFT = 0.05, 0.02
-#: How near below the finger a surface is as good as there [m].
-ABOUT = 3e-4

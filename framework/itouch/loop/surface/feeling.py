@@ -16,8 +16,8 @@ from itouch.loop.surface.memory import (
     LINGERS,
     PRESENT,
     PRESSED,
-    TOUCH,
 )
+from itouch.plugin.carried_surfaces import TOUCH
 
 Floats = NDArray[np.float64]
 

@@ -29,11 +29,9 @@ from itouch.loop.render import (
 )
 from itouch.loop.surface.ground import along_plate
 from itouch.loop.surface.memory import (
-    ABOUT,
     CHANGING,
     CLEAR,
     CUT,
-    HAND_OVER,
     LOAD,
     NOTHING,
     PRESSED,
@@ -41,11 +39,11 @@ from itouch.loop.surface.memory import (
     SETTLED,
     SHARE,
     STIRS,
-    TOUCH,
     VIRTUAL,
     WANTED,
 )
 from itouch.loop.surface.taking_over import LED
+from itouch.plugin.carried_surfaces import ABOUT, HAND_OVER, TOUCH
 from itouch.twin.frame_rotation import turned_in, turned_out
 
 Floats = NDArray[np.float64]

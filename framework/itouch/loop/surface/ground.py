@@ -22,6 +22,7 @@ from itouch.loop.render import (
     VELOCITY,
 )
 from itouch.loop.surface.memory import CLIMB, GOES, HASTENS, LIFTS, SLOPE, TURNS, UPRIGHT
+from itouch.plugin.carried_surfaces import SLOPE_AHEAD
 
 Floats = NDArray[np.float64]
 
@@ -30,9 +31,6 @@ REACH = 0.2
 #: Time constant [s] with which the finger's speed is smoothed, as its height is: an arm reads in steps.  The slope is
 #: not smoothed: where it jumps from one face to the next, the speed of the height jumps, too.
 SMOOTHLY = 0.005
-#: How far ahead of the finger [s] the slope is looked at, rounded to whole ticks, one at least: the device that carries
-#: a plate needs this time to change its speed.
-AHEAD = 0.003
 #: How near above a surface the finger must be for that [m], and how far ahead a place must be to be another one [m].
 NEAR, ELSEWHERE = 2e-3, 1e-5
 #: Cosine of the steepest slope whose change of height is followed: no plate renders a steeper one.
@@ -121,7 +119,7 @@ def _slope_ahead(
     Arguments as in `find`; ``start`` (3,): the point from which the surface was found; it and ``normal`` are written;
     ``x``, ``y``: the slope here [1].
     """
-    ahead = max(1.0, np.rint(AHEAD / c[PERIOD])) * c[PERIOD]
+    ahead = max(1.0, np.rint(SLOPE_AHEAD / c[PERIOD])) * c[PERIOD]
     u, v = ahead * memory[GOES], ahead * memory[GOES + 1]
     if u * u + v * v < ELSEWHERE * ELSEWHERE:
         return x, y

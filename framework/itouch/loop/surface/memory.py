@@ -14,7 +14,7 @@ SHARE = _at["surface.share"]  # the arm's share of the normal force; -1: no cont
 PRESSED = _at["surface.pressed"]  # how long the virtual contact has lasted [s]
 FELT = _at["surface.felt"]  # 1: the plate counts as felt
 FELT_WEIGHT, FELT_FORCE = _at["surface.felt_weight"], _at["felt_force"]  # weight of its measured force; felt force [N]
-MISSED = _at["surface.missed"]  # LOW, HIGH or WITHDRAWN (below): the arm gives the force; 0: nothing is wrong
+MISSED = _at["surface.missed"]  # LOW, HIGH, or WITHDRAWN (below): the arm gives the force; 0: nothing is wrong
 MISSES, MISSED_AT = _at["surface.misses"], _at["surface.missed_at"]  # how often; when first [s]
 MISSED_DEPTH, MISSED_LOAD = _at["surface.missed_depth"], _at["surface.missed_load"]  # depth [m] and load [N] then
 CUT = _at["surface.cut"]  # how much the plate's force lowers the arm's limit [N]
@@ -31,18 +31,13 @@ VIRTUAL = _at["surface.virtual"]  # the virtual force a tick ago, (3,) [N]
 STIRS = _at["surface.stirs"]  # by how much that changed in the last two ticks, the newest first, (2,) [N]
 GOES = _at["surface.goes_x"]  # velocity of the finger in x and y, smoothed, (2,) [m/s]
 LIFTS = _at["surface.lifts"]  # how fast the surface rises under the finger by the motion of its object, smoothed [m/s]
-SLOPE = _at["surface.slope_x"]  # slope in x and y where the finger will be `ground.AHEAD` from now, (2,) [1]
+SLOPE = _at["surface.slope_x"]  # slope in x and y where the finger will be `SLOPE_AHEAD` from now, (2,) [1]
 TURNS = _at["surface.turns"]  # how fast the speed of its height changes there because the slope changes [m/s2]
 HASTENS = _at["surface.hastens"]  # how fast the speed of its height changes because finger or object accelerate [m/s2]
 RISES = _at["surface.rises"]  # how fast the plate rises, as its surface does or by itself, smoothed [m/s]
 MEMORY = width(SURFACE)
 
-#: Values of `MISSED`: the plate is lower than its height says, or higher; or safety keeps it away (T4).
-LOW, HIGH, WITHDRAWN = 1.0, 2.0, 3.0
-
-#: Force [N] above which a plate is felt, below which the finger has left it, and what a sensor may read of no touch.
-TOUCH, LEFT, NOTHING = 0.05, 0.02, 0.02
-#: How near below the finger a plate is as good as there [m].
-ABOUT = 3e-4
-#: Gap [m] over which the arm takes over the normal force from a plate that is too low.
-HAND_OVER = 1e-3
+#: Value of `MISSED` besides those that a modality says: safety keeps the plate away (T4).
+WITHDRAWN = 3.0
+#: What a sensor may read of no touch [N].
+NOTHING = 0.02

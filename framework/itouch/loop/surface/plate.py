@@ -25,10 +25,10 @@ from itouch.loop.render import (
     TABLE,
     TRACKING,
 )
-from itouch.loop.surface.memory import CLIMB, LEFT, LEVEL, OFF, RENDERS, RISES, SETTLED, SINK, TOUCH
+from itouch.loop.surface.memory import CLIMB, LEVEL, OFF, RENDERS, RISES, SETTLED, SINK
+from itouch.plugin.carried_surfaces import AHEAD, LEFT, ROOM, TOUCH, YIELD_RATE, YIELD_RETURN
 from itouch.twin.frame_rotation import beside, turned_in, turned_out
 from itouch.world.fields import rising_fields
-from itouch.world.presented_surfaces import ROOM
 
 Floats = NDArray[np.float64]
 
@@ -36,12 +36,8 @@ Floats = NDArray[np.float64]
 READ_AT, READ_TOP, BY_READINGS, BETWEEN = (
     places(rising_fields())[f"rising.{name}"] for name in ("read_at", "read_top", "by_readings", "between")
 )
-#: How fast the plate yields above its greatest force [m/s per N], and how fast it comes back [m/s].
-YIELD_RATE, YIELD_RETURN = 0.02, 0.005
 #: By how much two ways of computing one height may differ [m].
 ROUNDING = 1e-12
-#: How far ahead a plate's force is predicted [s], because a table needs time to move.
-AHEAD = 0.008
 #: Time constant [s] with which it is learned that a plate is felt sooner or later than its height says.
 SETTLE = 0.02
 #: Time constant with which the plate's own speed is smoothed [s].

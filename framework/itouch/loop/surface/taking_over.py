@@ -10,8 +10,6 @@ from itouch.loop.render import CLEARANCE, HIP, PLATE_TOP, RADIUS
 from itouch.loop.surface.memory import (
     CHANGING,
     CLEAR,
-    HIGH,
-    LOW,
     MISSED,
     MISSED_AT,
     MISSED_DEPTH,
@@ -23,6 +21,7 @@ from itouch.loop.surface.memory import (
     SETTLED,
     WITHDRAWN,
 )
+from itouch.plugin.carried_surfaces import HIGH, LOW
 
 Floats = NDArray[np.float64]
 
