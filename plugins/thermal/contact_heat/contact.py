@@ -8,6 +8,7 @@ from typing import Any
 
 from contact_heat import casefile
 from contact_heat.layers import Probe, Side, SideName, check_choice
+from contact_heat.resistance import DEFAULT_RESISTANCE, check_resistance
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +17,7 @@ class Contact:
 
     finger: Side
     object: Side
-    resistance: float = 2e-3
+    resistance: float = DEFAULT_RESISTANCE
     probes: tuple[Probe, ...] = ()
     times: tuple[float, ...] = ()
     note: str = ""
@@ -62,15 +63,3 @@ def case_of(data: Any) -> Contact:
         If a field is wrong; the message names the field, the value given and what is allowed.
     """
     return Contact(**casefile.fields_of(data))
-
-
-def check_resistance(resistance: float) -> None:
-    """Check that a contact resistance is between 0 and 1e6 K m2/W.
-
-    Raises
-    ------
-    ValueError
-        If it is not; the message gives the range.
-    """
-    if not (isinstance(resistance, (int, float)) and 0.0 <= resistance <= 1e6):
-        raise ValueError(f"resistance (Rth) = {resistance!r} is out of range: 0 to 1e+06 K m2/W")

@@ -10,8 +10,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from contact_heat.contact import check_resistance
-
 #: Contact resistance of a light touch [K m2/W].
 DEFAULT_RESISTANCE = 2e-3
 
@@ -157,3 +155,15 @@ def material_resistance(conductivity: float) -> float:
     if not conductivity > 0.0:
         raise ValueError(f"conductivity = {conductivity!r} is out of range: above 0 W/(m*K)")
     return (0.37 + conductivity) / (1870.0 * conductivity)
+
+
+def check_resistance(resistance: float) -> None:
+    """Check that a contact resistance is between 0 and 1e6 K m2/W.
+
+    Raises
+    ------
+    ValueError
+        If it is not; the message gives the range.
+    """
+    if not (isinstance(resistance, (int, float)) and 0.0 <= resistance <= 1e6):
+        raise ValueError(f"resistance (Rth) = {resistance!r} is out of range: 0 to 1e+06 K m2/W")

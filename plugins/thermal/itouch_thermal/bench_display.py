@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from contact_heat.resistance import DEFAULT_RESISTANCE
 from itouch.plugin import ItouchError, parse_quantity
 from itouch.plugin.commands import command_parser, exit_code, judged, output_file
 from itouch_thermal.display.params import DisplayParams, Mismatch
@@ -62,7 +63,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--random-seed", type=int, default=1, metavar="SEED", help="that they are drawn with (default 1)")
     add("--object-temperature", default="23 degC", help="of the object before the touch")
     add("--skin-temperature", default="33 degC", help="of the skin before the touch")
-    add("--resistance", default="0.002", help="contact resistance [K m2/W]")
+    add("--resistance", default=f"{DEFAULT_RESISTANCE:g}", help="contact resistance [K m2/W]")
     add("--controller", default="model", help="hold, paper, model, or several with commas")
     add("--plant", default="nominal", help="nominal, worst, or a file with <thermal:hardware>")
     add("--exact-finger", action="store_true", help="in `worst`, leave the finger as modelled")

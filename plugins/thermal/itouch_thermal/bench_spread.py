@@ -17,11 +17,13 @@ AREAS, TIMES, BOUNDS = (0.5, 1.1, 2.0, 4.0, 8.0, 16.0), (0.02, 0.1, 0.3, 1.0, 3.
 
 def main(argv: Sequence[str]) -> int:
     """Print by how much the flux of one dimension, and of the twin, is off, and from when on by 1, 3, 10 %."""
+    from contact_heat.resistance import DEFAULT_RESISTANCE
     from itouch_thermal.rendering.spread import Touched, error, passed
 
     parser = command_parser("itouch-py bench spread", main.__doc__)
     parser.add_argument("--area", type=float, action="append", metavar="CM2", help="contact area; may be given again")
-    parser.add_argument("--resistance", type=float, default=2e-3, metavar="K*M2/W", help="of the contact (0.002)")
+    add, usual = parser.add_argument, DEFAULT_RESISTANCE
+    add("--resistance", type=float, default=usual, metavar="K*M2/W", help=f"of the contact ({usual:g})")
     parser.add_argument("--json", type=output_file(), metavar="FILE", help="write the rows to this file too")
     options = parser.parse_args(list(argv))
     fine, rows = np.unique(np.concatenate((np.geomspace(0.01, 10.0, 121), TIMES))), []

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact_heat.layers import FINGER_FILM, Back, Film, Initial, Layer, Side
-from contact_heat.resistance import SPREAD, ResistanceLaw, contact_area
+from contact_heat.resistance import DEFAULT_RESISTANCE, SPREAD, ResistanceLaw, contact_area
 from itouch.plugin import Bound, ContactEvent, Field, HeardContact, Modality, Record, Role, World, schema
 from itouch.plugin import Contact as ContactKind
 from itouch_thermal.boundary import Exchange, beyond
@@ -69,7 +69,7 @@ class HeatParams:
 
     probe: str = schema.ref("probe", doc="the finger")
     contact_resistance: float = schema.quantity(
-        "m^2*K/W", low=0.0, high=1.0, default=2e-3, doc="contact resistance between skin and object"
+        "m^2*K/W", low=0.0, high=1.0, default=DEFAULT_RESISTANCE, doc="contact resistance between skin and object"
     )
     arterial: float = schema.temperature(
         low=283.15, high=315.15, default=310.15, doc="temperature of the blood and of the core"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from contact_heat.layers import Layer
-from contact_heat.resistance import AREA_AT_1N, AREA_EXPONENT, SPREAD, contact_area
+from contact_heat.resistance import AREA_AT_1N, AREA_EXPONENT, DEFAULT_RESISTANCE, SPREAD, contact_area
 from itouch.plugin import schema
 from itouch_thermal.display.peltier import Module
 from itouch_thermal.drivers.driver_params import LabJack, LinePort, Mecom
@@ -159,7 +159,7 @@ class DisplayParams:
         "m^2*K/W",
         low=1e-5,
         high=1.0,
-        default=2e-3,
+        default=DEFAULT_RESISTANCE,
         doc="of the twin: contact resistance between skin and film at full force",
     )
     full_force: float = schema.quantity(

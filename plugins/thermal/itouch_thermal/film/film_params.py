@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from contact_heat.layers import Layer
+from contact_heat.resistance import DEFAULT_RESISTANCE
 from itouch.plugin import schema
 from itouch_thermal.drivers.driver_params import FluxSensor, Infrared
 from itouch_thermal.laws import KINDS, ForceLaw, check_laws
@@ -93,7 +94,11 @@ class FilmParams:
         "s", low=0.0, high=10.0, default=0.05, doc="of the twin: time constant with which its skin flattens"
     )
     contact_resistance: float = schema.quantity(
-        "m^2*K/W", low=1e-5, high=1.0, default=2e-3, doc="of the twin: contact resistance between skin and film"
+        "m^2*K/W",
+        low=1e-5,
+        high=1.0,
+        default=DEFAULT_RESISTANCE,
+        doc="of the twin: contact resistance between skin and film",
     )
     recovery: float = schema.quantity(
         "W/(m^2*K)",

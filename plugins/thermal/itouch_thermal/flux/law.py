@@ -18,6 +18,7 @@ from itouch_thermal.display.sideways import Sideways
 from itouch_thermal.drivers.driver_params import SAMPLING
 from itouch_thermal.flux import late, planner
 from itouch_thermal.flux import observer as at
+from itouch_thermal.flux.limits import RATE, RATE_OVER
 
 
 class Memory(NamedTuple):
@@ -105,9 +106,8 @@ MISSED = 250
 REFERENCE = 296.15
 #: How often the plan's responses are recomputed in a touch [s].
 REFRESH = 16e-3
-#: Greatest rate of the plate's temperature in a touch [K/s], the time over which it is averaged [s], and the share of
-#: it that is used.
-RATE, RATE_OVER, RATE_USED = 10.0, 0.5, 0.98
+#: The share of the plate's greatest rate that is used: more than `paper` and `hold` may, which see less far ahead.
+RATE_USED = 0.98
 #: A change of the contact resistance is acted upon as far as it exceeds this many standard deviations, and a standard
 #: deviation up to the second number is small enough to act upon any change.
 SURE, ENOUGH = 2.0, 0.015

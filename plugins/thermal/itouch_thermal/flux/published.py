@@ -9,14 +9,14 @@ from itouch.plugin import Field, Record
 from itouch_thermal.display.column import plate_capacity
 from itouch_thermal.display.peltier import current_for
 from itouch_thermal.flux.joined import Tick
+from itouch_thermal.flux.limits import RATE, RATE_OVER
 from itouch_thermal.flux.masking import masked
 from itouch_thermal.flux.proportional import proportional_integral
 from itouch_thermal.flux.setting import APPROACH, FluxModel
 from itouch_thermal.flux.start import MARGIN
 
-#: Greatest rate of the plate's temperature in a touch [K/s], the time over which it is averaged [s], and the share of
-#: it that is used.
-RATE, RATE_OVER, RATE_USED = 10.0, 0.5, 0.9
+#: The share of the plate's greatest rate in a touch that is used.
+RATE_USED = 0.9
 #: How many temperatures of that time are remembered, and the time [s] in which the plate is stopped at a limit.
 PIECES, STOPPING = 50, 0.1
 

@@ -17,6 +17,7 @@ from itouch_thermal.flux.curve import Curve
 from itouch_thermal.flux.desire import start_for_curve
 from itouch_thermal.flux.flux_control_params import FluxControlParams
 from itouch_thermal.flux.law import DEADBEAT, ModelLaw
+from itouch_thermal.flux.limits import BAND
 from itouch_thermal.flux.names import Names, driven
 from itouch_thermal.flux.object_curves import curves_of
 from itouch_thermal.flux.onset import SKIN_STEP
@@ -26,9 +27,6 @@ from itouch_thermal.heat import FINGER, HeatParams, ThermalMaterial
 
 #: Least contact resistance [K m2/W] that is expected between finger and plate.
 LEAST = 1e-5
-#: The plate's band [K] where no limits are known.
-BAND = (288.15, 313.15)
-
 #: Time constant [s] with which `paper` and `hold` approach the start temperature.
 APPROACH = 0.25
 #: How often the start temperature is found anew [s].

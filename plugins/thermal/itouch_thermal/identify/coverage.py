@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contact_heat.layers import ROOM
 from itouch_thermal.display.column import Array
 from itouch_thermal.film.film_params import FilmParams
 from itouch_thermal.identify.differences import readings
@@ -18,8 +19,8 @@ from itouch_thermal.identify.fit import TOLD, Problem
 from itouch_thermal.identify.forward import Forward, Known
 from itouch_thermal.rendering.materials import material
 
-#: Temperatures of skin and room [K], rms noise of one sample [W/m2], forces [N], depth of a known sample [m].
-SKIN, ROOM, NOISE, FORCES, DEPTH = 306.15, 296.15, 20.0, (0.5, 1.0, 2.0), 0.02
+#: Temperature of the skin [K], rms noise of one sample [W/m2], forces [N], depth of a known sample [m].
+SKIN, NOISE, FORCES, DEPTH = 306.15, 20.0, (0.5, 1.0, 2.0), 0.02
 #: Times of the samples [s]: 4 s at 500 Hz.
 TIMES: Array = np.arange(1, 2001, dtype=np.float64) * 2e-3
 #: Range for the share of intervals that contain the truth, and confidence of the verdict (standard deviations).

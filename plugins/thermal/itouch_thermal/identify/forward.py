@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from contact_heat.contour import talbot
 from contact_heat.layers import Layer
+from contact_heat.resistance import DEFAULT_RESISTANCE
 from itouch_thermal.display.column import Array
 from itouch_thermal.heat import FINGER
 
@@ -48,7 +49,7 @@ class Values:
     ``late`` [s] is the delay of a touch's start beyond the known one, as caused by the flattening of the skin.
     """
 
-    resistance: float = 2e-3
+    resistance: float = DEFAULT_RESISTANCE
     exponent: float = 0.3
     curve: float = 0.0
     effusivity: float = 350.0

@@ -9,16 +9,17 @@ import numpy as np
 
 from itouch.plugin.commands import framework
 from itouch_thermal.display.column import plate_capacity
+from itouch_thermal.flux.limits import BAND
 from itouch_thermal.paper.claim import Check, Claim, Maker, over
 from itouch_thermal.paper.claims_touch import INF, TIGHT, at
 from itouch_thermal.paper.setup import MATERIALS
 from itouch_thermal.paper.work import Work
-from itouch_thermal.rendering.closedloop import BAND, PERIOD, Case, Run, desired_course
+from itouch_thermal.rendering.closedloop import PERIOD, Case, Run, desired_course
 from itouch_thermal.rendering.materials import material
-from itouch_thermal.rendering.score import FLOOR
+from itouch_thermal.rendering.score import FLOOR, WEBER
 
-#: Materials whose replay the paper shows; the observers' Weber fraction of flux [1].
-TRACKED, WEBER = ("aluminium", "wood", "polystyrene"), 0.43
+#: Materials whose replay the paper shows.
+TRACKED = ("aluminium", "wood", "polystyrene")
 
 
 def tracking_error(run: Run) -> float:

@@ -12,9 +12,10 @@ from contact_heat.contact import Contact
 from contact_heat.layers import Back, Initial, Side
 from itouch_thermal.display.column import Array
 from itouch_thermal.display.params import ALUMINA, FILM, DisplayParams
+from itouch_thermal.flux.limits import BAND
 from itouch_thermal.flux.start import equation_three, within
 from itouch_thermal.heat import FINGER, finger_side
-from itouch_thermal.rendering.closedloop import AMBIENT, BAND, CORE, DEPTH, GAINS, PERIOD, press_factor
+from itouch_thermal.rendering.closedloop import AMBIENT, CORE, DEPTH, GAINS, PERIOD, press_factor
 from itouch_thermal.rendering.materials import material
 
 #: The paper's materials, from the most to the least conducting.
@@ -26,6 +27,7 @@ SKIN = 306.15
 class Setup:
     """A real touch and its replay: the film [m], the contact [K m2/W, s], and the published loop.
 
+    The paper does not state the resistance: the one here is assumed of it, whatever scenes have by default.
     ``film`` is the thickness of the flux sensor on sample and module, 0 for none; ``press`` the time constant of
     pressing the finger on; ``lag`` and ``noise`` [W/m2] are the sensor's; ``plate_effusivity`` is the beta_p of
     equation 3, which in the paper is that of the module's ceramic.

@@ -13,14 +13,12 @@ from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.display.sideways import Sideways
 from itouch_thermal.flux import planner
 from itouch_thermal.flux.law import REFERENCE
+from itouch_thermal.flux.limits import BAND, RATE, RATE_OVER
 from itouch_thermal.flux.preview import rising
 from itouch_thermal.heat import FINGER
 from itouch_thermal.rendering.closedloop import (
-    BAND,
     CORE,
     PERIOD,
-    RATE,
-    RATE_OVER,
     Case,
     Course,
     press_factor,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from contact_heat.resistance import DEFAULT_RESISTANCE
 from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.display.column import Array, plate_capacity
 from itouch_thermal.display.device import ThermalDisplay
@@ -14,23 +15,21 @@ from itouch_thermal.display.display_twin import DisplayTwin
 from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.display.peltier import current_for
 from itouch_thermal.flux.law import Coming, ModelLaw
+from itouch_thermal.flux.limits import BAND, RATE, RATE_OVER
 from itouch_thermal.flux.preview import contact_course, rising
 from itouch_thermal.flux.proportional import proportional_integral
+from itouch_thermal.flux.published import RATE_USED, STOPPING
+from itouch_thermal.flux.setting import APPROACH
 from itouch_thermal.flux.start import MARGIN, Touched, Trial, equation_three, start_temperature, within
 from itouch_thermal.heat import FINGER, ThermalMaterial, finger_side, object_side
 
-#: Loop period [s], temperatures of core and room [K], depth of the object [m], and the plate's temperature band [K].
+#: Loop period [s], temperatures of core and room [K], and depth of the object [m].
 PERIOD = 1e-3
 CORE, AMBIENT, DEPTH = 310.15, 296.15, 0.02
-BAND = (288.15, 313.15)
 #: Time that the plate has to reach its start temperature [s].
 BEFORE = 3.0
 #: Gains of `paper`: the best pair of the grid of ``bench display --grid``.
 GAINS = (40.0, 800.0)
-#: Greatest rate of the plate in a touch [K/s], as a mean over this time [s], and the share of it that is used.
-RATE, RATE_OVER, RATE_USED = 10.0, 0.5, 0.9
-#: Time constants [s] with which `paper` and `hold` approach the start temperature, and stop at a limit.
-APPROACH, STOPPING = 0.25, 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +42,7 @@ class Case:
     material: ThermalMaterial
     object_temperature: float = AMBIENT
     skin: float = 306.15
-    resistance: float = 2e-3
+    resistance: float = DEFAULT_RESISTANCE
     seconds: float = 10.0
     press: float = 0.0
     press_off: float = 1.0

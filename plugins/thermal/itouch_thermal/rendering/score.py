@@ -12,7 +12,7 @@ from itouch_thermal.rendering.closedloop import PERIOD, Run
 
 #: Errors are relative to the desired flux, but at least to this [W/m2]: the finger's own loss at rest.
 FLOOR = 200.0
-#: Relative change of the flux that is noticed three times out of four.
+#: Relative change of the flux that is noticed three times out of four, as `itouch_tools.study.observers` has it, too.
 WEBER = 0.43
 
 

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contact_heat.layers import Layer
+from contact_heat.layers import ROOM, Layer
+from contact_heat.resistance import DEFAULT_RESISTANCE
 from contact_heat.steady import initial_profile
 from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.display.column import Array, tissue_side
@@ -24,8 +25,8 @@ from itouch_thermal.heat import FINGER
 
 #: Radius of a fingertip [m].
 TIP = 8e-3
-#: Temperature of the room [K], and time step of the twin [s].
-ROOM, _TWIN_STEP = 296.15, 1e-3
+#: Time step of the twin [s].
+_TWIN_STEP = 1e-3
 #: Factor on the conduction along the plate that makes its temperature uniform.
 EVEN = 1e5
 #: Time steps [s], each with the end of its use; numbers of rings to the contact's edge, to the tip's, to the plate's.
@@ -44,7 +45,7 @@ class Touched:
     """
 
     contact_area: float
-    resistance: float = 2e-3
+    resistance: float = DEFAULT_RESISTANCE
     display: DisplayParams = DisplayParams()
     plate: tuple[Layer, ...] = (FILM, ALUMINA)
     air: float = 10.0

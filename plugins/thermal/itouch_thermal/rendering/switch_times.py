@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from contact_heat.resistance import DEFAULT_RESISTANCE
 from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.display import plant
 from itouch_thermal.display.column import (
@@ -25,8 +26,9 @@ from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.display.peltier import current_for, pumped_heat
 from itouch_thermal.display.switching import CLOSE
 from itouch_thermal.flux.law import ModelLaw
+from itouch_thermal.flux.limits import BAND
 from itouch_thermal.heat import FINGER
-from itouch_thermal.rendering.closedloop import AMBIENT, BAND, CORE, PERIOD
+from itouch_thermal.rendering.closedloop import AMBIENT, CORE, PERIOD
 
 
 def least_time_of_plant(display: DisplayParams, begin: float, end: float) -> float:
@@ -102,7 +104,9 @@ def switching_time(display: DisplayParams, begin: float, end: float, *, seed: in
     twin, believed = DisplayTwin(display), replace(display, mismatch=Mismatch())
     state = Record.of(twin.fields())
     twin.reset(state, np.random.default_rng(seed))
-    law = ModelLaw(believed, FINGER, CORE, 306.15, 2e-3, AMBIENT, PERIOD, band=BAND, ceiling=display.max_current)
+    law = ModelLaw(
+        believed, FINGER, CORE, 306.15, DEFAULT_RESISTANCE, AMBIENT, PERIOD, band=BAND, ceiling=display.max_current
+    )
     memory = Record.of(law.fields())
     law.reset(memory)
     reads, commands = ThermalDisplay.channels(display)

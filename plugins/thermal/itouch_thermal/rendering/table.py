@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contact_heat.layers import ROOM
+from contact_heat.resistance import DEFAULT_RESISTANCE
 from itouch_thermal.display.params import DisplayParams, Mismatch
+from itouch_thermal.flux.limits import BAND, RATE, RATE_OVER
 from itouch_thermal.heat import ThermalMaterial
 from itouch_thermal.rendering.bound import bound
 from itouch_thermal.rendering.closedloop import (
-    BAND,
     PERIOD,
-    RATE,
-    RATE_OVER,
     Case,
     Course,
     Run,
@@ -28,9 +28,9 @@ from itouch_thermal.rendering.plants import SEEDS, corners
 from itouch_thermal.rendering.score import summary
 from itouch_thermal.rendering.switch_times import least_time_of_plant, switching_time
 
-#: Contact resistances [K m2/W], time constant of pressing [s] and object temperatures [K] of the rows.
-USUAL, LITTLE, PRESS = 2e-3, 1e-4, 0.05
-COLD, ROOM, HOT = 289.15, 296.15, 311.15
+#: Contact resistances [K m2/W], time constant of pressing [s]; object temperatures [K] besides that of the room.
+USUAL, LITTLE, PRESS = DEFAULT_RESISTANCE, 1e-4, 0.05
+COLD, HOT = 289.15, 311.15
 #: Object temperatures [K] that the plate cannot render.
 OUTSIDE = (278.15, 318.15)
 
