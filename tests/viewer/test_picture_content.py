@@ -9,7 +9,7 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch_tools.viewer import chart_layout, colours, flat_shapes, menu, overlay, solids
+from itouch_tools.viewer import chart_layout, colours, menu, overlay, solids
 from itouch_tools.viewer.camera import VIEWS, Camera
 from itouch_tools.viewer.overlay import SessionStatus
 from itouch_tools.viewer.scene_graph import SceneGraph, along, arrow
@@ -309,7 +309,7 @@ def contrast(one, other):
     return (high + 0.05) / (low + 0.05)
 
 
-@pytest.mark.parametrize("shown", [flat_shapes.DARK, flat_shapes.LIGHT], ids=["dark", "light"])
+@pytest.mark.parametrize("shown", [colours.DARK, colours.LIGHT], ids=["dark", "light"])
 def test_words_and_curves_are_read_on_light_and_on_dark_ground(shown):
     """Contrasts of WCAG 2.1: words 4.5, lines 3 (yellow on white, made darker, among them)."""
     for weight in ("plain", "quiet", "good", "warn", "bad"):

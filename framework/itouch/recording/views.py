@@ -19,14 +19,16 @@ from itouch.recording.wellknown import descriptor, encode
 
 #: Topic -> name of its schema.  Solids have a topic of their own: a viewer that jumps to another time asks for the
 #: newest message of each topic before it, which would no longer be the solids once a force was drawn.
-TOPICS: Final[Mapping[str, str]] = {"/view/transforms": "FrameTransforms", "/view/solids": "SceneUpdate",
-                                    "/view/scene": "SceneUpdate"}  # fmt: skip
+TRANSFORMS, SOLIDS, SCENE = "/view/transforms", "/view/solids", "/view/scene"
+TOPICS: Final[Mapping[str, str]] = {TRANSFORMS: "FrameTransforms", SOLIDS: "SceneUpdate", SCENE: "SceneUpdate"}
 #: How often frames and forces are written [Hz].
 RATE: Final = 30.0
+#: The frame in which all is.
 WORLD: Final = "world"
 #: Length of a force arrow per newton [m/N], its greatest length [m], and the smallest force that is shown [N].
-_PER_NEWTON, _LONGEST, _LEAST = 0.02, 0.08, 0.01
-_FORCE = (0.95, 0.90, 0.35, 1.0)
+ARROW_PER_NEWTON, ARROW_MAX, FORCE_LEAST = 0.02, 0.08, 0.01
+#: Colours of the arrows of force, and of a material that states none: also those of the window.
+FORCE, UNPAINTED = (0.95, 0.90, 0.35), (0.62, 0.62, 0.64)
 _WORDS = (0.95, 0.95, 0.95, 1.0)
 
 
@@ -133,15 +135,15 @@ class Drawing:
             due[0] = True
         for tick, row in zip(ticks[due].tolist(), rows[due], strict=True):
             stamp = self._stamp(tick)
-            yield "/view/transforms", tick, encode("FrameTransforms", {"transforms": self.transforms(row, stamp)})
+            yield TRANSFORMS, tick, encode("FrameTransforms", {"transforms": self.transforms(row, stamp)})
             if not self._begun and self._view.solids:
                 solids = [_entity(solid, stamp) for solid in self._view.solids]
-                yield "/view/solids", tick, encode("SceneUpdate", {"entities": solids})
+                yield SOLIDS, tick, encode("SceneUpdate", {"entities": solids})
             self._begun = True
             now = self._marks(row, stamp)
             marks = {"entities": now, "deletions": self._gone(now, stamp)}
             if marks["entities"] or marks["deletions"]:
-                yield "/view/scene", tick, encode("SceneUpdate", marks)
+                yield SCENE, tick, encode("SceneUpdate", marks)
 
     def _stamp(self, tick: int) -> dict[str, int]:
         nanoseconds = self._start + max(0, round(tick * self._period * 1e9))
@@ -203,12 +205,12 @@ def arrow_of(vector: Sequence[float]) -> tuple[float, float, float] | None:
     if not _shown(vector):
         return None
     size = math.hypot(*vector)
-    x, y, z = (part * min(_LONGEST, _PER_NEWTON * size) / size for part in vector)
+    x, y, z = (part * min(ARROW_MAX, ARROW_PER_NEWTON * size) / size for part in vector)
     return x, y, z
 
 
 def _shown(vector: Sequence[float]) -> bool:
-    return all(map(math.isfinite, vector)) and math.hypot(*vector) >= _LEAST
+    return all(map(math.isfinite, vector)) and math.hypot(*vector) >= FORCE_LEAST
 
 
 def _head(name: str, frame: str, stamp: Mapping[str, int]) -> dict[str, Any]:
@@ -267,4 +269,4 @@ def _arrow(vector: Sequence[float]) -> dict[str, Any]:
     head = min(0.35 * length, 0.008)
     return {"pose": _pose((0, 0, 0, *(part / norm for part in turn))), "shaft_length": length - head,
             "shaft_diameter": 0.0024, "head_length": head, "head_diameter": 0.006,
-            "color": _colour(_FORCE)}  # fmt: skip
+            "color": _colour((*FORCE, 1.0))}  # fmt: skip

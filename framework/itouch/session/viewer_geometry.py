@@ -9,7 +9,7 @@ import numpy as np
 
 from itouch.contact import Box, Capsule, Cylinder, Plane, Sphere
 from itouch.plugin import Record, Role
-from itouch.recording.views import WORLD, Force, Frame, Solid, TemperatureLabel, View, packed
+from itouch.recording.views import UNPAINTED, WORLD, Force, Frame, Solid, TemperatureLabel, View, packed
 from itouch.session.row_layout import recordable
 from itouch.world import Model
 from itouch.world.rig import DeviceModel
@@ -18,7 +18,7 @@ from itouch.world.rig import DeviceModel
 _PLANE, _THIN, _FACE = 0.3, 5e-4, 4e-3
 #: Greatest number of points of a mesh that is drawn; a larger mesh is drawn as its bounding box.
 _MOST_POINTS: Final = 60_000
-_UNPAINTED, _DEVICE, _FINGER = (0.62, 0.62, 0.64, 1.0), (0.45, 0.5, 0.6, 1.0), (0.34, 0.71, 0.91, 0.55)
+_DEVICE, _FINGER = (0.45, 0.5, 0.6, 1.0), (0.34, 0.71, 0.91, 0.55)
 
 
 def view_of(model: Model, state: Record) -> View:
@@ -103,4 +103,4 @@ def _object(model: Model, index: int, frame: str, pose: tuple[float, ...]) -> It
 
 def _colour(model: Model, material: str) -> tuple[float, ...]:
     found = next((m for m in model.scene.materials if m.name == material), None)
-    return (*found.visual.color, 1.0) if found is not None and found.visual is not None else _UNPAINTED
+    return (*(found.visual.color if found is not None and found.visual is not None else UNPAINTED), 1.0)

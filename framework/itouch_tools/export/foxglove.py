@@ -13,9 +13,10 @@ from typing import Any
 
 from itouch.recording.recording import Recording
 from itouch.recording.tracks import Column, Track, identifiers
+from itouch.recording.views import SCENE, SOLIDS, WORLD
 
-#: Topics of the 3-D scene and of the events, and the frame in which the scene is shown.
-SOLIDS, SCENE, TRANSFORMS, EVENTS, WORLD = "/view/solids", "/view/scene", "/view/transforms", "/log/events", "world"
+#: Topic of the events.
+EVENTS = "/log/events"
 #: Most plots, and most lines in a plot.
 PLOTS, LINES = 6, 9
 

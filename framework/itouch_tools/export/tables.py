@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from itouch.recording.errors import RecordingError
 from itouch.recording.recording import Recording, flat
 from itouch.recording.tracks import Track
+from itouch.schema.units import CELSIUS_OFFSET
 
 _BLOCK = 4096
-_ZERO = 273.15
 
 Columns = dict[str, tuple[str, NDArray[np.generic]]]
 
@@ -33,7 +33,7 @@ def columns_in(rows: NDArray[Any], track: Track, *, celsius: bool, prefix: str =
         unit = {"time": "s", "tick": ""}.get(label, units.get(label, ""))
         name = label if label in ("time", "tick") else prefix + label
         if celsius and unit == "K":
-            found[name] = ("degC", values - _ZERO)
+            found[name] = ("degC", values - CELSIUS_OFFSET)
         else:
             found[name] = (unit, values)
     return found

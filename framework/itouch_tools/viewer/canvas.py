@@ -12,8 +12,9 @@ from itouch.plugin import Record, Role
 from itouch_tools.viewer import colours, shaders, shading, solids
 from itouch_tools.viewer.buffers import Frame, HeightMap, Paint, Program, ShadowMap, Triangles
 from itouch_tools.viewer.camera import Camera
+from itouch_tools.viewer.colours import look
 from itouch_tools.viewer.finishes import FINISHES, Carved
-from itouch_tools.viewer.flat_shapes import look, rectangle
+from itouch_tools.viewer.flat_shapes import rectangle
 from itouch_tools.viewer.scales import grid_step
 from itouch_tools.viewer.scene_graph import Draw, SceneGraph, from_pose
 

@@ -12,7 +12,8 @@ from pyglet import gl
 
 from itouch_tools.viewer import chart_layout
 from itouch_tools.viewer.buffers import Paint
-from itouch_tools.viewer.flat_shapes import Rectangle, line, look, rectangle, ribbon
+from itouch_tools.viewer.colours import look
+from itouch_tools.viewer.flat_shapes import Rectangle, line, rectangle, ribbon
 from itouch_tools.viewer.scales import titled
 from itouch_tools.viewer.signals import WINDOW, Chart, Curves, Signal
 from itouch_tools.viewer.text import Text

@@ -14,9 +14,9 @@ AGAIN, SILENCE = 0.02, 0.25
 class DeadMansSwitch:
     """Holds the switch while a key is down and the window answers.
 
-    The servo process takes the switch as let go 80 ms after it was last told otherwise, and a picture drawn by software
-    may take longer than that.  So a thread repeats that the switch is held, as long as ``beat`` is called: a process
-    that dies lets go within those 80 ms, a window that hangs a quarter of a second later.
+    The servo process takes the switch as let go a time `HOLD` after it was last told otherwise, and a picture drawn by
+    software may take longer than that.  So a thread repeats that the switch is held, as long as ``beat`` is called: a
+    process that dies lets go within that time, a window that hangs a quarter of a second later.
     """
 
     def __init__(self, link: Link) -> None:

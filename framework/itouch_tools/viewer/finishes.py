@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from itouch.contact.heightmap import height_map
 from itouch.contact.surfaces import AXES
+from itouch.recording.views import UNPAINTED
 from itouch.world import Model
 from itouch_tools.viewer.colours import Colour
 
 #: The number of each finish in the shader, see ``shading``.
 FINISHES = {"matte": 0, "metal": 1, "glass": 2, "wood": 3, "foam": 4}
-#: The colour of a material that states none.
-UNPAINTED: Colour = (0.62, 0.62, 0.64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,8 @@ from pyglet import gl
 
 from itouch_tools.viewer import colours
 from itouch_tools.viewer.buffers import Paint
-from itouch_tools.viewer.flat_shapes import Rectangle, look, rectangle, triangle
+from itouch_tools.viewer.colours import look
+from itouch_tools.viewer.flat_shapes import Rectangle, rectangle, triangle
 from itouch_tools.viewer.scales import length
 from itouch_tools.viewer.temperatures import Range, degrees
 from itouch_tools.viewer.text import Text

@@ -14,16 +14,15 @@ from itouch_tools.viewer import charts, colours, legend, menu, overlay, timeline
 from itouch_tools.viewer.buffers import Frame
 from itouch_tools.viewer.camera import Camera
 from itouch_tools.viewer.canvas import Canvas
-from itouch_tools.viewer.flat_shapes import DARK, LIGHT, Rectangle, Tint, border, draw_in, look, pixels, rectangle
+from itouch_tools.viewer.colours import DARK, LIGHT, Tint, draw_in, look
+from itouch_tools.viewer.flat_shapes import Rectangle, border, pixels, rectangle
 from itouch_tools.viewer.overlay import SessionStatus, TextLines
-from itouch_tools.viewer.scene_graph import SceneGraph
+from itouch_tools.viewer.scene_graph import NAMED, SceneGraph
 from itouch_tools.viewer.signals import Curves, Ring
 from itouch_tools.viewer.temperatures import plate_temperature, skin_named, skin_temperature
 from itouch_tools.viewer.text import Text
 
 _ALARM_EDGE: Tint = (1.00, 0.45, 0.30, 1.0)
-#: With more objects than this, no names are drawn.
-_NAMED = 16
 #: Greatest share of a picture's width that the curves or the list of keys take.
 _BESIDE = 0.32
 #: Greatest share of a picture's height that curves take below the scene.
@@ -155,7 +154,7 @@ class Picture:
 
         Where colours show temperatures, the temperature is added.
         """
-        if len(self.model.objects) > _NAMED:
+        if len(self.model.objects) > NAMED:
             return
         written: list[tuple[float, float, float]] = []
         rows = [np.empty((0, 7), np.float32)]

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from itouch.contact import Box, Capsule, Cylinder, Plane, Sphere
 from itouch.plugin import Record, Role, poses
+from itouch.recording.views import ARROW_MAX, ARROW_PER_NEWTON, FORCE_LEAST, UNPAINTED
 from itouch.world import Model
 from itouch.world.rig import DeviceModel
 from itouch_tools.viewer import colours, solids
 from itouch_tools.viewer.colours import Colour
-from itouch_tools.viewer.finishes import UNPAINTED, Carved, Finish, finishes
+from itouch_tools.viewer.finishes import Carved, Finish, finishes
 from itouch_tools.viewer.solids import Solid
 from itouch_tools.viewer.temperatures import Range, plate_temperature, skin_temperature
 
@@ -25,9 +26,10 @@ Matrix = NDArray[np.float64]
 PLATE_THICKNESS, PLATE_HALF = 4e-3, 0.03
 #: Opacity of a plate while something is touched, so that the object behind it is visible.
 SEEN_THROUGH = 0.45
-#: Length of the force arrow per newton [m/N]; its greatest length [m], and the least value to which a small scene
-#: reduces that.
-ARROW_PER_NEWTON, ARROW_MAX, ARROW_LEAST = 0.02, 0.08, 0.02
+#: The least value [m] to which a small scene reduces the greatest length of a force arrow.
+ARROW_LEAST = 0.02
+#: With more objects than this, no names are drawn.
+NAMED = 16
 #: Half the side [m] of the square that stands for an infinite plane.
 PLANE_HALF = 0.3
 
@@ -189,12 +191,12 @@ def solid_of(shape: Any) -> Solid:
 
 
 def arrow(start: NDArray[np.float64], force: NDArray[np.float64], factor: float = 1.0) -> Iterator[Draw]:
-    """Yield the solids of the arrow of a force (3,) [N] that begins at a point (3,) [m]; none below 10 mN.
+    """Yield the solids of the arrow of a force (3,) [N] that begins at a point (3,) [m]; none below `FORCE_LEAST`.
 
     ``factor`` makes it smaller for small scenes.
     """
     size = float(np.linalg.norm(force))
-    if size < 0.01:
+    if size < FORCE_LEAST:
         return
     length = factor * min(ARROW_MAX, ARROW_PER_NEWTON * size)
     tip = min(0.35 * length, 0.008 * factor)

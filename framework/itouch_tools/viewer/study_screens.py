@@ -16,7 +16,8 @@ from pyglet import gl
 
 from itouch_tools.viewer import shaders
 from itouch_tools.viewer.buffers import Frame, Paint, Program
-from itouch_tools.viewer.flat_shapes import Rectangle, Tint, border, pixels, rectangle
+from itouch_tools.viewer.colours import Tint
+from itouch_tools.viewer.flat_shapes import Rectangle, border, pixels, rectangle
 from itouch_tools.viewer.text import Text
 
 #: What the participant reads at each cue; a study may give its own words.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from itouch.plugin import Role
+from itouch.schema.units import CELSIUS_OFFSET
 from itouch.world import Model, declared
 from itouch.world.rig import DeviceModel
 from itouch_tools.viewer import colours
@@ -16,7 +17,6 @@ from itouch_tools.viewer.colours import Colour
 
 #: The range ends at multiples of ``STEP`` [degC], and is at least ``LEAST`` wide [K].
 STEP, LEAST = 5.0, 10.0
-_ZERO = 273.15
 
 
 class Range:
@@ -40,8 +40,8 @@ class Range:
     @property
     def ends(self) -> tuple[float, float]:
         """The lower and the upper end [K], round numbers of degC."""
-        return (_ZERO + STEP * math.floor((self._low - _ZERO + 0.3) / STEP),
-                _ZERO + STEP * math.ceil((self._high - _ZERO - 0.3) / STEP))  # fmt: skip
+        return (CELSIUS_OFFSET + STEP * math.floor((self._low - CELSIUS_OFFSET + 0.3) / STEP),
+                CELSIUS_OFFSET + STEP * math.ceil((self._high - CELSIUS_OFFSET - 0.3) / STEP))  # fmt: skip
 
     def colour(self, kelvin: float) -> Colour:
         """Return the colour of a temperature [K]."""
@@ -51,7 +51,7 @@ class Range:
 def degrees(low: float, high: float) -> list[float]:
     """Return the round numbers [degC] that label a scale from ``low`` to ``high`` [K]: six at most."""
     step = next(step for step in (5.0, 10.0, 20.0, 50.0, 1e3) if (high - low) / step <= 5.0)
-    first, last = math.ceil((low - _ZERO) / step - 1e-6), math.floor((high - _ZERO) / step + 1e-6)
+    first, last = math.ceil((low - CELSIUS_OFFSET) / step - 1e-6), math.floor((high - CELSIUS_OFFSET) / step + 1e-6)
     return [step * index for index in range(first, last + 1)]
 
 

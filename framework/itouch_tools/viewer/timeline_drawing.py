@@ -8,7 +8,8 @@ from pyglet import gl
 
 from itouch_tools.viewer import colours
 from itouch_tools.viewer.buffers import Paint
-from itouch_tools.viewer.flat_shapes import Rectangle, diamond, look, rectangle
+from itouch_tools.viewer.colours import look
+from itouch_tools.viewer.flat_shapes import Rectangle, diamond, rectangle
 from itouch_tools.viewer.text import Text
 from itouch_tools.viewer.timeline import Timeline
 

@@ -15,11 +15,11 @@ from itouch.recording.views import WORLD, Frame, Solid, View, arrow_of
 from itouch.session.viewer_geometry import view_of
 from itouch.world import Model
 from itouch_tools.viewer import colours
-from itouch_tools.viewer.scene_graph import SceneGraph
+from itouch_tools.viewer.scene_graph import NAMED, SceneGraph
 from itouch_tools.viewer.temperatures import plate_temperature, skin_temperature
 
-#: With more objects than this no names are shown; and the step of temperature [K] that changes a colour.
-NAMED, STEP = 16, 0.1
+#: The step of temperature [K] that changes a colour.
+STEP = 0.1
 _RADII = {"shaft_radius": 0.0012, "head_radius": 0.003, "head_length": 0.008}
 _LINES = (0.40, 0.43, 0.48)
 _NOWHERE = np.zeros((1, 2, 3))
