@@ -1,15 +1,10 @@
-"""Errors of the USB arm, one class for each cause, and the udev rule."""
+"""Errors of the USB arm, one class for each cause."""
 
 from __future__ import annotations
 
 from itouch.plugin import DeviceError
-
-#: The rule that lets members of ``plugdev`` use the arm, and how to install it.
-UDEV_RULE = 'SUBSYSTEM=="usb", ATTR{idVendor}=="0403", ATTR{idProduct}=="cb48", MODE="0664", GROUP="plugdev"'
-_UDEV_ADVICE = f"""write this line to /etc/udev/rules.d/99-falcon.rules:
-    {UDEV_RULE}
-then run  sudo udevadm control --reload && sudo udevadm trigger , join the group  sudo adduser $USER plugdev ,
-log in anew and replug the arm"""
+from itouch.plugin.usb_permission import permission_advice
+from itouch_usb_arm.wire import PRODUCT, VENDOR
 
 
 class FalconError(DeviceError):
@@ -24,7 +19,9 @@ class PermissionDenied(FalconError):  # noqa: N818
     """The arm is attached but this user may not open it; the message holds the udev rule."""
 
     def __init__(self, reason: str) -> None:
-        super().__init__(f"no permission to open the arm ({reason}); {_UDEV_ADVICE}")
+        super().__init__(
+            f"no permission to open the arm ({reason}); {permission_advice(f'{VENDOR:04x}', f'{PRODUCT:04x}')}"
+        )
 
 
 class Disconnected(FalconError):  # noqa: N818

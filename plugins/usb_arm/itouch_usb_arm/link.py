@@ -9,9 +9,9 @@ from typing import Any
 
 from itouch.plugin import Trace
 from itouch_usb_arm.errors import Disconnected, FalconError, NotFound, PermissionDenied, ProtocolError, Timeout
+from itouch_usb_arm.wire import PRODUCT, VENDOR
 
-#: The arm's USB ids, and its endpoints.
-VENDOR, PRODUCT = 0x0403, 0xCB48
+#: The arm's endpoints.
 OUT, IN = 0x02, 0x81
 #: A packet from the chip: two bytes of modem status, then at most this many bytes of data.
 PACKET, STATUS = 64, 2

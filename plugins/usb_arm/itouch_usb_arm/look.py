@@ -7,7 +7,8 @@ from typing import Any
 from itouch.plugin import Attached
 from itouch_usb_arm.errors import FalconError, FirmwareError, NotFound
 from itouch_usb_arm.falcon import Falcon
-from itouch_usb_arm.link import PRODUCT, VENDOR, find
+from itouch_usb_arm.link import find
+from itouch_usb_arm.wire import PRODUCT, VENDOR
 
 #: Number of frames without force over which the latency is measured.
 FRAMES = 200

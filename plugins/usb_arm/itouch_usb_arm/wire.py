@@ -12,6 +12,8 @@ import struct
 from collections.abc import Sequence
 from typing import NamedTuple
 
+#: The arm's USB ids.
+VENDOR, PRODUCT = 0x0403, 0xCB48
 FRAME = 16
 #: Greatest motor command that is sent.
 MOTOR_LIMIT = 4095

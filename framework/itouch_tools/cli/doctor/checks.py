@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from itouch.platforms import SERVO_PROCESS, cores, limit
+from itouch.plugin.usb_permission import permission_advice
 from itouch_tools.cli.doctor.diagnosis import Diagnosis
 from itouch_tools.cli.doctor.disk_caches import compile_cache, kept_meshes, kept_results
 from itouch_tools.cli.doctor.extras import extras
@@ -183,9 +184,7 @@ def usb() -> Diagnosis:
     shut = [str(node) for node in nodes if not os.access(node, os.W_OK)]
     if len(shut) < len(nodes):
         return Diagnosis("usb", "ok", f"{len(nodes) - len(shut)} of {len(nodes)} devices may be opened")
-    rule = 'SUBSYSTEM=="usb", ATTR{idVendor}=="VVVV", ATTR{idProduct}=="PPPP", MODE="0660", TAG+="uaccess"'
-    advice = f"as root write {rule} to /etc/udev/rules.d/70-itouch.rules and plug in anew"
-    return Diagnosis("usb", "lack", f"none of {len(nodes)} devices may be opened", advice)
+    return Diagnosis("usb", "lack", f"none of {len(nodes)} devices may be opened", permission_advice())
 
 
 def disk() -> Diagnosis:

@@ -11,10 +11,11 @@ from typing import Any
 import usb.backend
 import usb.core
 
-from itouch_usb_arm.link import IN, OUT, PACKET, PRODUCT, VENDOR
+from itouch_usb_arm.link import IN, OUT, PACKET
 from itouch_usb_arm.virtual import descriptors
 from itouch_usb_arm.virtual.requests import control
 from itouch_usb_arm.virtual.virtual_falcon import StalledError, UnpluggedError, VirtualFalcon
+from itouch_usb_arm.wire import PRODUCT, VENDOR
 
 
 class VirtualBackend(usb.backend.IBackend):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from itouch_usb_arm.link import IN, OUT, PACKET, PRODUCT, VENDOR
+from itouch_usb_arm.link import IN, OUT, PACKET
+from itouch_usb_arm.wire import PRODUCT, VENDOR
 
 CONFIGURATION_VALUE = 1
 _CURRENT = 50  # in units of 2 mA

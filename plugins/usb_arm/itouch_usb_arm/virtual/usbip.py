@@ -14,9 +14,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from itouch_usb_arm.link import IN, OUT, PRODUCT, VENDOR
+from itouch_usb_arm.link import IN, OUT
 from itouch_usb_arm.virtual.requests import control
 from itouch_usb_arm.virtual.virtual_falcon import StalledError, UnpluggedError, VirtualFalcon
+from itouch_usb_arm.wire import PRODUCT, VENDOR
 
 VERSION, BUS_ID = 0x0111, b"1-1"
 _LIST, _IMPORT = 0x8005, 0x8003
