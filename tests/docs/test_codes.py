@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from itouch.contact.meshfile import findings
 from itouch.safety import Trip
+from itouch.scene import documents, source
 from itouch_tools.authoring.codes import CODES, HEADINGS, RUNNING
 from itouch_tools.cli import main
 from itouch_tools.cli.explain import examples
@@ -72,6 +74,31 @@ def test_no_problem_has_a_code_outside_the_table() -> None:
 def test_no_code_is_left_over() -> None:
     used = {code for code, _ in made()} | {trip.label for trip in Trip} | {"injected"}
     assert set(CODES) <= used
+
+
+def test_codes_say_the_numbers_that_files_are_refused_by() -> None:
+    def length(metres: float) -> str:
+        return next(
+            f"{round(metres / unit):g} {symbol}"
+            for unit, symbol in ((1.0, "m"), (1e-3, "mm"), (1e-6, "um"))
+            if metres >= unit
+        )
+
+    told = {
+        "too-many-includes": [f"{documents.MAX_INCLUDE_DEPTH} deep", f"{documents.MAX_DOCUMENTS} documents"],
+        "too-large": [f"{source.MAX_BYTES >> 20} MiB"],
+        "too-deep": [f"{source.MAX_DEPTH} deep"],
+        "too-many-attributes": [f"{source.MAX_ATTRIBUTES} attributes"],
+        "too-many-elements": [f"{source.MAX_ELEMENTS:,} elements".replace(",", " ")],
+        "mesh-units": [
+            length(one) for one in (findings.TOO_LARGE, findings.TOO_SMALL, findings.GREATEST, findings.SMALLEST)
+        ],
+    }
+    for code, words in told.items():
+        at = 0
+        for word in words:
+            at = CODES[code].wrong.find(word, at) + 1
+            assert at > 0, f"'{word}' is not in: {CODES[code].wrong}"
 
 
 def test_every_trip_is_in_the_table() -> None:

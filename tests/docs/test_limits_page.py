@@ -7,9 +7,13 @@ import re
 import pytest
 from listings import DOCS
 
+from itouch.loop.engine import Engine
 from itouch.monitors import thresholds
 from itouch.plugin import Role
+from itouch.scene import rigs
+from itouch.servo.handle import Handle
 from itouch.world import limits as has
+from itouch_tools.cli.explain import examples
 
 PAGE = (DOCS / "reference" / "safety-limits.md").read_text(encoding="utf-8")
 
@@ -59,6 +63,16 @@ def test_a_row_says_what_holds(row: tuple[str, str], wanted: list[str]) -> None:
         found = re.compile(r"(?<![\d.])" + re.escape(value)).search(line, at)
         assert found, f"'{value}' is not in: {line}"
         at = found.end()
+
+
+def test_what_is_told_to_users_of_the_switch_is_how_long_it_holds() -> None:
+    told = f"{has.HOLD * 1e3:g} ms"
+    assert told in str(Handle.hold.__doc__) and told in str(Engine.hold.__doc__)
+    assert told in str(examples()["released"])
+
+
+def test_a_rig_may_ask_for_no_longer_contact_than_the_default() -> None:
+    assert rigs.CONTACT_TIME == has.CONTACT_TIME
 
 
 def test_no_row_is_left_out() -> None:

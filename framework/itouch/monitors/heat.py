@@ -270,4 +270,5 @@ def _numbers(places: Mapping[str, int], listed: Iterable[tuple[Channel, int]]) -
 
 
 def _c(kelvin: float) -> str:
+    """Return a temperature as tables of limits show it; what a terminal says has degC, as scenes do."""
     return f"{kelvin - 273.15:.4g} °C"

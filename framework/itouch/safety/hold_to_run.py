@@ -35,12 +35,12 @@ class HoldToRun:
         self.required = asked or any(not g.model.twin for g in gates)
 
     def press(self, tick: int, held: bool, *, shared: bool = False) -> None:
-        """Take a signal that the switch is held, which is good for 80 ms, or let go; ``shared``: another holds on."""
+        """Take a signal that the switch is held, which is good for `HOLD`, or let go; ``shared``: another holds on."""
         self._said = "one of those who held the switch let it go" if shared else "nobody holds the switch"
         self._until[...] = tick + self._ticks if held else tick
 
     def held(self, tick: int) -> bool:
-        """Tell whether the switch is held, by a device or by ``press``; neither is good for longer than 80 ms.
+        """Tell whether the switch is held, by a device or by ``press``; neither is good for longer than `HOLD`.
 
         So a device that was lost while somebody pressed its switch soon counts no more.
         """

@@ -19,8 +19,9 @@ from itouch.schema.fields import specs
 Element = TypeVar("Element", Limits, Safety)
 #: Sections of a rig file that have an effect; files that it includes are checked by themselves.
 _EFFECTIVE = frozenset({"include", "defaults", "devices", "safety"})
-#: Greatest time [s] of one contact if a scene does not give it: a rig may not ask for more than the scene.
-_CONTACT_TIME = 10.0
+#: T4: time [s] of one contact if a scene does not give it: a rig may not ask for more.  It is that of
+#: `itouch.monitors.limits`, which this room lies below; a test compares the two.
+CONTACT_TIME = 10.0
 
 
 def without_effect(rig: str, documents: Iterable[Document]) -> Iterator[Problem]:
@@ -76,7 +77,7 @@ def looser(own: Safety, other: Safety, places: Places) -> Iterator[Problem]:
 
     A rig may not name another participant either: nothing would be recorded for one of the two.
     """
-    most = _CONTACT_TIME if own.contact_time is None else own.contact_time
+    most = CONTACT_TIME if own.contact_time is None else own.contact_time
     if other.contact_time is not None and other.contact_time > most:
         sentence = f"<safety contact-time> of the rig asks for {other.contact_time:g} s, the scene for {most:g} s"
         place = places.of(other, "contact_time")

@@ -1,8 +1,8 @@
 """The holders of the dead-man's switch: a memory word for each, none believed for longer than `monitors.limits.HOLD`.
 
-The servo process believes a word for at most 80 ms from when it first sees it, whatever the word says, so that nothing
-written there can hold the switch for ever.  If a holder lets go or falls silent, the session stops, even if somebody
-else still holds.
+The servo process believes a word for no longer than that from when it first sees it, whatever the word says, so that
+nothing written there can hold the switch for ever.  If a holder lets go or falls silent, the session stops, even if
+somebody else still holds.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Holder:
         self._place = -1
 
     def say(self, held: bool) -> None:
-        """Hold the switch for the next 80 ms, or let it go.
+        """Hold the switch for the time `HOLD` from now, or let it go.
 
         Raises
         ------

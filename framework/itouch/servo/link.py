@@ -189,7 +189,7 @@ class Link:
         self._words[at.STOP] = 1
 
     def hold(self, held: bool = True) -> None:
-        """Hold the dead-man's switch for the next 80 ms, or let it go; a process that dies or hangs lets go by itself.
+        """Hold the dead-man's switch for a time `HOLD`, or let it go; a process that dies or hangs lets go by itself.
 
         Each link has a word of its own for this: if one lets go, the session stops, whoever else still holds.
 

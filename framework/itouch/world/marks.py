@@ -11,5 +11,5 @@ MARK_DTYPE = [("tick", "i8"), ("name", f"S{NAME}"), ("payload", f"S{PAYLOAD}")]
 
 FIELDS = (
     Field("marks.count", "i8", unit="1", doc="marks so far"),
-    Field("marks.table", MARK_DTYPE, MARKS, unit="mixed", doc="the last eight: tick, name, payload"),
+    Field("marks.table", MARK_DTYPE, MARKS, unit="mixed", doc="the last ones: tick, name, payload"),
 )

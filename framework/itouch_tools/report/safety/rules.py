@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from itouch.plugin import Role
 from itouch.world import Model
-from itouch.world.limits import DEFAULT, REARMS
+from itouch.world.limits import DEFAULT, HOLD, REARMS
 from itouch.world.supervision import rules as rules_of
 
 K0 = 273.15
@@ -62,7 +62,8 @@ def _all(model: Model) -> Iterator[Rule]:
     hardware = any(not device.twin for device in model.devices.values())
     source = "hold-to-run of the scene" if model.scene.safety.hold_to_run else DEFAULT
     asked = hardware or model.scene.safety.hold_to_run
-    switch = "letting go, or no word for 80 ms: retracts in the same tick" if asked else "not asked for on twins"
+    silent = f"no word for {HOLD * 1e3:g} ms"
+    switch = f"letting go, or {silent}: retracts in the same tick" if asked else "not asked for on twins"
     yield Rule("W3", "all", "hold-to-run", "", switch, "", source)
     often = f"more than {REARMS} times a minute"
     yield Rule(

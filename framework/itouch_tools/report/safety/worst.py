@@ -7,12 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from itouch.monitors.thresholds import DOSE_FROM, DOSE_UNIT
 from itouch.plugin import Record, Role
 from itouch.session import Session
 from itouch.world import truth
 
-#: Temperature [K] from which thermal dose (CEM43) counts, and that at which a second of it counts as one second.
-DOSE_FROM, DOSE_UNIT = 312.15, 316.15
 #: What is followed of a twin, by the roles of its fields, and how it is named in the report.
 _SKIN = "skin temperature [K]"
 _TRUE = {
