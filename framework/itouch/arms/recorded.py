@@ -28,10 +28,9 @@ from itouch.plugin import (
     pose,
     schema,
 )
+from itouch.recording.reader import MAX_MOTION
 from itouch.schema.files import open_regular
 
-#: Largest file [bytes].
-MOST = 256 << 20
 #: Nearer than this to a sample [samples], its pose is used as it is: recorded times are rounded.
 _NEAR = 1e-6
 
@@ -138,7 +137,7 @@ class Recorded(TwinOnlyArm):
         """
         if not params.file:
             return Played(params, *example())
-        data = read(params.file, MOST)
+        data = read(params.file, MAX_MOTION)
         try:
             found = from_csv(data) if params.file.lower().endswith(".csv") else None
             return Played(params, *(found or from_recording(params.file, data, params.track)))

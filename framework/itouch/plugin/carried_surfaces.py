@@ -10,6 +10,8 @@ from __future__ import annotations
 LOW, HIGH = 1.0, 2.0
 #: Force [N] above which a surface is felt, and below which the finger has left it.
 TOUCH, LEFT = 0.05, 0.02
+#: Least cosine of a surface's tilt in computing its contact with a finger; a steeper one counts as this steep.
+STEEPEST = 0.1
 #: How near below the finger a surface is as good as there [m].
 ABOUT = 3e-4
 #: Gap [m] over which the arm takes over the normal force from a surface that is too low.

@@ -21,8 +21,8 @@ DEVICES, MODALITIES, COMMANDS, BENCHES = "itouch.devices", "itouch.modalities", 
 MONITORS = "itouch.monitors"
 #: Entry points of modalities that bring a surface to a finger if no modality of the scene does.
 CARRIERS = "itouch.carriers"
-NAMESPACE = "urn:itouch:plugin:"
-_PROGRAM = "itouch-py"
+#: The distribution of this program.
+PROGRAM = "itouch-py"
 
 
 class PluginError(ItouchError):
@@ -157,7 +157,7 @@ class Catalog:
         installed.
         """
         offered = self._carriers.values()
-        own = next((one for one in offered if one.distribution == _PROGRAM), next(iter(offered), None))
+        own = next((one for one in offered if one.distribution == PROGRAM), next(iter(offered), None))
         found = self._carriers.get(name) if name else own
         cls: type[Modality] | None = self._load(found, Modality)
         return ("" if found is None else found.name), cls

@@ -20,7 +20,8 @@ MIRRORS = {
 }
 #: Roles of readings that follow whatever command has their name, or their unit, and their size.
 _BY_UNIT = (Role.SIGNAL, Role.DELIVERED_DRIVE)
-_ROOM = 296.15
+#: Temperature of the room [K] of what is simulated by itself.
+ROOM = 296.15
 
 
 class IdealTwin(Twin):
@@ -84,7 +85,7 @@ def _belongs(reading: Channel, command: Channel) -> bool:
 def _rest(channel: Channel) -> Any:
     if channel.role is Role.TRACKED_POSE:
         return (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-    return _ROOM if channel.unit == "K" else 0.0
+    return ROOM if channel.unit == "K" else 0.0
 
 
 def _without_locked(pose: Any, locked: tuple[int, ...]) -> Any:

@@ -27,6 +27,8 @@ from itouch.schema.files import open_regular
 
 #: Largest chunk, unpacked, and largest content of all rows together [bytes].
 MAX_CHUNK, MAX_CONTENT = 64 << 20, 4 << 30
+#: Largest file with a motion that a scene may name [bytes], as the path of a hand or of an arm.
+MAX_MOTION = 256 << 20
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT, _DATA_END = 1, 2, 3, 4, 5, 6, 9, 15
 #: Records in the data section that are skipped: a header, indexes and metadata.
 _PASSED = (_HEADER, 7, 12)

@@ -15,10 +15,8 @@ from itouch.scene.places import Places
 from itouch.scene.source import Attribute, Node
 from itouch.scene.values import ValueProblemError, parse_value
 from itouch.schema.diagnostics import ItouchError, Place, Problem, did_you_mean, meant, nearest
-from itouch.schema.fields import Spec, constraint, default_of, specs, tag_of, xml_name
+from itouch.schema.fields import PLUGIN_NAMESPACE, Spec, constraint, default_of, specs, tag_of, xml_name
 from itouch.schema.plugin_errors import failure
-
-PLUGIN_NAMESPACE = "urn:itouch:plugin:"
 
 #: Value of a field that could not be read; its problem has been reported already.
 BROKEN: Any = object()

@@ -18,6 +18,7 @@ from lxml import etree
 
 from itouch.platforms import reading_advice
 from itouch.schema.diagnostics import Place, Problem
+from itouch.schema.fields import PLUGIN_NAMESPACE
 from itouch.schema.files import kind_of, open_regular
 
 #: Caps on a scene file: its size [bytes], the nesting of its elements, the attributes of one element, all elements.
@@ -230,7 +231,7 @@ class _Positions:
         self._prefixes.append(known)
         prefix, colon, _ = name.partition(":")
         if colon and prefix not in known:
-            advice = f'write xmlns:{prefix}="urn:itouch:plugin:{prefix}" into <itouch>'
+            advice = f'write xmlns:{prefix}="{PLUGIN_NAMESPACE}{prefix}" into <itouch>'
             self._refuse("unknown-prefix", f"<{name[:60]}>: the prefix '{prefix[:40]}' is not declared", advice)
 
     def _end(self, name: str) -> None:

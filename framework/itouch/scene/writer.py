@@ -6,10 +6,9 @@ from collections.abc import Iterable
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
-from itouch.scene.binding import PLUGIN_NAMESPACE
 from itouch.scene.description import Scene
 from itouch.scene.elements import PluginPart
-from itouch.schema.fields import Spec, default_of, specs, tag_of, xml_name
+from itouch.schema.fields import PLUGIN_NAMESPACE, Spec, default_of, specs, tag_of, xml_name
 from itouch.schema.quantities import format_quantity
 
 

@@ -29,6 +29,8 @@ Kind = Literal[
 
 #: Marks a field that must be given.
 REQUIRED = MISSING
+#: What the XML namespace of a plugin's elements and attributes begins with; its name follows.
+PLUGIN_NAMESPACE = "urn:itouch:plugin:"
 
 _KEY = "itouch"
 

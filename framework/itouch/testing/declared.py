@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 
 from itouch.plugin import HOLD, HURTING, ROTATIONS, Channel, Device, Role, Safe
-from itouch.plugin.discovery import NAMESPACE
 from itouch.plugin.quantity import PLAIN
 from itouch.scene import loads, write
 from itouch.schema import SceneError
-from itouch.schema.fields import Spec, specs, validate, xml_name
+from itouch.schema.fields import PLUGIN_NAMESPACE, Spec, specs, validate, xml_name
 from itouch.schema.quantities import format_quantity
 from itouch.schema.units import parse_unit
 from itouch.testing.checks import CheckError, NotApplicableError, check
@@ -172,7 +171,7 @@ def _document(subject: DeviceSubject, attributes: dict[str, str]) -> bytes:
             given[label] = _written(subject.params, name)
     text = " ".join(f"{key}={quoteattr(value)}" for key, value in given.items())
     return (
-        f'<itouch version="1.0" xmlns:p="{NAMESPACE}{subject.name}"><devices>'
+        f'<itouch version="1.0" xmlns:p="{PLUGIN_NAMESPACE}{subject.name}"><devices>'
         f'<device name="unit" plugin="{subject.name}"><p:hardware {text}/></device></devices></itouch>'
     ).encode()
 

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Channel, Device, DeviceError, Field, IdealTwin, Record, Role, Twin, TwinInputs
 from itouch.plugin.discovery import Catalog
+from itouch.plugin.ideal import ROOM
 from itouch.scene import Scene
 from itouch.scene.elements import DeviceElement, PluginPart, Probe
 from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
 from itouch.testing.checks import CheckError, NotApplicableError
 
-#: Temperatures of room and skin in every check [K].
-ROOM, SKIN = 296.15, 306.15
+#: Temperature of the skin in every check [K]; that of the room is `ROOM`.
+SKIN = 306.15
 #: Period of the servo loop in every check [s].
 PERIOD = 1e-3
 

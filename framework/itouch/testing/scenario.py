@@ -13,10 +13,10 @@ import numpy as np
 
 from itouch.loop import Engine
 from itouch.plugin import Channel, Device, DeviceError, Modality, Record, Role, pose, schema, wrench
-from itouch.plugin.discovery import NAMESPACE, Catalog
+from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, load, loads
 from itouch.scene.elements import Motion, Operator, To
-from itouch.schema.fields import REQUIRED, Spec, default_of, specs, xml_name
+from itouch.schema.fields import PLUGIN_NAMESPACE, REQUIRED, Spec, default_of, specs, xml_name
 from itouch.schema.quantities import format_quantity
 from itouch.testing.checks import CheckError, NotApplicableError
 from itouch.testing.harness import KnownCatalog
@@ -233,7 +233,7 @@ def made(name: str, catalog: Catalog) -> str:
     maker.modality(plugin, local)
     material = catalog.material(plugin)
     part = f"<{plugin}:material {maker.attributes(material, plugin, local)}/>" if material else ""
-    spaces = " ".join(f'xmlns:{p}="{NAMESPACE}{p}"' for p in sorted(maker.plugins | {plugin}))
+    spaces = " ".join(f'xmlns:{p}="{PLUGIN_NAMESPACE}{p}"' for p in sorted(maker.plugins | {plugin}))
     return _SCENE.format(namespaces=spaces, material=part, finger=FINGER, devices="".join(maker.devices.values()),
                          modalities="\n    ".join(maker.modalities.values()))  # fmt: skip
 

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from itouch.plugin import Channel, Role
+from itouch.plugin.ideal import ROOM
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.harness import PERIOD, ROOM, DeviceSubject, TwinBench
+from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench
 
 
 def _fail(seen: str, cause: str, advice: str) -> CheckError:

@@ -6,13 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.compiling import kernel
+from itouch.plugin.carried_surfaces import STEEPEST
 
 Floats = NDArray[np.float64]
 
 #: Width of a frame: origin, then rotation matrix.
 FRAME = 12
-#: Least cosine of a plate's angle in computing its contact with a finger; a steeper plate counts as this steep.
-STEEPEST = 0.1
 
 
 @kernel

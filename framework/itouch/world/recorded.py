@@ -9,15 +9,12 @@ from numpy.typing import NDArray
 
 from itouch.contact.meshfile import MeshError
 from itouch.recording.errors import RecordingError
-from itouch.recording.reader import parse, unread
+from itouch.recording.reader import MAX_MOTION, parse, unread
 from itouch.scene import Scene
 from itouch.scene.elements import Operator
 from itouch.schema import Problem
 from itouch.schema.diagnostics import did_you_mean
 from itouch.world.files import SceneFiles
-
-#: Greatest recording that a scene may name [bytes].
-MOST = 256 << 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +34,7 @@ def recorded_motion(
     motion = operator.motion
     place = scene.places.of(motion, "file") or scene.places.of(motion)
     try:
-        data = reader.read(motion.file, MOST)
+        data = reader.read(motion.file, MAX_MOTION)
         content = parse(motion.file, data, len(data))
     except (MeshError, RecordingError) as error:
         problems.append(Problem("bad-recording", f"the motion can't be read: {error}", place))

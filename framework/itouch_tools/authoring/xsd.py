@@ -14,11 +14,10 @@ from itouch.scene import elements
 from itouch.scene.documents import SECTIONS
 from itouch.scene.extensions import Extensions
 from itouch.scene.loader import DEFAULTABLE
-from itouch.schema.fields import REQUIRED, Spec, default_of, specs, tag_of, xml_name
+from itouch.schema.fields import PLUGIN_NAMESPACE, REQUIRED, Spec, default_of, specs, tag_of, xml_name
 from itouch.schema.hold_until import SKIN, WORD
 from itouch.schema.quantities import describe, format_quantity
 
-NAMESPACE = "urn:itouch:plugin:"
 _ROOTS: dict[str, type] = {
     "include": elements.Include,
     "materials": elements.Materials,
@@ -61,9 +60,9 @@ def _offers(extensions: Extensions, plugin: str, host: str) -> list[tuple[str, t
 
 
 def _main(extensions: Extensions, plugins: Sequence[str]) -> str:
-    spaces = "".join(f' xmlns:{plugin}="{NAMESPACE}{plugin}"' for plugin in plugins)
+    spaces = "".join(f' xmlns:{plugin}="{PLUGIN_NAMESPACE}{plugin}"' for plugin in plugins)
     lines = [_HEAD, f'<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema"{spaces} elementFormDefault="qualified">']
-    lines += [f'  <xs:import namespace="{NAMESPACE}{p}" schemaLocation="{p}.xsd"/>' for p in plugins]
+    lines += [f'  <xs:import namespace="{PLUGIN_NAMESPACE}{p}" schemaLocation="{p}.xsd"/>' for p in plugins]
     guests = {
         host: [f"{plugin}:{local}" for plugin in plugins for local, _ in _offers(extensions, plugin, host)]
         for host in _HOSTS.values()
@@ -74,7 +73,7 @@ def _main(extensions: Extensions, plugins: Sequence[str]) -> str:
 
 
 def _plugin(extensions: Extensions, plugin: str) -> str:
-    space = f"{NAMESPACE}{plugin}"
+    space = f"{PLUGIN_NAMESPACE}{plugin}"
     lines = [
         _HEAD,
         f'<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" targetNamespace="{space}" '

@@ -68,12 +68,18 @@ def end_threads(code: int) -> None:
     ending.end_now(code)
 
 
+def code_of(number: int) -> int:
+    """Return the exit code of a program that a signal has ended, as shells have it."""
+    return 128 + number
+
+
 class Interrupted(KeyboardInterrupt):
     """A signal came before anything ran."""
 
     def __init__(self, number: int) -> None:
         super().__init__()
         self.number = number
+        self.code = code_of(number)
 
 
 class Stopping:
@@ -144,7 +150,7 @@ class Stopping:
             return otherwise
         stop_writing()  # the terminal may have been closed
         print(f"stopped by {signal.Signals(self._signal).name}; the devices are safe", file=sys.stderr)
-        return 128 + self._signal
+        return code_of(self._signal)
 
 
 def unstarted(number: int, words: Mapping[str, Any], begun: float, path: str | None) -> int:
@@ -163,7 +169,7 @@ def unstarted(number: int, words: Mapping[str, Any], begun: float, path: str | N
     print(f"stopped by {name} during the start; nothing was enabled", file=sys.stderr)
     report = {**words, "simulated_s": 0.0, "wall_s": time.monotonic() - begun, "stopped_by": name}
     write_report(path, lambda: {**report, "contacts": [], "faults": []})
-    return 128 + number
+    return code_of(number)
 
 
 def begin_report(path: str | None, words: Mapping[str, Any]) -> None:

@@ -77,7 +77,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
                     elif told["kind"] == "lost":
                         print(f"the session is not recorded any more: {told['words']}", file=sys.stderr)
         except Interrupted as signalled:
-            return 128 + signalled.number
+            return signalled.code
         except DeviceFaultError as error:
             print(f"{error}\n{again}", file=sys.stderr)
             return 1
@@ -119,7 +119,7 @@ def serve(file: StudyFile, key: Path, options: argparse.Namespace) -> int:
                 while not handle.wait(0.1):
                     pass
         except Interrupted as signalled:
-            return 128 + signalled.number
+            return signalled.code
         except (DeviceFaultError, ServoError) as error:
             print(f"{error}", flush=True)
             return 1

@@ -61,7 +61,7 @@ def serve(file: StudyFile, options: argparse.Namespace) -> int:
                 print(f"'{file.name}' is served on port {door.port} of this machine; the key is in {key}", flush=True)
                 served.run()
         except Interrupted as signalled:
-            return 128 + signalled.number
+            return signalled.code
         except DeviceFaultError as error:
             print(f"{error}", flush=True)
             return 1

@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from itouch.schema import ItouchError
+from itouch_tools.export.bids import VERSION
 from itouch_tools.study.figures import known, meaning
 from itouch_tools.study.store import Row
 from itouch_tools.study.tables import write_table
 
-#: Version of BIDS that the folder follows.
-VERSION = "1.10.0"
 _DESCRIBED = {
     "participant": "code of the participant", "place": "number of the trial in the participant's order, from 0",
     "repeats": "place of the void trial that it repeats",

@@ -12,8 +12,6 @@ from pathlib import Path
 
 #: Distributions whose versions determine the numbers that come out.
 COMPILERS = ("numba", "llvmlite", "numpy")
-#: The distribution of this program.
-PROGRAM = "itouch-py"
 
 
 def identity(packages: Mapping[str, Iterable[str]]) -> dict[str, str]:

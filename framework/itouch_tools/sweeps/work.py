@@ -11,13 +11,13 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from itouch.plugin.discovery import Catalog
+from itouch.plugin.discovery import PROGRAM, Catalog
 from itouch.scene.documents import DocumentReader
 from itouch.schema import ItouchError
 from itouch.world import Model
 from itouch_tools.sweeps.elements import FromCall
 from itouch_tools.sweeps.functions import in_file
-from itouch_tools.sweeps.provenance import PROGRAM, files_of, identity
+from itouch_tools.sweeps.provenance import files_of, identity
 from itouch_tools.sweeps.sweepfile import SweepFile
 
 #: Most bytes that travel with a task.

@@ -14,7 +14,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from itouch.plugin.carried_surfaces import ABOUT, AHEAD, HAND_OVER, HIGH, LEFT, TOUCH, YIELD_RATE, YIELD_RETURN
+from itouch.plugin.carried_surfaces import (
+    ABOUT,
+    AHEAD,
+    HAND_OVER,
+    HIGH,
+    LEFT,
+    STEEPEST,
+    TOUCH,
+    YIELD_RATE,
+    YIELD_RETURN,
+)
 from itouch.plugin.kernels import kernel
 from itouch_encountered.choosing import along, choose, doubt, touches_unasked
 from itouch_encountered.own import (
@@ -90,8 +100,6 @@ DAMPING_RATIO, MOST_SHIFT = 0.9, 3e-4
 ELSEWHERE = 5e-3
 #: Acceleration [m/s2] well below which a device's error is not due to its inertia.
 EVEN = 2.0
-#: Least cosine of the face's tilt that is computed with: no finger rests on a steeper one.
-STEEPEST = 0.1
 #: Cosines of the tilts from which on the height of a face is evened out, and evened out wholly [1]: the steeper it is,
 #: the larger the steps in which it follows a finger whose place an arm reads in steps.
 EVENED_FROM, EVENED_AT = math.cos(math.radians(30.0)), math.cos(math.radians(35.0))
