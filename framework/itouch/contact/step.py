@@ -10,7 +10,7 @@ from itouch.contact.distance import distance
 from itouch.contact.frames import to_local, to_local_then, to_world
 from itouch.contact.friction import Pressed, drag, first_touch, press
 from itouch.contact.moving_objects import pushed
-from itouch.contact.report import clear, report, report_near
+from itouch.contact.outcome import clear, report, report_near
 from itouch.contact.reset import nearest_free
 from itouch.contact.scratch import Mesh, add_seed, empty_site, put_near_objects, put_object, site_rows
 from itouch.contact.slide import slide

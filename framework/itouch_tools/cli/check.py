@@ -172,7 +172,7 @@ def _write(
     """Write the result for a program, as JSON or SARIF."""
     from importlib.metadata import version
 
-    from itouch_tools.report.findings import as_sarif
+    from itouch_tools.report.problem_formats import as_sarif
 
     sarif = options.sarif or (options.output or "").lower().endswith(".sarif")
     if sarif:
@@ -211,8 +211,8 @@ def _edits(
 
 
 def _entry(path: str, model: Model | None, problems: Sequence[Problem], *, good: bool) -> dict[str, Any]:
-    from itouch_tools.report.findings import as_entries
     from itouch_tools.report.limits import limit_rows
+    from itouch_tools.report.problem_formats import as_entries
 
     entry: dict[str, Any] = {"scene": path, "ok": good, "problems": as_entries(problems)}
     if model is not None:
