@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import module_pages
@@ -123,7 +124,15 @@ def test_changes_are_sorted_by_kind() -> None:
 
 @pytest.mark.parametrize("change", QUIZ, ids=lambda change: Path(change["file"]).stem)
 def test_a_change_is_made_where_the_quiz_says(change: dict[str, str]) -> None:
-    assert change["says"] in (ROOT / change["file"]).read_text(encoding="utf-8")
+    assert [name for name, text in _program().items() if change["says"] in text] == [change["file"]]
+
+
+@cache
+def _program() -> dict[str, str]:
+    """Return the text of each file of the program, of its firmware and of the scenes that come with it."""
+    kinds = {".py", ".in", ".h", ".c", ".ino", ".xml"}
+    found = (path for folder in ("framework", "plugins", "scenes") for path in sorted((ROOT / folder).rglob("*")))
+    return {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in found if path.suffix in kinds}
 
 
 def test_the_quiz_asks_for_many_files() -> None:
