@@ -38,20 +38,20 @@ def stored(tree: ast.Module) -> set[str]:
 
 def wrong(sources: dict[str, str]) -> Iterator[str]:
     """Yield the dataclasses that lack slots, or that could be frozen and are not."""
-    trees = {file: ast.parse(text) for file, text in sources.items()}
-    assigned = {file: stored(tree) for file, tree in trees.items()}
+    parsed = cache(lambda file: ast.parse(sources[file]))  # only what is asked for: it takes long
+    assigned = cache(lambda file: stored(parsed(file)))
     words = {file: set(re.findall(r"\w+", text)) for file, text in sources.items()}
-    for file, tree in trees.items():
-        stem = file.rpartition("/")[2].removesuffix(".py")
+    for file in (file for file in sources if "dataclass" in words[file]):
+        tree, stem = parsed(file), file.rpartition("/")[2].removesuffix(".py")
         for node in (node for node in ast.walk(tree) if isinstance(node, ast.ClassDef) and node.name not in OTHERS):
             for said in filter(lambda one: one is not None, map(flags, node.decorator_list)):
                 if "slots" not in said:
                     yield f"{file}: {node.name} has no slots"
                 fields = {ast.unparse(one.target) for one in node.body if isinstance(one, ast.AnnAssign)}
-                near = [name for name in assigned if name == file or not words[name].isdisjoint((node.name, stem))]
-                if "setattr(" in ast.unparse(node):
+                if "frozen" in said or "setattr(" in ast.unparse(node):
                     continue
-                if "frozen" not in said and not any(fields & assigned[name] for name in near):
+                near = [name for name in words if name == file or not words[name].isdisjoint((node.name, stem))]
+                if not any(fields & assigned(name) for name in near):
                     yield f"{file}: nothing assigns to the fields of {node.name}: it could be frozen"
 
 
