@@ -140,7 +140,10 @@ def modules(room: str, name: str = "") -> list[Path]:
 def is_compiled(path: Path) -> bool:
     """Tell whether functions of a module are compiled: coverage does not see them."""
     text = path.read_text(encoding="utf-8")
-    return any(word in text for word in ("@kernel", "@nogil_kernel", "@entry", "@inner", "@flat", "@making", "@njit"))
+    return any(
+        word in text
+        for word in ("@kernel", "@nogil_kernel", "@entry", "@inner", "@flat", "@making", "@linked", "@njit")
+    )
 
 
 def draw(rooms: Sequence[str], count: int, seed: int, module: str = "") -> list[Mutant]:

@@ -42,6 +42,8 @@ from numba.core import event, targetconfig  # noqa: E402
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator  # noqa: E402
 from numba.extending import intrinsic, register_jitable  # noqa: E402
 
+from itouch.linking import Linked  # noqa: E402
+
 Function = TypeVar("Function", bound=Callable[..., object])
 _numba: Any = numba  # what it exports is not typed
 
@@ -217,8 +219,13 @@ def inlined(function: Function) -> Function:
     It is for a named step of a derivation, where passing the arguments would cost more than the step itself.  It is
     compiled without reference counting, so it must not create arrays; it is cached as part of the kernels that call it.
     """
-    options = {**ALONE, "forceinline": True, "_nrt": False}
-    marked: Function = register_jitable(**options, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
+    return linked(function, forceinline=True, _nrt=False)
+
+
+def linked(function: Function, **options: bool) -> Function:
+    """Let kernels call a function, which is compiled as part of them alone; from Python, it runs as plain Python."""
+    options = {**ALONE, **options, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    marked: Function = register_jitable(**options, pipeline_class=Linked)(function)
     return marked
 
 

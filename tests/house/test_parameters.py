@@ -38,7 +38,7 @@ def test_no_function_has_too_many_parameters() -> None:
 
 #: Decorators of functions that work on flat arrays, without what precedes an underscore.  (Those of the contact engine
 #: take its arrays by `itouch.contact.layout`; what they count through are quaternions and small tuples.)
-COMPILED = ("kernel", "inlined")
+COMPILED = ("kernel", "inlined", "linked")
 #: Numbers that stand for a place beyond the third in a flat array, in compiled functions of these modules, and why.
 LITERALS = {
     "itouch.contact.halfspaces": 1,  # a small tuple

@@ -3,9 +3,7 @@
 from collections.abc import Callable
 from typing import TypeVar
 
-from numba.extending import register_jitable
-
-from itouch.compiling import ALONE, inlined, kernel
+from itouch.compiling import inlined, kernel, linked
 
 __all__ = ["entry", "inlined", "inner", "making"]
 
@@ -22,12 +20,9 @@ def inner(function: Function) -> Function:
 
     It is compiled without reference counting (see ``borrowed``), so it must not create arrays.
     """
-    options = {**ALONE, "_nrt": False}
-    marked: Function = register_jitable(**options, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
-    return marked
+    return linked(function, _nrt=False)
 
 
 def making(function: Function) -> Function:
     """Like ``inner``, for a function that creates arrays."""
-    marked: Function = register_jitable(**ALONE, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
-    return marked
+    return linked(function)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel
+from itouch.compiling import kernel, linked
 from itouch.contact import layout as at
 from itouch.joining import run_chain
 from itouch.loop import render
@@ -157,7 +157,7 @@ def _tell(
     return 1 + kind
 
 
-@kernel
+@linked
 def _remember(kept: Any, event: Any) -> None:
     """Write an event into the table of the last events."""
     row = kept.told[0] % kept.table.shape[0]

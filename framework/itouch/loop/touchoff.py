@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel
+from itouch.compiling import kernel, linked
 from itouch.joining import SKIP, runner
 from itouch.loop import render
 from itouch.loop.frames import Vector
@@ -105,7 +105,7 @@ def _lead(c: Floats, search: Any, reach: Any) -> None:
 _COUNT, _FORCE, _HEIGHT, _FORCE_HEIGHT, _FORCE_FORCE = range(5)
 
 
-@kernel
+@linked
 def _at_zero_force(sums: Floats) -> float:
     """Return the height [m] at zero force of the line through the samples; their mean if they don't tell a slope."""
     n, f, h, fh, ff = sums[_COUNT], sums[_FORCE], sums[_HEIGHT], sums[_FORCE_HEIGHT], sums[_FORCE_FORCE]
@@ -132,7 +132,7 @@ def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: flo
     return 0
 
 
-@kernel
+@linked
 def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, force: float) -> int:
     """Raise the plate until it is felt; one that was stopped meanwhile drops first, then rises as slowly again."""
     sums = search.sums

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel
+from itouch.compiling import kernel, linked
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -62,7 +62,7 @@ def _found(able: Any, memory: Any, values: Floats) -> float:
     return -float(able.odd[0])
 
 
-@kernel
+@linked
 def squared_length(values: Floats, at: int) -> float:
     """Return the sum of the squares [1] of a quaternion's four parts, which begin at index ``at`` of a reading (n,)."""
     w, x, y, z = float(values[at]), float(values[at + 1]), float(values[at + 2]), float(values[at + 3])

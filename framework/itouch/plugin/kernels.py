@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from itouch.blocks import Block, places
-from itouch.compiling import fused, inlined, kernel, nogil_kernel
+from itouch.compiling import fused, inlined, kernel, linked, nogil_kernel
 
-__all__ = ["Block", "copied", "encoded", "fused", "gaussian", "inlined", "kernel", "nogil_kernel", "places"]
+__all__ = ["Block", "copied", "encoded", "fused", "gaussian", "inlined", "kernel", "linked", "nogil_kernel", "places"]
 
 #: Adding and then subtracting it rounds a number to an integer, and leaves NaN unchanged.
 _TO_INTEGER = 1.5 * 2.0**52

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel
+from itouch.compiling import kernel, linked
 from itouch.joining import SKIP
 from itouch.monitors.limits import FINGER_LEVER
 from itouch.monitors.thresholds import COLDEST_TARGET
@@ -71,7 +71,7 @@ class Moving(NamedTuple):
         return cls(*(np.array([value]) for value in (share, closing, room, 0.0, turning, 0.0)))
 
 
-@kernel
+@linked
 def _into_box(bounds: Any, values: Floats) -> int:
     clamped = 0
     for i in range(len(bounds.high)):
@@ -82,7 +82,7 @@ def _into_box(bounds: Any, values: Floats) -> int:
     return clamped
 
 
-@kernel
+@linked
 def _slew(bounds: Any, values: Floats, last: Floats, period: float) -> int:
     clamped = 0
     for i in range(len(bounds.slew)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel
+from itouch.compiling import kernel, linked
 from itouch.plugin.carried_surfaces import STEEPEST
 
 Floats = NDArray[np.float64]
@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 FRAME = 12
 
 
-@kernel
+@linked
 def turned_out(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Turn a direction out of the frame that begins at index ``at`` of ``frames`` (n,); in any unit."""
     r = at + 3
@@ -25,7 +25,7 @@ def turned_out(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[f
     )
 
 
-@kernel
+@linked
 def turned_in(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Turn a direction into the frame that begins at index ``at`` of ``frames`` (n,); in any unit."""
     r = at + 3

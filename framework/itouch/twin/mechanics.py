@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.blocks import Block, places, width
-from itouch.compiling import kernel
+from itouch.compiling import kernel, linked
 from itouch.twin.frame_rotation import FRAME, beside, turned_in, turned_out
 from itouch.world import fields
 
@@ -116,7 +116,7 @@ def plate_force(constants: Floats, finger: Floats, table: Floats, figures: Float
     return gap
 
 
-@kernel
+@linked
 def aim(pieces: Floats, time: float, goal: Floats) -> None:
     """Write position [m] and velocity [m/s] of the hand's target at a time [s] to ``goal``, shape (6,).
 

@@ -25,7 +25,7 @@ from itouch.plugin.carried_surfaces import (
     YIELD_RATE,
     YIELD_RETURN,
 )
-from itouch.plugin.kernels import kernel
+from itouch.plugin.kernels import kernel, linked
 from itouch_encountered.choosing import along, choose, doubt, touches_unasked
 from itouch_encountered.own import (
     ARRIVED,
@@ -243,7 +243,7 @@ def _go(c: Any, own: Any, last: float, sink: float, pressed: float, touching: bo
         own[PRESS] = min(own[PRESS], max(full, last))
 
 
-@kernel
+@linked
 def _sink_below(c: Any, own: Any, surface: float, last: float, felt: bool) -> None:
     """Keep the surface no higher than the virtual one on its way from the finger; it does not come up again afterwards.
 
@@ -333,7 +333,7 @@ def _learn(c: Any, own: Any, last: float, here: float, pressed: float) -> None:
     own[LAG] = min(MOST_LAG, max(-MOST_LAG, lag))
 
 
-@kernel
+@linked
 def _give_way(c: Any, own: Any, pressed: float) -> float:
     """Yield while the surface presses harder than it may, come back afterwards; return how far it yields [m]."""
     if pressed > c.limit:
@@ -369,7 +369,7 @@ def _wanted(
     return float(max(goal, away) if comes and found > goal else found)
 
 
-@kernel
+@linked
 def _fall(c: Any, own: Any, wanted: float, last: float, sink: float, pressed: float, touching: bool) -> float:
     """Return the wanted height [m], raised so far that the force on the finger does not decrease too fast.
 
@@ -386,7 +386,7 @@ def _fall(c: Any, own: Any, wanted: float, last: float, sink: float, pressed: fl
     return float(max(wanted, last + min(0.0, speed) * c.period))
 
 
-@kernel
+@linked
 def _brake(c: Any, own: Any, wanted: float, climb: float, last: float, here: float, level: float, more: float) -> float:
     """Return the wanted height [m], lowered so far that the surface brakes as it comes up to the finger.
 
@@ -403,7 +403,7 @@ def _brake(c: Any, own: Any, wanted: float, climb: float, last: float, here: flo
     return float(min(wanted, last + speed * c.period + max(0.0, more)))
 
 
-@kernel
+@linked
 def _bearable(c: Any, own: Any, rises: float, level: float, sink: float, off: float) -> float:
     """Return the greatest height [m] at which the surface presses no harder than it may.
 

@@ -11,7 +11,7 @@ import math
 from typing import Any, NamedTuple
 
 from itouch.plugin.carried_surfaces import ABOUT, LEFT, TOUCH
-from itouch.plugin.kernels import kernel
+from itouch.plugin.kernels import kernel, linked
 from itouch_encountered.own import (
     BEHIND,
     BENDS,
@@ -112,7 +112,7 @@ def _follow(c: Any, own: Any, axis: int, place: float) -> None:
     own[at + 2] += (1.0 - fades) ** 3 * off / (c.period * c.period)
 
 
-@kernel
+@linked
 def _follow_lift(c: Any, own: Any, lifts: float) -> None:
     """Follow how fast the object lifts the virtual surface, and how that changes; ``lifts``: the speed smoothed [m/s].
 
@@ -129,7 +129,7 @@ def _follow_lift(c: Any, own: Any, lifts: float) -> None:
     own[HOISTS] += (1.0 - fades) ** 2 * off / c.period
 
 
-@kernel
+@linked
 def _watch_wire(c: Any, own: Any, w: Any) -> None:
     """Estimate for how long commands act (HOLD), and how long after they are given the middle of that is (WAY)."""
     count = w.goings[0]

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel
+from itouch.compiling import kernel, linked
 from itouch.loop.render import (
     ARM,
     CONTACT_FORCE,
@@ -96,7 +96,7 @@ def _part(c: Floats, figures: Floats, memory: Floats, normal: float, pressed: fl
     return float(share)
 
 
-@kernel
+@linked
 def _still_changes(c: Floats, memory: Floats, touching: bool) -> bool:
     """Tell whether the contact is still handed over between arm and plate; one that ends is so for one more tick."""
     left = memory[CHANGING]
@@ -119,7 +119,7 @@ def _within(c: Floats, memory: Floats, force: Floats, most: float, step: float) 
     _shorten(force, c[FORCE_LIMIT] - memory[CUT])
 
 
-@kernel
+@linked
 def _shorten(force: Floats, most: float) -> None:
     """Shorten a force (3,) to at most ``most`` [N]; to zero where that is negative."""
     size, most = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2), max(0.0, most)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel
+from itouch.compiling import kernel, linked
 from itouch.contact.cast import sphere_cast
 from itouch.loop.render import (
     HIP,
@@ -107,7 +107,7 @@ def _nothing(memory: Floats, hit: int) -> int:
     return int(hit)
 
 
-@kernel
+@linked
 def _slope_ahead(
     c: Floats, world: Floats, mesh: Any, poses: Floats, memory: Floats, start: Floats, down: Floats, normal: Floats,
     x: float, y: float,
@@ -130,7 +130,7 @@ def _slope_ahead(
     return float(-normal[0] / normal[2]), float(-normal[1] / normal[2])
 
 
-@kernel
+@linked
 def _past(figures: Floats, distance: float) -> float:
     """Return how far the finger is below the plane that it touches from above [m]; 0: the surface found is that plane.
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.blocks import places
-from itouch.compiling import kernel
+from itouch.compiling import kernel, linked
 from itouch.loop.render import (
     FORCE_LIMIT,
     HAS_LOAD,
@@ -63,7 +63,7 @@ def _smooth(c: Floats, memory: Floats, lowest: float) -> None:
     memory[SINK] += H * off / c[PERIOD]
 
 
-@kernel
+@linked
 def foresee(c: Floats, table: Floats, figures: Floats, memory: Floats, load: float, risen: float) -> None:
     """Follow the finger's lowest point, and how much deeper it seems to be in the plate than the force explains.
 
@@ -80,7 +80,7 @@ def foresee(c: Floats, table: Floats, figures: Floats, memory: Floats, load: flo
         memory[OFF] = 0.0
 
 
-@kernel
+@linked
 def _yield(c: Floats, figures: Floats, pressed: float) -> float:
     """Return how far the plate yields [m]: more while it presses harder than it may, less again afterwards."""
     limit, given = c[PLATE_LIMIT], figures[PLATE_YIELD]
@@ -127,7 +127,7 @@ def rises(kept: Floats, measured: int, top: float, moved: float, period: float) 
     return float(max(kept[BY_READINGS], kept[BETWEEN]))
 
 
-@kernel
+@linked
 def _bearable(c: Floats, memory: Floats) -> float:
     """Return the greatest height [m] to which the plate may go without pressing harder than it may.
 

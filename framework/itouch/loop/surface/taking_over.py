@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel
+from itouch.compiling import kernel, linked
 from itouch.loop.render import CLEARANCE, HIP, PLATE_TOP, RADIUS
 from itouch.loop.surface.memory import (
     CHANGING,
@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 LED = 0.3
 
 
-@kernel
+@linked
 def _miss(memory: Floats, what: float, depth: float, pressed: float, touching: bool, time: float) -> None:
     """Leave the contact to the arm, because the surface is not where its height says."""
     if memory[MISSES] == 0.0:

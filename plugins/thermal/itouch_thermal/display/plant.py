@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contact_heat.resistance import contact_area, resistance_at
-from itouch.plugin.kernels import gaussian, inlined, kernel
+from itouch.plugin.kernels import gaussian, inlined, kernel, linked
 from itouch_thermal.display.column import (
     F_BEGIN,
     F_DECAY,
@@ -134,7 +134,7 @@ def display_step(
     return 0
 
 
-@kernel
+@linked
 def plant_step(
     made: Made, held: Held, command: float, contact: float, under: float, gap: float, ambient: float, beside: float
 ) -> None:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from itouch.plugin import Bound, Field, Record
-from itouch.plugin.kernels import kernel
+from itouch.plugin.kernels import kernel, linked
 from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.flux.views import Scene
 
@@ -97,7 +97,7 @@ def _issue(
     return 0
 
 
-@kernel
+@linked
 def target_for(
     driver: Any, targets: Any, plate: float, actual: float, current: float, gain: float, integral: float,
     ceiling: float, low: float, high: float, period: float, hold: int,

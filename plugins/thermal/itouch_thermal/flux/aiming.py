@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from itouch.plugin.kernels import inlined, kernel
+from itouch.plugin.kernels import inlined, kernel, linked
 from itouch_thermal.display.column import F_BEGIN, F_DECAY, F_END, F_PORT
 from itouch_thermal.flux import onset
 from itouch_thermal.flux.start import MARGIN
@@ -50,7 +50,7 @@ def judged(error: float, passed: float) -> float:
     return max(0.0, passed) if passed < 1.0 else max(0.0, min(1.0, 2.0 - abs(error) / READY))
 
 
-@kernel
+@linked
 def aim_at(start: Floats, limited: Any, wanted: float, low: float, high: float) -> None:
     """Set the start temperature [K], clipped to the plate's band less MARGIN.
 
@@ -61,7 +61,7 @@ def aim_at(start: Floats, limited: Any, wanted: float, low: float, high: float) 
     limited[0] = int(not low <= wanted <= high)
 
 
-@kernel
+@linked
 def neutral(
     calm: Floats, looked: Floats, covered: Floats, tissue: Floats, resting: float, measured: float, rest: float,
     touched: bool, resistance: float, period: float, lead: float,
@@ -105,7 +105,7 @@ def neutral(
     return float(skin + soon - resistance * drawn)
 
 
-@kernel
+@linked
 def aim_for_skin(scene: Any, own: Any, given: Any, figures: Any) -> None:
     """Aim for the skin's temperature during calibration, so that a plate felt then does not cool the finger."""
     seen = scene.skin.shape[0] > 0 and (scene.skin_valid.shape[0] == 0 or scene.skin_valid[0] >= 0.5)
@@ -136,7 +136,7 @@ def blind(scene: Any, figures: Any) -> bool:
     return bool(not sees(scene, figures) and math.isnan(scene.guess[0]))
 
 
-@kernel
+@linked
 def wanted_for(scene: Any, given: Any, figures: Any, index: int) -> float:
     """Return the start temperature [K] for an object, as warm as it and the skin, which must be known, are now."""
     goes_on, warmed, row = given.played[index] == 0, 0.0, given.start[index]
@@ -148,7 +148,7 @@ def wanted_for(scene: Any, given: Any, figures: Any, index: int) -> float:
     )  # fmt: skip
 
 
-@kernel
+@linked
 def aim(scene: Any, own: Any, given: Any, figures: Any, index: int, tick: int) -> None:
     """Aim for the object that the finger approaches; if nothing is known of its heat, the start temperature stays."""
     own.preset_begun[0] = tick
@@ -159,7 +159,7 @@ def aim(scene: Any, own: Any, given: Any, figures: Any, index: int, tick: int) -
             aim_at(own.start_temperature, own.plate_limited, wanted, figures.low, figures.high)
 
 
-@kernel
+@linked
 def look_near(scene: Any, own: Any, given: Any, figures: Any) -> None:
     """Aim, between touches, for the near object, anew now and then, as it and the skin recover from the last touch."""
     near, tick = coming(scene), scene.tick[0]

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from itouch.plugin import Contact, HeardContact
-from itouch.plugin.kernels import inlined, kernel
+from itouch.plugin.kernels import inlined, kernel, linked
 from itouch_thermal.flux import aiming, observer, onset
 from itouch_thermal.flux.law import Memory
 from itouch_thermal.flux.views import Course, Figures, Given, Models, Own, Scene, Taken
@@ -39,7 +39,7 @@ def meet(scene: Any, own: Any) -> None:
         own.unready[0] += 1
 
 
-@kernel
+@linked
 def part_from(scene: Any, own: Any, given: Any, figures: Any) -> None:
     """End the touch of a finger that the plate no longer touches, and aim for the next object.
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from itouch.plugin.kernels import kernel
+from itouch.plugin.kernels import kernel, linked
 from itouch_thermal.flux import observer as at
 
 #: Indices of ``kept``: the row to write next, how many rows still count, whether the plate is disturbed; its length.
@@ -27,7 +27,7 @@ def width(count: int) -> int:
     return 2 * (1 + count) + count
 
 
-@kernel
+@linked
 def remember(x: Any, theta: Any, memory: Any, past: Any, kept: Any, column: int) -> None:
     """Keep the readings that are expected now; ``column`` is the number of modes, which precede them in a row of ``x``.
 

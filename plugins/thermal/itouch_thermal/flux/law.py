@@ -10,7 +10,7 @@ import numpy as np
 
 from contact_heat.layers import Layer
 from itouch.plugin import Field, Record
-from itouch.plugin.kernels import kernel
+from itouch.plugin.kernels import kernel, linked
 from itouch_thermal.display.column import P_DECAY, P_EXCESS, P_MEAN, P_PORT, REACH, Array, column, plate_capacity
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.display.peltier import current_for
@@ -137,7 +137,7 @@ _MEANINGS = {
 }
 
 
-@kernel
+@linked
 def _coming(line: Any, slot: int, delay: int, out: Any, i: int) -> float:
     """Return the current [A] that will act ``i`` periods from now if no other leaves; ``out`` as in `Coming`."""
     if i < delay:
@@ -145,7 +145,7 @@ def _coming(line: Any, slot: int, delay: int, out: Any, i: int) -> float:
     return float(out[0] if i - delay < out[2] else out[1])
 
 
-@kernel
+@linked
 def _queue(
     line: Any, slot: int, delay: int, out: Any, size: int, fine: Any, coarse: Any, flows: float, most: float
 ) -> None:

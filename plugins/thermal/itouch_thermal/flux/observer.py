@@ -14,7 +14,7 @@ import math
 from typing import Any, NamedTuple
 
 from contact_heat.resistance import contact_area
-from itouch.plugin.kernels import inlined, kernel
+from itouch.plugin.kernels import inlined, kernel, linked
 from itouch_thermal.display.column import (
     F_BEGIN,
     F_DECAY,
@@ -88,7 +88,7 @@ def shifted(current: float, before: float, periods: float) -> Any:
     return current - periods * (current - before), square - periods * (square - before * before)
 
 
-@kernel
+@linked
 def slewed(current: float, before: float, most: float) -> float:
     """Return the current [A] that flows where it may differ by ``most`` [A] from the one before; 0: by any amount."""
     return float(current if most <= 0.0 else min(before + most, max(before - most, current)))
@@ -441,7 +441,7 @@ def _move(x: Any, theta: Any, a: int, step: float) -> None:
         x[0, i] += x[1 + a, i] * step
 
 
-@kernel
+@linked
 def _gains(cover: Any, gain: Any, slopes: Any, explicit: int, held: int, innovation: float, noise: float) -> float:
     """Fill ``gain`` (p,), the covariance of each parameter with a reading; return the variance of its innovation.
 
@@ -499,7 +499,7 @@ def observe(
         correct(x, theta, cover, gain, x[1:, o + X_FILM], OFFSET, miss, c[O_PLATE_NOISE])
 
 
-@kernel
+@linked
 def _disturbed(c: Any, x: Any, memory: Any, flux: float, o: int) -> bool:
     """Tell whether the bare plate has just had, or had not long ago, a flux that air does not explain."""
     if abs(flux - x[0, o + X_SEEN]) > 6.0 * c[O_FLUX_NOISE] + 0.3 * abs(x[0, o + X_SEEN]):
@@ -555,7 +555,7 @@ def follow(c: Any, plate: Any, row: Any, periods: float, miss: float, o: int) ->
     return float(shift)
 
 
-@kernel
+@linked
 def begin_touch(
     c: Any, tissue: Any, plate: Any, x: Any, theta: Any, cover: Any, memory: Any, prior: Any, onset: float
 ) -> None:  # fmt: skip
@@ -596,7 +596,7 @@ def begin_touch(
         _come_later(c, tissue, plate, x, theta, memory, contact)
 
 
-@kernel
+@linked
 def _come_later(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, contact: float) -> None:
     """Fill the column's derivative with respect to the time at which the finger came, by the difference of a period.
 
@@ -618,7 +618,7 @@ def _come_later(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any
         row[i] = (later[i] - met[i]) / c[O_PERIOD]
 
 
-@kernel
+@linked
 def end_touch(tissue: Any, plate: Any, x: Any, memory: Any) -> None:
     """Take the finger off the plate."""
     memory[M_TOUCHING] = 0.0

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact_heat.live import surface_temperature
-from itouch.plugin.kernels import fused, kernel
+from itouch.plugin.kernels import fused, kernel, linked
 
 Floats = NDArray[np.float64]
 
@@ -113,7 +113,7 @@ def warmth(body: Floats, modes: Floats, temperature: float) -> float:
     return float(warmed if abs(warmed) > UNTOUCHED else 0.0)
 
 
-@kernel
+@linked
 def grown_for(force: float, before: float) -> int:
     """Return how many servo periods ago the finger came, if its force [N] has grown evenly, as from ``before`` [N] on.
 

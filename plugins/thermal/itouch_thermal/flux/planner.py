@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin.kernels import kernel
+from itouch.plugin.kernels import kernel, linked
 from itouch_thermal.display.column import (
     F_BEGIN,
     F_DECAY,
@@ -82,7 +82,7 @@ def shapes(step: float) -> NDArray[np.float64]:
     return found
 
 
-@kernel
+@linked
 def _weight(age: float) -> float:
     """Return the weight of the flux at a time [s] after the start of the touch: at first only the stored heat acts."""
     return 1.0 if age >= EARLY else (age / EARLY) ** 4
@@ -124,7 +124,7 @@ def later(theta: Any) -> float:
     return float(theta[at.DELAY]) if theta.shape[0] > at.DELAY else 0.0
 
 
-@kernel
+@linked
 def respond(
     basis: Any, theta: Any, scale: float, hats: Any, above: Any, below: Any, response: Any, step_time: float
 ) -> None:

@@ -13,7 +13,7 @@ from contact_heat import live
 from contact_heat.layers import Layer, Side
 from contact_heat.modes import layer_modes, side_modes
 from itouch.plugin import World, kept
-from itouch.plugin.kernels import kernel
+from itouch.plugin.kernels import kernel, linked
 from itouch_thermal.display.column import REACH, Array, Column, tissue_side
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.onset import SKIN_STEP
@@ -32,7 +32,7 @@ FIRST_PERIOD = 1e-3
 Numbers = NDArray[np.int64]
 
 
-@kernel
+@linked
 def run_ahead(
     finger: Any, above: Any, body: Any, below: Any, resistance: float, press: float, out: Any, first: int, count: int
 ) -> None:
@@ -96,7 +96,7 @@ def begin_at(ahead: Any, finger: Any, below: Any, desired: float, ticks: int) ->
     ahead.reached[0] = ticks
 
 
-@kernel
+@linked
 def begin_ahead(
     ahead: Any, finger: Any, below: Any, desired: float, resistance: float, press: float, ticks: int, first: int,
     horizon: int,
@@ -112,7 +112,7 @@ def first_steps(horizon: int, period: float) -> int:
     return min(horizon, math.ceil(horizon * (period / FIRST_PERIOD) ** 2 - 1e-9))
 
 
-@kernel
+@linked
 def keep_ahead(
     ahead: Any, finger: Any, below: Any, desired: float, resistance: float, press: float, ticks: int, horizon: int,
     hold: int, steady: bool,
@@ -137,7 +137,7 @@ def keep_ahead(
         go_on(ahead, resistance, press, min(wanted - reached, STRIDE * hold))
 
 
-@kernel
+@linked
 def look_ahead(future: Any, ticks: int, offsets: Any, wait: int, desired: float, wanted: Any) -> None:
     """Fill in the desired flux at ``offsets`` ticks from ``wait`` ticks on; its difference from the preview is kept."""
     size = future.shape[0]

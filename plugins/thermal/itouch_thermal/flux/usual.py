@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from contact_heat.resistance import resistance_at
-from itouch.plugin.kernels import inlined, kernel
+from itouch.plugin.kernels import inlined, kernel, linked
 from itouch_thermal.flux import account, aiming, contact_events, late, observer, onset
 from itouch_thermal.flux import law as laws
 from itouch_thermal.flux.contact_events import PYTHON
@@ -181,7 +181,7 @@ def _column(models: Any) -> int:
     return int(models.fixed.fine.tissue.shape[1] + models.fixed.fine.plate.shape[1])
 
 
-@kernel
+@linked
 def press_on(before: Floats, now: float, part: float) -> float:
     """Return how strongly the finger is being pressed on, by how fast the logarithm of the resistance changes.
 
@@ -193,7 +193,7 @@ def press_on(before: Floats, now: float, part: float) -> float:
     return float(max(0.0, PRESSING / PRESS_FILTER * abs(now - followed) - STILL))
 
 
-@kernel
+@linked
 def press_anew(before: Floats, now: float) -> float:
     """Return how strongly a finger that has just come is being pressed on.
 
@@ -237,7 +237,7 @@ def track(scene: Scene, course: Course, models: Models, memory: Memory, taken: T
     return 0
 
 
-@kernel
+@linked
 def _look_on(
     scene: Any, own: Any, given: Any, figures: Any, course: Any, models: Any, future: Floats, ticks: int
 ) -> None:
