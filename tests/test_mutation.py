@@ -241,6 +241,25 @@ def test_the_page_of_all_attributes_is_met_first_by_what_a_module_binds(
     tests = whole_tree.Tests(reached, {page: [], user: []})
     assert tests.of(mutation.Mutant("room", small / "kernels.py", 1, "", "")) == [page, user]
     assert tests.of(mutation.Mutant("room", small / "python.py", 9, "", "")) == [user]
+    reached.lines["framework/room/python.py", 9] = array("i", [0, 1])  # the page is made by who uses it, too
+    assert tests.of(mutation.Mutant("room", small / "kernels.py", 1, "", "")) == [page, user]
+
+
+def test_what_a_decorator_says_of_a_class_meets_the_law_that_reads_it(small: Path) -> None:
+    path = small / "python.py"
+    path.write_text(path.read_text() + "\n\n@dataclass(frozen=True, slots=True)\nclass Some:\n    x: int\n", "utf-8")
+    law, user = f"tests/{whole_tree.DATACLASSES}", "tests/room/test_c.py::test_4"
+    tests = whole_tree.Tests(whole_tree.Reached([law, user], {law: 5.0, user: 0.01}), {law: [], user: []})
+    line = path.read_text().splitlines().index("@dataclass(frozen=True, slots=True)") + 1
+    assert tests.of(mutation.Mutant("room", path, line, "", "")) == [law, user]
+    assert tests.of(mutation.Mutant("room", path, line + 2, "", "")) == [user]
+
+
+def test_who_reads_the_text_of_a_mutant_reads_the_mutant(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Path, "read_text", Path.read_text)  # put back at the end
+    whole_tree._as_text(mutation.Mutant("room", small / "python.py", 1, "", "changed"))
+    assert (small / "python.py").read_text(encoding="utf-8") == "changed"
+    assert (small / "kernels.py").read_text(encoding="utf-8") != "changed"
 
 
 def test_a_new_case_reaches_what_the_others_of_its_function_do(small: Path) -> None:

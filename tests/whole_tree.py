@@ -5,14 +5,15 @@ a fixture that it shares with others, and that is made for the first of them, ea
 no test is seen to reach itself, as it is compiled or runs when a module is imported, the lines count that use it by its
 name, with the tests of the room after them.
 
-The order: the page of all attributes, for what a module binds, whose bounds and defaults may stand there; tests in which
-the changed function, class or constant is named, as they ask the most of it; then those of files that import the changed
+The order: the page of all attributes, for what a module binds, whose bounds and defaults may stand there, and for what a
+decorator says of a class the law of the house that reads it; tests in which the changed function, class or constant is named, as they ask the most of it; then those of files that import the changed
 module or its package, then others; of each one case of a test function before further cases, the tests of the room before
 others, and the cheapest first; costly ones after these.  A mutant that all of them let live until
 they have used up its budget of processor time counts as one that lives; how many did so is told, as the score is a lower
 bound by these.
 
-Processes that a test starts find the mutant, too, unless they are started without the environment.
+Processes that a test starts find the mutant, too, unless they are started without the environment; so do tests that read
+the program as text.
 
 A test that fails counts if it fails alone, too, and passes alone without the mutant, in the same kind of process: one
 that can't run like that notices nothing.  One that hangs is not asked to do so twice.
@@ -45,6 +46,8 @@ from mutants import HERE, PAGE, ROOMS, TREE, Changed, Mutant, is_compiled
 #: How pytest is asked; a whole run of the short form leaves out more.
 OPTIONS = ("-q", "-p", "no:cacheprovider", "--no-header", "--tb=no", "-o", "filterwarnings=ignore", "-m", "not long")
 ROOTS = ("framework", "plugins")
+#: Whether dataclasses have slots and are frozen, which is read in their text.
+DATACLASSES = "house/test_dataclasses.py::test_dataclasses_have_slots_and_are_frozen_unless_they_change"
 #: How much processor time [s] a test may take, beyond ten times what it costs; thrice that where kernels are compiled anew.
 PATIENCE = 20.0
 #: How many tests a process is given, of each mutant the first, the second ...; then all that are left.
@@ -375,7 +378,9 @@ class Tests:
         last = (own - seen if with_room else own & self.new) - first
         words = said(mutant.path, mutant.line)
         direct = {test for test in first | seen | last if self.cost[test] <= COSTLY and words & spoken(test)}
-        page = {test for test in last if test.startswith(f"tests/{PAGE}")}  # made again in a moment
+        page = {test for test in own if with_room and test.startswith(f"tests/{PAGE}")}  # made again in a moment
+        if _text(mutant.path).splitlines()[mutant.line - 1].lstrip().startswith("@dataclass"):
+            page |= {test for test in self.cost if test.startswith(f"tests/{DATACLASSES}")}
         direct -= page
         parts = (page, direct, first - direct - page, seen - direct - page, last - direct - page)
         return [test for part in parts for test in in_order(part, own, self.cost, near)]
@@ -628,10 +633,21 @@ def _elsewhere(mutant: Mutant | None, folder: Path) -> None:
     os.environ["PYTHONPATH"] = f"{folder}{os.pathsep}{before}" if before else str(folder)
 
 
+def _as_text(mutant: Mutant) -> None:
+    """Let who reads the file of a mutant read the mutant."""
+    reads = Path.read_text
+
+    def read_text(path: Path, *args: Any, **options: Any) -> str:
+        return mutant.source if path == mutant.path else reads(path, *args, **options)
+
+    Path.read_text = read_text  # type: ignore[method-assign, assignment]
+
+
 def _run(mutant: Mutant | None, tests: Sequence[str], log: Path, budget: float) -> int:
     _elsewhere(mutant, log.parent / "start")
     if mutant is not None:
         sys.meta_path.insert(0, Changed(mutant))
+        _as_text(mutant)
     files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
     return int(pytest.main(["-x", *OPTIONS, *files], plugins=[_Chosen(tests, log, budget)]))
 
