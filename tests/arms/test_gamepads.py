@@ -264,3 +264,14 @@ def test_the_kernels_own_numbers_by_a_tool_that_emulates_it(tmp_path: Path) -> N
     )
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == ["Mock Pad", [1.0, 0.0, 1.0]]
+
+
+def test_one_of_which_pyglet_does_not_say_whether_it_is_open_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not every kind of device of pyglet says so."""
+    made = controller()
+    del made.device.is_open
+    del made.device.connected
+    made.device.waiting = [{"leftx": 0.5}]
+    sticks = Pad(made)
+    assert sticks.sticks() == (0.5, 0.0, 0.0)
+    assert sticks.connected

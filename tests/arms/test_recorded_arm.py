@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,11 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import itouch
-from itouch.arms import Recorded
+from itouch.arms import Recorded, pose_table
 from itouch.arms.pose_table import checked, example, from_csv
 from itouch.arms.recorded import Played, RecordedParams
-from itouch.plugin import ParameterError
+from itouch.plugin import ParameterError, Role
 from itouch.recording import read
+from itouch.recording.tracks import Column, Track
 from itouch.testing import DeviceTests
 from itouch_tools.cli import main
 
@@ -242,3 +244,24 @@ def test_every_pose_has_a_whole_orientation_whether_one_was_recorded_or_not() ->
         assert np.linalg.norm(np.asarray(poses)[:, 3:], axis=1) == pytest.approx(1.0)
     assert (np.asarray(checked(times, np.zeros((5, 3)))[1])[:, 3:] == [1.0, 0.0, 0.0, 0.0]).all()
     assert example()[0][0] == 0.0 and example()[0][-1] == pytest.approx(4.0)
+
+
+def test_of_what_a_device_has_recorded_its_pose_is_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its commands are as wide, and stand first."""
+    sent, pose = (
+        Column("arm.goal", "goal", "f8", 7, "m"),
+        Column("arm.pose", "pose", "f8", 7, "m", role=Role.TRACKED_POSE),
+    )
+    heat = Column("pad.plate", "plate", "f8", 7, "K", role=Role.SKIN_CONTACT_TEMPERATURE)
+    tracks = {"arm": Track("arm", 1, True, (sent, pose)), "pad": Track("pad", 1, True, (heat,))}
+    rows = {name: np.zeros(3, track.dtype) for name, track in tracks.items()}
+    rows["arm"]["time"] = rows["pad"]["time"] = 0.0, 0.1, 0.2
+    rows["arm"]["goal"], rows["pad"]["plate"] = 9.0, 300.0
+    rows["arm"]["pose"] = [(0.01 * k, 0.0, 0.02, 1.0, 0.0, 0.0, 0.0) for k in range(3)]
+    monkeypatch.setattr(pose_table, "parse", lambda *words: SimpleNamespace(tracks=tracks, rows=rows))
+    monkeypatch.setattr(pose_table, "unread", lambda *words: ())
+    times, poses = pose_table.from_recording("touch.mcap", b"", "")
+    assert times == [0.0, 0.1, 0.2]
+    assert poses.tolist() == rows["arm"]["pose"].tolist()
+    with pytest.raises(ParameterError, match="no pose of 'pad'.*'arm'"):
+        pose_table.from_recording("touch.mcap", b"", "pad")

@@ -15,7 +15,7 @@ from shipped import SCENES
 
 from itouch.plugin.discovery import Catalog
 from itouch.scene.loader import read_scene
-from itouch.schema import Problem
+from itouch.schema import Place, Problem
 from itouch.schema.diagnostics import meant
 from itouch_tools.authoring.fixes import edits, mended
 from itouch_tools.cli import main
@@ -169,3 +169,28 @@ def test_what_can_have_been_meant_is_the_name_that_is_most_alike(names: list[str
     if found is not None and found[1].lower() != word:
         alike = {name: SequenceMatcher(None, name, word).ratio() for name in names}
         assert alike[found[1]] == max(alike.values())
+
+
+def test_a_warning_is_mended_though_there_are_as_many_errors_then(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_text('<itouch version="1.0">\n<box colour="rde"/>\n</itouch>', encoding="utf-8")
+
+    def examined(name: str) -> list[Problem]:
+        wrong = "rde" in Path(name).read_text(encoding="utf-8")
+        odd = Problem("unknown-name", "no colour 'rde'", Place(name, 2, 6, 6), severity="warning", mend=("rde", "red"))
+        return [Problem("missing-attribute", "no size", Place(name, 2, 1)), *([odd] if wrong else [])]
+
+    found = fixed(str(path), examined)
+    assert found is not None
+    assert found.after == '<itouch version="1.0">\n<box colour="red"/>\n</itouch>'
+    assert [problem.code for problem in found.problems] == ["unknown-name"]
+
+
+@pytest.mark.parametrize(
+    ("attribute", "mends"), [("colour", True), ("limit", False), ("soft-limits", False), ("LIMIT-by", False)]
+)
+def test_the_value_of_what_limits_is_not_mended_though_only_one_word_can_be_meant(attribute: str, mends: bool) -> None:
+    text = f'<itouch version="1.0">\n  <box {attribute}="slwo"/>\n</itouch>'.encode()
+    problem = Problem("unknown-name", "no 'slwo'", Place("s.xml", 2, 8, len(attribute)), mend=("slwo", "slow"))
+    data, done = mended(text, "s.xml", [problem])
+    assert (data, done) == ((text.replace(b"slwo", b"slow"), [problem]) if mends else (text, []))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -148,3 +149,30 @@ def test_of_an_operator_that_goes_nowhere_nothing_is_said() -> None:
     for operator, recorded in ((None, None), (Operator(probe="finger"), None), (Operator(probe="finger"), object())):
         probe: Any = SimpleNamespace(name="finger", operator=operator, recorded=recorded, scene=around)
         assert list(lint._touches(model, probe, {})) == []
+
+
+def _scene(**more: Any) -> Any:
+    block = Box(name="block", size=(0.02, 0.02, 0.02), pos=(0.0, 0.0, 0.01), material="wood")
+    hot = replace(block, name="pot", temperature=333.15)
+    return SimpleNamespace(
+        objects=(block, hot), places=SimpleNamespace(of=lambda *_: None), world=SimpleNamespace(temperature=295.15), **more
+    )  # fmt: skip
+
+
+def test_an_object_that_no_plate_can_be_as_warm_as_is_told_in_degrees() -> None:
+    plate: Any = SimpleNamespace(
+        name="peltier", limits=SimpleNamespace(temperature=(288.15, 313.15)), reading=lambda role: "plate_temperature"
+    )  # fmt: skip
+    arm: Any = SimpleNamespace(name="arm", limits=SimpleNamespace(temperature=None), reading=lambda role: None)
+    (note,) = lint._outside_band(SimpleNamespace(devices={"arm": arm, "peltier": plate}, scene=_scene()))  # type: ignore[arg-type]
+    assert note.code == "out-of-band"
+    assert note.sentence.startswith("object 'pot' is at 60 degC, but 'peltier' stays within 15 to 40 degC")
+
+
+def test_a_material_that_is_rendered_softer_is_told_as_stiff_as_it_is_felt(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lint, "contact_of", lambda scene, element, problems: SimpleNamespace(stiffness=5000.0))
+    couplings = (SimpleNamespace(stiffness=1235.6), SimpleNamespace(stiffness=1235.6))
+    probe = SimpleNamespace(name="finger", coupling=couplings, scene=SimpleNamespace(force_to="arm"))
+    (note,) = lint._clipped(SimpleNamespace(probes=(probe,), scene=_scene()))  # type: ignore[arg-type]
+    assert "stiffness of 5 N/mm; 'finger' feels 1.24 N/mm, the most that 'arm' renders stably" in note.sentence
+    assert note.advice == 'write stiffness="1.23 N/mm", or lower the damping'

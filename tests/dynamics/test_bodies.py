@@ -7,8 +7,8 @@ import pytest
 
 from itouch.contact import Box, Capsule, Cylinder, Mesh, Plane, Shape, Sphere, Surface
 from itouch.contact import layout as at
-from itouch.dynamics import Bodies, Body, BodyError, build_bodies
-from itouch.dynamics.bodies import FREE, MOVED
+from itouch.dynamics import Bodies, Body, BodyError, bodies, build_bodies
+from itouch.dynamics.bodies import FREE, MOVED, STILL
 from itouch.dynamics.kernels import push_bodies
 from itouch_evidence.contact.workload import icosphere
 
@@ -133,11 +133,11 @@ def test_what_lies_on_the_ground_stays_there(shape: Shape | None, height: float 
     assert np.abs(world.twists[1, :3]).max() < (5e-3 if height is not None else 0.1)  # what is almost a ball rolls
 
 
-def test_friction_holds_up_to_its_coefficient() -> None:
+@pytest.mark.parametrize("said", [{"friction": 0.5}, {}])
+def test_friction_holds_up_to_its_coefficient(said: dict[str, float]) -> None:
+    """A half is what bodies have of which nothing is said."""
     for push, moves in ((0.45, False), (0.55, True)):
-        world = World(
-            Body(Plane(), (0, 0, 0, *UP), friction=0.5), free(Box((0.05, 0.05, 0.01)), (0, 0, 0.01), friction=0.5)
-        )
+        world = World(Body(Plane(), (0, 0, 0, *UP), **said), free(Box((0.05, 0.05, 0.01)), (0, 0, 0.01), **said))
         world.run(100)
         world.forces[1, 0] = push * 0.2 * 9.81
         world.run(500)
@@ -179,3 +179,17 @@ def test_a_plane_and_a_flat_mesh_are_no_bodies() -> None:
     with pytest.raises(BodyError) as caught:
         build_bodies([Body(Plane(), (0, 0, 0, *UP)), free(flat)], G, T)
     assert caught.value.index == 1
+
+
+@pytest.mark.parametrize(
+    ("message", "index"),
+    [
+        ("Error: mass and inertia of moving bodies must be larger than mjMINVAL, name 'o3'", 3),
+        ("Error: mesh volume is too small: m1", 2),  # it is named otherwise: then the first free one
+        ("Error: mesh volume is too small, mesh 'm1'", 1),
+        ("Error: something else", 2),
+    ],
+)
+def test_what_cannot_be_is_put_down_to_the_object_that_is_named_or_the_first_free_one(message: str, index: int) -> None:
+    kinds = (STILL, MOVED, FREE, FREE)
+    assert bodies._which(message, [Body(Sphere(0.01), (0, 0, 0, *UP), kind) for kind in kinds]) == index

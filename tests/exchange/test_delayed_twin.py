@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from itouch.exchange import LateTwin
+from itouch.exchange import EveryNth, LateTwin
 from itouch.plugin import Device, Field, Record, Role, Twin, TwinInputs, current, temperature
 
 
@@ -119,3 +119,13 @@ def test_readings_and_commands_carry_the_ticks_at_which_they_were(period: float,
         if left < 60:
             assert acting[left] == value
             assert acting.get(left - 1, 0.0) != value  # the first one, too: nothing acts that was not sent
+
+
+def test_a_device_that_is_exchanged_with_in_step_has_the_loops_time_as_its_clock() -> None:
+    device = EveryNth(_Wired(_Params()), 4, period=2e-3)
+    device.open()
+    reading, times = Record.of([Field("temperature", "f8", 1)]), []
+    for _ in range(6):
+        device.read(reading)
+        times.append(device.device.clock())
+    assert times == pytest.approx([0.002, 0.004, 0.006, 0.008, 0.010, 0.012])

@@ -5,13 +5,14 @@ from __future__ import annotations
 import gzip
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from itouch.recording.tracks import Column, Track
-from itouch_tools.export import bids, foxglove
+from itouch_tools.export import bids, foxglove, tables
 from itouch_tools.export.ros_messages import type_of
 
 TRACK = Track("arm", 2, True, (
@@ -66,3 +67,20 @@ def test_panels_share_the_height() -> None:
         "first": "a", "direction": "column", "splitPercentage": pytest.approx(100 / 3),
         "second": {"first": "b", "second": "c", "direction": "column", "splitPercentage": 50.0},
     }  # fmt: skip
+
+
+def test_a_folder_has_a_table_of_each_track_under_its_name(tmp_path: Path) -> None:
+    recording: Any = Kept()
+    other = Track("pen", 2, True, (Column("pen.pose", "pose", "f8", 3, "m"),))
+    rows = {"arm": recording.rows, "pen": np.zeros(2, other.dtype)}
+    recording = SimpleNamespace(
+        tracks={"arm": TRACK, "pen": other}, period=1e-3, events=[], marks=[], faults=[], __getitem__=rows.get
+    )
+    kind = type("Two", (), {"__getitem__": lambda self, name: rows[name], **vars(recording)})
+    written = tables.export_csv(kind(), str(tmp_path / "out"))  # type: ignore[arg-type]
+    assert [Path(path).name for path in written] == [
+        "arm.csv", "pen.csv", "events.csv", "marks.csv", "faults.csv", "columns.csv",
+    ]  # fmt: skip
+    heads = {path: Path(path).read_text(encoding="utf-8").partition("\n")[0] for path in written[:2]}
+    assert [("force.x [N]" in head, "pose.x [m]" in head) for head in heads.values()] == [(True, False), (False, True)]
+    assert [len(Path(path).read_text(encoding="utf-8").splitlines()) for path in written[:2]] == [3, 3]

@@ -116,3 +116,16 @@ def test_an_arm_itself_changes_by_no_more_than_it_may(wanted: float, rise: float
     led = force._lead(c, np.array([0.0, 0.0, 1.0]), asked, rise, 0.065, most)
     assert asked[2] == pytest.approx(given)
     assert led is (given != wanted)
+
+
+def test_a_force_along_any_axis_follows_from_the_one_sent_along_it() -> None:
+    """What was sent is in the arm's frame, which may be turned."""
+    c, sent, turn = np.zeros(render.CONSTANTS), np.array([0.3, -0.4, 1.2]), np.eye(3)[[1, 2, 0]]
+    c[render.ARM + 3 : render.ARM + 12], c[render.TABLE + 3 : render.TABLE + 12] = turn.ravel(), np.eye(3).ravel()
+    before, step = turn @ sent, 0.065
+    asked = before + (0.5, -1.0, 2.0)
+    assert force._lead(c, sent, asked, 0.0, step, np.inf)
+    assert asked == pytest.approx(before + np.array((0.5, -1.0, 2.0)) * step / np.sqrt(5.25))
+    near = before + (0.01, -0.02, 0.03)
+    assert not force._lead(c, sent, near, 0.0, step, np.inf)
+    assert near == pytest.approx(before + (0.01, -0.02, 0.03))

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from shipped import SCENES
 
 import itouch
+from itouch.loop.pacing import Pacing
 from itouch.loop.run_statistics import Histogram
 from itouch.loop.timing import BETWEEN, BINS, TAKEN, WAKE_UP, Timing, edges, percentile
 
@@ -186,3 +189,22 @@ def test_a_percentile_is_reached_by_that_share_of_the_numbers_and_by_no_fewer() 
         counted.add(value)
     assert counted.percentile(98) == 0.5
     assert counted.percentile(99) == 3.2
+
+
+@pytest.mark.parametrize(
+    ("scripted", "seconds", "until", "says"),
+    [
+        (True, None, None, ""), (False, 0.0, None, ""), (False, 0.5, None, ""), (False, None, lambda: True, ""),
+        (False, None, None, "no scripted motion: say for how many seconds"), (True, -1e-3, None, "at least 0"),
+        (True, math.inf, None, "a finite number"), (True, math.nan, None, "a finite number"),
+    ],
+)  # fmt: skip
+def test_a_run_has_an_end_by_its_script_a_time_or_a_condition(
+    scripted: bool, seconds: float | None, until: Callable[[], bool] | None, says: str
+) -> None:
+    pacing = Pacing(SimpleNamespace(scripted=scripted))  # type: ignore[arg-type]
+    if says:
+        with pytest.raises(ValueError, match=says):
+            pacing.check(seconds, until)
+    else:
+        pacing.check(seconds, until)

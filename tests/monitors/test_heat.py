@@ -11,7 +11,7 @@ from parts import LIMITS, PLATE, Asked
 from itouch.monitors import Heat, Trip, TripError, heat_kernels
 from itouch.monitors.runaway_kernels import Look
 from itouch.monitors.thresholds import FROZEN_DRIVE
-from itouch.plugin import Channel, Role, current, plate_temperature, temperature_target
+from itouch.plugin import Channel, Role, current, heat_flux, plate_temperature, temperature, temperature_target
 from itouch.world.limits import DeviceLimits
 
 K0 = 273.15
@@ -511,3 +511,35 @@ def test_exactly_at_the_absolute_limits_is_not_beyond() -> None:
     for kelvin in (281.15, 318.15):
         plate.reading["plate_temperature"] = kelvin
         assert plate.monitor.beyond(plate.reading) is False
+
+
+class OneOfTwo(Asked):
+    """Two plates on one device, each with its sensors and its drive, asked by the monitor of one of them."""
+
+    def __init__(self, index: int) -> None:
+        reads = [
+            one for name in ("left", "right")
+            for one in (temperature(f"{name}_plate", Role.SKIN_CONTACT_TEMPERATURE), heat_flux(f"{name}_flux"))
+        ]  # fmt: skip
+        super().__init__(Heat, (tuple(reads), (current("left", limit=2.0), current("right", limit=2.0))), LIMITS, index)
+
+
+@pytest.mark.parametrize("index", [0, 1])
+@pytest.mark.parametrize(("wrong", "field", "value"), [(0, "left_plate", K0 + 42.5), (1, "right_plate", K0 + 42.5),
+                                                       (0, "left_flux", 3e4), (1, "right_flux", 3e4)])  # fmt: skip
+def test_of_two_plates_each_is_judged_by_its_own_sensors(index: int, wrong: int, field: str, value: float) -> None:
+    plates = OneOfTwo(index)
+    for name, said in (
+        ("left_plate", K0 + 25),
+        ("right_plate", K0 + 25),
+        ("left_flux", 0),
+        ("right_flux", 0),
+        (field, value),
+    ):
+        plates.reading[name] = said
+    if index == wrong:
+        with pytest.raises(TripError):
+            for _ in range(200):
+                plates.check(STEP)
+    else:
+        assert [plates.check(STEP) for _ in range(200)] == [1.0] * 200

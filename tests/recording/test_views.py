@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import FrozenInstanceError
 from pathlib import Path
 from typing import Any
 
@@ -204,3 +205,40 @@ def test_a_temperature_stands_above_its_frame_while_it_is_one() -> None:
 def test_each_field_of_a_message_has_a_number_of_its_own(name: str) -> None:
     names, numbers, _ = zip(*MESSAGES[name], strict=True)
     assert len(set(names)) == len(set(numbers)) == len(MESSAGES[name])
+
+
+def test_a_rod_is_as_thick_as_its_radius_says_and_as_long_as_twice_its_half() -> None:
+    view = views.View(solids=(views.Solid("rod", "world", "rod", (0.01, 0.05), (1.0, 0.0, 0.0, 1.0)),))
+    drawing = views.Drawing(view, {}, period=0.1, start_ns=0)
+    rows = np.zeros((1, 8), np.uint8)
+    (content,) = [
+        decode("SceneUpdate", data)
+        for topic, _, data in drawing.messages(np.arange(1), rows)
+        if topic.startswith("/view/solid")
+    ]
+    (rod,) = content["entities"][0]["cylinders"]
+    assert [rod["size"][axis] for axis in "xyz"] == [0.02, 0.02, 0.1]
+    assert rod["bottom_scale"] == rod["top_scale"] == 1.0
+
+
+def test_colours_are_shares_of_red_green_and_blue(session: Any) -> None:
+    from itouch.session.viewer_geometry import view_of
+
+    engine, _, _ = session
+    solids = view_of(engine.model, engine.state).solids
+    faces = [device for device in engine.model.devices.values() if device.cls.face(device.params) is not None]
+    assert {solid.name for solid in solids} >= {f"{device.name}/face" for device in faces}
+    assert all(len(solid.colour) == 4 and min(solid.colour) >= 0.0 and max(solid.colour) <= 1.0 for solid in solids)
+
+
+def test_what_is_drawn_stays_as_the_file_says_it() -> None:
+    """A recording tells it once, at its begin."""
+    view = views.View(
+        frames=(views.Frame("plate", "world", "pose", 0, 3),), solids=(views.Solid("b", "plate", "ball", (0.1,), ()),),
+        forces=(views.Force("push", "plate", "force"),), warmths=(views.TemperatureLabel("t", "plate", "kelvin"),),
+    )  # fmt: skip
+    for part in (*view.frames, *view.solids, *view.forces, *view.warmths):
+        with pytest.raises(FrozenInstanceError):
+            part.name = "other"  # type: ignore[misc, union-attr]
+    with pytest.raises(FrozenInstanceError):
+        view.solids = ()  # type: ignore[misc]

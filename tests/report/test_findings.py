@@ -15,11 +15,13 @@ from program import program as cli
 from shipped import SCENES
 
 import itouch
-from itouch_tools.report import screen, sections
-from itouch_tools.report.collect import collect
+from itouch.schema import Place, Problem
+from itouch_tools.report import safety, screen, sections
+from itouch_tools.report.collect import _Shown, collect
 from itouch_tools.report.curves import thinned
 from itouch_tools.report.markup import number, table
 from itouch_tools.report.page import page
+from itouch_tools.report.problem_formats import as_sarif
 from itouch_tools.report.screen import _closing
 
 SCENE = """<itouch version="1.0">
@@ -244,3 +246,77 @@ def test_of_a_fault_times_are_numbers_and_the_rest_are_words() -> None:
     assert told is not None and len(told.rows[0]) == len(told.heads)
     assert [head for index, head in enumerate(told.heads) if index not in told.words] == ["time [s]", "safe after [s]"]
     assert max(told.words) < len(told.heads)
+
+
+@pytest.mark.parametrize(("length", "end"), [(0, 8), (1, 8), (4, 11)])
+def test_a_code_review_marks_as_many_letters_as_are_wrong_and_one_at_least(length: int, end: int) -> None:
+    problem = Problem("bad-value", "'x' is not a number", Place("a scene.xml", 3, 7, length))
+    (result,) = as_sarif({"a scene.xml": [problem]}, version="1.0")["runs"][0]["results"]
+    (location,) = result["locations"]
+    assert location["physicalLocation"] == {
+        "artifactLocation": {"uri": "a%20scene.xml"}, "region": {"startLine": 3, "startColumn": 7, "endColumn": end},
+    }  # fmt: skip
+
+
+def test_a_contact_is_told_in_millimetres_a_second_and_newtons() -> None:
+    contact = {
+        "object": "wood",
+        "material": "oak",
+        "begin_s": 1.0,
+        "end_s": 2.5,
+        "impact_speed_m_s": 2.0,
+        "peak_force_N": 1.25,
+    }
+    found = sections.contacts(SimpleNamespace(contacts=[contact], model=None, curves=None))
+    told = dict(zip(found.table.heads, found.table.rows[0], strict=True))
+    assert (told["impact [mm/s]"], told["peak force felt [N]"], told["begin [s]"]) == ("2000", "1.25", "1.000")
+
+
+@pytest.mark.parametrize(("rate", "period"), [(1000.0, "1000"), (0.5, "2000000"), (0, ""), (None, ""), ("fast", "")])
+def test_the_period_of_a_tick_is_told_in_microseconds_if_the_rate_is_known(rate: object, period: str) -> None:
+    assert sections.timing(SimpleNamespace(timing={"rate_hz": rate}), 0)["period"] == period
+
+
+def test_the_worst_that_a_script_does_is_told_in_degrees_where_it_is_a_temperature() -> None:
+    worst = SimpleNamespace(
+        low={"plate [K]": 293.15, "push [N]": 0.0}, high={"plate [K]": 313.65, "push [N]": 1.5},
+        dose=0.0, longest=0.25, session=SimpleNamespace(seconds=4.0),
+    )  # fmt: skip
+    *_, rows = safety._worst_case(SimpleNamespace(), worst, "")
+    assert rows.rows[:2] == (("plate", "20.00 °C", "40.50 °C"), ("push", "0 N", "1.5 N"))
+
+
+@pytest.mark.parametrize(("count", "shown", "more"), [(3, 3, 0), (12, 12, 0), (14, 12, 2)])
+def test_a_dozen_remarks_stand_below_the_table_and_the_others_are_counted(
+    count: int, shown: int, more: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sections, "measured", lambda model, entries: ())
+    monkeypatch.setattr(sections.columns, "shortcomings", lambda model, entry: [])
+    monkeypatch.setattr(sections.columns, "remarks", lambda model, entry: [f"remark {entry['begin_s']}"])
+    entries = [{"object": "wood", "begin_s": float(n)} for n in range(count)]
+    found = sections.contacts(SimpleNamespace(contacts=entries, model=SimpleNamespace(probes=[1]), curves=None))
+    assert list(found.remarks) == [f"remark {n}.0" for n in range(shown)]
+    assert found.more == more
+
+
+class _State(dict[str, int]):
+    """A State that can be kept."""
+
+    def copy(self) -> _State:
+        return _State(self)
+
+
+def test_the_picture_is_of_the_first_touch_that_lasts_half_a_second() -> None:
+    model = SimpleNamespace(period=0.1, probes=[SimpleNamespace(name="thumb"), SimpleNamespace(name="finger")])
+    shown = _Shown(model)
+    ticks = [-1] * 3 + [2] * 4 + [-1] + [0] * 8 + [1] * 9  # four ticks are too short
+    for tick, touched in enumerate(ticks):
+        shown.look(_State({"thumb.object": -1, "finger.object": touched, "tick": tick}))
+    assert shown.state == {"thumb.object": -1, "finger.object": 0, "tick": 12}
+
+
+def test_without_such_a_touch_there_is_no_picture_of_one() -> None:
+    shown = _Shown(SimpleNamespace(period=0.1, probes=[SimpleNamespace(name="finger")]))
+    for touched in [-1] * 9 + [2] * 4 + [-1] * 9:
+        shown.look(_State({"finger.object": touched}))
+    assert shown.state is None

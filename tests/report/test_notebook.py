@@ -123,9 +123,12 @@ def test_a_curve_goes_from_edge_to_edge_of_its_picture_whenever_it_begins(span: 
 
 @pytest.mark.parametrize("count", [2, 3, 7, 11])
 def test_of_a_pose_the_height_is_drawn_however_few_rows_there_are(count: int) -> None:
-    columns = [SimpleNamespace(name="pose", unit="m"), SimpleNamespace(name="force", unit="N")]
-    rows = np.zeros(count, [("time", "f8"), ("pose", "f8", 7), ("force", "f8", 3)])
+    columns = [
+        SimpleNamespace(name=name, unit=unit) for name, unit in (("pose", "m"), ("force", "N"), ("current", "A"))
+    ]
+    rows = np.zeros(count, [("time", "f8"), ("pose", "f8", 7), ("force", "f8", 3), ("current", "f8", (1,))])
     rows["time"], rows["pose"][:, 2], rows["force"] = np.arange(count), 0.25, (0.0, 3.0, 4.0)
+    rows["current"] = -1.5
 
     class Shown:
         tracks: ClassVar[Any] = {"arm": SimpleNamespace(columns=columns)}
@@ -133,6 +136,7 @@ def test_of_a_pose_the_height_is_drawn_however_few_rows_there_are(count: int) ->
         def __getitem__(self, name: str) -> Any:
             return rows
 
-    height, size = notebook._curves(Shown())
+    height, size, current = notebook._curves(Shown())
     assert "height of" in height and "0.25 to 0.25" in height
     assert "size of" in size and "5 to 5" in size
+    assert "arm.current [A]: -1.5 to -1.5" in current and "size of" not in current

@@ -9,8 +9,9 @@ import pytest
 
 from itouch.plugin.discovery import Catalog
 from itouch.scene import constraints
+from itouch.scene.elements.rates import Rates
 from itouch.scene.loader import in_file_order, read_scene
-from itouch.scene.values import parse_value
+from itouch.scene.values import ValueProblemError, parse_value
 from itouch.schema import Problem
 from itouch.schema.fields import Spec
 from itouch.world import compile_scene
@@ -314,3 +315,15 @@ def test_a_flag_is_a_word_or_a_digit(text: str, means: bool) -> None:
 )
 def test_names_are_listed_each_once_and_in_order(names: tuple[str, ...], text: str) -> None:
     assert constraints._listed(names) == text
+
+
+@pytest.mark.parametrize(
+    ("rate", "says"), [("4 kHz", ""), ("0.001 Hz", ""), ("4.001 kHz", "out of range"), ("0.0009 Hz", "out of range")]
+)
+def test_a_modality_may_be_as_fast_as_the_fastest_loop(rate: str, says: str) -> None:
+    """Whatever its name is: the rates of modalities are not listed."""
+    if says:
+        with pytest.raises(ValueProblemError, match=says):
+            parse_value(Rates.OPEN_SPEC, rate)
+    else:
+        assert parse_value(Rates.OPEN_SPEC, rate) == pytest.approx(4000.0 if "k" in rate else 1e-3)

@@ -10,6 +10,8 @@ import threading
 import time
 import zlib
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -217,3 +219,13 @@ def test_the_ring_reaches_back_two_seconds_within_bounds() -> None:
     assert slots_for(20_000, 1e-3) == 2000
     assert slots_for(1 << 20, 1e-3) == 64
     assert slots_for(100, 0.1) == 64
+
+
+def test_a_state_that_is_written_over_while_it_is_taken_is_counted_as_dropped() -> None:
+    ring: Any = SimpleNamespace(head=0, slots=64, state_size=8)
+    ring.copy = lambda number, into: None if number in (3, 4, 9) else (100 * number, 5.0, 1000, 2000)
+    follower = Follower(ring)
+    ring.head = 10
+    taken = list(follower.take())
+    assert [entry.tick for entry in taken] == [100, 200, 500, 600, 700, 800, 1000]
+    assert follower.dropped == 3

@@ -311,3 +311,22 @@ def test_a_sound_server_plays_the_modes_that_were_asked_for(tmp_path):
     found = json.loads((tmp_path / "x.json").read_text())
     assert found["plays_by"] == "PulseAudio" and found["strokes_heard"] == "4 of 4"
     assert found["modes_off_by_at_most_Hz"] < 8.0
+
+
+@pytest.mark.parametrize(
+    ("written", "recovered", "gone"), [(480, 0, False), (-32, 0, False), (-32, -32, True), (-19, -19, True)]
+)
+def test_a_card_that_has_run_dry_plays_on_and_one_that_is_gone_is_told(written, recovered, gone):
+    asked = []
+    library = types.SimpleNamespace(
+        snd_pcm_writei=lambda stream, samples, count: written,
+        snd_pcm_recover=lambda stream, error, silent: asked.append(error.value) or recovered,
+    )
+    card = object.__new__(output.Alsa)
+    card._library, card._stream = library, None
+    if gone:
+        with pytest.raises(OSError, match="the sound card has gone"):
+            card.write(b"\0" * 960)
+    else:
+        card.write(b"\0" * 960)
+    assert asked == ([written] if written < 0 else []), "only what went wrong is mended"

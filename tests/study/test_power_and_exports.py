@@ -6,13 +6,14 @@ import csv
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from run_scene import write_study
 from scipy import linalg, special
 
-from itouch.plugin import Modality
+from itouch.plugin import Field, Modality, Role
 from itouch.plugin.discovery import Catalog
 from itouch.schema import ItouchError
 from itouch_tools.cli import main
@@ -25,7 +26,7 @@ from itouch_tools.study.power import FINGERS, TOUCHES, PowerError, library, powe
 from itouch_tools.study.reading import StudyFile, load_study
 from itouch_tools.study.statistics.regression import _spread
 from itouch_tools.study.store import Row, Store
-from itouch_tools.study.touches import Presented
+from itouch_tools.study.touches import Presented, TouchError, felt_by, figures
 
 CATALOG = Catalog()
 ROWS = [
@@ -258,3 +259,35 @@ def test_codes_and_answers_stay_words_in_parquet(tmp_path: Path) -> None:
     row = pq.read_table(tmp_path / "t.parquet").to_pylist()[0]
     assert (row["participant"], row["answer"], row["level"], row["session"]) == ("007", "1_0", "01", "007-1")
     assert (row["place"], row["right"], row["reaction_s"]) == (0, 0, 0.5)
+
+
+def test_a_figure_that_nobody_felt_is_what_the_report_tells_of_it() -> None:
+    nothing, skin = np.zeros(0), np.array([305.15, 304.65])
+    told = {Role.HEAT_FLUX: 812.5, Role.SKIN_TEMPERATURE: 0.25}
+    measured = figures(
+        Presented(Felt(np.array([400.0, 600.0]), skin, skin, 0.01), {"peak_force_N": 1.0}, "", told=told)
+    )
+    assert (measured["mean_flux_W_m2"], measured["skin_drop_K"]) == (500.0, 0.5)
+    reported = figures(Presented(Felt(nothing, nothing, nothing, 0.01), {"peak_force_N": 1.0}, "", told=told))
+    assert (reported["mean_flux_W_m2"], reported["skin_drop_K"]) == (812.5, 0.25)
+    assert figures(Presented(Felt(nothing, nothing, nothing, 0.01), {}, ""))["mean_flux_W_m2"] == 0.0  # nothing touched
+
+
+def test_an_observer_feels_what_twins_say_and_nothing_of_hardware() -> None:
+    fields = (Field("flux", role=Role.HEAT_FLUX), Field("skin", role=Role.SKIN_TEMPERATURE))
+    twin = SimpleNamespace(twin=True, make_twin=lambda: SimpleNamespace(fields=lambda: fields))
+    arm = SimpleNamespace(twin=True, make_twin=lambda: SimpleNamespace(fields=lambda: ()))
+    assert felt_by(SimpleNamespace(devices={"arm": arm, "pad": twin})) == ("pad.twin.flux", "pad.twin.skin")
+    with pytest.raises(TouchError, match="none declares a true flux and a true skin"):
+        felt_by(SimpleNamespace(devices={"arm": arm}))
+    twin.twin = False
+    with pytest.raises(TouchError, match="'pad' is no twin"):
+        felt_by(SimpleNamespace(devices={"arm": arm, "pad": twin}))
+
+
+@pytest.mark.parametrize("people", [8, 16])
+def test_what_is_promised_of_a_share_is_a_share(people: int) -> None:
+    """Of a few participants no coverage is promised, and any would do."""
+    low, high = coverage(1, people, draws=10).promised
+    assert 0.0 <= low < high <= 1.0
+    assert (high - low < 1.0) == (people == 16)

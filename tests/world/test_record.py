@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from itouch.loop import Status
 from itouch.plugin import Field, Record
 from itouch.world.state import EVENT_DTYPE
+from itouch.world.supervision import supervision
 
 
 def test_records_are_equal_if_type_and_bytes_are() -> None:
@@ -33,3 +35,12 @@ def test_vectors_of_an_event_have_three_components() -> None:
     event = np.dtype(EVENT_DTYPE)
     shapes = {name: event[name].shape for name in event.names or () if event[name].shape}
     assert shapes == dict.fromkeys(("point", "normal", "tangential_velocity"), (3,))
+
+
+def test_what_supervision_chooses_from_is_all_that_its_fields_may_hold() -> None:
+    """A stored State is checked by these: what is no choice of a supervisor must not come back into one."""
+    ranges = {field.name: (field.low, field.high) for field in supervision(())}
+    assert ranges["status"] == (min(Status), max(Status))
+    assert ranges["touched"] == (0, 1)
+    assert ranges["ramp"] == (0.0, 1.0)
+    assert [name for name in ("age", "sequence", "clamped", "dropped", "missed") if ranges[name][0] != 0] == []

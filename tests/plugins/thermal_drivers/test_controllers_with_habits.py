@@ -13,7 +13,7 @@ import pytest
 from test_thermal_drivers import served
 
 from itouch.plugin import DeviceError, Terminal
-from itouch_thermal.drivers import Mecom
+from itouch_thermal.drivers import Mecom, mecom
 from itouch_thermal.drivers.tec import TecDriver
 from itouch_thermal.drivers.virtual import Plate, VirtualMecom
 
@@ -171,3 +171,22 @@ def test_a_watchdog_that_rounds_up_is_not_called_off() -> None:
     said = pytest.raises(DeviceError, match="at 1 where 0.5 was written: its own watchdog would come too late")
     with on_a_line(Controller(Plate(), reads={2060: single(1.0)})) as path, said:
         driver(path)
+
+
+def test_one_that_stays_busy_is_told_at_once_after_the_last_try(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is waited for between two tries, not after all of them."""
+    device, events = Controller(Plate()), list[str]()
+
+    def busy(text: str) -> bytes:
+        events.append("asked")
+        return b"+02"
+
+    with on_a_line(device) as path:
+        line = mecom.MecomClient(path, patience=5.0)
+        monkeypatch.setattr(mecom, "sleep", lambda seconds: events.append("waits"))
+        device.says = busy
+        with pytest.raises(mecom.MecomRefusal):
+            line.read_int(104)
+        line.close()
+    assert events[0] == events[-1] == "asked"
+    assert "waits" in events

@@ -370,3 +370,16 @@ def test_unplugged_during_the_upload() -> None:
         arm.plug()
         with falcon:
             assert falcon.home(5.0).valid
+
+
+def test_exchanges_take_no_longer_than_there_was_time_for_them() -> None:
+    time = VirtualTime()
+    falcon = Falcon(IMAGE, VirtualBackend(VirtualFalcon(time=time)), clock=time.now)
+    with falcon as arm:
+        begin, before = time.now(), arm.timing.count
+        for _ in range(50):
+            arm.read()
+        took = time.now() - begin
+    assert falcon.timing.count == before + 50
+    assert 0.0 < falcon.timing.latency(50) <= falcon.timing.latency(100)
+    assert 25 * falcon.timing.latency(50) <= took, "one after the other"

@@ -138,9 +138,12 @@ def test_an_unlinked_read_keeps_what_the_arm_says(served: Served) -> None:
         line.sendall(struct.pack(">6I24x", 2, 6, 0x10002, 0, 0, 4))
         answer = take(line, 48)
         assert struct.unpack(">II12xi", answer[:24]) == (4, 6, -104)
+        line.sendall(struct.pack(">6I24x", 2, 9, 0x10002, 0, 0, 4))
+        assert struct.unpack(">II12xi", take(line, 48)[:24]) == (4, 9, 0), "that one is not there any more"
         control(7, 9, 1)
         line.sendall(header.pack(1, 8, 0x10002, 1, 1, 0, 64, 0, 0, 0, nothing))
         got = take(line, 48)
+        assert struct.unpack(">II", got[:8]) == (3, 8)
         data = take(line, struct.unpack(">i", got[24:28])[0])
         assert data[2:3] == b"<"
         assert data[-1:] == b">"

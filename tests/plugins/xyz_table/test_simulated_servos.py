@@ -69,3 +69,11 @@ def test_an_axis_presses_its_switch_at_the_low_end_of_its_travel_alone() -> None
         reading["pose"][:3] = lows + 1e-3 * (np.arange(3) < inside)
         emulator.serve(0.0, reading, command)
         assert [motor.ended for motor in emulator._steppers] == [axis >= inside for axis in range(3)]
+
+
+@pytest.mark.parametrize("begin", [0.0, 3.0])
+def test_the_time_of_a_simulated_module_begins_with_the_sessions_however_long_the_machine_runs(begin: float) -> None:
+    params = XyzTableParams(tmcl="/dev/none", homing="search", motors=(0, 1, 2))
+    emulator = TableEmulator(params)
+    assert begin <= emulator._time(begin) < begin + 60.0
+    assert begin + 1.0 <= emulator._time(begin + 1.0) < begin + 61.0

@@ -1,0 +1,78 @@
+"""How hard a finger presses on a surface behind a wire, from a force that is late and how it has moved since."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from kernels_in_python import python_of
+
+from itouch.plugin.carried_surfaces import ABOUT, LEFT, TOUCH
+from itouch_encountered import over_wire
+from itouch_encountered.own import GOES, GONE_BY, HOISTS, LAG, LIFTS, PAST, RISE, SINCE, WAY
+
+STIFFNESS, RADIUS, TICK, AGE = 1000.0, 0.008, 200, 7
+LIGHT, FIRM = 0.5 * (LEFT + TOUCH), 1.0
+
+
+def pressed(force: float, before: float, now: float, age: int = AGE, *, load: bool = True) -> float:
+    """Return what is told of a force read [N] while the finger was so deep in the surface, as it is so deep now [m]."""
+    own = np.zeros(GONE_BY + 3 * PAST)
+    own[GONE_BY + 3 * ((TICK - age) % PAST) + 2] = -before
+    own[SINCE] = 0.5e-3  # it has risen since, and the finger with it
+    c = SimpleNamespace(has_load=load, stiffness=STIFFNESS, radius=RADIUS)
+    w: Any = SimpleNamespace(load=(0.0, 0.0, -force), tick=(TICK,), hip=(0.0, 0.0, RADIUS + own[SINCE] - now))
+    return float(python_of(over_wire._pressed)(c, own, w, 0.0, age))
+
+
+@pytest.mark.parametrize(
+    ("force", "before", "now", "told"),
+    [
+        (FIRM, 1e-3, 1e-3, FIRM),  # as it was
+        (FIRM, 1e-3, 1.5e-3, FIRM + 0.5),  # half a millimetre deeper
+        (FIRM, 1e-3, -1e-3, 0.0),  # it has left: nothing pulls
+        (LIGHT, 0.0, 0.0, LIGHT),  # a light touch of a surface that is there
+        (LIGHT, 0.1e-3, 0.3e-3, LIGHT + 0.2),
+        (LIGHT, -2.0 * ABOUT, 0.3e-3, 0.3),  # it was not there: what was read was no touch, and now there is one
+        (0.5 * LEFT, 0.0, 0.2e-3, 0.2),
+        (0.5 * LEFT, 0.1e-3, 0.3e-3, 0.2),  # it was in it and felt nothing: it begins deeper
+    ],
+)
+def test_a_force_that_was_read_is_corrected_by_the_way_since(
+    force: float, before: float, now: float, told: float
+) -> None:
+    assert pressed(force, before, now) == pytest.approx(told, abs=1e-9)
+
+
+@pytest.mark.parametrize(("age", "load"), [(PAST, True), (-1, True), (AGE, False)])
+def test_what_is_too_old_to_be_corrected_stands_as_it_was_read(age: int, load: bool) -> None:
+    assert pressed(FIRM, 1e-3, 5e-3, age, load=load) == FIRM
+    assert not math.isnan(pressed(0.0, 0.0, 0.0, age, load=load))
+
+
+@pytest.mark.parametrize("slopes", [(0.2, 0.0), (0.0, -0.3), (0.1, 0.4)])
+def test_the_surface_is_foreseen_by_how_the_finger_goes_along_its_slope(
+    slopes: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A command that is sent now acts when the wire and the device's lag are over."""
+    for name in ("_follow", "_follow_lift", "_watch_wire", "_learn"):
+        monkeypatch.setattr(over_wire, name, lambda *words: None)
+    for name, value in (("_height", 0.0), ("_commanded", math.nan), ("_since", 0.0), ("_pressed", 0.0)):
+        monkeypatch.setattr(over_wire, name, lambda *words, value=value: value)
+    own = np.zeros(GONE_BY + 3 * PAST)
+    own[WAY], own[LAG], period = 0.02, 0.009, 1e-3
+    for axis, speed, hastens in ((0, 0.10, 2.0), (1, -0.05, 4.0)):
+        own[GOES + 3 * axis + 1], own[GOES + 3 * axis + 2] = speed, hastens
+    own[LIFTS], own[HOISTS] = 0.03, -1.0
+    w: Any = SimpleNamespace(
+        tick=(TICK,), measured=(TICK - AGE,), hip=(0.0, 0.0, 0.0), pose=np.zeros(7), frame=np.zeros(12), lifts=(0.0,),
+        slope_x=(slopes[0],), slope_y=(slopes[1],),
+    )  # fmt: skip
+    assert python_of(over_wire.look_over_wire)(SimpleNamespace(period=period, radius=RADIUS), w, own) == 0
+    ahead = 0.02 + 0.009 + period
+    goes = [0.10 * ahead + 2.0 * ahead**2 / 2.0, -0.05 * ahead + 4.0 * ahead**2 / 2.0]
+    lifts = 0.03 * ahead - ahead**2 / 2.0
+    assert own[RISE] == pytest.approx(float(np.dot(slopes, goes)) + lifts, rel=1e-12)

@@ -1,0 +1,76 @@
+"""Where a finger is, what is looked up below it, how slowly a plate that is taken away leaves it: the kernels' own Python."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from kernels_in_python import python_of
+
+from itouch.loop import carrying, render
+from itouch.loop.surface import memory as at
+from itouch.loop.surface import plate
+from itouch.twin import frame_rotation
+
+ORIGIN, RADIUS, PERIOD = np.array((0.3, -0.2, 0.1)), 0.008, 1e-3
+
+
+@pytest.fixture(autouse=True)
+def python(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the kernels call one another as Python."""
+    for name in ("turned_in", "turned_out", "beside", "top"):
+        monkeypatch.setattr(plate, name, python_of(getattr(plate, name)))
+    monkeypatch.setattr(carrying, "_load", python_of(carrying._load))
+
+
+@pytest.mark.parametrize(("mounted", "part"), [(0.0, 1.0), (math.radians(60.0), 0.5)])
+@pytest.mark.parametrize("pressed", [1.0, 0.0])
+def test_a_plate_that_is_taken_away_goes_down_slowly_along_its_own_axis(
+    mounted: float, part: float, pressed: float
+) -> None:
+    c, memory = np.zeros(render.CONSTANTS), np.zeros(at.MEMORY)
+    turn = ((1.0, 0.0, 0.0), (0.0, math.cos(mounted), -math.sin(mounted)), (0.0, math.sin(mounted), math.cos(mounted)))
+    c[plate.TABLE : plate.TABLE + 3], c[plate.TABLE + 3 : plate.TABLE + 12] = ORIGIN, np.ravel(turn)
+    c[plate.PAD_STIFFNESS], c[plate.PERIOD], c[plate.HAS_LOAD], c[plate.RADIUS] = 1000.0, PERIOD, 1.0, RADIUS
+    sent, goal = (np.array((0.0, 0.0, z, 1.0, 0.0, 0.0, 0.0)) for z in (0.02, 0.03))
+    memory[plate.LEVEL] = plate.top(c, sent) + 1e-3
+    lowest = python_of(plate.leave)(c, memory, goal, sent, pressed)
+    if pressed == 0.0:
+        assert lowest == -math.inf  # clear of the finger, it may go as fast as it can
+    else:
+        assert lowest == pytest.approx(0.02 - plate.LETS_GO / 1000.0 * PERIOD / part, abs=1e-12)
+
+
+@pytest.mark.parametrize(("risen", "higher"), [(math.nan, 0.0), (0.0, 0.0), (2e-4, 2e-4)])
+@pytest.mark.parametrize(("presses", "load"), [(math.nan, -1.5), (0.0, 0.0), (2.0, -2.0)])
+def test_what_a_modality_does_not_say_of_its_surface_is_as_it_was_read(
+    risen: float, higher: float, presses: float, load: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[float] = []
+    monkeypatch.setattr(carrying, "ground", SimpleNamespace(find=lambda *words: 3))
+    monkeypatch.setattr(
+        carrying, "plate", SimpleNamespace(foresee=lambda c, table, figures, kept, *of: told.extend(of))
+    )
+    own: Any = SimpleNamespace(c=None, figures=None, kept=None)
+    objects: Any = SimpleNamespace(world=None, mesh=None, poses=None, twists=None)
+    below, read = np.zeros(1, np.int64), np.array((0.0, 0.0, -1.5, 0.0, 0.0, 0.0))
+    parts = np.zeros(7), read, np.array([presses]), np.array([risen]), below, np.zeros(3), np.zeros(3), np.zeros(3)
+    assert python_of(carrying.look_below)(own, objects, *parts) == 0
+    assert (told, below.tolist()) == ([load, higher], [3])
+
+
+def test_the_finger_is_where_its_tracker_is_mounted_and_its_speed_is_smoothed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(render, "turned_out", python_of(frame_rotation.turned_out))  # type: ignore[attr-defined]
+    c, figures = np.zeros(render.CONSTANTS), np.zeros(render.FIGURES)
+    quarter = np.array(((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
+    c[render.TRACKER : render.TRACKER + 3], c[render.TRACKER + 3 : render.TRACKER + 12] = ORIGIN, quarter.ravel()
+    c[render.PERIOD], c[render.SMOOTH] = PERIOD, 0.25
+    places = np.array(((0.01, 0.02, 0.03), (0.011, 0.018, 0.0305)))
+    for first, place in zip((True, False), places, strict=True):
+        python_of(render.follow)(c, np.r_[place, 1.0, 0.0, 0.0, 0.0], figures, first)
+        assert figures[render.HIP : render.HIP + 3] == pytest.approx(ORIGIN + quarter @ place, abs=1e-15)
+        speed = np.zeros(3) if first else quarter @ (places[1] - places[0]) / PERIOD * 0.25
+        assert figures[render.VELOCITY : render.VELOCITY + 3] == pytest.approx(speed, abs=1e-9)
