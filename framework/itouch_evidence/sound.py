@@ -1,4 +1,4 @@
-"""``itouch-py bench sound``: what making sound costs, and how long after the state it is heard."""
+"""``itouch-py bench sound``: what sound costs, how late it is heard, and its figures against their bounds."""
 
 from __future__ import annotations
 

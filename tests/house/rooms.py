@@ -15,6 +15,7 @@ from functools import cache
 from pathlib import Path
 
 import module_pages
+import sentence_page
 from sources import ROOT, circles, imports, modules, shelf
 
 PAGE = ROOT / "CONTRIBUTING.md"
@@ -108,5 +109,6 @@ if __name__ == "__main__":
     if "--write" in sys.argv[1:]:
         write()
         module_pages.PAGE.write_text(module_pages.page(), encoding="utf-8")
+        sentence_page.PAGE.write_text(sentence_page.page(), encoding="utf-8")
     else:
         print(drawn(), end="")

@@ -16,6 +16,7 @@ from pathlib import Path
 import module_pages
 import pytest
 import rooms
+import sentence_page
 from counts import counts, longest
 from sources import ROOT, Module, circles, imports, modules, shelf
 
@@ -31,6 +32,22 @@ def test_the_page_of_modules_is_that_of_the_program() -> None:
     page = module_pages.page()
     assert module_pages.PAGE.read_text(encoding="utf-8") == page, "python tests/house/rooms.py --write"
     assert page.count("\n- `") == len(modules()) + sum(map(len, module_pages.others().values()))
+
+
+def test_the_page_of_sentences_is_that_of_the_program() -> None:
+    assert sentence_page.PAGE.read_text(encoding="utf-8") == sentence_page.page(), "python tests/house/rooms.py --write"
+
+
+def test_sentences_are_what_is_told_and_nothing_else() -> None:
+    text = '''"""The module is about nothing at all."""
+def told(name):
+    """It has a docstring that is no sentence of the program."""
+    say("one two", f"device {name!r} reads nothing" f", as {say('it was told so')} knows", "%d of %d, %d left")
+    say("error: it is wrong\\n  = help: do it otherwise", "<a b='it is no sentence'/>")
+'''
+    assert list(sentence_page.sentences(ast.parse(text))) == [
+        "device … reads nothing, as … knows", "it was told so", "error: it is wrong", "= help: do it otherwise",
+    ]  # fmt: skip
 
 
 def test_every_room_says_what_it_is() -> None:

@@ -1,4 +1,4 @@
-"""``python -m itouch.servo.guardian``: a small process that makes the devices safe when the servo process can't.
+"""``python -m itouch.servo.guardian``: makes the devices safe when the servo process can't, and tells what it did.
 
 It watches the servo process's heartbeat.  If that stops for some periods, it asks the kernel whether the process is
 dying or suspended (freeing the memory of a killed process alone can take 100 ms), and otherwise gives it 120 ms.  It

@@ -1,4 +1,4 @@
-"""Starting the guardian of a session, and learning from it what it had to do."""
+"""Starting the guardian of a session, and passing on what it says that it had to do."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a scene's parts fit together: needed channels, locked axes, one writer for each command, reach."""
+"""Whether a scene's parts fit together: needed channels, locked axes, one writer for each command, reach, tilts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The messages of the Inverse Service's simulation channel, as its documentation gives them (versions 3.1 to 3.5).
+"""The messages of the Inverse Service's simulation channel (3.1 to 3.5), and what the status of an arm means, in words.
 
 The service sends an inventory when a client connects, then exactly one state update for each message that it receives.
 Positions are metres, forces newtons, in the arm's own frame: x right, y away from the operator, z up.
