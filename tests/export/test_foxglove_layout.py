@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 from shipped import SCENES
 
 import itouch
+from itouch.recording import views
 from itouch_tools.cli import main
 from itouch_tools.export import foxglove
 
@@ -57,7 +58,7 @@ def test_every_path_is_a_number_of_the_recording(written: tuple[Path, dict[str, 
             field = message.fields_by_name[name]
             message = field.message_type or message
         assert field is not None and field.message_type is None, f"{one} is no number"
-    assert {foxglove.SCENE, foxglove.EVENTS, foxglove.TRANSFORMS} <= set(schemas)
+    assert {views.SCENE, foxglove.EVENTS, views.TRANSFORMS} <= set(schemas)
 
 
 def test_every_panel_stands_once_and_plots_have_one_unit(written: tuple[Path, dict[str, Any]]) -> None:
@@ -122,7 +123,7 @@ def test_panels_are_those_that_lichtblick_knows_with_all_their_settings(written:
 
 def test_all_topics_of_the_scene_are_shown_and_no_axes_hide_them(written: tuple[Path, dict[str, Any]]) -> None:
     scene = written[1]["configById"]["3D!scene"]
-    assert all(scene["topics"][topic]["visible"] for topic in (foxglove.SOLIDS, foxglove.SCENE))
+    assert all(scene["topics"][topic]["visible"] for topic in (views.SOLIDS, views.SCENE))
     assert scene["scene"]["transforms"]["axisScale"] == 0.0
 
 
