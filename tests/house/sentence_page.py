@@ -45,7 +45,8 @@ def sentences(tree: ast.AST) -> Iterator[str]:
         else:
             continue
         lines = text.strip().split("\n")
-        if len(lines) <= MOST and not text.lstrip().startswith("<"):  # code, templates and XML are no sentences
+        is_xml = text.lstrip().startswith("<") and text.rstrip().endswith(">")
+        if len(lines) <= MOST and not is_xml:  # nor is code or a template a sentence
             yield from (" ".join(line.split()) for line in lines if len(line.split()) >= LEAST and _has_words(line))
 
 

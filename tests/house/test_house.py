@@ -44,9 +44,11 @@ def told(name):
     """It has a docstring that is no sentence of the program."""
     say("one two", f"device {name!r} reads nothing" f", as {say('it was told so')} knows", "%d of %d, %d left")
     say("error: it is wrong\\n  = help: do it otherwise", "<a b='it is no sentence'/>")
+    say(f"<{name}> has no effect")
 '''
     assert list(sentence_page.sentences(ast.parse(text))) == [
         "device … reads nothing, as … knows", "it was told so", "error: it is wrong", "= help: do it otherwise",
+        "<…> has no effect",
     ]  # fmt: skip
 
 

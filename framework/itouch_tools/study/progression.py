@@ -1,4 +1,4 @@
-"""A participant's progress through a study: which trial is due, from the order and the rows so far alone."""
+"""A participant's progress: which trial is due, void ones again, from the order and the rows so far alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The driver of a Novint Falcon: open it, home it, read positions, send forces.  Usable on its own.
+"""The driver of a Novint Falcon: open it, home it, read positions, send forces, light its ring.  Usable on its own.
 
 >>> with Falcon("firmware.bin") as arm:              # doctest: +SKIP
 ...     arm.home(timeout=60)                         # pull the grip out, then push it in

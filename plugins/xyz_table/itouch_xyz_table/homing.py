@@ -1,4 +1,4 @@
-"""Homing: each axis moves gently against the low end of its travel, whose position the parameters give."""
+"""Homing of drives without a search of their own: each axis moves gently against the low end of its travel."""
 
 from __future__ import annotations
 
