@@ -16,7 +16,7 @@ PAGE = ROOT / "docs" / "reference" / "sentences.md"
 HEAD = """# Sentences
 
 What the program may say, by the file that says it: messages, notices, words in tables, windows and reports, help. An ellipsis (…) stands for
-what is filled in. Search this page for words that you have seen to find the file to change. Texts that are no Python are not here: the page of a
+what is filled in. Search this page for words that you have seen to find the file to change. Texts outside Python files are not here: the page of a
 session, the browser's window, templates and firmware, which stand at the end of [modules and constants](modules.md). Written by `python
 tests/house/rooms.py --write`.
 """
@@ -29,7 +29,7 @@ def page() -> str:
     lines = [HEAD]
     for module in sorted(modules().values(), key=lambda module: module.path):
         if found := list(dict.fromkeys(sentences(module.tree))):
-            lines.append(f"## {module.path.relative_to(ROOT)}\n")
+            lines.append(f"## {plain(str(module.path.relative_to(ROOT)))}\n")
             lines += [f"- {plain(text)}" for text in found]
             lines.append("")
     return "\n".join(lines).rstrip() + "\n"
