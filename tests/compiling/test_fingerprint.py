@@ -85,34 +85,13 @@ def test_a_kernel_with_another_part_has_another_fingerprint(read: Callable[[str]
 OVERLOADED = """
 import numpy as np
 from math import {name} as it
-from numba.extending import overload
+from numba import types
+from numba.extending import overload, overload_attribute, overload_method
 from itouch.compiling import kernel
 
 @overload(np.gradient)
 def gradient(x):
     return lambda x: x * {factor}
-
-@kernel
-def outer(x):
-    return np.gradient(x) + it(x)
-"""
-RUN = "import kernels; print(kernels.outer(2.0), sum(kernels.outer.stats.cache_hits.values()))"
-
-
-def test_what_stands_in_for_a_function_of_numpy_is_compiled_again_when_it_changes(tmp_path: Path) -> None:
-    hits = []
-    for name, factor in (("floor", "2.0"), ("floor", "3.0"), ("fabs", "3.0"), ("floor", "2.0")):
-        (tmp_path / "kernels.py").write_text(OVERLOADED.format(name=name, factor=factor), encoding="utf-8")
-        value, hit = run(tmp_path, RUN, NUMBA_CACHE_DIR="", ITOUCH_KERNELS=str(tmp_path / "kept"))
-        assert value == 2.0 * float(factor) + 2.0
-        hits.append(hit)
-    assert hits == [0, 0, 0, 1]
-
-
-OF_TYPE = """
-from numba import types
-from numba.extending import overload_attribute, overload_method
-from itouch.compiling import kernel
 
 @overload_method(types.Float, "itouch_times")
 def times(x):
@@ -124,18 +103,24 @@ def more(x):
 
 @kernel
 def outer(x):
-    return x.itouch_times() + x.itouch_more
+    return np.gradient(x) + it(x) + x.itouch_times() + x.itouch_more
 """
+RUN = "import kernels; print(kernels.outer(2.0), sum(kernels.outer.stats.cache_hits.values()))"
 
 
-def test_a_method_and_an_attribute_of_a_type_are_compiled_again_when_they_change(tmp_path: Path) -> None:
+def test_what_stands_in_for_functions_methods_and_attributes_is_compiled_again_when_it_changes(tmp_path: Path) -> None:
     hits = []
-    for times, more in ((2.0, 1.0), (3.0, 1.0), (3.0, 4.0), (2.0, 1.0)):
-        (tmp_path / "kernels.py").write_text(OF_TYPE.format(times=times, more=more), encoding="utf-8")
+    for name, *numbers in (
+        ("floor", 2.0, 2.0, 1.0), ("floor", 3.0, 2.0, 1.0), ("fabs", 3.0, 2.0, 1.0), ("fabs", 3.0, 5.0, 1.0),
+        ("fabs", 3.0, 5.0, 4.0), ("floor", 2.0, 2.0, 1.0),
+    ):  # fmt: skip
+        factor, times, more = numbers
+        text = OVERLOADED.format(name=name, factor=factor, times=times, more=more)
+        (tmp_path / "kernels.py").write_text(text, encoding="utf-8")
         value, hit = run(tmp_path, RUN, NUMBA_CACHE_DIR="", ITOUCH_KERNELS=str(tmp_path / "kept"))
-        assert value == 2.0 * times + 2.0 + more
+        assert value == 2.0 * factor + 2.0 + 2.0 * times + 2.0 + more
         hits.append(hit)
-    assert hits == [0, 0, 0, 1]
+    assert hits == [0, 0, 0, 0, 0, 1]
 
 
 CHECKED = """
