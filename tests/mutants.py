@@ -11,6 +11,7 @@ import importlib
 import importlib.abc
 import importlib.util
 import random
+import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -137,13 +138,16 @@ def modules(room: str, name: str = "") -> list[Path]:
     return [path for path in found if name in ("", path.stem)]
 
 
+#: The decorators of functions that are compiled.
+COMPILING = frozenset(
+    ("kernel", "nogil_kernel", "entry", "inner", "making", "linked", "inlined", "part_of_its_caller", "flat", "njit")
+)
+
+
 def is_compiled(path: Path) -> bool:
     """Tell whether functions of a module are compiled: coverage does not see them."""
-    text = path.read_text(encoding="utf-8")
-    return any(
-        word in text
-        for word in ("@kernel", "@nogil_kernel", "@entry", "@inner", "@flat", "@making", "@linked", "@njit")
-    )
+    found = re.findall(r"^\s*@(?:\w+\.)*(\w+)", path.read_text(encoding="utf-8"), re.MULTILINE)
+    return not COMPILING.isdisjoint(found)
 
 
 def draw(rooms: Sequence[str], count: int, seed: int, module: str = "") -> list[Mutant]:

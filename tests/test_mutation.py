@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import json
 import subprocess
@@ -142,6 +143,30 @@ def test_who_waits_on_a_busy_machine_does_not_hang(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("os.getloadavg", lambda: (8.0, 8.0, 8.0))
     assert not whole_tree.hangs(200.0, 0.0, allowed=60.0), "whom it waits for has to wait"
     assert whole_tree.hangs(500.0, 0.0, allowed=60.0)
+
+
+def test_every_decorator_that_compiles_is_known() -> None:
+    """Coverage does not see what they decorate: its mutants meet those that reach its callers."""
+    made_in = ("itouch.compiling", "itouch.plugin.kernels", "itouch.contact.compiling", "numba")
+    used = set[str]()
+    for path in (path for root in ("framework", "plugins") for path in (REPOSITORY / root).rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        if not any(f"from {module} import" in text for module in made_in):
+            continue
+        tree = ast.parse(text)
+        imported = {
+            name.asname or name.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module in made_in
+            for name in node.names
+        }  # fmt: skip
+        functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+        names = {ast.unparse(one).partition("(")[0] for node in functions for one in node.decorator_list}
+        used |= names & imported
+        assert all(
+            whole_tree.is_kernel(node) for node in functions
+            if {ast.unparse(one).partition("(")[0] for one in node.decorator_list} & imported & mutants.COMPILING
+        )  # fmt: skip
+    assert "linked" in used and used <= mutants.COMPILING
+    assert not whole_tree.is_kernel(ast.parse("@lru_cache\ndef f(): pass").body[0])
 
 
 def test_lines_are_found_where_they_stand_by_now() -> None:

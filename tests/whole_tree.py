@@ -41,7 +41,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mutants import HERE, PAGE, ROOMS, TREE, Changed, Mutant, is_compiled
+from mutants import COMPILING, HERE, PAGE, ROOMS, TREE, Changed, Mutant, is_compiled
 
 #: How pytest is asked; a whole run of the short form leaves out more.
 OPTIONS = ("-q", "-p", "no:cacheprovider", "--no-header", "--tb=no", "-o", "filterwarnings=ignore", "-m", "not long")
@@ -142,10 +142,10 @@ def place(path: Path, line: int) -> Place:
 
 def is_kernel(node: ast.stmt) -> bool:
     """Tell whether a function is compiled."""
-    words = ("kernel", "entry", "inner", "flat", "making", "njit")
-    return isinstance(node, ast.FunctionDef) and any(
-        word in ast.unparse(one) for one in node.decorator_list for word in words
-    )
+    if not isinstance(node, ast.FunctionDef):
+        return False
+    names = (ast.unparse(one).partition("(")[0].rpartition(".")[2] for one in node.decorator_list)
+    return not COMPILING.isdisjoint(names)
 
 
 @cache
