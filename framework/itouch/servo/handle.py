@@ -233,7 +233,7 @@ class Handle:
         DeviceFaultError, ServoError, ...
             The error that ended the session before, if one did and it has not been raised yet.
         """
-        self._end()
+        self.end()
         self._raise()
 
     def wait(self, timeout: float | None = None) -> bool:
@@ -274,11 +274,11 @@ class Handle:
 
     def close(self) -> None:
         """End the session if it runs, and release its memory; the last State stays readable."""
-        self._end()
+        self.end()
         self._segment.close()
 
-    def _end(self) -> None:
-        """Ask for the end of the session and wait for it; kill a servo process that does not get there."""
+    def end(self) -> None:
+        """Do what ``stop`` does, but raise nothing; a servo process that does not get there is killed."""
         self.request_stop()
         if self._over.wait(END_TIME):
             return

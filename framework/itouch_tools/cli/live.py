@@ -88,9 +88,11 @@ def _launched(options: argparse.Namespace, stop: Stopping, *, window: bool) -> H
             stop.bind(handle.request_stop)
         except Interrupted:
             stop.bind(handle.request_stop)
-            handle.close()
+            handle.end()
             if not handle.built:
-                raise  # otherwise it ends as at any other time: devices may have been enabled by then
+                handle.close()
+                raise
+            # otherwise it has ended as at any other time: devices may have been enabled by then
     return handle
 
 
