@@ -18,7 +18,7 @@ import pytest
 
 from itouch.loop.timing import Timing
 from itouch.plugin import Field, Record
-from itouch.servo import ServoError, control_block
+from itouch.servo import ServoError, control_block, sessions
 from itouch.servo.command_queue import Inbox, put
 from itouch.servo.publish import Publisher, slots_for
 from itouch.servo.reading import Follower, Ring, copy_timing
@@ -229,3 +229,12 @@ def test_a_state_that_is_written_over_while_it_is_taken_is_counted_as_dropped() 
     taken = list(follower.take())
     assert [entry.tick for entry in taken] == [100, 200, 500, 600, 700, 800, 1000]
     assert follower.dropped == 3
+
+
+def test_who_opened_a_session_as_it_was_being_built_is_told_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between the opening of the memory and the reading of its description the session may have been built."""
+    segment = SharedMemory.create("test")
+    early = SharedMemory(os.dup(segment.handle), "test")
+    monkeypatch.setattr("itouch.servo.link._segments", lambda: iter([early]))
+    segment.grow({"source": "scene.xml"}, 8, 8, slots=2, summed=False)
+    assert [info.scene for info in sessions()] == ["scene.xml"]

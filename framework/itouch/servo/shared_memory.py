@@ -141,6 +141,8 @@ class SharedMemory:
     def meta(self) -> dict[str, Any]:
         """Return the servo process's description of the session: names, layout, scene."""
         start, size = int(self.words[at.META_AT]), int(self.words[at.META_SIZE])
+        if start + size > len(self.bytes):  # it was mapped just before it had grown
+            self.map()
         found: dict[str, Any] = json.loads(self.bytes[start : start + size].tobytes())
         return found
 
