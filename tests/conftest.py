@@ -36,9 +36,12 @@ from shipped import SCENES
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
 settings.load_profile("any machine")
 
-# started in the background by a shell, Ctrl-C is ignored here, and so by every program that a test starts
+# started in the background by a shell, Ctrl-C is ignored here, and so by every program that a test starts; below nohup,
+# the end of a terminal
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 #: The files that take long and need nothing compiled: one worker begins with them while the others wait for that.
 UNCOMPILED = (
