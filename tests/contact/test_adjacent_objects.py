@@ -5,7 +5,7 @@ import pytest
 from probing import random_pose, rotation
 
 from itouch.contact import Box, Friction, Geometry, Mesh, Shape, Surface
-from itouch.contact.adjacent_objects import beside
+from itouch.contact.distance_queries import beside
 
 HALF = (0.03, 0.05, 0.005)
 CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float) * HALF

@@ -7,8 +7,7 @@ import pytest
 from probing import Floats, random_pose, rotation
 
 from itouch.contact import Box, Friction, Geometry
-from itouch.contact.effects import EFFECTS_MEMORY, render_effects
-from itouch.contact.heights import carved
+from itouch.contact.effects import EFFECTS_MEMORY, carved, render_effects
 from itouch.contact.step import step
 from itouch.contact.surfaces import Effects, Texture, effects_table
 from itouch.plugin import Bound

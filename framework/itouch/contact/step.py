@@ -7,15 +7,19 @@ from itouch.contact.array_views import borrowed, lent
 from itouch.contact.compiling import entry, inlined, inner
 from itouch.contact.constraint_planes import touching
 from itouch.contact.distance import distance
-from itouch.contact.frames import to_local, to_local_then, to_world
+from itouch.contact.frames import rotate, to_local, to_local_then, to_world
 from itouch.contact.friction import Pressed, drag, first_touch, press
-from itouch.contact.moving_objects import pushed
+from itouch.contact.halfspaces import nearest_inside
+from itouch.contact.layout import ZERO
+from itouch.contact.meshcast import mesh_cast, place_then
 from itouch.contact.outcome import clear, report, report_near
 from itouch.contact.reset import nearest_free
-from itouch.contact.scratch import Mesh, add_seed, empty_site, put_near_objects, put_object, site_rows
+from itouch.contact.scratch import Mesh, add_seed, empty_site, put_near_objects, put_object, put_plane, site_rows
 from itouch.contact.slide import slide
 from itouch.contact.triangle import nearest_of, pierced
-from itouch.contact.vectors import Floats, Vector, norm, put, sub, vector
+from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, put, sub, vector
+
+_PUSH_ROUNDS = 12
 
 
 @inlined
@@ -71,6 +75,48 @@ def is_covered(site: Floats, mesh: Mesh | None, p: Vector, hip: Vector) -> bool:
             if pierced(mesh[0], mesh[1], t, to_local(site, k, p), q):
                 return True
     return False
+
+
+@inner
+def pushed(site: Floats, mesh: Mesh | None, p: Vector) -> Vector:
+    """Position of the proxy after the objects have moved: pushed by those that came its way, not through the others.
+
+    In each object's own frame the proxy is still at its old position; the plane that held it back there moves with the
+    object.
+
+    ``site`` (rows, SITE_WIDTH); ``p``, the position before, in [m], world frame.
+    """
+    count = int(ZERO)
+    for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
+        if site[k, at.FRAME_KIND] == at.KIND_MESH:
+            continue
+        q = place_then(site, k)
+        depth, normal, feature = distance(site, k, q)
+        normal = rotate(site, k, normal)
+        gap = depth - site[k, at.FRAME_REACH] + dot(normal, sub(p, to_world(site, k, q)))
+        count = put_plane(site, count, k, feature, normal, gap)
+    y = nearest_inside(site, count, (0.0, 0.0, 0.0))[0]
+    if mesh is not None:
+        for _ in range(_PUSH_ROUNDS):
+            before = count
+            for k in range(at.FRAME_FIRST, int(site[at.ENDS, at.END_FRAMES])):
+                if site[k, at.FRAME_KIND] == at.KIND_MESH:
+                    q = place_then(site, k)
+                    step = sub(to_local(site, k, add(p, y)), q)
+                    length = norm(step)
+                    if length < 1e-14:
+                        continue
+                    way = along((0.0, 0.0, 0.0), 1.0 / length, step)
+                    hit = mesh_cast(site, mesh, k, q, way, length)
+                    if hit[1] >= 0:
+                        normal = rotate(site, k, hit[2])
+                        gap = hit[3] + dot(normal, sub(p, to_world(site, k, q)))
+                        add_seed(site, k, hit[1], 0.0)
+                        count = put_plane(site, count, k, hit[1], normal, gap)
+            if count == before:
+                break
+            y = nearest_inside(site, count, (0.0, 0.0, 0.0))[0]
+    return add(p, y)
 
 
 @inner

@@ -4,14 +4,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from itouch.contact import bvh, search
+from itouch.contact.bvh import Ints32
+from itouch.contact.compiling import entry, inner
 from itouch.contact.neighbours import add_neighbours
 from itouch.contact.scratch import Mesh as Tables
-from itouch.contact.solid import encloses
-from itouch.contact.vectors import Floats
+from itouch.contact.triangle import corner
+from itouch.contact.vectors import Floats, cross, dot, sub
 
 _SKIN = 1e-7  # of the mesh's size: how far a point probe stays off a surface without thickness
 _FARTHEST = 1e100  # [m]; squares must not overflow
 _SKIN_FAR = 1e-8  # of the greatest coordinate: rounding must stay far below the skin
+
+
+_PRIME = np.uint64(0x9E3779B97F4A7C15)
+_SHIFT = np.uint64(29)
 
 
 def checked_vertices(vertices: ArrayLike) -> Floats:
@@ -56,6 +62,44 @@ def checked_faces(faces: ArrayLike, vertex_count: int) -> NDArray[np.int32]:
         given = low if low < 0 else high
         raise ValueError(f"faces names vertex {given}; there are vertices 0 to {vertex_count - 1}")
     return np.ascontiguousarray(array, dtype=np.int32)
+
+
+@inner
+def _mix(a: np.uint64, b: np.uint64) -> np.uint64:
+    """Scramble two words into one; the order matters."""
+    x = (a ^ (b + _PRIME + (a << np.uint64(6)) + (a >> np.uint64(2)))) * _PRIME
+    x ^= x >> _SHIFT
+    x *= np.uint64(0xBF58476D1CE4E5B9)
+    return x ^ (x >> np.uint64(32))
+
+
+@entry
+def encloses(vertices: Floats, triangles: Ints32) -> bool:
+    """Whether every directed edge has its opposite and the signed volume is positive.
+
+    Edges are compared by a 64-bit sum of hashes of their ends' coordinates, so that duplicate vertices count as one;
+    the chance of a wrong answer is about 1e-19.
+
+    ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH).
+    """
+    words = np.empty(vertices.shape[0], np.uint64)
+    bits = vertices.view(np.uint64)
+    for v in range(vertices.shape[0]):
+        word = _PRIME
+        for c in range(3):
+            word = _mix(word, bits[v, c] if vertices[v, c] != 0.0 else np.uint64(0))
+        words[v] = word
+    balance = np.uint64(0)
+    volume = 0.0
+    middle = corner(vertices, 0)
+    for t in range(triangles.shape[0]):
+        for c in range(3):
+            a, b = words[triangles[t, c]], words[triangles[t, (c + 1) % 3]]
+            balance += _mix(a, b) - _mix(b, a)
+        p = sub(corner(vertices, triangles[t, 0]), middle)
+        q, r = sub(corner(vertices, triangles[t, 1]), middle), sub(corner(vertices, triangles[t, 2]), middle)
+        volume += dot(p, cross(q, r))
+    return bool(balance == np.uint64(0) and volume > 0.0)
 
 
 class Surface:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.compiling import kernel
-from itouch.contact.adjacent_objects import beside
+from itouch.contact.distance_queries import beside
 from itouch.joining import SKIP
 from itouch.loop import render
 from itouch.loop.surface import force, ground, memory, plate, taking_over

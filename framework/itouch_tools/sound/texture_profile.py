@@ -18,7 +18,7 @@ from itouch_tools.sound.modal import RATE
 _HIGHEST = 2.0
 #: Rate [samples of the map/s] above which a texture fades: what is finer than the ear's range must not alias.
 _FADE = 16_000.0
-#: In-plane axes of a map that is projected along x, y or z, as in ``itouch.contact.heights``.
+#: In-plane axes of a map that is projected along x, y or z, as in ``itouch.contact.effects``.
 _PLANES = ((1, 2), (0, 2), (0, 1))
 
 

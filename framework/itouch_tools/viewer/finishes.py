@@ -22,7 +22,7 @@ class Carved:
     """A height map that is carved into a surface.
 
     ``heights`` (rows, columns) are 0 to 1, the bottom row first; ``size`` is the width and the height of the map on the
-    surface [m], ``depth`` how deep a height of 0 is carved [m]; ``axis`` as in ``itouch.contact.heights``.
+    surface [m], ``depth`` how deep a height of 0 is carved [m]; ``axis`` as in ``itouch.contact.effects``.
     """
 
     heights: NDArray[np.float32]

@@ -53,7 +53,7 @@ vec2 beads(vec3 p) {
 }
 """
 
-#: The carved map, projected as in ``itouch.contact.heights``; slopes are shown three times as steep as they are felt.
+#: The carved map, projected as in ``itouch.contact.effects``; slopes are shown three times as steep as they are felt.
 _RELIEF = """
 uniform sampler2D heights;
 uniform vec4 carve;  // columns * pitch, rows * pitch, depth [m]; depth 0: no map; axis, -1: along all three
