@@ -13,7 +13,6 @@ from itouch.contact.distance_queries import beside
 from itouch.joining import SKIP
 from itouch.loop import render
 from itouch.loop.surface import force, ground, memory, plate, taking_over
-from itouch.loop.surface.feeling import feel, linger
 from itouch.monitors.surface_kernels import pace
 
 Floats = NDArray[np.float64]
@@ -200,8 +199,8 @@ def carried(
     plate.move(c, kept, before, figures[render.PLATE_TOP])
     plate.stray(figures, carrier.sent, table)
     plate.spare(c, figures, kept, carrier.goal, pressed, yields[0])
-    feel(c, figures, kept, load[2], touching)
-    linger(c, kept, load[2], touching, tick[0] * period)
+    force.feel(c, figures, kept, load[2], touching)
+    force.linger(c, kept, load[2], touching, tick[0] * period)
     there[0] = int(kept[memory.PRESENT])
     moved = figures[render.PLATE_TOP] - before
     rising[0] = plate.rises(read, carrier.measured[0], top, moved, period) if read.shape[0] else moved / period

@@ -18,17 +18,15 @@ import numpy as np
 from itouch.faults import FOREVER, Injection, Kind
 from itouch.joining import runner as as_one_call
 from itouch.loop import interpreter
-from itouch.loop.advance import PYTHON, STOPPED, advance
 from itouch.loop.clock import Clock, VirtualClock, now
+from itouch.loop.engine_view import Notifications, tell
 from itouch.loop.events import Events
 from itouch.loop.fault_attribution import broken_off, changed_python, with_replaced, with_writer
 from itouch.loop.fingers import join_fingers
-from itouch.loop.left_out import leave_out
-from itouch.loop.notifications import Notifications, tell
 from itouch.loop.objects import Objects
 from itouch.loop.operator_commands import LatchedError, OperatorCommands
-from itouch.loop.pacing import Pacing
-from itouch.loop.plan import Plan, build
+from itouch.loop.pacing import Pacing, leave_out
+from itouch.loop.plan import PYTHON, STOPPED, Plan, advance, build
 from itouch.loop.release import in_turn, raise_unless_failing, released
 from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
@@ -206,7 +204,7 @@ class Engine:
         return now() - float(self.stamps[-1])
 
     def leave_out(self, seconds: float, *, running: bool = False) -> int:
-        """Account for time that no tick stands for, see `left_out.leave_out`; return how many periods that is.
+        """Account for time that no tick stands for, see `pacing.leave_out`; return how many periods that is.
 
         Parameters
         ----------

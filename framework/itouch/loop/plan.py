@@ -2,17 +2,20 @@
 
 This is the whole of a tick.  To see what happens in which order, read ``build``, or run
 ``itouch-py inspect SCENE --plan``.  Safety's steps stand after each read and before each write because the plan is
-built so; nothing that a plugin declares can move them.
+built so; nothing that a plugin declares can move them.  Where all steps join, the tick is one compiled call:
+``advance``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.joining import Chain, can_join
+from itouch.compiling import kernel
+from itouch.joining import Chain, can_join, host_time, run_chain
 from itouch.loop import steps
 from itouch.loop.clock import now
 from itouch.loop.events import Events
@@ -22,6 +25,7 @@ from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import Counts
 from itouch.loop.runner import Runner
 from itouch.loop.step import Step
+from itouch.loop.timing import count
 from itouch.loop.write_access import Fence, Fences
 from itouch.plugin import Record
 from itouch.safety import HoldToRun
@@ -29,6 +33,10 @@ from itouch.schema import ItouchError
 from itouch.world import ModalityModel, Model
 
 Stamps = NDArray[np.float64]
+
+
+#: Codes for what is left to Python: the whole tick, or its rest from where the plan has stopped, which is in ``left``.
+PYTHON, STOPPED = 1, 2
 
 
 class PlanError(ItouchError):
@@ -318,3 +326,44 @@ def build(
     listed += [steps.twin(runner) for runner in runners.values() if runner.model.twin]
     listed += [steps.log(rig) for rig in rigs]
     return Plan(listed, state)
+
+
+@kernel
+def advance(
+    chain: int, tick: Any, ready: Any, sampled: int, stamps: Any, told: Any, counts: Any, greatest: Any, left: Any
+) -> int:  # fmt: skip
+    """Run a plan's only chain, count the tick, and record how long it took; scalars have shape (1,).
+
+    Parameters
+    ----------
+    chain
+        Address of what describes the chain (`Chain.place`).
+    tick, ready
+        Fields of State: the number of the tick, and whether the rig is calibrated; until it is, Python runs the ticks.
+    sampled
+        One tick in this many is left to Python, which times its parts.
+    stamps
+        Host time [s], the first entry at the start of the tick and the last at its end; written.
+    told, counts, greatest
+        The number of ticks timed, their histograms, and the greatest times; written.
+    left
+        Where the plan has stopped, if a step has left something to Python; written.
+
+    Returns
+    -------
+    int
+        0: the tick is done; else PYTHON or STOPPED.
+    """
+    if ready[0] == 0 or tick[0] % sampled == 0:
+        return PYTHON
+    stamps[0] = host_time(chain)
+    found = run_chain(chain, 0)
+    if found >= 0:
+        left[0] = found
+        return STOPPED
+    tick[0] += 1
+    last = len(stamps) - 1
+    stamps[last] = host_time(chain)
+    told[0] += 1
+    count(counts, greatest, 1, stamps[last] - stamps[0])
+    return 0

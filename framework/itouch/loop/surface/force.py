@@ -1,8 +1,8 @@
-"""The arm's part of a contact's force: where a plate renders the contact, only what the plate does not give.
+"""The force of a contact that plate and arm share: with which force it is felt, and what the arm gives of it.
 
-No force is given twice, and arm and plate together never push harder than the scene allows.  While the contact is
-handed over from one to the other, the sum of both changes in small steps: the plate's force is measured, and the arm's
-force follows it.
+Where a plate renders the contact, the arm gives only what the plate does not give.  No force is given twice, and arm
+and plate together never push harder than the scene allows.  While the contact is handed over from one to the other, the
+sum of both changes in small steps: the plate's force is measured, and the arm's force follows it.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from itouch.loop.render import (
     HAS_TABLE,
     HIP,
     NORMAL,
+    NORMAL_FORCE,
     PERIOD,
     PLATE_GAP,
     PLATE_TOP,
@@ -32,8 +33,15 @@ from itouch.loop.surface.memory import (
     CHANGING,
     CLEAR,
     CUT,
+    FELT,
+    FELT_FORCE,
+    FELT_WEIGHT,
+    LINGERED,
+    LINGERED_AT,
+    LINGERS,
     LOAD,
     NOTHING,
+    PRESENT,
     PRESSED,
     RENDERS,
     SETTLED,
@@ -71,6 +79,13 @@ BELOW = 0.02
 SPARE = 0.06
 #: The same where it is known later still: more than safety leaves by itself, so that this is not felt to cut.
 SPARE_LATE = 0.15
+
+
+#: How long [s] the virtual force stands in for a plate that is not felt yet, and in what time it blends into the
+#: plate's.
+WAIT, BLEND = 0.080, 0.020
+#: Least felt force [N] of a contact that the plate renders.
+LEAST = 1e-3
 
 
 @kernel
@@ -227,3 +242,46 @@ def push(
         _shorten(force, c[FORCE_LIMIT] - memory[CUT])
     memory[STIRS + 1], memory[STIRS] = memory[STIRS], virtual
     wrench[0], wrench[1], wrench[2] = turned_in(c, ARM, force[0], force[1], force[2])
+
+
+@kernel
+def feel(c: Floats, figures: Floats, memory: Floats, load: float, touching: bool) -> None:
+    """Write with what force [N] the finger feels the contact: the plate's where the plate is present, else the virtual.
+
+    Until the plate is felt it is the virtual force, which is then blended into the plate's.
+
+    ``c`` (CONSTANTS,) and ``figures`` (FIGURES,), ``memory`` (MEMORY,) of the surface; ``load``: the force that the
+    plate reads [N]; a finger that presses makes it negative.
+    """
+    if not touching:
+        memory[PRESSED] = memory[FELT] = memory[FELT_WEIGHT] = memory[FELT_FORCE] = 0.0
+        return
+    memory[PRESSED] += c[PERIOD]
+    pressed = max(0.0, -load)
+    if pressed > TOUCH or memory[PRESSED] > WAIT:
+        memory[FELT] = 1.0
+    real = c[HAS_LOAD] > 0.0 and memory[PRESENT] > 0.0 and memory[FELT] > 0.0
+    way = c[PERIOD] / BLEND
+    weight = min(1.0, memory[FELT_WEIGHT] + way) if real else max(0.0, memory[FELT_WEIGHT] - way)
+    memory[FELT_WEIGHT] = weight
+    if weight > 0.0:
+        memory[FELT_FORCE] = max(LEAST, (1.0 - weight) * figures[NORMAL_FORCE] + weight * pressed)
+    else:
+        memory[FELT_FORCE] = figures[NORMAL_FORCE]
+
+
+@kernel
+def linger(c: Floats, memory: Floats, load: float, touching: bool, time: float) -> None:
+    """Remember the longest time [s] for which the plate was felt after a virtual contact had ended, and when that was.
+
+    ``c`` (CONSTANTS,), ``memory`` (MEMORY,) of the surface; ``load``: the force that the plate reads [N], negative when
+    pressed; ``time`` of the tick [s].
+    """
+    if touching:
+        memory[LINGERS] = 0.0
+    elif memory[LINGERS] >= 0.0 and -load > TOUCH:
+        memory[LINGERS] += c[PERIOD]
+        if memory[LINGERS] > memory[LINGERED]:
+            memory[LINGERED], memory[LINGERED_AT] = memory[LINGERS], time
+    else:
+        memory[LINGERS] = -1.0
