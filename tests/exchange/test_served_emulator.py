@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from itouch.exchange.emulator_thread import ServedEmulator
+from itouch.exchange.thread import ServedEmulator
 from itouch.plugin import Emulator, Field, Record
 
 READING, COMMAND = (Field("height", unit="m"),), (Field("goal", unit="m"),)

@@ -29,7 +29,7 @@ from itouch.monitors import (
     thresholds,
 )
 from itouch.monitors import limits as default
-from itouch.monitors.history import History
+from itouch.monitors.heat import History
 from itouch.monitors.limits import DeviceLimits
 from itouch.monitors.runaway import Runaway, drive_of
 from itouch.monitors.runaway_kernels import Look

@@ -9,7 +9,7 @@ import pytest
 from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, FakeTwin, model, record, state
 
 from itouch.monitors import Heat, Readings, Surface, heat_kernels, history_kernels, own_monitors, surface_kernels
-from itouch.monitors.history import History
+from itouch.monitors.heat import History
 from itouch.monitors.surface_kernels import SurfaceObservation, pace
 from itouch.monitors.thresholds import READINGS
 from itouch.plugin import Channel, Record

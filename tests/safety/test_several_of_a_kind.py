@@ -18,7 +18,7 @@ from test_unknown_devices import Entry, Nothing, catalog, scene
 
 import itouch
 from itouch.exchange import ThreadedDevice
-from itouch.exchange.every_nth_tick import EveryNth
+from itouch.exchange.in_step import EveryNth
 from itouch.loop import WallClock
 from itouch.monitors import Surface, Trip, TripError
 from itouch.plugin import (

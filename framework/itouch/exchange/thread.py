@@ -1,10 +1,11 @@
-"""A blocking device in a thread of its own: the tick deposits the newest command and takes the newest reading."""
+"""A blocking device, or an emulator, in a thread of its own: each side takes the newest of the other."""
 
 from __future__ import annotations
 
 import contextlib
 import math
 import os
+import select
 import threading
 import time
 from collections import deque
@@ -13,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import RETRACT, Channel, Device, DeviceError, Field, Record, Stamps
+from itouch.plugin import RETRACT, Channel, Device, DeviceError, Emulator, Field, Record, Stamps
 from itouch.plugin.device import is_new
 from itouch.plugin.stamps import Stamped, ticks_of
 from itouch.schema.diagnostics import named
@@ -34,6 +35,10 @@ _LEAST = 1e-4
 _LEARNT = 0.2
 #: Over how many of the latest exchanges the figures are computed.
 _LATEST = 5000
+
+
+#: How long [s] closing waits for the thread to end.
+_END = 1.0
 
 
 class ThreadedDevice(Device, Stamped):
@@ -223,6 +228,69 @@ class ThreadedDevice(Device, Stamped):
             self._wanted = None if self._wanted is wanted else self._wanted
         self.device.write(self._command)
         return wanted
+
+
+class ServedEmulator:
+    """Runs an emulator in a thread of its own: a wire that has to wait delays neither the simulation nor another wire.
+
+    ``serve`` runs whenever the host has sent a request, or the emulator has something due.
+
+    The simulation deposits the newest reading and takes the newest command; neither side waits for the other.  (A
+    pseudo-terminal, for example, answers only after a kernel thread has run, which a busy machine delays.)
+
+    Parameters
+    ----------
+    emulator
+        An open emulator.
+    reading, command
+        The twin's present reading and command; copied.
+    """
+
+    def __init__(self, emulator: Emulator, reading: Record, command: Record) -> None:
+        self._emulator = emulator
+        self._reading, self._command = reading.copy(), command.copy()
+        self._shown: tuple[float, bytes] = 0.0, reading.tobytes()
+        self._asked: tuple[bool, bytes] = False, command.tobytes()
+        self._error: Exception | None = None
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name=f"itouch-{type(emulator).__name__}", daemon=True)
+        self._thread.start()
+
+    def show(self, now: float, reading: Record) -> None:
+        """Deposit the twin's reading at the simulated time ``now`` [s]."""
+        self._shown = now, reading.tobytes()
+
+    def take(self, command: Record) -> bool:
+        """Copy the host's last command; tell whether the host drives the device.
+
+        Raises
+        ------
+        Exception
+            The exception that the emulator has raised, if any.
+        """
+        if self._error is not None:
+            raise self._error
+        driven, asked = self._asked
+        command.raw.data[:] = asked
+        return driven
+
+    def close(self) -> None:
+        """End the thread."""
+        self._ending.set()
+        self._thread.join(_END)
+
+    def _serve(self) -> None:
+        keep_up()
+        emulator = self._emulator
+        try:
+            while not self._ending.is_set():
+                now, shown = self._shown
+                self._reading.raw.data[:] = shown
+                driven = emulator.serve(now, self._reading, self._command)
+                self._asked = driven, self._command.tobytes()
+                select.select(emulator.handles(), [], [], max(0.0, emulator.patience()))
+        except BaseException as error:
+            self._error = told(error)
 
 
 def told(error: BaseException) -> Exception:

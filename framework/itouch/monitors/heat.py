@@ -8,7 +8,7 @@ the drive is cut down in proportion; past the trip the device stops.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
@@ -16,15 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.monitors import limits as default
-from itouch.monitors.history import History
 from itouch.monitors.readings import drives, plates, separate
 from itouch.monitors.runaway import Runaway, drive_of, signed
-from itouch.monitors.thresholds import COLDEST_TARGET, DRIVEN, WINDOWS
+from itouch.monitors.thresholds import COLDEST_TARGET, DRIVEN, READINGS, WINDOWS
 from itouch.monitors.trips import Trip
 from itouch.plugin import Channel, Field, Moment, Monitor, Record, Role, Rule, Watched
 
 if TYPE_CHECKING:
-    from itouch.monitors import heat_kernels, runaway_kernels
+    from itouch.monitors import heat_kernels, history_kernels, runaway_kernels
 
 _TRIPS = (
     Trip.PLATE_TEMPERATURE, Trip.PLATE_RATE, Trip.FLUX, Trip.DOSE, Trip.COLD, Trip.SENSOR_JUMP, Trip.SENSOR_FROZEN,
@@ -34,6 +33,48 @@ _RULES = {
     Trip.PLATE_RATE: "T5", Trip.FLUX: "T6", Trip.DOSE: "T3", Trip.COLD: "T4c", Trip.SENSOR_JUMP: "T8",
     Trip.SENSOR_FROZEN: "T8", Trip.SENSOR_DISAGREE: "T8", Trip.RUNAWAY: "T9",
 }  # fmt: skip
+
+
+class History:
+    """Keeps rows of time, temperature, and the integrals of temperature and |flux| so far, for looking back.
+
+    The arithmetic is in ``history_kernels``.
+
+    Parameters
+    ----------
+    windows
+        How far to look back [s]; each window has a pointer of its own, so that looking back takes a step or two.
+    """
+
+    def __init__(self, windows: Sequence[float]) -> None:
+        self._windows = tuple(windows)
+
+    def fields(self) -> tuple[Field, ...]:
+        """Return the State that it needs."""
+        return (
+            Field("samples", "i8", low=0, unit="1", doc="readings taken since the device was away"),
+            Field(
+                "history",
+                "f8",
+                (READINGS, 4),
+                unit="mixed",
+                doc="time, temperature, and integrals of it and of the flux",
+            ),  # fmt: skip
+            Field("flux", unit="W/m^2", doc="the newest magnitude of the flux"),
+            Field("tails", "i8", len(self._windows), low=0, unit="1", doc="where each window begins"),
+        )
+
+    def forget(self, state: Record) -> None:
+        """Forget all readings."""
+        state["samples"][...] = 0
+        state["tails"][:] = 0
+
+    def past(self, state: Record) -> history_kernels.Past:
+        """Return the readings, for compiled code."""
+        from itouch.monitors.history_kernels import Past  # here, so that the compiler is loaded only if a device runs
+
+        samples, flux = state["samples"].reshape(1), state["flux"].reshape(1)
+        return Past(samples, state["history"], flux, state["tails"], np.array(self._windows))
 
 
 class Heat(Monitor):

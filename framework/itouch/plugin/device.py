@@ -13,12 +13,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.moved import have_both_names
 from itouch.plugin.bound import Bound
 from itouch.plugin.channel import Channel
 from itouch.plugin.declaration_rules import faults_of, unguessable
 from itouch.plugin.groups import Grouped
 from itouch.plugin.record import Field, Record
-from itouch.plugin.renamed_methods import have_both_names
 from itouch.plugin.stamps import Stamps
 from itouch.plugin.trace import Trace
 from itouch.schema import ItouchError

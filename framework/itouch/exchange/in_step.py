@@ -1,13 +1,19 @@
-"""A blocking device on the virtual clock: it exchanges every so many ticks, however long that takes in real time."""
+"""Exchanges in step with the ticks of a virtual clock, however long they take in real time, or without any wire.
+
+A blocking device exchanges every so many ticks.  A device without its wire gets the readings of a simulated rig's twin,
+which obeys its commands: where only some devices of a run use their wires, for the others only the protocols, with what
+they cost, are left out.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.plugin import Device, Field, Record, Stamps
+from itouch.plugin import Device, Emulator, Field, Record, Stamps
 from itouch.plugin.stamps import Stamped, ticks_of
 
 #: Factor on drivers' timeouts in step: the simulated world stands still while they wait.
@@ -90,3 +96,62 @@ class EveryNth(Device, Stamped):
             self._record.raw.data[:] = self._command
             self.device.write(self._record)
             self._told, self._sent = False, self._command
+
+
+class Straight(Device):
+    """The host's end of a device without its wire.
+
+    Parameters
+    ----------
+    params
+        The device's parameters.
+    reading, sent
+        The twin's present reading, and the command that it obeys, with the same channels as the host's.
+    """
+
+    def __init__(self, params: Any, reading: Record, sent: Record) -> None:
+        super().__init__(params)
+        self._reading, self._sent = reading, sent
+        #: Whether a host commands it.
+        self.driven = False
+
+    @classmethod
+    def wires(cls, params: Any) -> tuple[str, ...]:
+        """Return no wires, whatever the parameters name."""
+        return ()
+
+    def open(self) -> None:
+        """Begin to read."""
+
+    def close(self) -> None:
+        """Stop commanding; the twin keeps its last command."""
+        self.driven = False
+
+    def read(self, reading: Record) -> bool:
+        """Copy the twin's reading."""
+        reading.raw.data[:] = self._reading.tobytes()
+        return True
+
+    def write(self, command: Record) -> None:
+        """Pass the command to the twin."""
+        self._sent.raw.data[:] = command.tobytes()
+        self.driven = True
+
+
+class StraightEmulator(Emulator):
+    """The rig's end of a device without its wire: there is nothing to answer, since the host's end does everything."""
+
+    def __init__(self, device: Straight) -> None:
+        super().__init__(device.params)
+        self._device = device
+
+    def open(self) -> str:
+        """Return words for the place of listening: there is no wire."""
+        return "without a wire"
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def serve(self, now: float, reading: Record, command: Record) -> bool:
+        """Tell whether the host commands the device."""
+        return self._device.driven
