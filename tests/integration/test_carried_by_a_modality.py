@@ -15,7 +15,7 @@ from test_outside_surface import PLUGIN, SCENE
 
 import itouch
 from itouch.plugin.discovery import Catalog
-from itouch.testing.carried import carries
+from itouch.testing.declared_fields import carries
 from itouch.testing.scenario import ModalitySubject
 from itouch_tools.cli.__main__ import main
 

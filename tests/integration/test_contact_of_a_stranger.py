@@ -20,8 +20,8 @@ from itouch.faults.kinds import Kind
 from itouch.loop.engine import Engine
 from itouch.plugin.discovery import Catalog
 from itouch.plugin.geometry import FOUND, Geometry, point_distance, proxy_step
+from itouch.testing.declared_fields import touches
 from itouch.testing.scenario import ModalitySubject
-from itouch.testing.touched import touches
 from itouch_evidence.renamed import RenamedCatalog
 from itouch_tools.cli.__main__ import main
 

@@ -22,7 +22,6 @@ PLUGINS = Path(__file__).parents[2] / "plugins"
 #: where those of limits are, which scenes write: ``temperature`` is one of them.
 OWN = (
     "itouch/arms/", "itouch_tools/scaffold/", "itouch_tools/cli/explain/", "itouch/world/limits.py",
-    "itouch/world/limit_checks.py",
 )  # fmt: skip
 
 
@@ -48,7 +47,7 @@ MEANT = {
     "itouch/plugin/device.py": "what a twin is told", "itouch/plugin/impedance.py": "the twin's own channels",
     "itouch/schema/__init__.py": "what it exports",
     "itouch/scene/loader.py": "an attribute", "itouch/scene/rigs.py": "a kind of attribute", "itouch_tools/viewer/scales.py": "titles of units",
-    "itouch/world/limits.py": "limits", "itouch/world/limit_checks.py": "limits", "itouch/world/limit_texts.py": "limits",
+    "itouch/world/limits.py": "limits", "itouch/world/limit_texts.py": "limits",
     "itouch/world/replaced_limits.py": "limits", "itouch/recording/tracks.py": "recordings of before",
     "itouch/loop/told.py": "the end of a key that says what is missing",
     "itouch/loop/contact_log.py": "keys that reports of before have", "itouch_tools/authoring/lint.py": "an attribute of a scene",

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from itouch.plugin.discovery import Catalog
-from itouch.scene import constraints
+from itouch.scene import binding
 from itouch.scene.elements.rates import Rates
 from itouch.scene.loader import in_file_order, read_scene
 from itouch.scene.values import ValueProblemError, parse_value
@@ -314,7 +314,7 @@ def test_a_flag_is_a_word_or_a_digit(text: str, means: bool) -> None:
     ],
 )
 def test_names_are_listed_each_once_and_in_order(names: tuple[str, ...], text: str) -> None:
-    assert constraints._listed(names) == text
+    assert binding._listed(names) == text
 
 
 @pytest.mark.parametrize(

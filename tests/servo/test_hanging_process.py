@@ -15,9 +15,8 @@ import pytest
 import itouch
 from itouch.servo import control_block as at
 from itouch.servo.errors import let_go
-from itouch.servo.guardian import ORPHAN_TIME, SILENCE, Guardian
+from itouch.servo.guardian import ORPHAN_TIME, SILENCE, Guardian, LastWords, Process
 from itouch.servo.shared_memory import monotonic
-from itouch.servo.silence_limit import LastWords, Process
 from itouch_evidence.deaths.observer import Observer
 from itouch_tools.cli.doctor.touch_scene import scene
 

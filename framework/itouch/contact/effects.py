@@ -45,7 +45,6 @@ HELD = _memory.part()  # 1: stick-slip holds at a point
 HELD_AT = _memory.part(3)  # three numbers: that point, in the object's frame [m]
 EFFECTS_MEMORY = _memory.width
 
-
 Height = tuple[float, float, float]
 
 

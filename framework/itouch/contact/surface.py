@@ -15,7 +15,6 @@ _SKIN = 1e-7  # of the mesh's size: how far a point probe stays off a surface wi
 _FARTHEST = 1e100  # [m]; squares must not overflow
 _SKIN_FAR = 1e-8  # of the greatest coordinate: rounding must stay far below the skin
 
-
 _PRIME = np.uint64(0x9E3779B97F4A7C15)
 _SHIFT = np.uint64(29)
 

@@ -36,7 +36,6 @@ _LEARNT = 0.2
 #: Over how many of the latest exchanges the figures are computed.
 _LATEST = 5000
 
-
 #: How long [s] closing waits for the thread to end.
 _END = 1.0
 

@@ -19,7 +19,6 @@ HOPELESS = 20
 #: For how long [s] the machine must have been suspended for that to count: two clocks tell it, not read at once.
 SLEPT = 0.2
 
-
 #: Left-out time [s] from which on a finger's velocity is taken to be unknown; for less it is taken to go on.
 MOVES_ON = 0.05
 

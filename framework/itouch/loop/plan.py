@@ -34,7 +34,6 @@ from itouch.world import ModalityModel, Model
 
 Stamps = NDArray[np.float64]
 
-
 #: Codes for what is left to Python: the whole tick, or its rest from where the plan has stopped, which is in ``left``.
 PYTHON, STOPPED = 1, 2
 

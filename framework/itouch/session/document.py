@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterable, Mapping
+import math
+import struct
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 from xml.parsers import expat
@@ -19,13 +21,14 @@ from itouch.scene import write
 from itouch.session.arrays import load_bases, pack_bases
 from itouch.session.errors import ADVICE, SessionError, check_ledger, plainly
 from itouch.session.manifest import digest
-from itouch.session.number_text import from_text, to_text
 from itouch.session.snapshot import Snapshot, check_format, checked_files, read_scene
 
 #: Greatest size of a document that is read, and of the State that it may describe [bytes].
 MAX_DOCUMENT, MAX_STATE = 256 << 20, 64 << 20
 _END = "</itouch>"
 _WIDTH = 76
+
+_QUIET = struct.pack("<d", math.nan)
 
 
 def to_xml(snapshot: Snapshot) -> str:
@@ -253,3 +256,51 @@ def _fill(view: NDArray[Any], node: _Node) -> None:
         for column, cell in zip(columns, cells, strict=True):
             part = np.asarray(target[column.attributes["name"]])
             target[column.attributes["name"]] = from_text(cell.content, part.dtype, part.size).reshape(part.shape)
+
+
+def to_text(values: NDArray[Any]) -> str:
+    """Return numbers, of any shape (n, ...) and unit, as text, separated by blanks.
+
+    It is the shortest text that reads back to the same bits; values that are not numbers are written in hexadecimal.
+    """
+    if values.dtype.kind in "iub":
+        return " ".join(str(int(value)) for value in values.ravel())
+    if values.dtype.kind == "f":
+        return " ".join(_float(value) for value in values.astype("f8").ravel().tolist())
+    return np.ascontiguousarray(values).tobytes().hex()
+
+
+def _float(value: float) -> str:
+    if value == value:
+        return repr(value)
+    bits = struct.pack("<d", value)
+    return "nan" if bits == _QUIET else "nan:" + bits[::-1].hex()
+
+
+def from_text(text: str, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
+    """Return ``count`` numbers of a type from their text.
+
+    Raises
+    ------
+    ValueError
+        If the text holds something else, or another count.
+    """
+    if dtype.kind not in "iubf":
+        data = bytes.fromhex(text)
+        if len(data) != count * dtype.itemsize:
+            raise ValueError(f"{len(data)} bytes, not {count * dtype.itemsize}")
+        return np.frombuffer(data, dtype).copy()
+    words = text.split()
+    if len(words) != count:
+        raise ValueError(f"{len(words)} numbers, not {count}")
+    if dtype.kind == "f":
+        return _floats(words).astype(dtype)
+    return np.array([int(word) for word in words], dtype)
+
+
+def _floats(words: Sequence[str]) -> NDArray[np.float64]:
+    data = b"".join(
+        bytes.fromhex(word[4:])[::-1] if word.startswith("nan:") and len(word) == 20 else struct.pack("<d", float(word))
+        for word in words
+    )
+    return np.frombuffer(data, np.float64).copy()

@@ -5,8 +5,11 @@ from __future__ import annotations
 import contextlib
 import os
 import pathlib
+import sys
+import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from typing import Any, Protocol
 
@@ -23,14 +26,15 @@ from itouch.session import channel_selection, layout, limits, marks
 from itouch.session.document import to_xml
 from itouch.session.errors import SessionError, plainly
 from itouch.session.participants import Participant
-from itouch.session.progress import told
 from itouch.session.recorder import Asked, Onwards, Recorder
-from itouch.session.saving import Saving
-from itouch.session.snapshot import Snapshot, SnapshotWriter, write_snapshot
+from itouch.session.snapshot import Saving, Snapshot, SnapshotWriter, write_snapshot
 from itouch.session.state_validation import validate_state
 from itouch.world import Model
 
 Path = str | os.PathLike[str]
+
+#: How often [s of host time] the line of progress is written.
+PROGRESS_EVERY = 0.2
 
 
 class Watching(Protocol):
@@ -171,7 +175,7 @@ class Session(Shown, Engine):
         if not progress:
             super().run(seconds, until=until, each=each, every=every)
             return
-        with told(lambda: self.seconds, seconds) as tell:
+        with progress_shown(lambda: self.seconds, seconds) as tell:
 
             def both() -> None:
                 tell()
@@ -489,3 +493,37 @@ class Session(Shown, Engine):
             )
         self._limits = stored
         return [f"limit of {line}" for line in (*looser, *tighter)]
+
+
+@contextmanager
+def progress_shown(now: Callable[[], float], seconds: float | None) -> Iterator[Callable[[], None]]:
+    """Yield a function to be called often during a run, which writes the progress line; the context ends the line.
+
+    Parameters
+    ----------
+    now
+        Returns the simulated time [s].
+    seconds
+        How long the run will be [s]; None: not known.
+    """
+    began, begin = time.monotonic(), now()
+    last = [0.0]
+
+    def line() -> str:
+        done, took = now() - begin, time.monotonic() - began
+        of = f" of {seconds:.1f}" if seconds is not None else ""
+        return f"{done:.1f}{of} s simulated, {done / max(took, 1e-9):.1f} x real time"
+
+    def write(end: str) -> None:
+        with suppress(OSError, ValueError):  # the reader of the stream may be gone: the run goes on
+            print(f"\r{line()}   ", end=end, file=sys.stderr, flush=True)
+
+    def tell() -> None:
+        if time.monotonic() - last[0] >= PROGRESS_EVERY:
+            last[0] = time.monotonic()
+            write("")
+
+    try:
+        yield tell
+    finally:
+        write("\n")

@@ -10,10 +10,10 @@ import pytest
 
 from itouch.plugin import Device, Modality
 from itouch.testing import (
-    carried,
     continuation,
     contract,
     declared,
+    declared_fields,
     drivers,
     emulators,
     hygiene,
@@ -25,7 +25,6 @@ from itouch.testing import (
     monitoring,
     running,
     timing,
-    touched,
     twins,
 )
 from itouch.testing.checks import VITAL, Check, CheckResult, unexamined
@@ -108,8 +107,8 @@ MODALITY_CHECKS: tuple[Check, ...] = (
     *CONDUCT,
     hygiene.opens_nothing,
     modalities.runs,
-    carried.carries,
-    touched.touches,
+    declared_fields.carries,
+    declared_fields.touches,
     joined.modality,
     modalities.state_declared,
     modalities.determinism,

@@ -30,8 +30,7 @@ from itouch.schema.fields import default_of, specs, xml_name
 from itouch.schema.plugin_errors import ReturnedError, failing, failure
 from itouch.world.fields import declared_by
 from itouch.world.files import SceneFiles
-from itouch.world.own_contacts import check_alone, check_touched
-from itouch.world.presented_surfaces import check_carried
+from itouch.world.presented_surfaces import check_alone, check_carried, check_touched
 from itouch.world.rig import DeviceModel
 from itouch.world.surfaces import contact_of
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from itouch.contact import Geometry, Plane, Shape, layout
 from itouch.contact.surfaces import Effects
-from itouch.plugin import Role, WorldSurface
+from itouch.plugin import Role, WorldSurface, poses
 from itouch.plugin.bases import keeping_anyhow
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
@@ -22,7 +22,6 @@ from itouch.schema import Place, Problem, SceneError
 from itouch.world.bindings import blind, check_bindings, check_fingers, check_reach, check_writers
 from itouch.world.coupling import Coupling, couplings, on_bodies, relied, stable_effects
 from itouch.world.files import SceneFile, SceneFiles
-from itouch.world.input_sources import PERSON, hand_of
 from itouch.world.limits import check_safety
 from itouch.world.modalities import ModalityModel, build_modalities, notices_of
 from itouch.world.motion import NO_MOTIONS, Motions, build_motions
@@ -34,7 +33,15 @@ from itouch.world.rig import DeviceModel, build_devices, orientation
 from itouch.world.shapes import build_shapes
 from itouch.world.skin import unfelt
 from itouch.world.surfaces import build_effects, build_friction, contact_of
-from itouch.world.unitless_lengths import large
+
+Vector = tuple[float, float, float]
+#: Input sources with which a person leads a hand.
+PERSON = ("mouse", "keyboard", "gamepad")
+
+#: A length above this [m], large for a scene for a finger, gives a warning if it has no unit.
+LARGE = 1.5
+#: Attributes of an object that are lengths.
+_LENGTHS = ("size", "radius", "length", "pos")
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +167,7 @@ def _compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[P
     built = build_shapes(scene, reader, problems)
     notices += built.notices
     problems += check_reach(scene, devices, built.boxes)
-    problems += large(scene)
+    problems += large_lengths(scene)
     notices += overlaps(scene, built.boxes)
     notices += _worn_notices(scene, devices)
     shapes, surfaces = built.shapes, build_friction(scene, problems)
@@ -289,3 +296,57 @@ def led(model: Model) -> Iterator[tuple[ProbeModel, DeviceModel]]:
         arm = model.devices[probe.scene.pose_from]
         if arm.twin and arm.cls.input_source in PERSON and probe.operator is not None:
             yield probe, arm
+
+
+def hand_of(
+    scene: Scene, probe: Probe, devices: Mapping[str, DeviceModel], problems: list[Problem]
+) -> tuple[Operator | None, Vector]:
+    """Return the operator of a probe, and where its hand begins if it has no motion, in the world [m].
+
+    An arm that a person leads needs a hand: if the scene has no operator, one with the defaults is made for the first
+    probe on that arm; the other probes are on the same finger.
+    """
+    operator = next((o for o in scene.operators if o.probe == probe.name), None)
+    arm = devices.get(probe.pose_from)
+    if arm is None or arm.cls.input_source not in (*PERSON, "recording"):
+        return operator, (0.0, 0.0, 0.0)
+    if arm.cls.input_source == "recording":
+        if operator is not None and (operator.motion.targets or operator.motion.file):
+            sentence = f"probe '{probe.name}' follows the recording of '{arm.name}', and its operator has a motion too"
+            problems.append(Problem("exclusive", sentence, scene.places.of(operator.motion), "remove one of them"))
+        return None, (0.0, 0.0, 0.0)
+    start = np.array(getattr(arm.params, "start", (0.0, 0.0, 0.0)), np.float64)
+    mine = [other.name for other in scene.probes if other.pose_from == probe.pose_from]
+    led = [o.probe for o in scene.operators if o.probe in mine] or mine
+    if probe.name != led[0]:
+        return operator, (0.0, 0.0, 0.0)
+    x, y, z = poses.transform(np.array(arm.mount), start).tolist()
+    return operator or Operator(probe=probe.name), (x, y, z)
+
+
+def large_lengths(scene: Scene) -> Iterator[Problem]:
+    """Warn of large lengths of objects without a unit, which are metres: ``size="60 60 20"`` is a box of 60 metres."""
+    for element in scene.objects:
+        for name in _LENGTHS:
+            value = getattr(element, name, None)
+            place = scene.places.of(element, name) if scene.places.given(element, name) else None
+            if value is None or place is None or not _unitless(place):
+                continue
+            greatest = max(abs(part) for part in (value if isinstance(value, tuple) else (value,)))
+            if greatest > LARGE:
+                what = "is at" if name == "pos" else f"has a {name} of"
+                sentence = f"object '{element.name}' {what} {greatest:g} m, as no unit is written; is it in mm?"
+                advice = f'write {name}="{_written(place)} mm", or m'
+                yield Problem("metres", sentence, place, advice, severity="warning")
+
+
+def _unitless(place: Place) -> bool:
+    """Tell whether the attribute at a place has numbers only."""
+    text = _written(place)
+    return bool(text) and not any(character.isalpha() for character in text.replace("e", "").replace("E", ""))
+
+
+def _written(place: Place) -> str:
+    """Return the text of the attribute's value at a place, or nothing."""
+    text: Any = place.text[place.column - 1 : place.column - 1 + place.length]
+    return str(text).partition("=")[2].strip().strip("\"'") if "=" in text else str(text).strip("\"'")

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from itouch.contact.meshfile.faults import MeshError
 from itouch.exchange import LateTwin, ThreadedDevice
-from itouch.faults import FaultyTwin, Injection
+from itouch.faults import FOREVER, FaultyTwin, Injection, Kind
 from itouch.plugin import Channel, Device, Field, IdealTwin, Monitor, ParameterError, Role, Twin, poses, trace
 from itouch.plugin.discovery import Catalog
 from itouch.plugin.quantity import SIZES
 from itouch.plugin.wire_claims import same
 from itouch.scene import Scene
-from itouch.scene.elements import DeviceElement
+from itouch.scene.elements import DeviceElement, Fault
 from itouch.schema import Place, Problem
 from itouch.schema.diagnostics import did_you_mean, meant
 from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
 from itouch.schema.plugin_errors import failing, failure
+from itouch.schema.quantities import QuantityError, parse_quantity
 from itouch.world.fields import declared_by
 from itouch.world.files import SceneFiles
-from itouch.world.injection import injections
 from itouch.world.limits import DeviceLimits, resolve
 from itouch.world.safe_values import acting_at_rest, stale, too_slow, unfelt, with_safe_values
 from itouch.world.supervision import monitors_of, supervision, supervision_problems, watched
@@ -353,3 +354,52 @@ def orientation(element: Any, scene: Scene, problems: list[Problem]) -> tuple[fl
     except ValueError as error:
         problems.append(Problem("bad-value", str(error), scene.places.of(element, "quat"), "for example 1 0 0 0"))
         return (1.0, 0.0, 0.0, 0.0)
+
+
+def injections(
+    scene: Scene, device: DeviceElement, channels: Sequence[Channel], problems: list[Problem]
+) -> tuple[Injection, ...]:
+    """Return the faults to inject into a device, in file order; what is wrong with them becomes problems."""
+    found = []
+    for fault in scene.faults:
+        if fault.device != device.name:
+            continue
+        if not device.twin:
+            sentence = f"device '{device.name}' is hardware: a fault can only be injected into a twin"
+            advice = "remove the fault, or run with --twin all"
+            problems.append(Problem("fault-on-hardware", sentence, scene.places.of(fault, "device"), advice))
+            continue
+        found.append(injection(scene, fault, channels, problems))
+    return tuple(found)
+
+
+def injection(scene: Scene, fault: Fault, channels: Sequence[Channel], problems: list[Problem]) -> Injection:
+    """Return one fault to inject; what is wrong with it becomes a problem."""
+    rate = scene.rates.servo
+    begin = round(fault.at * rate)
+    end = FOREVER if fault.for_ is None else begin + max(1, round(fault.for_ * rate))
+    amount = math.nan
+    channel = next((channel for channel in channels if channel.name == fault.channel), None)
+    if channel is None and fault.channel:
+        names = [channel.name for channel in channels]
+        sentence = f"device '{fault.device}' has no channel '{fault.channel}'"
+        place = scene.places.of(fault, "channel")
+        problems.append(Problem("missing-channel", sentence, place, did_you_mean(fault.channel, names, "it has")))
+    elif channel is not None and fault.amount:
+        amount = _amount(scene, fault, channel, problems)
+    kind, where = Kind.of(fault.kind), fault.channel if channel is not None else ""
+    try:
+        return Injection(kind, begin, end, where, amount)
+    except ValueError as error:
+        place = scene.places.of(fault, "amount")
+        problems.append(Problem("bad-value", f"<fault amount>: {error}", place, "remove it, or choose another kind"))
+        return Injection(kind, begin, end, where)
+
+
+def _amount(scene: Scene, fault: Fault, channel: Channel, problems: list[Problem]) -> float:
+    try:
+        value = parse_quantity(fault.amount, channel.unit)
+    except QuantityError as error:
+        problems.append(Problem("bad-value", f"<fault amount>: {error}", scene.places.of(fault, "amount")))
+        return math.nan
+    return value[0]

@@ -17,7 +17,6 @@ Ints = NDArray[np.int64]
 
 _FLAT = 1e-12  # height over longest edge below which a triangle has no area that a float32 file can express
 
-
 #: How far apart vertices of a seam may be, as a share of the mesh's size: the rounding error of six digits in a file.
 SEAM = 2e-6
 _MIX = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0x165667B19E3779F9))

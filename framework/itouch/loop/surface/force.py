@@ -80,7 +80,6 @@ SPARE = 0.06
 #: The same where it is known later still: more than safety leaves by itself, so that this is not felt to cut.
 SPARE_LATE = 0.15
 
-
 #: How long [s] the virtual force stands in for a plate that is not felt yet, and in what time it blends into the
 #: plate's.
 WAIT, BLEND = 0.080, 0.020
