@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from itouch.schema import ItouchError
-from itouch_tools.cli.switch_wait import Waiting
+from itouch_tools.cli.live import Waiting
 
 
 def watched(*, phase: str = "ready", switch: bool = False, **times: float) -> tuple[Waiting, Any]:

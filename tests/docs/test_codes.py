@@ -147,7 +147,7 @@ def test_the_page_shows_input_files_command_and_message() -> None:
 
 
 def test_the_page_names_the_files_in_which_each_code_is_told() -> None:
-    from itouch_tools.cli.explain.told_in import told_in
+    from itouch_tools.cli.explain.page import told_in
 
     assert [code for code in CODES if not told_in(code)] == ["injected"]  # that is no reason, but who asked for it
     for code, where in made():

@@ -19,11 +19,10 @@ from itouch.loop import DeviceFaultError
 from itouch.monitors.trips import Trip
 from itouch_evidence.surface import campaign, main
 from itouch_evidence.surface.course import Course, follow
-from itouch_evidence.surface.draw import FAMILIES, draw
+from itouch_evidence.surface.draw import FAMILIES, LONGEST, SHORTEST, Wire, draw, draw_wire
 from itouch_evidence.surface.laws import LAWS, LAWS_WIRED, broken, judge, least
 from itouch_evidence.surface.reach import reach
 from itouch_evidence.surface.scenes import Slope, ball, ramp
-from itouch_evidence.surface.wires import LONGEST, SHORTEST, Wire, draw_wire
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,9 @@ from campaign import tell
 from shipped import SCENES
 
 from itouch_evidence.surface.course import PAD, PAD_DAMPING, Course, Floats, around, follow
+from itouch_evidence.surface.draw import block, moved, press
 from itouch_evidence.surface.edges import edge
 from itouch_evidence.surface.laws import broken, judge
-from itouch_evidence.surface.moving import block, moved, press
 from itouch_evidence.surface.scenes import Slope
 
 #: What a step may be above 0.1 N, or above what the object itself does: sensors of force and place have noise [N].

@@ -16,11 +16,10 @@ from itouch.loop.surface import plate
 from itouch.session import build
 from itouch_encountered.over_wire import LAG_FIRST
 from itouch_evidence.surface.course import PLATE_FORCE, Course, Floats, follow
-from itouch_evidence.surface.draw import draw
+from itouch_evidence.surface.draw import Wire, draw, draw_wire
 from itouch_evidence.surface.laws import broken, judge
 from itouch_evidence.surface.meshes import KINDS, make
 from itouch_evidence.surface.scenes import RADIUS, Slope, ball, ramp
-from itouch_evidence.surface.wires import Wire, draw_wire
 
 LIMIT = 25.0
 #: Above this a plate trips that slides past a finger (K5: 0.15 m/s) [mm/s].

@@ -18,7 +18,7 @@ from itouch.plugin import wire_claims
 from itouch.plugin.wire_claims import WireClaims, WireHeldError
 from itouch.servo import Handle
 from itouch_tools.cli import main
-from itouch_tools.study.scene_change import succeed
+from itouch_tools.study.scene_switching import succeed
 
 PROGRAM = (sys.executable, "-m", "itouch")
 SCENE = """<itouch version="1.0" xmlns:thermal="urn:itouch:plugin:thermal">

@@ -14,10 +14,9 @@ from itouch.loop import DeviceFaultError
 from itouch_evidence.faults import shipped_scene
 from itouch_evidence.resumable import Kept
 from itouch_evidence.surface.course import follow
-from itouch_evidence.surface.draw import draw
+from itouch_evidence.surface.draw import draw, draw_wire
 from itouch_evidence.surface.laws import LAWS, LAWS_WIRED, VIRTUAL, WIRED, Law, broken, judge, least
 from itouch_evidence.surface.reach import reach
-from itouch_evidence.surface.wires import draw_wire
 
 
 def main(argv: Sequence[str]) -> int:

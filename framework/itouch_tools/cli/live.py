@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 _EVERY = 0.05
 #: Period [s] at which a gamepad is read.
 _LOOK = 0.01
+
+#: Seconds without anybody holding the switch after which this is said again, and after which the session ends.
+AGAIN, PATIENCE = 30.0, 120.0
 
 
 def needed(session: Session) -> bool:
@@ -104,7 +108,6 @@ def _follow(
     Return the exit code, and the error if something other than a device failed: the session's report is written first.
     """
     from itouch.loop import DeviceFaultError
-    from itouch_tools.cli.switch_wait import Waiting
     from itouch_tools.report.screen import Screen
 
     for notice in handle.notices:
@@ -198,3 +201,50 @@ class Shown:
         from itouch.world import Model
 
         return Model.of(self._handle.link.scene(), Catalog())
+
+
+class Waiting:
+    """Watches, where there is no window, whether a session waits for the dead-man's switch."""
+
+    def __init__(self, handle: Handle, model: Model, *, again: float = AGAIN, patience: float = PATIENCE) -> None:
+        self._handle, self._model, self._again, self._patience = handle, model, again, patience
+        self._begun: float | None = None
+        self._next = 0.0
+        self._over = False
+
+    def look(self) -> None:
+        """Print what the session waits for; end it if nobody has held a switch for too long.
+
+        Raises
+        ------
+        ItouchError
+            When the session is ended; it says what to do.
+        """
+        if self._over or self._handle.link.phase != "ready" or self._has_a_switch():
+            self._over = True
+            return
+        now = time.monotonic()
+        if self._begun is None:
+            self._begun, self._next = now, 0.0
+        waited = now - self._begun
+        if waited >= self._patience:
+            self._over = True
+            self._handle.request_stop()
+            raise ItouchError(f"nobody held a dead-man's switch for {self._patience:.0f} s: nothing was enabled\n"
+                              f"  = help: {self._advice()}")  # fmt: skip
+        if waited >= self._next:
+            self._next += self._again
+            hardware = ", ".join(f"'{d.name}'" for d in self._model.devices.values() if not d.twin)
+            print(f"waiting: {hardware or 'the devices'} will move or heat for real, and nobody holds a dead-man's "
+                  f"switch; {self._advice()}; Ctrl-C ends this", file=sys.stderr, flush=True)  # fmt: skip
+
+    def _has_a_switch(self) -> bool:
+        from itouch.plugin import Role
+
+        return any(device.reading(Role.DEADMAN) is not None for device in self._model.devices.values())
+
+    def _advice(self) -> str:
+        return (
+            f"hold Space in a window of it (itouch-py view {self._handle.name}), or give a device a switch of its own "
+            '(for example deadman="centre" on <usb-arm:hardware>)'
+        )

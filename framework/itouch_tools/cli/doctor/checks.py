@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
 from itouch.platforms import SERVO_PROCESS, cores, limit
 from itouch.plugin.usb_permission import permission_advice
 from itouch_tools.cli.doctor.diagnosis import Diagnosis
 from itouch_tools.cli.doctor.disk_caches import compile_cache, kept_meshes, kept_results
-from itouch_tools.cli.doctor.extras import extras
 
 _LIMITS = "as root write '@realtime - rtprio 90' and '@realtime - memlock unlimited' to "
 _ADVICE = _LIMITS + "/etc/security/limits.d/99-realtime.conf, join that group, log in anew"
@@ -29,6 +30,10 @@ from pyglet.gl import gl_info
 print(gl_info.get_renderer(), "|", gl_info.get_version_string())
 """
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software")
+
+#: Extras for people who work on itouch-py itself.
+_OWN = frozenset({"test", "lint", "docs", "mutation", "bids"})
+_NEEDS = re.compile(r"^([A-Za-z0-9._-]+).*;.*extra\s*==\s*['\"]([A-Za-z0-9._-]+)['\"]")
 
 
 def examine() -> list[Diagnosis]:
@@ -195,3 +200,36 @@ def disk() -> Diagnosis:
     if free > ROOM and writable:
         return Diagnosis("disk", "ok", found)
     return Diagnosis("disk", "lack", found, "change the folder")
+
+
+def extras() -> Diagnosis:
+    """Which extras are installed, with their packages, and which are not."""
+    there, missing = [], []
+    for name, packages in sorted(named(requires("itouch-py") or ()).items()):
+        found = {package: _version(package) for package in packages}
+        if all(found.values()):
+            there.append(f"{name} ({', '.join(f'{package} {found[package]}' for package in packages)})")
+        else:
+            missing.append(name)
+    said = ", ".join(there) or "none"
+    if missing:
+        return Diagnosis("extras", "note", f"{said}; not: {', '.join(missing)}",
+                       f"pip install 'itouch-py[{missing[0]}]' brings one")  # fmt: skip
+    return Diagnosis("extras", "ok", said)
+
+
+def named(requirements: Iterable[str]) -> dict[str, list[str]]:
+    """Return the packages that each extra asks for, given a distribution's requirements; without developers' extras."""
+    found: dict[str, list[str]] = {}
+    for line in requirements:
+        match = _NEEDS.match(line)
+        if match and match[2] not in _OWN and match[1].lower() != "itouch-py":
+            found.setdefault(match[2], []).append(match[1])
+    return found
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Iterator
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
 
+from itouch.safety import Trip
 from itouch_tools.authoring.codes import HEADINGS, Code
 from itouch_tools.cli.explain import examples
 from itouch_tools.cli.explain.example import Example, play
-from itouch_tools.cli.explain.told_in import told_in
 
 _HEAD = """# Messages and their codes
 
@@ -20,6 +24,15 @@ device that is stopped while it runs is a *fault*: its code is printed, stands i
 `fault.trip.label` of the `itouch.DeviceFaultError` that is raised; the exit code is 1. `itouch-py explain CODE` prints
 what stands here, but for the files of the program in which a code is told: they are for whoever changes a message.
 """
+
+#: The packages that are searched, of those that are installed.
+_PACKAGES = (
+    "itouch", "itouch_tools", "itouch_thermal", "itouch_xyz_table", "itouch_encountered", "itouch_usb_arm",
+    "itouch_arms",
+)  # fmt: skip
+
+#: How the names of the classes and functions end that a code is given to.
+_TELL = ("Problem", "Error", "Finding", "_refuse")
 
 
 def page() -> str:
@@ -83,3 +96,42 @@ def _message(name: str, printed: str) -> str:
     begin = next((k for k, line in enumerate(lines) if f"fault[{name}]" in line), 0)
     end = next((k for k in range(begin + 1, len(lines)) if not lines[k].startswith("  ")), len(lines))
     return "\n".join(lines[begin:end])
+
+
+def told_in(code: str) -> list[str]:
+    """Return the files in which a code is told, as ``package/folder/file.py``, sorted."""
+    return sorted(_places().get(code, ()))
+
+
+@cache
+def _places() -> dict[str, set[str]]:
+    found: dict[str, set[str]] = {}
+    trips = {trip.name: trip.label for trip in Trip}
+    for folder in _folders():
+        for path in folder.rglob("*.py"):
+            if path.parent.name == "explain":  # its examples name every code
+                continue
+            for code in _codes_told(ast.parse(path.read_bytes()), trips):
+                found.setdefault(code, set()).add(path.relative_to(folder.parent).as_posix())
+    return found
+
+
+def _folders() -> Iterator[Path]:
+    for name in _PACKAGES:
+        spec = find_spec(name)
+        if spec is not None and spec.origin is not None:
+            yield Path(spec.origin).parent
+
+
+def _codes_told(tree: ast.Module, trips: dict[str, str]) -> Iterator[str]:
+    """Yield each code that begins a problem, an error or a finding here, and each trip that a function here names."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and node.args:
+            name = node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
+            first = node.args[0]
+            if name.endswith(_TELL) and isinstance(first, ast.Constant) and isinstance(first.value, str):
+                yield first.value
+        elif isinstance(node, ast.FunctionDef):  # sets of trips stand outside of functions
+            for part in ast.walk(node):
+                if isinstance(part, ast.Attribute) and isinstance(part.value, ast.Name) and part.value.id == "Trip":
+                    yield trips.get(part.attr, "")
