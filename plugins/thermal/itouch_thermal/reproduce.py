@@ -60,8 +60,7 @@ def _parser() -> argparse.ArgumentParser:
 def _reproduce(out: Path, options: argparse.Namespace) -> str:
     """Draw and check; return a summary of what was written."""
     from itouch_thermal.paper.drawing import draw, write_curves
-    from itouch_thermal.paper.figures import FIGURES, LEFT_OUT
-    from itouch_thermal.paper.lab import left_out, read_curves
+    from itouch_thermal.paper.figures import FIGURES, LEFT_OUT, left_out, read_curves
     from itouch_thermal.paper.page import page
     from itouch_thermal.paper.work import Work
 

@@ -30,16 +30,18 @@ from itouch.plugin import (
     wrench,
 )
 from itouch_usb_arm.emulator import ArmEmulator
-from itouch_usb_arm.errors import NotHomed
+from itouch_usb_arm.errors import FalconError, FirmwareError, NotFound, NotHomed
 from itouch_usb_arm.falcon import FORCE_SCALE, Falcon
-from itouch_usb_arm.look import look
-from itouch_usb_arm.remote import Remote
-from itouch_usb_arm.wire import Buttons
+from itouch_usb_arm.link import Remote, find
+from itouch_usb_arm.wire import PRODUCT, VENDOR, Buttons
 
 #: Greatest force [N] and stiffness [N/m] of a Novint Falcon, as stated by CHAI3D 3.3.
 FORCE, STIFFNESS = 8.0, 3000.0
 #: A force scale outside these limits [counts/(N m)] comes from a mistake in reading the scale.
 _LOW, _HIGH = 100.0, 20000.0
+
+#: Number of frames without force over which the latency is measured.
+FRAMES = 200
 
 
 def force_scale(params: Any, samples: NDArray[np.float64]) -> Fitted:
@@ -216,3 +218,33 @@ class UsbArm(ImpedanceArm[Falcon]):
             super().make_safe(safe)
         finally:
             self._hang_up()
+
+
+def look(backend: Any = None) -> tuple[Attached, ...]:
+    """Tell which arms are attached, whether they can be used, and how fast they answer.
+
+    Each arm on the bus is opened, and exchanges frames without force; its homing is kept.
+    """
+    try:
+        devices = find(backend)
+    except NotFound as error:
+        return () if "is attached" in str(error) else (Attached("USB", False, str(error)),)
+    return tuple(_look_at(device, several=len(devices) > 1) for device in devices)
+
+
+def _look_at(device: Any, *, several: bool) -> Attached:
+    where = f"Novint Falcon {VENDOR:04x}:{PRODUCT:04x}"
+    if several:
+        where += f" (bus {device.bus}, device {device.address})"
+    try:
+        with Falcon(device=device, resume=True) as arm:
+            homed = False
+            for _ in range(FRAMES):
+                homed = arm.read().valid
+            note = f"{arm.timing}, {'homed' if homed else 'not homed: pull the grip out, then push it in'}"
+            return Attached(where, True, note)
+    except FirmwareError:
+        note = 'it was powered on and waits for its firmware: write firmware="FILE" in its <usb-arm:hardware>'
+        return Attached(where, True, note)
+    except FalconError as error:
+        return Attached(where, False, str(error))

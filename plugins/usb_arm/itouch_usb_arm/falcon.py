@@ -24,19 +24,20 @@ from typing import Any, Self
 import numpy as np
 
 from itouch.plugin import Trace
-from itouch_usb_arm import boot, kinematics, link
+from itouch_usb_arm import boot, kinematics, link, loader
 from itouch_usb_arm.errors import (
     Disconnected,
     FalconError,
+    FirmwareError,
     HomingTimeout,
     NotHomed,
     ProtocolError,
     Timeout,
 )
 from itouch_usb_arm.exchange import PATIENCE, Exchange
-from itouch_usb_arm.opening import PROBE_WAIT, image_of, started
+from itouch_usb_arm.link import Link
 from itouch_usb_arm.reading import Reading, Timing
-from itouch_usb_arm.wire import MOTOR_LIMIT, Leds, Reply, command
+from itouch_usb_arm.wire import MOTOR_LIMIT, Buttons, Leds, Reply, command, decode
 
 #: Motor counts per newton metre.  The true value is not published: the guess of libnifalcon's makers (10 000) is about
 #: four times what recorded traffic of the vendor's own driver shows.  This is the lower, safe one; measure yours with
@@ -57,6 +58,10 @@ _ASKED = 4
 #: Delays count up to the second [s]: a frame that is then too far away is asked for again.
 _PROMPT, _LATEST = 5e-3, 0.05
 _NO_FORCE = (0.0, 0.0, 0.0)
+
+#: How many frames are sent to find out whether the firmware runs, and how long [s] to wait for each answer: for the
+#: first half, and for the rest, which give a slow line time.
+_PROBES, PROBE_WAIT, _LONG_WAIT = 10, 0.03, 0.1
 
 
 class Falcon:
@@ -394,3 +399,65 @@ def _agree(one: Reply, other: Reply, apart: float) -> bool:
     limit = _JUMP + _JUMP_RATE * min(apart, _LATEST)
     near = all(abs(a - b) <= limit for a, b in zip(one.encoders, other.encoders, strict=True))
     return one[1:] == other[1:] and (near or not all(one.homed))
+
+
+def image_of(firmware: str | Path | bytes | None) -> boot.Image | None:
+    """Read and check the user's firmware file before anything is sent.
+
+    Raises
+    ------
+    FirmwareError
+        If it cannot be read or is not valid.
+    """
+    if firmware is None:
+        return None
+    try:
+        return boot.load(firmware)
+    except ValueError as error:
+        raise FirmwareError(str(error)) from error
+
+
+def started(
+    opened: Link, image: boot.Image | None, *, homing: bool, patience: float, clock: Callable[[], float]
+) -> tuple[Exchange, Reply]:
+    """Return the exchange with the running firmware and its first answer, loading the firmware if needed.
+
+    Raises
+    ------
+    FirmwareError
+        If a firmware file is needed and missing, could not be loaded, or does not answer.
+    """
+    loader.purge(opened)
+    loader.normal_mode(opened)
+    wire = Exchange(opened, clock)
+    first = _probe(wire, homing, patience)
+    if first is None:
+        if image is None:
+            raise FirmwareError(
+                "the arm's firmware does not run and no firmware file was given; "
+                "name the file that came with the arm (it is not part of this program)"
+            )
+        loader.upload(opened, image, clock=clock)
+        loader.normal_mode(opened)
+        wire = Exchange(opened, clock)
+        first = _probe(wire, homing, patience)
+    if first is None:
+        raise FirmwareError("the firmware was loaded but does not answer; is it the arm's own?")
+    return wire, first
+
+
+def _probe(wire: Exchange, homing: bool, patience: float) -> Reply | None:
+    """Return the first answer to an idle frame, or None if no firmware runs.
+
+    A boot loader that was left in the middle of an upload echoes every byte: an answer that equals the frame itself
+    does not count.  The lights alternate, so that an arm whose true answer is the same is recognised at the next frame.
+    """
+    for attempt in range(_PROBES):
+        leds = Leds.RED if attempt % 2 == 0 else Leds.RED | Leds.BLUE
+        frame = command((0, 0, 0), homing=homing, leds=leds)
+        with contextlib.suppress(Timeout, ProtocolError):
+            reply = wire.run(frame, frame, (PROBE_WAIT if attempt < _PROBES // 2 else _LONG_WAIT) * patience)
+            echo = Reply((0, 0, 0), Buttons(decode(frame).info), (False, False, False))
+            if reply != echo:
+                return reply
+    return None

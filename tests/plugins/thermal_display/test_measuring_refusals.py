@@ -10,8 +10,8 @@ import itouch
 from itouch.plugin import DeviceError
 from itouch_thermal.flux.curve import read_curve
 from itouch_thermal.measuring import command, sampling
+from itouch_thermal.measuring.command import Prompts
 from itouch_thermal.measuring.correct import Sensors, correct
-from itouch_thermal.measuring.prompts import Prompts
 from itouch_thermal.measuring.sampling import Given, Sampled, Source, calibrated
 from itouch_thermal.measuring.touches import Record, Touched, Wanted, sort_out, touches
 from itouch_thermal.whole_file import write_whole

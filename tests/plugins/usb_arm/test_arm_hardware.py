@@ -13,7 +13,7 @@ from trace_playback import PlayedFalcon
 
 from itouch.plugin import Attached, DeviceError, Field, Record, Trace, read_trace
 from itouch_usb_arm import Buttons, Disconnected, Falcon, HomingTimeout, NotHomed, UsbArm, UsbArmParams, boot
-from itouch_usb_arm.look import look
+from itouch_usb_arm.arm import look
 from itouch_usb_arm.virtual import VirtualBackend, VirtualFalcon, VirtualTime
 
 IMAGE = boot.build([boot.Block(0x3F8000, (1, 2, 3)), boot.Block(0x3F8010, tuple(range(40)))], entry=0x3F8002)

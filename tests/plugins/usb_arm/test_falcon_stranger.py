@@ -23,8 +23,8 @@ from itouch_usb_arm import (
     PermissionDenied,
     kinematics,
 )
+from itouch_usb_arm.arm import look
 from itouch_usb_arm.boot import Block, build
-from itouch_usb_arm.look import look
 
 IMAGE = build([Block(0x3F8002, tuple(range(100))), Block(0x8000, tuple(range(700, 800)))], entry=0x3F8002)
 HABITS = [

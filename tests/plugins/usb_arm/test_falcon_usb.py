@@ -17,7 +17,7 @@ import usb.core
 from needed import need_program
 
 from itouch_usb_arm import Disconnected, Falcon, FalconError, NotFound, boot
-from itouch_usb_arm.remote import Remote
+from itouch_usb_arm.link import Remote
 from itouch_usb_arm.virtual import VirtualFalcon
 from itouch_usb_arm.virtual.usbip import UsbipServer
 
