@@ -12,7 +12,7 @@ from collections import Counter
 from pathlib import Path
 
 from rooms import room
-from sources import ROOT, Module, circles, imports, modules, shelf
+from sources import ROOT, SMALL, Module, circles, imports, modules, shelf, small_with_one_importer
 
 
 def longest(every: dict[str, Module], many: int = 5) -> list[tuple[int, str]]:
@@ -50,6 +50,7 @@ def counts(root: Path = ROOT) -> dict[str, int | str]:
     found["  core, of it the conformance suite: files"] = len(suite)
     found |= {
         "files with one importer": sum(importers[name] == 1 for name, module in every.items() if not module.is_package),
+        f"  of them under {SMALL} lines of code": len(small_with_one_importer(every, graph)),
         "file names that occur twice or more": sum(count > 1 for count in names.values()),
         "  within one room or plugin": sum(count > 1 for (_, name), count in twice.items() if name not in ("__init__.py", "__main__.py")),
         "import circles, TYPE_CHECKING included": len(circles(imports(every, deferred=False))),

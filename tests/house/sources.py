@@ -162,6 +162,26 @@ def imports(every: dict[str, Module], deferred: bool = True) -> dict[str, set[st
     return {name: module.imported(every, deferred) for name, module in every.items()}
 
 
+#: Fewer lines of code than this make a small module.
+SMALL = 60
+
+
+def small_with_one_importer(every: dict[str, Module], graph: dict[str, set[str]]) -> dict[str, str]:
+    """Return the small modules that only one other imports, each with that one; packages are left out.
+
+    ``graph``: of each module those that it imports.
+    """
+    importers: dict[str, list[str]] = {}
+    for name, found in graph.items():
+        for to in found:
+            importers.setdefault(to, []).append(name)
+    return {
+        to: names[0]
+        for to, names in sorted(importers.items())
+        if len(names) == 1 and not every[to].is_package and len(every[to].code_lines()) < SMALL
+    }
+
+
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     """Return the groups of modules that import one another round about (Tarjan's strongly connected components)."""
     index: dict[str, int] = {}

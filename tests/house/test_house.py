@@ -284,7 +284,7 @@ def test_the_counts_of_a_checkout(tmp_path: Path) -> None:
         path.write_text(text)
     found = counts(tmp_path)
     assert (found["lines of code"], found["files"], found["  core: lines of code"]) == (6, 5, 5)
-    assert found["files with one importer"] == 1
+    assert found["files with one importer"] == found["  of them under 60 lines of code"] == 1
     assert found["file names that occur twice or more"] == 1
     assert found["  within one room or plugin"] == 0
     assert found["import circles, TYPE_CHECKING included"] == 0

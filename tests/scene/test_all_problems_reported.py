@@ -9,7 +9,7 @@ import pytest
 
 import itouch
 from itouch.monitors.limits import FORCE
-from itouch.scene.elements.surface import Magnetic, StickSlip
+from itouch.scene.elements.materials import Magnetic, StickSlip
 from itouch.schema import SceneError
 from itouch_tools.cli import main
 
