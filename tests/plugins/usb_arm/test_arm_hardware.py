@@ -159,7 +159,7 @@ def test_what_is_attached_and_why_it_cannot_be_used() -> None:
     assert 'firmware="FILE"' in cold.note
     (denied,) = look_at(denied=True)
     assert not denied.usable
-    assert "99-falcon.rules" in denied.note
+    assert "70-itouch.rules" in denied.note
     gone = VirtualFalcon()
     gone.attached = False
     assert look(VirtualBackend(gone)) == ()
