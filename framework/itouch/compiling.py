@@ -42,7 +42,7 @@ from numba.core import event, targetconfig  # noqa: E402
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator  # noqa: E402
 from numba.extending import intrinsic, register_jitable  # noqa: E402
 
-from itouch.linking import Linked  # noqa: E402
+from itouch.linking import Borrowing, Linked, know  # noqa: E402
 
 Function = TypeVar("Function", bound=Callable[..., object])
 _numba: Any = numba  # what it exports is not typed
@@ -57,6 +57,8 @@ CAPACITY = 512_000_000
 _DAY = 86_400.0
 
 
+#: How kernels are compiled (``linking``), for their keys: an older program makes other machine code of the same source.
+_MANNER = "borrowing"
 #: Settings of Numba (environment variables) that change what is compiled: what one has made serves no other.
 _SETTINGS = ("OPT", "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML")
 #: How often [s] a process that waits for another one to compile a kernel checks whether it is done.
@@ -183,12 +185,12 @@ def kernel(function: Function) -> Function:
 
     Where nothing can be cached (neither the package's folder nor the user's can be written), every process compiles.
     """
-    return _kept(function, _numba.njit(**ALONE, no_cfunc_wrapper=True)(function))
+    return _kept(function, _numba.njit(**ALONE, no_cfunc_wrapper=True, pipeline_class=Borrowing)(function))
 
 
 def nogil_kernel(function: Function) -> Function:
     """Do what ``kernel`` does, for a function that releases the GIL while it runs."""
-    return _kept(function, _numba.njit(**ALONE, nogil=True, no_cfunc_wrapper=True)(function))
+    return _kept(function, _numba.njit(**ALONE, nogil=True, no_cfunc_wrapper=True, pipeline_class=Borrowing)(function))
 
 
 def addressed_kernel(function: Function) -> Function:
@@ -197,7 +199,7 @@ def addressed_kernel(function: Function) -> Function:
     Unboxing arguments from Python, which is left out, would be a good part of a small function's compilation.
     """
     options = {**ALONE, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return _kept(function, _numba.njit(**options)(function))
+    return _kept(function, _numba.njit(**options, pipeline_class=Borrowing)(function))
 
 
 def part_of_its_caller(function: Function) -> Function:
@@ -226,6 +228,7 @@ def linked(function: Function, **options: bool) -> Function:
     """Let kernels call a function, which is compiled as part of them alone; from Python, it runs as plain Python."""
     options = {**ALONE, **options, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     marked: Function = register_jitable(**options, pipeline_class=Linked)(function)
+    know(function)
     return marked
 
 
@@ -442,7 +445,7 @@ class KernelCache(FunctionCache):
         of_numba: Any = super()._index_key
         settings = tuple(repr(getattr(_numba.config, name, None)) for name in _SETTINGS)
         parts = _parts_of(getattr(sig, "args", sig))
-        return (*of_numba(sig, codegen), fingerprint(self._py_func), settings, *parts)
+        return (*of_numba(sig, codegen), fingerprint(self._py_func), _MANNER, settings, *parts)
 
     def _kept(self) -> _Store:
         """Return the store, made at its first use: only then does all that the function names exist."""

@@ -32,6 +32,7 @@ from numba.extending import intrinsic as _intrinsic
 from numpy.typing import NDArray
 
 from itouch.compiling import addressed_kernel, nogil_kernel, part_of_its_caller
+from itouch.linking import know
 
 _SIGNATURE = int64(int64)
 #: What a call returns to leave out the remaining calls of its step.
@@ -51,6 +52,7 @@ _listed: dict[tuple[Any, ...], Any] | None = None
 _untyped: Any = numba  # it exports no types
 intrinsic: Any = _intrinsic
 carray, config = _untyped.carray, _untyped.config
+know(carray, unowned=True)
 
 
 @intrinsic
@@ -71,6 +73,9 @@ def _only_read(typing: Any, array: Any) -> Any:
         return imputils.impl_ret_borrowed(context, builder, signature.return_type, arguments[0])
 
     return array.copy(readonly=True)(array), generate
+
+
+know(_only_read, unowned=True)
 
 
 @intrinsic
