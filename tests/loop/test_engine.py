@@ -76,6 +76,38 @@ def test_restoring_in_a_new_process(tmp_path: Path) -> None:
     assert done.stdout == straight.state.tobytes()
 
 
+def test_a_run_that_nobody_listens_to_is_that_of_single_ticks_and_ends_with_the_same_one() -> None:
+    alone, told, at_once, asked = (itouch.build(FIRST) for _ in range(4))
+    ends: list[int] = []
+    told.taps.append(ends.append)
+    looks: list[int] = []
+    told.run()
+    at_once.run(each=lambda: looks.append(at_once.ticks), every=7)
+    while not alone.done:
+        alone.tick()
+    asked.run(until=lambda: asked.done)
+    assert ends == list(range(alone.ticks))
+    assert looks == list(range(7, alone.ticks + 1, 7))
+    assert {one.state.tobytes() for one in (alone, told, at_once, asked)} == {alone.state.tobytes()}
+    again = itouch.build(FIRST)
+    for seconds in (0.001, 0.013, 1.0, 0.016, 0.0):
+        again.run(seconds)
+    again.run((alone.ticks - 1030) * again.model.period)
+    assert again.state.tobytes() == alone.state.tobytes()
+
+
+def test_a_run_without_listeners_that_is_asked_to_stop_ends_within_a_few_ticks() -> None:
+    session = itouch.build(FIRST)
+    session.run(5.0, each=session.stop, every=5)
+    assert session.ticks == 5
+    session.on.begin.append(session.stop)
+    session.run(5.0)
+    assert session.ticks == 5  # asked before the first of them
+    del session.on.begin[-1]
+    session.run(5.0)
+    assert session.ticks == 5005
+
+
 def test_events_come_in_order() -> None:
     engine = itouch.build(FIRST)
     engine.run()

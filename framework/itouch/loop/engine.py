@@ -120,23 +120,23 @@ class Engine:
         self.taps: list[Callable[[int], None]] = self.on.tick
         #: What was done to a session otherwise than its scene says; beside what its model says of itself.
         self.notes: tuple[str, ...] = ()
-        #: Where the plan has stopped in a tick that was begun by compiled code, shape (1,).
-        self._left = np.zeros(1, np.int64)
+        #: Where the plan has stopped in a tick that compiled code began, and how many ticks that may run: (1,) each.
+        self._left, self._most = np.zeros(1, np.int64), np.ones(1, np.int64)
         self._advance = self._joined_tick()
         self.state["seed"] = seed
         self._reset(seed)
         warm_up(model, self.state, self._all)
 
     def _joined_tick(self) -> Callable[[], int] | None:
-        """Return the call that runs a whole tick, None if the plan is no single chain.
+        """Return the call that runs whole ticks, None if the plan is no single chain.
 
-        The call returns -1 if the tick is done, else PYTHON or STOPPED.
+        The call returns -1 if they are done, else PYTHON or STOPPED.
         """
         chain = self.plan.whole
         if chain is None:
             return None
         memory = (self.stamps, *self.times.views, self._left)
-        return as_one_call((Bound(advance, chain.place, self._tick, self._ready, _SAMPLED, *memory),))
+        return as_one_call((Bound(advance, chain.place, self._most, self._tick, self._ready, _SAMPLED, *memory),))
 
     def _reset(self, seed: int) -> None:
         self.state["objects.pose"] = self.model.poses
@@ -186,6 +186,11 @@ class Engine:
         """Whether every scripted motion has ended; never true without one."""
         over = self._length <= 0.0 or self.seconds >= self._length
         return self.scripted and over and self._objects.done and all(hand.done for hand in self._hands)
+
+    @property
+    def left(self) -> int:
+        """In how many ticks, at the earliest, every scripted motion has ended; at least 1."""
+        return max((1, *(hand.left for hand in self._hands)))
 
     @property
     def runners(self) -> tuple[Runner, ...]:
@@ -304,6 +309,15 @@ class Engine:
         finally:
             self._ticking = False
 
+    def advance(self, most: int) -> None:
+        """Advance by at least one servo period, and by up to ``most`` where nobody is told of each tick, as `tick`."""
+        if not self.taps:
+            self._most[0] = most
+        try:
+            self.tick()
+        finally:
+            self._most[0] = 1
+
     def _run_tick(self) -> None:
         if not self._enabled:
             self._require_enabled()
@@ -316,11 +330,11 @@ class Engine:
                 found = self._advance()
             except Exception as error:  # a plugin's compiled function has raised it
                 found, failure = STOPPED, error
-        if found < 0:
-            tick = int(self._tick) - 1
-            if not tick % _SAMPLED:
-                self._look_round(tick)
-            self._tell(tick)
+        if found < 0:  # none of these ticks is one that is timed step by step
+            if not self._ready:
+                self._begin_when_ready()
+            if self.taps:
+                self._tell(int(self._tick) - 1)
             return
         tick, ready, stamps = self._tick.item(), bool(self._ready), self.stamps
         stopped = found == STOPPED
@@ -381,14 +395,19 @@ class Engine:
     def _end_tick(self, tick: int, ready: bool, timed: bool) -> None:
         """Count a tick whose steps are done, and the time that it took."""
         stamps = self.stamps
-        if not ready and all(rig.ready for rig in self._rigs):  # scripts begin with the next tick
-            self._ready[...] = 1
+        if not ready:
+            self._begin_when_ready()
         self._tick[...] = tick + 1
         if timed:
             self.times.add(stamps)
         else:
             stamps[-1] = now()
             self.times.add_whole(stamps[-1].item() - stamps[0].item())
+
+    def _begin_when_ready(self) -> None:
+        """Let scripts begin with the next tick if every rig is calibrated."""
+        if all(rig.ready for rig in self._rigs):
+            self._ready[...] = 1
 
     def _tell(self, tick: int) -> None:
         """Call the taps; hardware is made safe if one raises, for the caller of ``tick`` may never call it again."""
@@ -586,7 +605,10 @@ class Engine:
             raise
 
     def stop(self) -> None:
-        """Ask the run that is under way to end after the current tick; may be called from a signal handler."""
+        """Ask the run that is under way to end after the current tick; may be called from a signal handler.
+
+        On a virtual clock, ticks of which nobody is told run up to 16 at once: it ends after these.
+        """
         self._pacing.stop()
 
     @property

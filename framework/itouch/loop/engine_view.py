@@ -73,8 +73,15 @@ class Running(Protocol):
     def status(self, device: str) -> Status:
         """Return what a device may do now."""
 
+    @property
+    def left(self) -> int:
+        """In how many ticks, at the earliest, every scripted motion has ended; at least 1."""
+
     def tick(self) -> None:
         """Advance by one servo period."""
+
+    def advance(self, most: int) -> None:
+        """Advance by at least one servo period, and by up to ``most`` where nobody is told of each tick."""
 
     def leave_out(self, seconds: float, *, running: bool = False) -> int:
         """Account for time that no tick stands for; return how many periods it is."""

@@ -329,16 +329,20 @@ def build(
 
 @kernel
 def advance(
-    chain: int, tick: Any, ready: Any, sampled: int, stamps: Any, told: Any, counts: Any, greatest: Any, left: Any
+    chain: int, most: Any, tick: Any, ready: Any, sampled: int, stamps: Any, told: Any, counts: Any, greatest: Any,
+    left: Any,
 ) -> int:  # fmt: skip
-    """Run a plan's only chain, count the tick, and record how long it took; scalars have shape (1,).
+    """Run a plan's only chain, count the tick, record how long it took, and go on; scalars have shape (1,).
 
     Parameters
     ----------
     chain
         Address of what describes the chain (`Chain.place`).
+    most
+        How many ticks are run at most.
     tick, ready
-        Fields of State: the number of the tick, and whether the rig is calibrated; until it is, Python runs the ticks.
+        Fields of State: the number of the tick, and whether the rig is calibrated; until it is, one tick is run, after
+        which Python looks whether it has become so.
     sampled
         One tick in this many is left to Python, which times its parts.
     stamps
@@ -351,18 +355,23 @@ def advance(
     Returns
     -------
     int
-        0: the tick is done; else PYTHON or STOPPED.
+        0: the ticks are done; else PYTHON or STOPPED, and ``tick`` is the one that is left.
     """
-    if ready[0] == 0 or tick[0] % sampled == 0:
-        return PYTHON
-    stamps[0] = host_time(chain)
-    found = run_chain(chain, 0)
-    if found >= 0:
-        left[0] = found
-        return STOPPED
-    tick[0] += 1
-    last = len(stamps) - 1
-    stamps[last] = host_time(chain)
-    told[0] += 1
-    count(counts, greatest, 1, stamps[last] - stamps[0])
+    last, end = len(stamps) - 1, 0.0
+    for k in range(most[0]):
+        if tick[0] % sampled == 0:
+            return PYTHON
+        begin = host_time(chain) if k == 0 else end  # ticks follow each other
+        stamps[0] = begin
+        found = run_chain(chain, 0)
+        if found >= 0:
+            left[0] = found
+            return STOPPED
+        tick[0] += 1
+        end = host_time(chain)
+        stamps[last] = end
+        told[0] += 1
+        count(counts, greatest, 1, end - begin)
+        if ready[0] == 0:
+            break
     return 0

@@ -101,6 +101,11 @@ class Hand:
         ticks = self.ticks.item()
         return bool(ticks >= self._end) and (self.waits is None or not self.waits.pending(ticks))
 
+    @property
+    def left(self) -> int:
+        """In how many ticks, at the earliest, the scripted motion ends."""
+        return self._end - int(self.ticks.item())
+
     def lower(self, offset: float) -> None:
         """Move the hand's target towards a height above or below its path [m], at ``LEAD_SPEED``."""
         lower(self.offset, offset, LEAD_SPEED * self._period)
