@@ -25,7 +25,7 @@ import time
 import weakref
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
-from functools import cache
+from functools import cache, partial
 from inspect import CO_VARARGS
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar, cast
@@ -37,10 +37,12 @@ shipped.choose_processor()
 shipped.confirm_processor()
 
 import numba  # noqa: E402  - it reads the kind of processor when it is imported
+import numpy as np  # noqa: E402
 from numba import njit  # noqa: E402
-from numba.core import event, targetconfig  # noqa: E402
+from numba.core import cgutils, event, targetconfig  # noqa: E402
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator  # noqa: E402
 from numba.extending import intrinsic, register_jitable  # noqa: E402
+from numba.np.arrayobj import populate_array  # noqa: E402
 
 from itouch.linking import Borrowing, Linked, know  # noqa: E402
 
@@ -256,6 +258,30 @@ def _fused(typing: Any, a: Any, b: Any, c: Any) -> Any:
 
 #: a * b + c of three floats, rounded once, for kernels.
 fused: Callable[[float, float, float], float] = _fused_exactly if _numba.config.DISABLE_JIT else _fused
+
+
+@_intrinsic(prefer_literal=True)
+def _scratch(typing: Any, size: Any) -> Any:
+    """Return an array of so many float64, a constant, in the memory of the caller."""
+    kind = _numba.types.Array(_numba.types.float64, 1, "C")
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        count, place = size.literal_value, context.get_data_type(_numba.types.float64)
+        memory = cgutils.alloca_once(builder, place, size=count)
+        array, word = context.make_array(kind)(context, builder), partial(context.get_constant, _numba.types.intp)
+        populate_array(
+            array, data=memory, shape=[word(count)], strides=[word(8)],
+            itemsize=word(8), meminfo=None,
+        )  # fmt: skip
+        return array._getvalue()
+
+    return (kind(size), generate) if isinstance(size, _numba.types.IntegerLiteral) else None
+
+
+#: An array of a constant number of floats, not initialized, for a kernel to work in, and not to return: asking for
+#: memory, each time, costs as much as a short kernel.
+scratch: Callable[[int], Any] = np.empty if _numba.config.DISABLE_JIT else _scratch
+know(scratch, unowned=True)
 
 
 def _parts_of(kinds: Any) -> Iterator[tuple[str, ...]]:

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from typing import Any, cast
 
 from llvmlite import binding
-from numba.core import ir, types
+from numba.core import extending, ir, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, DefaultPassBuilder
 from numba.core.compiler_machinery import FunctionPass, register_pass
@@ -56,12 +56,15 @@ class LinkedLibrary(JITCodeLibrary):
 
 
 _library: Any = LinkedLibrary
+_intrinsic: Any = extending._Intrinsic
 _parsed: Any = binding.parse_assembly
 #: Operations that yield an array, or what holds some, without making one: they borrow what they are given.
 _BORROWING = frozenset(("static_getitem", "build_tuple", "cast"))
-#: Functions that are compiled like kernels, and those that give arrays which nobody counts, by identity.
-_kernels: dict[int, Any] = {}
+#: Functions that are compiled like kernels, or never count, and those whose arrays nobody counts, by identity.
+_kernels: dict[int, Any] = {id(len): len}
 _unowned: dict[int, Any] = {}
+#: The attribute by which a package that knows nothing of this one marks a function like those in ``_unowned``.
+UNOWNED = "counts_nothing"
 
 
 def know(function: Any, *, unowned: bool = False) -> None:
@@ -117,12 +120,14 @@ class _Counted:
         if isinstance(kind, types.NamedTupleClass):
             return False
         found = guard(get_definition, self._function, what.func)
-        which = id(getattr(found, "value", None))
-        if which in _unowned:
+        value = getattr(found, "value", None)
+        if id(value) in _unowned or getattr(value, UNOWNED, False):
             return False
         given = [*what.args, *(each for _, each in what.kws), *([what.vararg] if what.vararg else [])]
-        if held or which in _kernels or isinstance(kind, types.Dispatcher):  # it counts by itself what it needs
+        if held or id(value) in _kernels or isinstance(kind, types.Dispatcher):  # it counts by itself what it needs
             return held
+        if isinstance(value, _intrinsic):  # what it is made of is written out, and counts nothing
+            return False
         return any(self.holds(self._kinds[each.name]) for each in given)
 
 

@@ -17,12 +17,13 @@ import pytest
 from needed import meant
 from numba.core.runtime import _nrt_python, rtsys
 
-from itouch.compiling import ALONE, kernel, linked
+from contact_heat.lanes import scratch as contact_scratch
+from itouch.compiling import ALONE, kernel, linked, scratch
 from itouch.joining import can_join
 from itouch.linking import Borrowing
 
 KERNELS = """
-from itouch.compiling import ALONE, kernel, linked
+from itouch.compiling import ALONE, kernel, linked, scratch
 
 @linked
 def part(x):
@@ -113,6 +114,17 @@ def _views(table: Any, pair: Any) -> float:
     return _first(row) + _sum(part) + _sum(again.one) + one[0] + other[0] + table[0, 1]
 
 
+def _works(table: Any, pair: Any) -> float:
+    """Work in memory that is not asked for, which each call has for itself, and take sizes."""
+    total = 0.0
+    for turn in range(2):
+        one, other = scratch(4), contact_scratch(3)
+        for i in range(len(other)):
+            one[i], other[i] = turn + table[0, 1], 10.0 * i
+        total += _sum(one[:3]) + _sum(other) + one.shape[0]
+    return total
+
+
 def _copies(table: Any, pair: Any) -> float:
     return _sum(table[1].copy())
 
@@ -168,7 +180,7 @@ def _yields(table: Any, pair: Any) -> Any:
         yield table[i]
 
 
-BORROWS = [_views]
+BORROWS = [_views, _works]
 COUNTS = [
     _copies, _computes, _chooses, _calls, _overlaps, _returns, _returns_given, _lists, _flattens, _loops, _raises, _yields,
 ]  # fmt: skip
@@ -192,7 +204,8 @@ def test_only_what_makes_or_returns_arrays_counts_references_and_none_is_lost(fu
     given, same = arguments(), arguments()
     held = [sys.getrefcount(array) for array in (given[0], *given[1])]
     _nrt_python.memsys_enable_stats()
-    before, expected = rtsys.get_allocation_stats(), _flat(function(*same))
+    before = rtsys.get_allocation_stats()
+    expected = [77.0] if function is _works else _flat(function(*same))  # Python has no such memory
     for _ in range(3):
         given[0][...], given[1].one[...] = arguments()[0], arguments()[1].one
         found = whole(*given)

@@ -125,6 +125,7 @@ def _bounds(channel: Channel, limits: DeviceLimits) -> limiting.Bounds:
         np.array([_kind(channel)]), np.array([index for index, _ in shut], np.int64),
         _row([rest for _, rest in shut]), _row(channel.low), _row(channel.high), _ceilings(channel, limits),
         _row(torques), _row(channel.slew), _row(figures), np.array(free, np.int64), _off(channel),
+        np.zeros(channel.size),
     )  # fmt: skip
 
 

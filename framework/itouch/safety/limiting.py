@@ -33,7 +33,8 @@ class Bounds(NamedTuple):
     their resting values; ``low`` and ``high`` (n,): the range; ``ceilings`` (2, n): of a drive, negative and positive,
     infinite: none; ``torques`` (n,): of a wrench; ``slew`` (n,); ``figures`` (5,): greatest force [N] and speed [m/s],
     lowest and highest temperature [K], greatest torque [N m]; ``free``: the components of a wrench that are torques and
-    not locked; ``off`` (n,): the value that switches a temperature's control off, NaN: there is none.
+    not locked; ``off`` (n,): the value that switches a temperature's control off, NaN: there is none;
+    ``work`` (n,): memory to work in.
     """
 
     kind: NDArray[np.int64]
@@ -47,6 +48,7 @@ class Bounds(NamedTuple):
     figures: Floats
     free: NDArray[np.int64]
     off: Floats
+    work: Floats
 
 
 class Moving(NamedTuple):
@@ -233,7 +235,7 @@ def limit(
     int
         0, or PYTHON if the command is not a number: nothing has been written then.
     """
-    values = np.empty(len(wanted))
+    values = bounds.work
     for i in range(len(wanted)):
         values[i] = wanted[i]
     if not finite(values):  # of the copy: a plugin's thread may write to ``wanted`` meanwhile

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.blocks import Block, places, width
-from itouch.compiling import kernel, linked
+from itouch.compiling import kernel, linked, scratch
 from itouch.twin.frame_rotation import FRAME, beside, turned_in, turned_out
 from itouch.world import fields
 
@@ -191,7 +191,7 @@ def couple_finger(
     figures[TOTAL] = math.sqrt(fx * fx + fy * fy + fz * fz)
     load[0], load[1], load[2] = 0.0, 0.0, -figures[FORCE]
     if mass > 0.0:
-        goal = np.empty(6)
+        goal = scratch(6)
         aim(led.pieces, time[0], goal)
         for i, force in enumerate((fx, fy, fz)):
             goal[i] += led.offset[i]

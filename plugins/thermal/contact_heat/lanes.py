@@ -1,4 +1,4 @@
-"""A dot product in eight lanes for compiled kernels.
+"""A dot product in eight lanes for compiled kernels, and the memory that a step needs while it runs.
 
 Without ``fastmath`` a compiler may not reorder a sum, so a plain loop adds one number at a time.  Here the order is
 explicit, eight partial sums and then a tree: several times faster, and the same bits on every processor.
@@ -14,6 +14,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
 
 _numba: Any = numba  # what it exports is not typed
 LANES = 8
@@ -66,3 +67,28 @@ def _dot_in_python(a: Any, i: int, b: Any, j: int, count: int) -> float:
 
 #: The dot product for kernels; where compiling is switched off, they run as Python, which cannot call an intrinsic.
 dot: Any = _dot_in_python if _numba.config.DISABLE_JIT else intrinsic(_dot)
+
+
+def _scratch(typing: Any, size: Any) -> Any:
+    """Return an array of so many float64, a constant, in the memory of the caller, which must not return it."""
+    kind = types.Array(types.float64, 1, "C")
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        count = size.literal_value
+        memory = cgutils.alloca_once(builder, ir.DoubleType(), size=count)
+        array = context.make_array(kind)(context, builder)
+        step = context.get_constant(types.intp, 8)
+        populate_array(
+            array, data=memory, shape=[context.get_constant(types.intp, count)], strides=[step], itemsize=step,
+            meminfo=None,
+        )  # fmt: skip
+        return array._getvalue()  # noqa: SLF001 - Numba's name for it
+
+    return (kind(size), generate) if isinstance(size, types.IntegerLiteral) else None
+
+
+#: Scratch memory for kernels, not initialized: asking the system for it, each time, costs as much as a short step.
+scratch: Any = np.empty
+if not _numba.config.DISABLE_JIT:
+    scratch = intrinsic(prefer_literal=True)(_scratch)
+    scratch.counts_nothing = True  # for a host that leaves out counts of references

@@ -19,7 +19,7 @@ from numba import njit
 from contact_heat import collocation
 from contact_heat.contour import WEIGHTS, Z
 from contact_heat.hosting import kernel
-from contact_heat.lanes import dot
+from contact_heat.lanes import dot, scratch
 from contact_heat.packing import (
     AMBIENT,
     DECAY,
@@ -109,7 +109,7 @@ def contact_step(finger: Array, finger_state: Array, body: Array, body_state: Ar
         Contact resistance at the end of the step [K m2/W], finite, at least 0; linear since the last step, and
         constant over the first step of a touch.
     """
-    work = np.empty(SCRATCH)
+    work = scratch(SCRATCH)
     f, b = int(finger[TAIL]), int(body[TAIL])
     fresh = finger_state[f] <= 0.0 or body_state[b] <= 0.0
     before = finger_state[f + RESISTANCE]
@@ -134,7 +134,7 @@ def air_step(model: Array, state: Array) -> None:
     ``model`` (n,) and ``state`` (size,) are laid out as in `packing`; the state is changed in place.  The model holds
     the film [W/m2K] and the ambient temperature [K].
     """
-    advance_air(model, state, np.empty(SCRATCH))
+    advance_air(model, state, scratch(SCRATCH))
 
 
 @kernel

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel, linked
+from itouch.compiling import kernel, linked, scratch
 from itouch.loop.render import (
     ARM,
     CONTACT_FORCE,
@@ -149,7 +149,7 @@ def _lead(c: Floats, sent: Floats, force: Floats, rise: float, step: float, most
     ``rise``: change of the plate's force in this tick [N]; ``most``: by how much the force itself may change [N].
     Return whether the force had to be changed for that.
     """
-    before, change = np.empty(3), np.empty(3)
+    before, change = scratch(3), scratch(3)
     before[0], before[1], before[2] = turned_out(c, ARM, sent[0], sent[1], sent[2])
     square = 0.0
     for i in range(3):
@@ -210,7 +210,7 @@ def push(
         rise = min(rise, HAND_STEP) if pressed > NOTHING else 0.0
     memory[LOAD] = pressed
     along *= 1.0 - _part(c, figures, memory, along, pressed, touching)
-    force = np.empty(3)
+    force = scratch(3)
     for i in range(3):
         force[i] = figures[CONTACT_FORCE + i] - along * figures[NORMAL + i]
     depth = figures[PLATE_TOP] - (figures[HIP + 2] - c[RADIUS])
