@@ -29,7 +29,7 @@ _SECTIONS: tuple[tuple[type, str], ...] = (
 def reference(extensions: Extensions) -> str:
     """Return the reference of all elements as Markdown."""
     lines = [_HEAD]
-    seen: set[type] = set()
+    seen: set[tuple[type, str]] = set()
     for cls, where in _SECTIONS:
         lines += _element(cls, tag_of(cls), where, seen)
     for plugin in extensions.plugin_names:
@@ -51,10 +51,10 @@ and in the files that include it.
 """
 
 
-def _element(cls: type, tag: str, where: str, seen: set[type], prefix: str = "") -> Iterator[str]:
-    if cls in seen:
+def _element(cls: type, tag: str, where: str, seen: set[tuple[type, str]], prefix: str = "") -> Iterator[str]:
+    if (cls, tag) in seen:
         return
-    seen.add(cls)
+    seen.add((cls, tag))
     yield f"\n## `<{tag}>`\n"
     yield f"{(cls.__doc__ or '').strip().splitlines()[0]} Stands {where}. Declared in `{_file_of(cls)}`.\n"
     rows = [
@@ -80,7 +80,7 @@ def _file_of(cls: type) -> str:
     return f"{name}/__init__.py" if hasattr(sys.modules[cls.__module__], "__path__") else f"{name}.py"
 
 
-def _plugin(extensions: Extensions, plugin: str, seen: set[type]) -> Iterator[str]:
+def _plugin(extensions: Extensions, plugin: str, seen: set[tuple[type, str]]) -> Iterator[str]:
     for host in ("device", "material", "interaction"):
         for local in extensions.locals(plugin, host):
             cls = extensions.element_class(plugin, host, local)

@@ -5,6 +5,7 @@ The same classes define the XML grammar, the Python interface and the case file.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -28,7 +29,11 @@ class Layer:
 
     name: str = declared.text(default="", doc="what it is")
     thickness: float | None = declared.quantity(
-        "m", low=1e-9, high=100.0, default=None, doc="thickness; without it the layer is semi-infinite"
+        "m",
+        low=1e-9,
+        high=100.0,
+        default=None,
+        doc="thickness; without it semi-infinite, which only the last layer of what is touched may be",
     )
     conductivity: float = declared.quantity("W/(m*K)", low=1e-4, high=1e4, doc="thermal conductivity")
     density: float = declared.quantity("kg/m^3", low=1e-2, high=3e4, doc="density")
@@ -49,6 +54,37 @@ class Layer:
     def effusivity(self) -> float:
         """Thermal effusivity [W s^1/2 / m2K]."""
         return float((self.conductivity * self.heat_capacity) ** 0.5)
+
+
+def check_layers(layers: Sequence[Layer], tag: str, *, finger: bool = True) -> None:
+    """Check the layers that a file gives for one side, before a side is made of them.
+
+    Parameters
+    ----------
+    layers
+        From the contact inwards; none is right, too.
+    tag
+        Their element, for the message.
+    finger
+        Whether they are a finger's, behind which its core has a temperature; else a sample's under a film, whose last
+        layer may be semi-infinite, and which has no blood.
+
+    Raises
+    ------
+    ValueError
+        If there are too many, a thickness is missing, or a sample has blood.
+    """
+    most = MOST_LAYERS if finger else MOST_LAYERS - 1
+    if len(layers) > most:
+        raise ValueError(f"there are {len(layers)} <{tag}>, and at most {most} may be: join some of them")
+    for number, layer in enumerate(layers, 1):
+        which = f"<{tag}> {layer.name or number}"
+        if layer.thickness is None and finger:
+            raise ValueError(f"{which} has no thickness: each layer of a finger needs one")
+        if layer.thickness is None and number < len(layers):
+            raise ValueError(f"{which} has no thickness: only the last <{tag}> may go on without end")
+        if layer.perfusion > 0.0 and not finger:
+            raise ValueError(f"{which} has a perfusion: only a finger has blood, so remove it")
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contact_heat.layers import FINGER_FILM, Back, Film, Initial, Layer, Side
+from contact_heat.layers import FINGER_FILM, Back, Film, Initial, Layer, Side, check_layers
 from contact_heat.resistance import DEFAULT_RESISTANCE, SPREAD, ResistanceLaw, contact_area
 from itouch.plugin import Bound, ContactEvent, Field, HeardContact, Modality, Record, Role, World, schema
 from itouch.plugin import Contact as ContactKind
@@ -94,6 +94,7 @@ class HeatParams:
     def __post_init__(self) -> None:
         schema.validate(self)
         check_laws(self.laws, self.contact_resistance)
+        check_layers(self.layers, "layer")
 
     def law(self) -> ResistanceLaw:
         """Return the law from force to contact resistance."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from contact_heat.layers import Layer
+from contact_heat.layers import Layer, check_layers
 from contact_heat.resistance import AREA_AT_1N, AREA_EXPONENT, DEFAULT_RESISTANCE, SPREAD, contact_area
 from itouch.plugin import schema
 from itouch_thermal.display.peltier import Module
@@ -192,6 +192,7 @@ class DisplayParams:
             self._take(self.datasheet.module())
         schema.validate(self)
         check_laws(self.laws, self.contact_resistance)
+        check_layers(self.tissue, "tissue")
         if self.delay + self.mismatch.delay < -1e-12:
             raise ValueError(f"mismatch: delay = {self.mismatch.delay!r} s is more than the delay of {self.delay:g} s")
         if self.laws and self.full_force > 0.0:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from contact_heat.layers import Layer
+from contact_heat.layers import Layer, check_layers
 from contact_heat.resistance import DEFAULT_RESISTANCE
 from itouch.plugin import schema
 from itouch_thermal.drivers.driver_params import FluxSensor, Infrared
@@ -123,6 +123,8 @@ class FilmParams:
     def __post_init__(self) -> None:
         schema.validate(self)
         check_laws(self.laws, self.contact_resistance)
+        check_layers(self.tissue, "tissue")
+        check_layers(self.sample, "sample", finger=False)
 
     @property
     def calibration(self) -> str:

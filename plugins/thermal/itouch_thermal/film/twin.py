@@ -22,11 +22,13 @@ _RISE = 0.02
 
 
 def sample_side(params: FilmParams, ambient: float) -> Side:
-    """Return the sample under its film, at rest at the room's temperature [K]."""
+    """Return the sample under its film, at rest at the room's temperature [K]; air is behind it if it has an end."""
+    layers = params.sample or (WOOD,)
+    ends = layers[-1].thickness is not None
     return Side(
-        layers=(params.film, *(params.sample or (WOOD,))),
+        layers=(params.film, *layers),
         initial=Initial(kind="uniform", temperature=ambient),
-        back=Back(kind="convection", temperature=ambient, coefficient=10.0),
+        back=Back(kind="convection", temperature=ambient, coefficient=10.0) if ends else None,
         air=Film(coefficient=params.recovery, ambient=ambient),
     )
 
