@@ -27,7 +27,7 @@ from itouch_tools.sweeps.elements import Enough, Stop
 from itouch_tools.sweeps.engines import Engine, EngineLostError, NoEngineError
 from itouch_tools.sweeps.progress import Progress
 from itouch_tools.sweeps.reading import load_sweep
-from itouch_tools.sweeps.store import RUNS, paths_of, rows, table
+from itouch_tools.sweeps.store import PLAN, RUNS, paths_of, rows, table
 from itouch_tools.sweeps.worker import close_runners
 
 
@@ -75,6 +75,38 @@ def test_every_run_has_its_row_and_any_reader_reads_them(home: Path) -> None:
     assert (found["own_seed"] == found["seed"]).all()
     assert found.groupby("mass")["force"].nunique().min() >= 2
     assert found["state"].nunique() == 8
+
+
+def test_status_says_how_far_it_is_and_why_runs_failed(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sweep", "status", str(home / "out")]) == 0
+    assert capsys.readouterr().out == f"8 of 8 runs in {home / 'out'}: 8 done\n"
+    # without a scene beside it, a part of its rows, half of which failed, and a folder of before
+    part = tmp_path / "a part"
+    shutil.copytree(home / "out", part)
+    (first, *others) = paths_of(part)
+    for other in others:
+        other.unlink()
+    found = pq.read_table(first, partitioning=None).slice(0, 2)
+    failed = [["done", "error"], ["", "ValueError: no such\x1b[2Jthing"]]
+    for name, values in zip(("status", "reason"), failed, strict=True):
+        found = found.set_column(found.schema.get_field_index(name), name, pa.array(values))
+    pq.write_table(found, first)
+    assert main(["sweep", "status", str(part)]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith(f"2 of 8 runs in {part}: 1 done, 1 error\n  1 x error: ValueError: no such")
+    assert "\x1b" not in told
+    (part / PLAN).unlink()
+    assert main(["sweep", "status", str(part)]) == 0
+    assert capsys.readouterr().out.startswith(f"2 runs in {part}: ")
+    assert main(["sweep", "status", str(tmp_path)]) == 2
+    assert "is no folder of a sweep" in capsys.readouterr().err
+
+
+def test_run_may_stand_before_the_sweep(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sweep", "run", str(home / "sweep.xml"), "-o", str(home / "out")]) == 0
+    assert "8 of 8 runs" in capsys.readouterr().out
 
 
 def test_the_same_command_again_runs_nothing(home: Path, capsys: pytest.CaptureFixture[str]) -> None:

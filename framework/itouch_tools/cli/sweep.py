@@ -19,11 +19,14 @@ if TYPE_CHECKING:
     from itouch_tools.sweeps.sweepfile import SweepFile
 
 #: The sub-commands that may follow `sweep` instead of a file.
-COMMANDS = ("check", "replay", "page")
+COMMANDS = ("check", "run", "status", "replay", "page")
+
+#: Most reasons that `status` prints.
+MOST_REASONS = 10
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run a sweep, say what it will cost, run one of its rows again, or write its page."""
+    """Run a sweep, say what it will cost and how far it is, run one of its rows again, or write its page."""
     words = list(argv)
     missing = _missing()
     if missing and not {"-h", "--help"} & set(words):
@@ -31,6 +34,10 @@ def main(argv: Sequence[str]) -> int:
         return 2
     if words[:1] == ["check"]:
         return _check(words[1:])
+    if words[:1] == ["run"]:
+        return _sweep(words[1:])
+    if words[:1] == ["status"]:
+        return _status(words[1:])
     if words[:1] == ["replay"]:
         return _replay(words[1:])
     if words[:1] == ["page"]:
@@ -53,10 +60,13 @@ def _missing() -> str:
 def _sweep(words: list[str]) -> int:
     parser = Parser(
         prog="itouch-py sweep", description=main.__doc__,
-        epilog="itouch-py sweep check SWEEP.xml: runs, time and size, from a few pilots.  itouch-py sweep replay "
-        "FOLDER ROW: one run again.  itouch-py sweep page KIND FOLDER: figures and numbers of a shipped sweep.",
+        epilog="itouch-py sweep check SWEEP.xml: runs, time and size, from a few pilots.  itouch-py sweep status "
+        "FOLDER: how far it is.  itouch-py sweep replay FOLDER ROW: one run again.  itouch-py sweep page KIND FOLDER: "
+        "figures and numbers of a shipped sweep.",
     )  # fmt: skip
-    parser.add_argument("sweep", metavar="SWEEP.xml", help="the sweep; or check, replay, page (each has --help)")
+    parser.add_argument(
+        "sweep", metavar="SWEEP.xml", help="the sweep; or check, run, status, replay, page (each has --help)"
+    )
     parser.add_argument(
         "-o",
         "--output",
@@ -149,6 +159,24 @@ def _size(count: float) -> str:
         if count >= size:
             return f"{count / size:.1f} {unit}"
     return f"{count:.0f} bytes"
+
+
+def _status(words: list[str]) -> int:
+    """Say how many runs of a sweep have their row, how they ended, and why; also while it runs."""
+    parser = Parser(prog="itouch-py sweep status", description=_status.__doc__)
+    parser.add_argument("folder", metavar="FOLDER", help="of a sweep")
+    options = parser.parse_args(words)
+    from itouch_tools.sweeps.status import status_of
+
+    found = status_of(Path(options.folder))
+    kinds = ", ".join(f"{count} {status}" for status, count in sorted(found.counts.items())) or "none"
+    of = "" if found.runs is None else f" of {found.runs}"
+    print(f"{found.rows}{of} runs in {options.folder}: {kinds}")
+    for reason, count in found.reasons.most_common(MOST_REASONS):
+        print(f"  {count} x {reason}")
+    if len(found.reasons) > MOST_REASONS:
+        print(f"  and {len(found.reasons) - MOST_REASONS} more reasons, in the column `reason`")
+    return 0
 
 
 def _replay(words: list[str]) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import time
 import uuid
@@ -24,7 +25,7 @@ from itouch_tools.sweeps.work import Work
 if TYPE_CHECKING:
     import pyarrow
 
-RUNS, INCOMING, SWEEP, WORK = "runs", ".incoming", "sweep.xml", "work.json"
+RUNS, INCOMING, SWEEP, WORK, PLAN = "runs", ".incoming", "sweep.xml", "work.json", "plan.json"
 #: Number of runs whose rows lie in one partition, by their number in the plan.
 PART = 10_000
 #: Most rows that are written together, and how long a row may wait to be written: ``WAITS`` seconds at first, later the
@@ -92,6 +93,8 @@ class Store:
             store._compare(work)
             write_whole(folder / INCOMING, folder / SWEEP, Path(file.path).read_bytes())
             write_whole(folder / INCOMING, folder / WORK, work.dumps().encode())
+            plan = json.dumps({"runs": len(file.plan())})
+            write_whole(folder / INCOMING, folder / PLAN, plan.encode())
             store._recover()
         except (OSError, StoreError) as error:
             store.close()
