@@ -91,7 +91,9 @@ def test_a_session_that_is_stopped_goes_on_to_the_same_rows(
     for end in (1, 4, 5, 9):
         (tmp_path / "some.txt").write_text("\n".join(lines[:end]) + "\n")
         assert run(path, tmp_path / "data", "--answers", str(tmp_path / "some.txt")) == 3
-        assert "the same command goes on from here" in capsys.readouterr().out
+        told = capsys.readouterr().out
+        assert f"(the script has {end} answer{'s' * (end > 1)}, and line {end + 1} would be that of this trial)" in told
+        assert "the same command goes on from here" in told
         assert kept(tmp_path / "data") == rows[:end]
     assert run(path, tmp_path / "data", "--answers", str(answers)) == 0
     assert kept(tmp_path / "data") == rows

@@ -85,7 +85,8 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
             print(f"{error}\n{again}", file=sys.stderr)
             return 1
     if session.stopped:
-        print(f"stopped after {number_of(made, 'new trial')}; {again}")
+        said = f" ({session.why})" if session.why else ""
+        print(f"stopped after {number_of(made, 'new trial')}{said}; {again}")
         return stop.code(3)
     print(f"all done: {number_of(made, 'new trial')}")
     return 0

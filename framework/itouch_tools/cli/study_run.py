@@ -20,7 +20,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
                      help="the study's data; default: NAME.data beside the file")  # fmt: skip
     run.add_argument("--participant", metavar="CODE", required=True, help="the participant's code, as P07")
     run.add_argument(
-        "--answers", metavar="FILE", help="a script, one ANSWER [SECONDS] a line; - reads it from the input"
+        "--answers",
+        metavar="FILE",
+        help="a script, one ANSWER [SECONDS] a line, line n for trial n of the order; - reads it from the input",
     )
     run.add_argument("--answers-from", metavar="NAME", help="an answer device that a plugin brings (itouch.tasks)")
     run.add_argument("--pace", choices=("real", "fast"), help="default: real for a person, fast for a script")
@@ -68,8 +70,9 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
                 if session.room.losses and not lost:
                     lost.append(session.room.losses[0])
                     print(f"the session is not recorded any more: {lost[0]}", file=sys.stderr)
-        except Stopped:
-            print(f"stopped after {number_of(made, 'new trial')}; the same command goes on from here")
+        except Stopped as why:
+            said = f" ({why})" if str(why) else ""
+            print(f"stopped after {number_of(made, 'new trial')}{said}; the same command goes on from here")
             return 3
         except KeyboardInterrupt:
             print(f"\nstopped after {number_of(made, 'new trial')}; the same command goes on from here")

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol, TextIO
 
 from itouch.schema import ItouchError
+from itouch.schema.terminal import number_of
 
 
 class AnswerError(ItouchError):
@@ -17,7 +18,7 @@ class AnswerError(ItouchError):
 
 
 class Stopped(Exception):  # noqa: N818  - not an error: the participant goes on another time
-    """The person who answers wants to end the session; complete trials are kept."""
+    """The person who answers wants to end the session, or a script is over, as its words say; what is complete is kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +89,8 @@ class Script:
     def ask(self, question: Question) -> None:
         """Find the line of this trial; an answer may itself end with a number."""
         if question.place >= len(self._lines):
-            raise Stopped
+            have = number_of(len(self._lines), "answer")
+            raise Stopped(f"the script has {have}, and line {question.place + 1} would be that of this trial")
         whole = self._written[question.place]
         named = whole.casefold() in (choice.casefold() for choice in question.choices)
         self._now = (whole, 0.5) if named else self._lines[question.place]

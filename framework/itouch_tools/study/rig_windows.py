@@ -114,8 +114,8 @@ class Desk:
         self._asked: tuple[int, float] | None = None
         self._given = self._paused = self._held = self._ending = False
         self._face = Shown("hold"), list[tuple[str, bool]]()
-        #: Whether the session was ended before the last trial.
-        self.stopped = False
+        #: Whether the session was ended before the last trial, and why, if there is more to say than that.
+        self.stopped, self.why = False, ""
 
     def attend(self) -> Iterator[dict[str, Any]]:
         """Attend until the session has ended; yield its messages about trials and losses.
@@ -138,8 +138,8 @@ class Desk:
                     yield from self._listen()
                 if not over:
                     self._turn()
-        except Stopped:
-            self.stopped = True
+        except Stopped as why:
+            self.stopped, self.why = True, str(why)
             handle.stop()
             yield from self._listen()
         finally:
