@@ -18,7 +18,7 @@ class AnswerError(ItouchError):
 
 
 class Stopped(Exception):  # noqa: N818  - not an error: the participant goes on another time
-    """The person who answers wants to end the session, or a script is over, as its words say; what is complete is kept."""
+    """The person who answers wants to end the session, or a script is over, as its words say; the trials are kept."""
 
 
 @dataclass(frozen=True, slots=True)
