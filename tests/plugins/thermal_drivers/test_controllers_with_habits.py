@@ -13,7 +13,9 @@ import pytest
 from test_thermal_drivers import served
 
 from itouch.plugin import DeviceError, Terminal
+from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.drivers import Mecom, mecom
+from itouch_thermal.drivers.emulator import DisplayEmulator
 from itouch_thermal.drivers.tec import TecDriver
 from itouch_thermal.drivers.virtual import Plate, VirtualMecom
 
@@ -52,7 +54,7 @@ class Controller(VirtualMecom):
 
 
 @contextlib.contextmanager
-def on_a_line(device: Controller) -> Iterator[str]:
+def on_a_line(device: VirtualMecom) -> Iterator[str]:
     terminal = Terminal()
 
     def step() -> None:
@@ -156,6 +158,20 @@ def test_a_second_channel_has_the_controllers_status_and_watchdog_under_the_firs
         with pytest.raises(DeviceError, match="error 137"):
             for _ in range(4):
                 tec.exchange(0.5)
+
+
+@pytest.mark.parametrize("instance", [1, 3])
+def test_a_virtual_rig_has_the_channel_that_the_scene_names(instance: int) -> None:
+    device = DisplayEmulator(DisplayParams(mecom=Mecom(port="unused", instance=instance))).tec
+    assert device is not None
+    with on_a_line(device) as path:
+        tec = driver(path, instance=instance)
+        for _ in range(3):
+            assert tec.exchange(0.5).current in (0.0, 0.5)
+        assert device.output() == 0.5
+        tec.close()
+        with pytest.raises(DeviceError, match="no such instance"):
+            driver(path, instance=2)
 
 
 @pytest.mark.parametrize("code", [4, 5, 9])

@@ -114,7 +114,8 @@ class DisplayEmulator(Emulator):
     def __init__(self, params: Any) -> None:
         super().__init__(params)
         self.plate = Plate()
-        self.tec = VirtualMecom(self.plate, address=params.mecom.address) if params.mecom is not None else None
+        tec = params.mecom
+        self.tec = None if tec is None else VirtualMecom(self.plate, address=tec.address, instance=tec.instance)
         self.chip = SimulatedLine(params, self.plate) if _has_chip(params) else None
         self.line = VirtualLine(self.plate) if params.line is not None and self.chip is None else None
         self.t7 = VirtualT7() if params.labjack is not None else None

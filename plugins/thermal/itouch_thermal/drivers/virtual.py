@@ -58,11 +58,13 @@ SILENCE = 5.0
 class VirtualMecom:
     """A TEC controller: parameters, status, live current; ``flash`` counts writes that would wear its flash.
 
-    ``now`` [s] is the time for its watchdog, ``resistance`` [ohm] its module's, ``bulk`` whether it knows ``?VX``.
+    ``instance`` is the channel at which the module is, ``now`` [s] the time for its watchdog, ``resistance`` [ohm] its
+    module's, ``bulk`` whether it knows ``?VX``.
     """
 
     plate: Plate
     address: int = 2
+    instance: int = 1
     lapses: Lapses = field(default_factory=Lapses)
     error: int = 0
     flash: int = 0
@@ -150,7 +152,7 @@ class VirtualMecom:
         return b"+01"
 
     def _read(self, parameter: int, instance: int) -> bytes:
-        if instance != 1:
+        if instance != self.instance:
             return b"+08"
         plate = self.plate
         measured = {
@@ -165,7 +167,7 @@ class VirtualMecom:
         return struct.pack(">i", whole[parameter]).hex().upper().encode() if parameter in whole else b"+05"
 
     def _write(self, parameter: int, instance: int, data: bytes) -> bytes:
-        if instance != 1:
+        if instance != self.instance:
             return b"+08"
         if parameter in (104, 105, 1000, 1001, 1020, 1021, 1200):
             return b"+06"
