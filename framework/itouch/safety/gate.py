@@ -88,6 +88,10 @@ class Gate:
         #: How many limits were applied, and how many locked components dropped, shape (1,).
         self.clamped, self.dropped = (state[f"{model.name}.{field}"].reshape(1) for field in ("clamped", "dropped"))
         self.guards = [(channel.name, Guard(channel, model.limits)) for channel in model.commands]
+        #: The commands that hold or retract: their safe value begins at the one that was sent last.
+        self._relative = [channel for channel in model.commands if not isinstance(channel.safe, tuple)]
+        #: Whether that one is true of the device as it is now.
+        self._known = device is None or not self._relative
         #: What is set anew in each tick: share, closing speed, room.
         self.moving = limiting.Moving.of()
         forces = max(1, sum(channel.role is Role.FORCE_ON_OPERATOR for channel in model.commands))
@@ -148,6 +152,11 @@ class Gate:
         if self.stopped is not None and self.way is not None:
             self.stopped[...], self.way[:] = 0, math.nan
 
+    def opened(self) -> None:
+        """Drop what was read before, and what was sent: the device may stand elsewhere since it was opened."""
+        self.forget()
+        self._known = self.device is None or not self._relative
+
     @property
     def heard(self) -> bool:
         """Whether a reading was checked since the device was opened."""
@@ -166,6 +175,7 @@ class Gate:
     def begin(self) -> None:
         """Begin from where the device stands, with the ramp that its limits ask for."""
         self.rest_at_measured()
+        self._known = True
         self.device_monitors.begin()
         self._ramp[...] = 0.0 if self.model.limits.ramp > 0.0 else 1.0
 
@@ -569,16 +579,31 @@ class Gate:
         self._put()
 
     def _rest(self) -> None:
-        """Write the safe command of every channel, unless the last one is kept."""
+        """Write the safe command of every channel, unless the last one is kept or nothing is known to begin at."""
+        if not self._known and not self._begins_here():
+            return
         stopped = self.stopped.item() if self.stopped is not None else 0
         if not self.keeping and stopped != HELD:
             ends = ANYWHERE if self.way is None else (self.way[1].item(), self.way[2].item())
             for name, guard in self.guards:
                 guard.safe(self.sent[name], self._period, backwards=stopped == BACKWARDS, ends=ends)
 
+    def _begins_here(self) -> bool:
+        """Let what holds or retracts begin where the device stands; tell whether that is known."""
+        pose = self._pose
+        if pose is None or not self.heard or any(one.role is not Role.SURFACE_POSE for one in self._relative):
+            return False
+        for channel in self._relative:
+            self.sent[channel.name] = self.reading[pose]
+        self._known = True
+        return True
+
     def _put(self) -> None:
-        """Pass what was let through on to the device: the only call of its ``write``."""
-        if self.device is None:
+        """Pass what was let through on to the device: the only call of its ``write``.
+
+        A device that holds or retracts, and of which nothing is known yet, was told nothing and is left where it is.
+        """
+        if self.device is None or not self._known:
             return
         self.unsent = True
         try:

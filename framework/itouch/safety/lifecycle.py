@@ -72,7 +72,7 @@ class Lifecycle:
         self.claim_wires()
         if self.gate.device is not None:
             self.gate.device.open()
-        self.gate.forget()
+        self.gate.opened()
         self.latch.open()
 
     def enable(self) -> None:
