@@ -61,6 +61,14 @@ def test_inspect(kept: Path, name: str, capsys: pytest.CaptureFixture[str]) -> N
         assert facts["whole"]
 
 
+def test_inspect_of_a_scene_tells_whose_each_fact_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["inspect", str(SCENES / "four_materials.xml")]) == 0
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    said = "devices arm (plugin usb-arm, twin True), table (plugin xyz-table, twin True), peltier (plugin thermal, twin"
+    assert any(line.startswith(said) for line in lines)
+    assert any("heat (plugin thermal), flux-control (plugin thermal, commands peltier.current)" in one for one in lines)
+
+
 def test_inspect_of_a_scene_lists_what_can_be_recorded(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["inspect", str(SCENES / "four_materials.xml"), "--json"]) == 0
     channels = {row["channel"]: row for row in json.loads(capsys.readouterr().out)["channels"]}

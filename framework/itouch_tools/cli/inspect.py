@@ -227,7 +227,11 @@ def _text(facts: Facts) -> list[str]:
 
 def _short(value: Any) -> str:
     if isinstance(value, dict):
-        return ", ".join(f"{name} {_short(item)}" for name, item in value.items())
+        told = {name: item for name, item in value.items() if item not in (None, [], {}, "")}
+        return ", ".join(
+            f"{name} ({_short(item)})" if isinstance(item, dict) else f"{name} {_short(item)}"
+            for name, item in told.items()
+        )
     if isinstance(value, list):
         return " ".join(_short(item) for item in value)
     return f"{value:.6g}" if isinstance(value, float) else str(value)
