@@ -35,6 +35,24 @@ def test_all_problems_come_at_once_with_their_lines(tmp_path: Path) -> None:
     assert len({line for _, line, _ in found}) == 3
 
 
+@pytest.mark.parametrize(
+    ("run", "begin", "said"),
+    [
+        ('<run for="2 s"/>', 'begin="2 s"', "'touching' counts from 2 s on, and runs end at 2 s"),
+        ('<run for="2 s"/>', 'begin="1.9 s"', ""),
+        ("", 'begin="60 s"', ""),  # where the motion ends is not known before it has run
+        ("", 'begin="0.5 s" end="0.5 s"', "'touching' counts to 0.5 s, and only from 0.5 s on"),
+    ],
+)
+def test_a_field_over_a_time_that_no_run_has_is_warned_of(tmp_path: Path, run: str, begin: str, said: str) -> None:
+    text = VARIED + run + COLLECT.replace('begin="0.2 s"', begin)
+    file, found = read_sweep(written(tmp_path, text), Catalog())
+    assert file is not None  # such a sweep ran before, and goes on running
+    assert [(one.severity, one.sentence) for one in found] == (
+        [("warning", f"{said}: it would be empty")] if said else []
+    )
+
+
 def test_draws_are_not_said_to_be_empty_because_their_parameter_is_wrong(tmp_path: Path) -> None:
     found = problems(tmp_path, '<draws kind="random" count="2"><over name="s" set="wood/contact.stiffness" low="5" '
                      'high="2"/></draws>' + COLLECT)  # fmt: skip

@@ -55,6 +55,8 @@ def contradictions(file: SweepFile) -> Iterator[Problem]:
                 paths.split(result.key)
             except ValueError as error:
                 yield Problem("bad-value", str(error), places.of(result, "key"))
+        elif isinstance(result, FromField):
+            yield from _never_counted(result, file)
     numbers = [name for each in sweep.collect.results if getattr(each, "type_", "number") == "number"
                for name in columns(each)]  # fmt: skip
     for one in sweep.stop.enough:
@@ -66,6 +68,17 @@ def contradictions(file: SweepFile) -> Iterator[Problem]:
         yield Problem("missing-element", "<sweep> varies nothing", place, advice)
     elif len(file.plan()) > MOST_RUNS:
         yield Problem("out-of-range", f"these are more than {MOST_RUNS:.0e} runs", places.of(sweep), "leave some out")
+
+
+def _never_counted(result: FromField, file: SweepFile) -> Iterator[Problem]:
+    """Yield a warning if a field is reduced over a time that no run has: its column would be empty."""
+    over, places = file.sweep.run.for_, file.places
+    if result.end is not None and result.end <= result.begin:
+        sentence = f"'{result.name}' counts to {result.end:g} s, and only from {result.begin:g} s on: it would be empty"
+        yield Problem("bad-value", sentence, places.of(result, "end"), "end later, or begin earlier", (), "warning")
+    elif over is not None and result.begin >= over:
+        sentence = f"'{result.name}' counts from {result.begin:g} s on, and runs end at {over:g} s: it would be empty"
+        yield Problem("bad-value", sentence, places.of(result, "begin"), "begin earlier, or run longer", (), "warning")
 
 
 def scenes(file: SweepFile, catalog: Catalog) -> Iterator[Problem]:
