@@ -166,7 +166,7 @@ def _status(words: list[str]) -> int:
     parser = Parser(prog="itouch-py sweep status", description=_status.__doc__)
     parser.add_argument("folder", metavar="FOLDER", help="of a sweep")
     options = parser.parse_args(words)
-    from itouch_tools.sweeps.status import status_of
+    from itouch_tools.sweeps.progress import status_of
 
     found = status_of(Path(options.folder))
     kinds = ", ".join(f"{count} {status}" for status, count in sorted(found.counts.items())) or "none"

@@ -1,15 +1,18 @@
-"""The progress of a sweep: runs, rate, time left, failures by kind; and when it is to end."""
+"""The progress of a sweep: runs, rate, time left, failures by kind; when it is to end; and how far a folder's is."""
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from itouch_tools.sweeps.elements import Enough, Stop
+from itouch_tools.sweeps.store import PLAN, read_work, rows
 
 #: Half the width of a 95 % interval, in standard errors.
 Z = 1.959964
@@ -110,3 +113,42 @@ def shown_time(seconds: float) -> str:
         if seconds >= 1.5 * size:
             return f"{seconds / size:.1f} {unit}"
     return f"{seconds:.0f} s"
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """Runs of the plan, None if the folder does not say; rows by status; and how often there is each reason."""
+
+    runs: int | None
+    counts: Counter[str]
+    reasons: Counter[str]
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return sum(self.counts.values())
+
+
+def status_of(folder: Path) -> Status:
+    """Return how far the sweep of a folder is.
+
+    Raises
+    ------
+    StoreError
+        If it is not the folder of a sweep.
+    """
+    read_work(folder)
+    counts: Counter[str] = Counter()
+    reasons: Counter[str] = Counter()
+    for row in rows(folder, ["status", "reason"]):
+        counts[row["status"]] += 1
+        if row["reason"]:
+            reasons[f"{row['status']}: {row['reason']}"] += 1
+    return Status(_runs(folder), counts, reasons)
+
+
+def _runs(folder: Path) -> int | None:
+    try:
+        return int(json.loads((folder / PLAN).read_text(encoding="utf-8"))["runs"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None  # a folder of an earlier version
