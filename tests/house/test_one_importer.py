@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from sources import SMALL, imports, modules, small_with_one_importer
 
 #: Folders of like files, of which each is looked for by its name -> what each of them is.
@@ -52,18 +53,21 @@ def family_of(name: str) -> str:
     return folder if folder in FAMILIES else ""
 
 
-def test_a_small_module_with_one_importer_has_a_reason() -> None:
+@pytest.fixture(scope="module")
+def small() -> dict[str, str]:
+    """Return the small modules with one importer, each with that one."""
     every = modules()
-    small = small_with_one_importer(every, imports(every))
+    return small_with_one_importer(every, imports(every))
+
+
+def test_a_small_module_with_one_importer_has_a_reason(small: dict[str, str]) -> None:
     homeless = [
         f"{name}, imported by {by}" for name, by in small.items() if name not in REASONS and not family_of(name)
     ]
     assert homeless == [], f"merge each into its importer or a kindred file, or say here why not (under {SMALL} lines)"
 
 
-def test_every_reason_is_still_needed() -> None:
-    every = modules()
-    small = small_with_one_importer(every, imports(every))
+def test_every_reason_is_still_needed(small: dict[str, str]) -> None:
     assert sorted(REASONS.keys() - small.keys()) == []
     assert [name for name in REASONS if family_of(name)] == []
     assert sorted(FAMILIES.keys() - {family_of(name) for name in small}) == []
