@@ -27,6 +27,7 @@ REASONS = {
     "itouch_tools.cli.wake_ups": "a program of its own, run in another process",
     "itouch_tools.sound.wav": "a sound is played, or written to a file: one file for each",
     "itouch_tools.sweeps.pages": "the work of a command lies below the command line",
+    "itouch_tools.viewer.chart_layout": "it needs no graphics, and is tested where there is no display",
     "itouch_tools.viewer.legend": "each part of the picture has a file",
     "itouch_tools.viewer.menu": "each part of the picture has a file",
     "itouch_evidence.surface.reach": "a bound with a derivation, by which what was measured is judged",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch_tools.viewer import charts, colours, menu, overlay, solids
+from itouch_tools.viewer import chart_layout, colours, menu, overlay, solids
 from itouch_tools.viewer.camera import VIEWS, Camera
 from itouch_tools.viewer.overlay import SessionStatus
 from itouch_tools.viewer.scene_graph import SceneGraph, along, arrow
@@ -19,6 +21,14 @@ from itouch_tools.viewer.signals import Ring
 def volume(solid: solids.Solid) -> float:
     corners = solid.positions.astype(float)[solid.faces]
     return float(np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6)
+
+
+def test_what_is_shown_is_determined_without_graphics():
+    """So it is in a process of its own: what draws asks for a display when it is imported."""
+    rooms = ("scene_graph", "camera", "signals", "overlay", "chart_layout", "menu", "colours", "solids")
+    script = f"import {', '.join(f'itouch_tools.viewer.{room}' for room in rooms)}, sys; print('pyglet' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
 
 
 @pytest.mark.parametrize(
@@ -322,13 +332,13 @@ def test_words_and_curves_are_read_on_light_and_on_dark_ground(shown):
 @pytest.mark.parametrize("area", [(900.0, 8.0, 370.0, 700.0), (8.0, 8.0, 1264.0, 270.0), (8.0, 8.0, 380.0, 330.0)])
 def test_charts_stand_in_their_area_and_none_on_another(count, area):
     left, bottom, width, height = area
-    places = charts.arranged(count, area, 8.0)
+    places = chart_layout.arranged(count, area, 8.0)
     assert min(count, 1) <= len(places) <= count
     for index, ((x, y, w, h), foot) in enumerate(places):
         assert (
             x >= left - 1e-9 and y >= bottom - 1e-9 and x + w <= left + width + 1e-9 and y + h <= bottom + height + 1e-9
         )
-        assert h >= charts.LEAST_HEIGHT * 8.0 * 0.9 and foot in (0.0, 2.4 * 8.0)
+        assert h >= chart_layout.LEAST_HEIGHT * 8.0 * 0.9 and foot in (0.0, 2.4 * 8.0)
         for (u, v, wide, high), _ in places[:index]:
             assert x >= u + wide or u >= x + w or y >= v + high or v >= y + h
     columns = {x for (x, *_), _ in places}
@@ -338,14 +348,14 @@ def test_charts_stand_in_their_area_and_none_on_another(count, area):
 
 def test_keys_tell_the_sample_at_the_cursor_or_the_newest():
     times = np.array([3.0, 3.5, 4.0, 4.5])
-    assert charts.sample(times, None) == 3
-    assert charts.sample(times, -0.5) == 2
-    assert charts.sample(times, -0.6) == 2
-    assert charts.sample(times, 0.0) == 3
-    assert charts.sample(times, -1.6) == 4  # nothing is known of then
-    assert charts.sample(times[:0], -1.0) == -1
-    assert charts.told(times, ".1f", 4) == charts.told(times[:0], ".1f", -1) == "--"
-    assert charts.told(times, ".1f", 1) == "3.5"
+    assert chart_layout.sample(times, None) == 3
+    assert chart_layout.sample(times, -0.5) == 2
+    assert chart_layout.sample(times, -0.6) == 2
+    assert chart_layout.sample(times, 0.0) == 3
+    assert chart_layout.sample(times, -1.6) == 4  # nothing is known of then
+    assert chart_layout.sample(times[:0], -1.0) == -1
+    assert chart_layout.told(times, ".1f", 4) == chart_layout.told(times[:0], ".1f", -1) == "--"
+    assert chart_layout.told(times, ".1f", 1) == "3.5"
 
 
 def test_what_stands_below_leaves_the_scene_the_rest():

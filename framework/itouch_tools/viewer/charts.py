@@ -1,4 +1,4 @@
-"""The charts: their layout, the time that is pointed at, and curves of the last seconds with axes and keys."""
+"""Drawing of the charts: curves of the last seconds with axes and keys."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pyglet import gl
 
+from itouch_tools.viewer import chart_layout
 from itouch_tools.viewer.buffers import Paint
 from itouch_tools.viewer.colours import look
 from itouch_tools.viewer.flat_shapes import Rectangle, line, rectangle, ribbon
@@ -23,13 +24,6 @@ Values = NDArray[np.float64]
 STEP = 2.0
 _DASH = 0.12
 
-#: Least height of a chart, in sizes of a letter; where there is less room, the last charts are left out.
-LEAST_HEIGHT = 10.5
-#: Least width of a chart that stands beside others, in sizes of a letter.
-LEAST_WIDTH = 34.0
-#: Height of the time axis's labels, and the gap between two charts, in sizes of a letter.
-_AXIS, _GAP = 2.4, 0.8
-
 
 def draw(
     ring: Curves, paint: Paint, text: Text, area: Rectangle, seen: NDArray[np.float64], size: float, *,
@@ -40,8 +34,8 @@ def draw(
     All have the same time axis; where the mouse points into one, a line stands at that time in all, and their keys show
     the values at that time.  ``seen`` (4, 4) transforms pixels to the clip space of OpenGL.
     """
-    places = arranged(len(ring.charts), area, size)
-    times = (pointed_time(place, foot, pointed, size) for place, foot in places)
+    places = chart_layout.arranged(len(ring.charts), area, size)
+    times = (chart_layout.pointed_time(place, foot, pointed, size) for place, foot in places)
     cursor = next((time for time in times if time is not None), None)
     preparing = ring.preparing()
     for (place, foot), chart in zip(places, ring.charts, strict=False):
@@ -56,12 +50,12 @@ def _chart(
     paint.draw(gl.GL_TRIANGLES, rectangle(area, look().panel), seen)
     title = titled(chart.title, chart.unit, int((width - 1.8 * size) / text.width(size)))
     text.put(title, left + 0.9 * size, bottom + height - 1.8 * size, look().words, size=size)
-    x0, y0, w, h = inner(area, foot, size)
+    x0, y0, w, h = chart_layout.inner(area, foot, size)
     if h < 3.0 * size:
         return
     times, values = ring.curves(chart)
     keys = (left + 0.9 * size, bottom + height - 3.5 * size, width - 1.8 * size, size)
-    _keys(chart, values, sample(times, cursor), paint, text, keys, seen)
+    _keys(chart, values, chart_layout.sample(times, cursor), paint, text, keys, seen)
     low, high = span(values, chart.least)
     lines = []
     for value in ticks(low, high, round(h / (2.0 * size))):
@@ -116,11 +110,11 @@ def _time_axis(
     """Return the lines of the time axis and of the cursor, and draw their numbers."""
     x0, y0, w, h = area
     lines = []
-    between = STEP if w * STEP / WINDOW > 5.0 * text.width(0.85 * size) else WINDOW / 2
+    told = STEP if w * STEP / WINDOW > 5.0 * text.width(0.85 * size) else WINDOW / 2
     for seconds in np.arange(-WINDOW, 0.5 * STEP, STEP):
         x = x0 + w * (1.0 + seconds / WINDOW)
         lines.append(line((x, y0), (x, y0 + h), look().fine))
-    for seconds in np.arange(-WINDOW, 0.5 * between, between):
+    for seconds in np.arange(-WINDOW, 0.5 * told, told):
         x = x0 + w * (1.0 + seconds / WINDOW)
         hidden = cursor is not None and abs(seconds - cursor) * w / WINDOW < 5.5 * text.width(0.85 * size)
         if words and not hidden:
@@ -144,7 +138,7 @@ def _keys(
     letter = text.width(small)
     shown = [(row, s) for row, s in zip(values, chart.signals, strict=True) if not _silent(row, s, index)]
     signals = [signal for _, signal in shown]
-    said = [f"{signal.label} {told(row, chart.digits, index)}" for row, signal in shown]
+    said = [f"{signal.label} {chart_layout.told(row, chart.digits, index)}" for row, signal in shown]
     if sum(2.3 * size + (len(words) + 1.6) * letter for words in said) > width:
         said = [signal.label for signal in signals]
     for words, signal in zip(said, signals, strict=True):
@@ -179,53 +173,3 @@ def ticks(low: float, high: float, most: int = 6) -> list[float]:
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(f * power for f in (1.0, 2.0, 5.0, 10.0) if f * power >= raw * 0.999)
     return [round(i * step, 12) for i in range(math.ceil(low / step), math.floor(high / step) + 1)]
-
-
-def arranged(count: int, area: Rectangle, size: float) -> list[tuple[Rectangle, float]]:
-    """Return the areas of as many charts as there is room for, each with the height of the time labels below it."""
-    left, bottom, width, height = area
-    gap, axis = _GAP * size, _AXIS * size
-    columns = max(1, min(count, int((width + gap) / (LEAST_WIDTH * size + gap))))
-    wide = (width - gap * (columns - 1)) / columns
-    rows = min(-(-count // columns), max(1, int((height - axis + gap) / (LEAST_HEIGHT * size + gap))))
-    most = max(0.32 * height, LEAST_HEIGHT * size) if columns == 1 else height
-    each = min((height - axis - gap * (rows - 1)) / max(rows, 1), most)
-    found = []
-    for index in range(min(count, rows * columns)):
-        row, column = divmod(index, columns)
-        foot = axis if row == rows - 1 or index + columns >= count else 0.0
-        below = bottom + height - (row + 1) * each - row * gap - (axis if row == rows - 1 else 0.0)
-        high = each + (axis if row == rows - 1 else 0.0)
-        found.append(((left + column * (wide + gap), below, wide, high), foot))
-    return found
-
-
-def inner(area: Rectangle, foot: float, size: float) -> Rectangle:
-    """Return the part of a chart's area in which its curves are drawn."""
-    left, bottom, width, height = area
-    head, foot = 4.3 * size, foot + 0.9 * size
-    return left + 5.0 * size, bottom + foot, width - 6.4 * size, height - foot - head
-
-
-def pointed_time(area: Rectangle, foot: float, pointed: tuple[float, float], size: float) -> float | None:
-    """Return the time [s] relative to now at which the mouse points in a chart; None if it points at none."""
-    x0, y0, w, h = inner(area, foot, size)
-    x, y = pointed
-    return WINDOW * ((x - x0) / w - 1.0) if w > 0.0 and x0 <= x <= x0 + w and y0 <= y <= y0 + h else None
-
-
-def sample(times: Values, cursor: float | None) -> int:
-    """Return the index of the sample whose values the keys show: that at the cursor, else the newest.
-
-    ``times`` (n,) [s] ascend; ``cursor`` [s] is relative to the newest, 0 or less.  Where there is no sample at the
-    cursor, the index is n; without a cursor or any sample, it is n - 1.
-    """
-    if cursor is None or not len(times):
-        return len(times) - 1
-    found = int(np.searchsorted(times, times[-1] + cursor))
-    return found if times[-1] + cursor >= times[0] else len(times)
-
-
-def told(row: Values, digits: str, index: int) -> str:
-    """Return the sample of a curve (n,) at this index as text, in the curve's unit; ``--`` where there is none."""
-    return format(row[index], digits) if 0 <= index < len(row) and math.isfinite(row[index]) else "--"
