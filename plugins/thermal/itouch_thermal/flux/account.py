@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from itouch.plugin import Field, Measured, Record, Role
-from itouch.plugin.kernels import kernel
+from itouch.plugin.kernels import kernel, linked
 from itouch_thermal.flux import onset
 from itouch_thermal.flux.views import Floats
 
@@ -73,7 +73,7 @@ def enter(account: Floats, flux: float, desired: float, skin: float, period: flo
     account[onset.SUM] += flux
 
 
-@kernel
+@linked  # Python calls it in a tick: a kernel that it called by itself would first be loaded there
 def scored(account: Floats, period: float) -> bool:
     """Tell whether the flux error of this tick counts: it does from 0.1 s after the start of the touch on.
 
@@ -103,7 +103,7 @@ def witness(state: Record, name: str, truth: float, estimate: float, desired: fl
         beside[_ASKED] += 1.0
 
 
-@kernel
+@linked
 def _relative(error: float, desired: float) -> float:
     relative = error / max(abs(desired), FLOOR)
     return float(relative * relative)
