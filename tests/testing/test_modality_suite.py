@@ -73,6 +73,20 @@ class WaitsInItsUpdate(Counter):
         time.sleep(0.001)
 
 
+class PreparesForEachState(Counter):
+    """Makes ready what works on the views of a State when it first meets that State, for a few milliseconds."""
+
+    def __init__(self):
+        self.met = {}
+
+    def update(self, model, state, period):
+        end = time.thread_time() + 0.003
+        while id(state) not in self.met and time.thread_time() < end:
+            pass
+        self.met[id(state)] = state
+        super().update(model, state, period)
+
+
 class PrintsEvents(Counter):
     def on_contact(self, event, model, state):
         print(event)
@@ -210,6 +224,12 @@ def test_a_touch_that_cannot_slide_is_not_called_none():
     finding = CHECKS["order"].examine(replace(one, scene=text.replace('pos="-30 0 10 mm"', 'pos="0 0 10 mm"')))
     assert finding.outcome == "left out"
     assert "no touch in the scene begins, slides and ends" in finding.note
+
+
+def test_what_is_prepared_once_for_a_state_is_no_slow_update():
+    """A session has one State as long as it lives: what a modality prepares for its views is done once."""
+    finding = CHECKS["timing"].examine(subject(PreparesForEachState))
+    assert finding.outcome == "passed", finding
 
 
 @pytest.mark.parametrize("name", ["thermal.heat", "thermal.flux-control"])

@@ -149,11 +149,12 @@ def _time_updates(subject: ModalitySubject, held_up: float) -> str:
     own = subject.own(engine)[0]
     period, timed = engine.model.period * own.every, Timed()
     engine.run(0.05)
+    scratch = engine.state.copy()  # one for all calls, as in a session: a plugin prepares what works on its views once
     for tick in range(round(subject.seconds / engine.model.period)):
         engine.tick()
         if tick % own.every == 0 and len(timed.spent) < 1500:
-            scratch = engine.state.copy()
-            timed.call(lambda scratch=scratch: own.instance.update(own.model, scratch, period))  # type: ignore[misc]
+            scratch.raw[:] = engine.state.raw
+            timed.call(lambda: own.instance.update(own.model, scratch, period))
         if sum(timed.spent) > 3.0:
             break
     _judge(timed, "update", held_up)
