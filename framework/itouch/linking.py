@@ -60,6 +60,8 @@ _intrinsic: Any = extending._Intrinsic
 _parsed: Any = binding.parse_assembly
 #: Operations that yield an array, or what holds some, without making one: they borrow what they are given.
 _BORROWING = frozenset(("static_getitem", "build_tuple", "cast"))
+#: Those that yield a part: of an array or a tuple it is borrowed, of a text it is a copy.
+_ITEMS = frozenset(("static_getitem", "getitem", "typed_getitem"))
 #: Functions that are compiled like kernels, or never count, and those whose arrays nobody counts, by identity.
 _kernels: dict[int, Any] = {id(len): len}
 _unowned: dict[int, Any] = {}
@@ -109,6 +111,8 @@ class _Counted:
             return isinstance(what, ir.Yield)
         if what.op == "call":
             return self._calls_for_counts(what, held)
+        if held and what.op in _ITEMS and not isinstance(self._kinds[what.value.name], types.Array | types.BaseTuple):
+            return True
         if what.op in ("getitem", "typed_getitem"):
             return held and self.holds(self._kinds[what.index.name])  # an index that is an array makes a copy
         if what.op in ("getattr", "exhaust_iter"):
@@ -124,6 +128,8 @@ class _Counted:
         if id(value) in _unowned or getattr(value, UNOWNED, False):
             return False
         given = [*what.args, *(each for _, each in what.kws), *([what.vararg] if what.vararg else [])]
+        if isinstance(kind, types.ObjModeDispatcher):  # Python is given objects of the arrays, which count
+            return any(self.holds(self._kinds[each.name]) for each in given)
         if held or id(value) in _kernels or isinstance(kind, types.Dispatcher):  # it counts by itself what it needs
             return held
         if isinstance(value, _intrinsic):  # what it is made of is written out, and counts nothing

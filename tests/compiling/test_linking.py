@@ -175,6 +175,21 @@ def _raises(table: Any, pair: Any) -> float:
     return _sum(table[0])
 
 
+def _asks_python(table: Any, pair: Any) -> float:
+    row, part = table[1], pair.one[1:]
+    with numba.objmode(total="float64"):
+        total = row[0] + part.sum()
+    return float(total)
+
+
+def _reads(table: Any, pair: Any) -> float:
+    """Take parts of texts, which are copies."""
+    name, total = "ab\u00e9\u4e2d", 0.0
+    for i in range(len(name)):
+        total += table[1, 0] * (name[i] == "\u4e2d") + len(name[i:]) + len(name[::-2])
+    return total
+
+
 def _yields(table: Any, pair: Any) -> Any:
     for i in range(2):
         yield table[i]
@@ -183,6 +198,7 @@ def _yields(table: Any, pair: Any) -> Any:
 BORROWS = [_views, _works]
 COUNTS = [
     _copies, _computes, _chooses, _calls, _overlaps, _returns, _returns_given, _lists, _flattens, _loops, _raises, _yields,
+    _asks_python, _reads,
 ]  # fmt: skip
 
 
