@@ -96,6 +96,22 @@ def test_a_run_that_nobody_listens_to_is_that_of_single_ticks_and_ends_with_the_
     assert again.state.tobytes() == alone.state.tobytes()
 
 
+def test_ticks_in_which_all_is_made_safe_between_two_of_a_run_are_none_of_its_own() -> None:
+    """Whether anybody is told of each tick, or asked after it, does not decide what a run counts."""
+    found: list[tuple[list[int], bytes]] = []
+    for asked in (None, lambda: False):
+        session, begins = itouch.build(FIRST), list[int]()
+
+        def rest(session: itouch.Session = session, begins: list[int] = begins) -> None:
+            begins.append(session.ticks)
+            session.park()
+
+        session.run(1.0, until=asked, each=rest, every=300)
+        found.append((begins, session.state.tobytes()))
+    assert found[0] == found[1]
+    assert len(found[0][0]) == 3 and found[0][0][1] > 600  # the safe sequence has taken ticks
+
+
 def test_a_run_without_listeners_that_is_asked_to_stop_ends_within_a_few_ticks() -> None:
     session = itouch.build(FIRST)
     session.run(5.0, each=session.stop, every=5)

@@ -97,8 +97,9 @@ class Pacing:
             else:
                 most = TOGETHER if last is None else min(TOGETHER, last - tick)
                 most = min(most, engine.left) if scripted else most
+                before = engine.ticks  # not ``tick``: what is called between ticks may make all safe, which takes some
                 engine.advance(most if each is None else max(1, min(most, every - count)))
-                passed = engine.ticks - tick
+                passed = engine.ticks - before
             tick += passed
             if each is not None:
                 count += passed
