@@ -19,6 +19,8 @@ _KELVIN = 273.15
 _PERIOD = 0.02
 #: Greatest current [A] and time [s] that may be given here: this is for a look at a display, not a session.
 _AMPS, _SECONDS = 1.0, 60.0
+#: Temperatures of a room [K]: -40 to 60 degC.
+_ROOMS = (233.15, 333.15)
 
 
 def add_commands(commands: Any) -> None:
@@ -67,6 +69,19 @@ def _add_switching(commands: Any) -> None:
 def _quantity(text: str, unit: str, *, absolute: bool = False) -> float:
     spaced = re.sub(r"(?<=[0-9.])\s*(?=[A-DF-Za-df-z%])", " ", text, count=1)
     return parse_quantity(spaced, unit, absolute=absolute)[0]
+
+
+def _temperature(option: str, text: str, low: float, high: float) -> float:
+    """Read an absolute temperature [K] from ``low`` to ``high``; a number alone is in K, which is seldom meant."""
+    value = _quantity(text, "K", absolute=True)
+    if low <= value <= high:
+        return value
+    alone, celsius = re.fullmatch(r"[-+\d.]+", text.strip()), value + _KELVIN
+    meant = f"; did you mean {option} {text.strip()}degC?" if alone and low <= celsius <= high else ""
+    unit = " K" if alone else ""
+    raise ValueError(
+        f"{option} {text.strip()}{unit} is out of range: {low - _KELVIN:.4g} to {high - _KELVIN:.4g} degC{meant}"
+    )
 
 
 def _record_flux(options: argparse.Namespace) -> None:
@@ -130,13 +145,13 @@ def _print_switches(name: str, rows: list[dict[str, Any]]) -> None:
 
 def _module(options: argparse.Namespace) -> None:
     """Print Seebeck coefficient, resistance and conductance of a module from what its data sheet says."""
-    from itouch_thermal.display.params import Datasheet
+    from itouch_thermal.display.params import HOT_SIDE, Datasheet
 
     sheet = Datasheet(
         voltage=_quantity(options.voltage, "V"),
         current=_quantity(options.current, "A"),
         difference=_quantity(options.difference, "K"),
-        hot=_quantity(options.hot, "K", absolute=True),
+        hot=_temperature("--hot", options.hot, *HOT_SIDE),
     )
     module = sheet.module()
     best = min(sheet.current, module.seebeck * sheet.hot / module.resistance)
@@ -155,9 +170,7 @@ def _dew_point(options: argparse.Namespace) -> None:
     """Print the temperature of a plate below which water condenses on it."""
     from itouch_thermal.flux.condensation import dew_point
 
-    room = _quantity(options.room, "K", absolute=True)
-    if not 233.15 <= room <= 333.15:
-        raise ValueError(f"--room {options.room} is out of range: -40 to 60 degC")
+    room = _temperature("--room", options.room, *_ROOMS)
     humidity = _quantity(options.humidity, "")
     sys.stdout.write(f"{dew_point(room, humidity) - 273.15:.2f} degC\n")
 

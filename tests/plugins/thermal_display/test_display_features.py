@@ -205,6 +205,18 @@ def test_a_current_limit_without_a_current_is_a_problem(scenes: Path) -> None:
         itouch.build(Display(hardware=hardware('command="temperature"')).write(scenes))
 
 
+def test_a_temperature_without_a_unit_is_proposed_in_degc(capsys: pytest.CaptureFixture[str]) -> None:
+    sheet = ["module", "--voltage", "15.4V", "--current", "6.4 A", "--difference", "68K"]
+    for words, meant in ((["dew-point", "--room", "20"], "--room 20degC"), ([*sheet, "--hot", "27"], "--hot 27degC")):
+        assert cli.main(words) == 2
+        assert f"did you mean {meant}?" in capsys.readouterr().err
+    for beyond in ("2000", "500 degC"):  # in degC it would be out of range, too
+        assert cli.main(["dew-point", "--room", beyond]) == 2
+        told = capsys.readouterr().err
+        assert "out of range: -40 to 60 degC" in told
+        assert "did you mean" not in told
+
+
 def test_commands_about_modules_and_dew(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["module", "--voltage", "15.4V", "--current", "6.4 A", "--difference", "68K"]) == 0
     out = capsys.readouterr().out

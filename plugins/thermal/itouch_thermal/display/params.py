@@ -19,6 +19,8 @@ FILM = Layer(name="flux sensor", thickness=37.5e-6, conductivity=2.5, density=89
 SENSOR_AREA = 5e-5
 ALUMINA = Layer(name="alumina", thickness=0.8e-3, conductivity=27.0, density=3800.0, specific_heat=880.0)
 
+#: Temperatures [K] of a module's hot side, for which a data sheet may give its figures.
+HOT_SIDE = (200.0, 500.0)
 #: Seebeck coefficient [V/K], resistance [ohm] and conductance [W/K] of a 40 mm module with 127 couples.
 _MODULE = {"seebeck": 0.051, "resistance": 1.86, "conductance": 0.56}
 
@@ -55,7 +57,9 @@ class Datasheet:
     voltage: float = schema.quantity("V", low=1e-3, high=1e3, doc="U_max")
     current: float = schema.quantity("A", low=1e-3, high=1e3, doc="I_max")
     difference: float = schema.quantity("K", low=0.1, high=200.0, doc="dT_max, without heat pumped")
-    hot: float = schema.temperature(low=200.0, high=500.0, default=300.15, doc="T_h, the hot side's temperature")
+    hot: float = schema.temperature(
+        low=HOT_SIDE[0], high=HOT_SIDE[1], default=300.15, doc="T_h, the hot side's temperature"
+    )
 
     def __post_init__(self) -> None:
         schema.validate(self)
