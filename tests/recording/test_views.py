@@ -242,3 +242,8 @@ def test_what_is_drawn_stays_as_the_file_says_it() -> None:
             part.name = "other"  # type: ignore[misc, union-attr]
     with pytest.raises(FrozenInstanceError):
         view.solids = ()  # type: ignore[misc]
+
+
+def test_a_recording_made_of_a_path_names_the_function_that_reads_one() -> None:
+    with pytest.raises(TypeError, match=r"itouch\.read\(PATH\), not made of 'r\.mcap'"):
+        itouch.Recording("r.mcap")  # type: ignore[arg-type]

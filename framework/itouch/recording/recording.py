@@ -26,13 +26,20 @@ class Recording(Shown, Mapping[str, NDArray[Any]]):
     """The content of a recording; tracks by name, such as ``recording["arm"]["pose"]``, shape (n, 7).
 
     A track is a structured array with ``tick``, ``time`` [s] and its columns, in SI units.  ``recording["arm.pose"]``
-    is one column of it.
+    is one column of it.  ``itouch.read(path)`` makes one.
+
+    Raises
+    ------
+    TypeError
+        If it is made of anything but what was read, such as a path.
     """
 
     #: Imported by name when a notebook asks: the core imports nothing from the tools.
     PAGE = "itouch_tools.report.notebook:recording"
 
     def __init__(self, content: Content) -> None:
+        if not isinstance(content, Content):
+            raise TypeError(f"a recording is read with itouch.read(PATH), not made of {content!r}")
         self._content = content
 
     def __getitem__(self, name: str) -> NDArray[Any]:
