@@ -260,6 +260,19 @@ def test_no_file_and_a_folder(tmp_path: Path) -> None:
             itouch.restore(path)
 
 
+def test_a_scene_is_no_damaged_session_and_another_document_no_scene(tmp_path: Path) -> None:
+    scene = str(SCENES / "first_touch.xml")
+    with pytest.raises(itouch.SessionError) as refused:
+        itouch.restore(scene)
+    told = str(refused.value)
+    assert f"'{scene}' is a scene, not a stored session" in told
+    assert f"`itouch-py {scene}` runs it" in told
+    assert f"itouch.build({scene!r})" in told
+    (tmp_path / "other.xml").write_text('<?xml version="1.0"?><page/>')
+    with pytest.raises(itouch.SessionError, match="not a whole session: it has no <session>"):
+        itouch.restore(tmp_path / "other.xml")
+
+
 def test_a_document_in_an_encoding_that_there_is_not(tmp_path: Path) -> None:
     path = tmp_path / "s.xml"
     path.write_bytes(b'<?xml version="1.0" encoding="uf-8"?>\n<itouch version="1.0"><session/></itouch>')

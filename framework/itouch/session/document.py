@@ -102,7 +102,7 @@ class _Splitter:
     """Finds ``<session>`` in a document: its tree, and where its bytes begin and end."""
 
     def __init__(self) -> None:
-        self.depth, self.tree, self.begin, self.end = 0, None, -1, -1
+        self.depth, self.root, self.tree, self.begin, self.end = 0, "", None, -1, -1
         self._open: list[_Node] = []
         self.parser = expat.ParserCreate()
         self.parser.StartElementHandler = self._start
@@ -120,6 +120,8 @@ class _Splitter:
         self.depth += 1
         if self.depth > 64:
             raise ValueError("elements are nested too deep")
+        if self.depth == 1:
+            self.root = tag
         if self._open:
             node = _Node(tag, attributes)
             self._open[-1].children.append(node)
@@ -154,6 +156,11 @@ def from_xml(name: str, data: bytes, catalog: Catalog) -> Snapshot:
     try:
         splitter = _Splitter()
         splitter.parser.Parse(data, True)
+        if splitter.tree is None and splitter.root == "itouch":
+            raise SessionError(
+                f"'{name}' is a scene, not a stored session: `itouch-py {name}` runs it, and "
+                f"itouch.build({name!r}) makes a session of it"
+            )
         if splitter.tree is None:
             raise ValueError("it has no <session>")
         manifest, ledger, state, bases = _read(name, splitter.tree)
