@@ -28,8 +28,8 @@ pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason=meant("pr
 class Other:
     """A program that is served by a process of its own."""
 
-    def __init__(self, folder: Path, *more: str) -> None:
-        self.study, self.key = write_study(folder), folder / "study.key.json"
+    def __init__(self, folder: Path, *more: str, elements: str = "") -> None:
+        self.study, self.key = write_study(folder, more=elements), folder / "study.key.json"
         command = [sys.executable, "-m", "itouch_tools.cli", "study", "serve", str(self.study), *more]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         assert self.process.stdout is not None
@@ -131,6 +131,23 @@ def test_what_is_asked_wrongly_is_refused_in_a_sentence(served: Other) -> None:
                 ask()
             assert caught.value.code == code
         assert touch.wait("contact", 0.05)["met"] is False  # nobody gave the signal
+
+
+def test_a_combination_that_the_study_leaves_out_is_refused(tmp_path: Path) -> None:
+    sizes = '<factor name="size" levels="small;large" values="40 40 20 mm;60 60 20 mm" set="block.size"/>'
+    other = Other(tmp_path, "--pace", "fast", elements=f'{sizes}<exclude where="material=cork size=large"/>')
+    try:
+        with connect(other.key) as touch:
+            assert touch.set(material="cork")["levels"] == {"material": "cork", "size": "small"}
+            for levels in ({"size": "large"}, {"material": "cork", "size": "large"}):
+                with pytest.raises(ServedError, match="leaves out 'material=cork size=large'") as caught:
+                    touch.set(**levels)
+                assert caught.value.code == "excluded"
+            assert touch.describe()["levels"] == {"material": "cork", "size": "small"}
+            told = touch.set(material="wood", size="large")["levels"]  # past the one that is left out
+            assert told == {"material": "wood", "size": "large"}
+    finally:
+        other.end()
 
 
 def test_any_language_speaks_the_lines(served: Other) -> None:

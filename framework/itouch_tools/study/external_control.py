@@ -176,6 +176,11 @@ class Served:
         if not isinstance(given, dict):
             raise AskedError("bad-line", "'set' takes \"levels\": {FACTOR: LEVEL}")
         levels = {**self._levels, **{str(name): self._level(str(name), value) for name, value in given.items()}}
+        excluded = self._file.excluded_by(levels)
+        if excluded is not None:
+            raise AskedError(
+                "excluded", f"the study leaves out '{excluded.where}': set other levels, all of them in the same 'set'"
+            )
         if self.room.sensed().object >= 0:
             raise AskedError("in-contact", "the scene can't change while something is touched: wait for the release")
 

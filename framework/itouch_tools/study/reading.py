@@ -21,7 +21,7 @@ from itouch.schema.hold_until import Until
 from itouch.world import Model, compile_scene
 from itouch.world.skin import LONGEST
 from itouch_tools.study.adaptive import Staircase
-from itouch_tools.study.elements import TASKS, UNCOUNTED, VERSION, Adaptive, Factor, Study
+from itouch_tools.study.elements import TASKS, UNCOUNTED, VERSION, Adaptive, Exclude, Factor, Study
 from itouch_tools.study.plugin_tasks import TaskError, offered, task_names, task_of
 
 #: How far [m] the end of a scripted hand's path may be from its start.
@@ -57,10 +57,14 @@ class StudyFile:
         names = [factor.name for factor in self.study.factors]
         crossed = itertools.product(*(factor.names for factor in self.study.factors))
         found = [dict(zip(names, levels, strict=True)) for levels in crossed]
-        return [
-            condition for condition in found
-            if not any(all(condition.get(f) == v for f, v in one.pairs.items()) for one in self.study.excluded)
-        ]  # fmt: skip
+        return [condition for condition in found if self.excluded_by(condition) is None]
+
+    def excluded_by(self, condition: Condition) -> Exclude | None:
+        """Return the ``<exclude>`` that leaves out a combination of levels; none: it may be shown."""
+        for one in self.study.excluded:
+            if all(condition.get(factor) == level for factor, level in one.pairs.items()):
+                return one
+        return None
 
     def instructions(self) -> list[str]:
         """Return the lines of the participant's instructions; none: the study has no such element.
