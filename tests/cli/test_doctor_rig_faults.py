@@ -174,6 +174,19 @@ def test_a_device_that_does_not_let_go_fails_and_the_verdict_is_printed(
     assert "lines fail" in lines[-1]
 
 
+def test_a_scene_alone_is_told_which_options_take_it(capsys: pytest.CaptureFixture[str]) -> None:
+    for words, told in (
+        (["rig.xml"], ("--rig rig.xml to look at the devices", "--rates rig.xml to see which rate")),
+        (["--json", "rig.xml"], ("no option takes 'rig.xml'",)),
+        (["--sorted", "rig.xml"], ("unrecognized arguments: --sorted rig.xml",)),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main(["doctor", *words])
+        assert ended.value.code == 2
+        err = capsys.readouterr().err
+        assert all(part in err for part in told), err
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

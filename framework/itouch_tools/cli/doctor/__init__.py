@@ -34,7 +34,8 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--clear-kept", action="store_true",
                         help="remove cached kernels, results and meshes; the next start makes them again")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print JSON")
-    options = parser.parse_args(argv)
+    options, rest = parser.parse_known_args(argv)
+    _check_rest(parser, rest)
     _check(parser, options)
     if options.clear_kept:
         from itouch_tools.cli.doctor.disk_caches import clear_kept
@@ -76,6 +77,18 @@ def _machine(options: argparse.Namespace) -> int:
         print(f"loop, {row.load:<10}    {row.sentence()}")
     print(f"\n{verdict.sentence}")
     return 0
+
+
+def _check_rest(parser: Parser, rest: Sequence[str]) -> None:
+    """Refuse what no option takes; exit code 2."""
+    alone = [word for word in rest if not word.startswith("-")]
+    if alone and len(alone) == len(rest):
+        parser.error(
+            f"no option takes '{alone[0]}': write itouch-py doctor --rig {alone[0]} to look at the devices of a scene, "
+            f"or --rates {alone[0]} to see which rate of the loop this machine holds for it"
+        )
+    if rest:
+        parser.error(f"unrecognized arguments: {' '.join(rest)}")
 
 
 def _check(parser: Parser, options: argparse.Namespace) -> None:
