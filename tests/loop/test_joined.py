@@ -277,6 +277,18 @@ def test_a_session_is_the_same_with_the_compiler_off(tmp_path: Path, name: str, 
     assert said[0].stdout == said[1].stdout
 
 
+def test_a_surface_on_a_device_without_force_divides_by_nothing_before_it_is_placed(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    scene = SCENE.format(plugin="usb-arm", modality="", force='force-to="arm" surface-to="table"')
+    table = '<device name="table" plugin="xyz-table"/></devices>'
+    path.write_text(scene.replace("</devices>", table), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-W", "error:divide by zero:RuntimeWarning", "-c", _RUN, str(path), "0.005"],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
 #: Writes the commands of a touch that begins; arguments: a scene, a file with the State to begin with, one to write.
 #: With the compiler on, the State is written 10 ms before the touch.  What a start temperature is found from would take
 #: minutes in Python: without the variable, a process takes it from where one with the compiler has kept it.

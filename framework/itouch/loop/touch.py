@@ -25,6 +25,7 @@ from itouch.loop.surface.force import SOON
 from itouch.monitors.surface_kernels import Nearing
 from itouch.plugin import Bound, Contact, ContactEvent, HeardContact, Record, Role, Touches
 from itouch.plugin.carried_surfaces import ABOUT, LEFT
+from itouch.twin.frame_rotation import FRAME
 from itouch.world import Model, ProbeModel
 
 #: Time constant [s] of the filter on the HIP's velocity.
@@ -334,6 +335,8 @@ class Toucher:
 
 def _constants(model: Model, probe: ProbeModel, arm: Runner | None, table: Runner | None) -> render.Floats:
     constants = np.zeros(render.CONSTANTS)
+    for which in (render.TRACKER, render.ARM, render.TABLE):  # until its device is placed, each frame is the world's
+        constants[which : which + FRAME] = (0.0, 0.0, 0.0, *np.eye(3).ravel())
     surface = model.surfaces.get(probe.name)
     if surface is not None:
         constants[render.OFFSET : render.OFFSET + 3] = surface.face
