@@ -43,7 +43,8 @@ def test_any_array_of_numbers_will_do(kind: Callable[[object], object]) -> None:
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
 def test_what_is_no_place_has_no_nearest_point(bad: float) -> None:
-    _, distances, faces = ball().closest([[bad, 0, 0], [0, 0, 1.0]])
+    nearest, distances, faces = ball().closest([[bad, 0, 0], [0, 0, 1.0]])
+    np.testing.assert_array_equal(nearest[0], [bad, 0, 0])
     assert (distances[0], faces[0]) == (np.inf, -1)
     assert faces[1] >= 0
     assert ball().closest([0, bad, 0])[2] == -1
@@ -136,12 +137,17 @@ def test_what_is_refused_names_the_argument(name: str) -> None:
         call()
 
 
-def test_a_hip_that_is_no_place_changes_nothing() -> None:
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_hip_that_is_no_place_changes_nothing(bad: float) -> None:
     proxy = Proxy(ball(), radius=0.01)
     proxy.reset([0.0, 0.0, 0.1])
-    before = proxy.step([0.0, 0.0, 0.05])
-    np.testing.assert_array_equal(proxy.step([np.nan, 0.0, 0.0]), 0.0)
-    np.testing.assert_array_equal(proxy.step([0.0, 0.0, 0.05]), before)
+    before, where = proxy.step([0.0, 0.0, 0.05]), proxy.position
+    for move in (proxy.step, lambda hip: proxy.follow([hip])[0]):
+        assert proxy.in_contact
+        np.testing.assert_array_equal(move([bad, 0.0, 0.0]), 0.0)
+        assert not proxy.in_contact
+        np.testing.assert_array_equal(proxy.position, where)
+        np.testing.assert_array_equal(proxy.step([0.0, 0.0, 0.05]), before)
 
 
 def test_it_is_imported_alone() -> None:

@@ -90,7 +90,11 @@ class Proxy:
         self._arguments = (self.geometry.world, self.geometry.mesh, poses, twists, stiffnesses)
 
     def step(self, hip: ArrayLike) -> Floats:
-        """Move the HIP (3,) [m]; returns the force on the operator (3,) [N]. The first step equals ``reset(hip)``."""
+        """Move the HIP (3,) [m]; returns the force on the operator (3,) [N]. The first step equals ``reset(hip)``.
+
+        As a tracker may lose its finger in a session, a HIP that is not finite is no error: it gives no force and no
+        contact, and leaves the proxy where it is.
+        """
         try:
             place = np.asarray(hip, dtype=np.float64)
         except (TypeError, ValueError):
@@ -102,7 +106,10 @@ class Proxy:
         return self._result[:3].copy()
 
     def follow(self, hips: ArrayLike) -> Floats:
-        """Step along a path (n, 3) [m] in compiled code, from the present state; returns the forces (n, 3) [N]."""
+        """Step along a path (n, 3) [m] in compiled code, from the present state; returns the forces (n, 3) [N].
+
+        A HIP that is not finite is as in ``step``.
+        """
         path = checked_numbers("hips", hips)
         if path.ndim != 2 or path.shape[1] != 3:
             raise ValueError(f"hips has shape {path.shape}; it must be (n, 3)")

@@ -175,7 +175,7 @@ class Surface:
         -------
         tuple
             Nearest points, shaped like ``points``; unsigned distances [m], () or (n,); indices of faces, () or (n,). A
-            point that is not finite has no nearest point: distance inf, face -1.
+            point that is not finite has no nearest point: distance inf, face -1, and the point itself.
 
         Raises
         ------
