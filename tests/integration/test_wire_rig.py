@@ -17,6 +17,7 @@ from shipped import SCENES
 
 from itouch.plugin import ItouchError, read_trace
 from itouch.plugin.discovery import Catalog
+from itouch.safety import Trip
 from itouch.scene import loads, write
 from itouch.session import build, load_scene
 from itouch_tools.cli.lockstep import Lockstep
@@ -98,6 +99,54 @@ def test_a_loop_that_is_late_in_a_touch_goes_on_with_the_finger_as_it_is(scene: 
     assert asleep
     assert contact["true_error_rms"] < 0.03
     assert contact["estimate_error_rms"] < 0.03
+
+
+HURRIED = """<itouch version="1.0" xmlns:xyz-table="urn:itouch:plugin:xyz-table" xmlns:usb-arm="urn:itouch:plugin:usb-arm">
+  <materials><material name="wood"><contact stiffness="1.2 N/mm" static-friction="0.4"/></material></materials>
+  <world><box name="block" size="80 60 20 mm" pos="0 0 10 mm" material="wood"/></world>
+  <devices>
+    <device name="arm" plugin="usb-arm" twin="no">
+      <mount pos="0 125 34 mm" rpy="90 0 0 deg"/><limits force="3 N"/>
+      <usb-arm:hardware serial="any" usbip="127.0.0.1:3240" deadman="centre"/>
+    </device>
+    <device name="table" plugin="xyz-table" twin="no">
+      <mount pos="0 0 -8 mm" mount-error="2 -1.5 3 mm"/><limits speed="0.25 m/s"/>
+      <calibration method="touch-off"/>
+      <xyz-table:hardware travel="120 80 60 mm" lead="20 20 10 mm" homing="absolute"/>
+    </device>
+  </devices>
+  <interaction>
+    <probe name="finger" radius="8 mm" pose-from="arm" force-to="arm" surface-to="table"/>
+    <operator probe="finger"><motion>
+      <to pos="-13 0 40 mm" in="0.1 s" hold="{hold}"/><to pos="-13 0 16 mm" in="0.7 s" hold="1 s"/>
+    </motion></operator>
+  </interaction>
+</itouch>"""
+
+
+def test_an_operator_who_does_not_wait_for_touch_off_is_noted_and_named_by_the_trip(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = tmp_path / "scene.xml"
+    scene.write_text(HURRIED.format(hold="1.2 s"))
+    both = Lockstep(str(scene), only=["table"])
+    assert (
+        "'finger' rests for 1.3 s, then moves, and does not wait for the touch-off of 'table'"
+        in capsys.readouterr().err
+    )
+    both.run()
+    assert both.host.fault is not None
+    assert both.host.fault.trip is Trip.SURFACE_SPEED
+    assert "touch-off was not done, and until then the finger must rest" in both.host.fault.cause
+
+
+def test_an_operator_who_rests_for_long_enough_is_not_noted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = tmp_path / "scene.xml"
+    scene.write_text(HURRIED.format(hold="7 s"))
+    both = Lockstep(str(scene), only=["table"])
+    both.host.close()
+    both.world.close()
+    assert "touch-off" not in capsys.readouterr().err
 
 
 def test_two_rigs_in_step_run_at_once() -> None:

@@ -21,7 +21,7 @@ from itouch.loop import interpreter
 from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.engine_view import Notifications, tell
 from itouch.loop.events import Events
-from itouch.loop.fault_attribution import broken_off, changed_python, with_replaced, with_writer
+from itouch.loop.fault_attribution import before_touch_off, broken_off, changed_python, with_replaced, with_writer
 from itouch.loop.fingers import join_fingers
 from itouch.loop.objects import Objects
 from itouch.loop.operator_commands import LatchedError, OperatorCommands
@@ -355,7 +355,8 @@ class Engine:
             self._end_tick(tick, ready, timed)
         except DeviceFaultError as raised:
             replaced = interpreter.put_back()  # before anything else: what follows is Python
-            fault = with_replaced(with_writer(self.model, self.state, raised), replaced)
+            fault = before_touch_off(self.model, self.state, with_writer(self.model, self.state, raised))
+            fault = with_replaced(fault, replaced)
             self.make_safe(fault)
             raise fault from raised.__cause__
         except interpreter.ANY_ERROR as raised:  # Ctrl-C in the middle of it, or an error of the loop's own

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from itouch.loop import interpreter
+from itouch.loop.touchoff import DONE
 from itouch.plugin import Modality, Record
 from itouch.safety import DeviceFaultError, Trip
 from itouch.schema import ItouchError
@@ -78,3 +79,17 @@ def with_writer(model: Model, state: Record, fault: DeviceFaultError) -> DeviceF
             cause = f"{fault.cause} by modality '{writer}'"
             return DeviceFaultError(fault.device, fault.tick, fault.trip, cause)
     return fault
+
+
+def before_touch_off(model: Model, state: Record, fault: DeviceFaultError) -> DeviceFaultError:
+    """Return a fault that tells that the finger moved while its surface was in touch-off; other faults as they are.
+
+    A person or a virtual rig's operator may do so: only the hand of a run on twins waits until it is done.
+    """
+    device = model.devices.get(fault.device)
+    if fault.trip not in (Trip.SURFACE_SPEED, Trip.PLATE_FORCE) or device is None or not device.touch_off:
+        return fault
+    if int(state[f"{fault.device}.touch_off.stage"]) == DONE:
+        return fault
+    advice = "touch-off was not done, and until then the finger must rest (on a virtual rig: by a longer first hold)"
+    return DeviceFaultError(fault.device, fault.tick, fault.trip, f"{fault.cause}; {advice}")

@@ -48,6 +48,15 @@ RESTS = 5.0
 UNFELT, TOO_HIGH = 2, 3
 
 
+def lasts(points: int) -> float:
+    """Return how long [s] a touch-off of so many points lasts, with a second to go to the first one.
+
+    For each the plate rises from below the finger to where it presses; mounts are inexact and pads soft, so that it may
+    have to rise twice as far as it was lowered.
+    """
+    return 1.0 + 2.0 * (MARGIN + (points - 1) * DROP) / RISE
+
+
 class TouchOffPhase(enum.IntEnum):
     """The phases of a touch-off."""
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Bound, Record
 from itouch.scene.elements import Operator
+from itouch.schema.hold_until import Until
 from itouch.twin.mechanics import AlongPath, follow_path, lower
 from itouch.twin.waits import Waits
 from itouch.world.recorded import RecordedMotion
@@ -39,6 +40,18 @@ class Path:
             here = target.pos
         self.duration = time
         self.pieces = np.array(rows or [(0.0, 1.0, *self.start, *self.start)], np.float64)
+
+
+def first_rest(operator: Operator) -> float:
+    """Return how long [s] a hand rests where its path begins; inf: for good, or for as long as a skin decides."""
+    rest, targets = 0.0, operator.motion.targets
+    for target in targets:
+        if target.pos != targets[0].pos:
+            return rest
+        if isinstance(target.hold, Until):
+            break
+        rest += target.in_ + target.hold
+    return math.inf
 
 
 class RecordedPath:

@@ -13,12 +13,14 @@ from itouch.exchange import ServedEmulator, TruthWriter
 from itouch.loop import DeviceFaultError
 from itouch.loop.release import in_turn
 from itouch.loop.run_statistics import Histogram
+from itouch.loop.touchoff import TouchOffPhase, lasts
 from itouch.plugin import DeviceError, Emulator, Role
 from itouch.safety import Trip
 from itouch.scene.elements import PluginPart
 from itouch.schema import ItouchError
 from itouch.schema.plugin_errors import failing, said
 from itouch.schema.terminal import note
+from itouch.twin.hand import first_rest
 
 if TYPE_CHECKING:
     from itouch.loop.runner import Runner
@@ -62,6 +64,8 @@ class VirtualRig:
         commands = [channel.role for runner, _ in self._lines for channel in runner.model.commands]
         self._only_arms = all(role is Role.FORCE_ON_OPERATOR for role in commands)
         self._truth = truth
+        for words in _hurried(session):
+            note(words)
         #: How late [s] the periods of a simulation in real time began, and the time [s] that it gave up in all.
         self.lateness, self.behind = Histogram(_BIN), 0.0
 
@@ -160,6 +164,23 @@ class VirtualRig:
     def handles(self) -> list[int]:
         """Return the file descriptors on which a host's next request arrives."""
         return [handle for _, emulator in self._lines for handle in emulator.handles()]
+
+
+def _hurried(session: Session) -> Iterable[str]:
+    """Tell of each operator who, by its motion, may move before the surface below its finger has done its touch-off.
+
+    The host does that, and no device's protocol tells when it is done.
+    """
+    for probe in session.model.probes:
+        table, operator = session.model.devices.get(probe.scene.surface_to), probe.operator
+        if table is None or not table.touch_off or operator is None or probe.recorded is not None:
+            continue
+        rest, needed = first_rest(operator), lasts(table.touch_off)
+        if session.state[f"{table.name}.touch_off.stage"] != TouchOffPhase.DONE and rest < needed:
+            yield (
+                f"the operator of '{probe.name}' rests for {rest:g} s, then moves, and does not wait for the touch-off "
+                f"of '{table.name}', which may last {needed:.0f} s: begin the motion with a longer hold"
+            )
 
 
 def placed(scene: Scene, catalog: Catalog, folder: str) -> Scene:
