@@ -34,8 +34,8 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--clear-kept", action="store_true",
                         help="remove cached kernels, results and meshes; the next start makes them again")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print JSON")
-    options, rest = parser.parse_known_args(argv)
-    _check_rest(parser, rest)
+    parser.add_argument("alone", nargs="*", help=argparse.SUPPRESS)
+    options = parser.parse_args(argv)
     _check(parser, options)
     if options.clear_kept:
         from itouch_tools.cli.doctor.disk_caches import clear_kept
@@ -79,20 +79,13 @@ def _machine(options: argparse.Namespace) -> int:
     return 0
 
 
-def _check_rest(parser: Parser, rest: Sequence[str]) -> None:
-    """Refuse what no option takes; exit code 2."""
-    alone = [word for word in rest if not word.startswith("-")]
-    if alone and len(alone) == len(rest):
-        parser.error(
-            f"no option takes '{alone[0]}': write itouch-py doctor --rig {alone[0]} to look at the devices of a scene, "
-            f"or --rates {alone[0]} to see which rate of the loop this machine holds for it"
-        )
-    if rest:
-        parser.error(f"unrecognized arguments: {' '.join(rest)}")
-
-
 def _check(parser: Parser, options: argparse.Namespace) -> None:
-    """Refuse options that mean nothing without another, and values out of range; exit code 2."""
+    """Refuse what no option takes, options that mean nothing without another, and values out of range; exit code 2."""
+    for word in options.alone:
+        parser.error(
+            f"no option takes '{word}': write itouch-py doctor --rig {word} to look at the devices of a scene, "
+            f"or --rates {word} to see which rate of the loop this machine holds for it"
+        )
     for option, given, whole in (
         ("--twin", options.twin is not None, "rig"), ("--for", options.duration is not None, "rig"),
         ("--busy", options.busy != 0, "rates"),
