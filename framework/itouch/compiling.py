@@ -44,7 +44,8 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataC
 from numba.extending import intrinsic, register_jitable  # noqa: E402
 from numba.np.arrayobj import populate_array  # noqa: E402
 
-from itouch.linking import Borrowing, Linked, know  # noqa: E402
+from itouch.borrowing import Borrowing, know  # noqa: E402
+from itouch.linking import Linked  # noqa: E402
 
 Function = TypeVar("Function", bound=Callable[..., object])
 _numba: Any = numba  # what it exports is not typed
@@ -59,7 +60,7 @@ CAPACITY = 512_000_000
 _DAY = 86_400.0
 
 
-#: How kernels are compiled (``linking``), for their keys: an older program makes other machine code of the same source.
+#: How kernels are compiled (``borrowing``), for their keys: an older program makes other code of the same source.
 _MANNER = "borrowing"
 #: Settings of Numba (environment variables) that change what is compiled: what one has made serves no other.
 _SETTINGS = ("OPT", "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML")

@@ -31,8 +31,8 @@ from numba.core import cgutils, imputils
 from numba.extending import intrinsic as _intrinsic
 from numpy.typing import NDArray
 
+from itouch.borrowing import know
 from itouch.compiling import addressed_kernel, nogil_kernel, part_of_its_caller
-from itouch.linking import know
 
 _SIGNATURE = int64(int64)
 #: What a call returns to leave out the remaining calls of its step.
