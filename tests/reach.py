@@ -91,7 +91,7 @@ ALLOWED = {
     "twin": 0.15, "meaning": 0.1, "session": 0.1, "contact": 0.08, "plugins/thermal": 0.08, "": 0.06,
 }  # fmt: skip
 #: What costs less [s] stays, whatever it is; how many lines that nothing else reaches a second has to buy.
-NOTHING, GAIN = 0.04, 10.0
+NOTHING, GAIN = 0.02, 10.0
 
 
 def allowed(test: str) -> float:

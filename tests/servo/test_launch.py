@@ -65,6 +65,7 @@ def _short(write: Write) -> Path:
     return write("short.xml", text)
 
 
+@pytest.mark.punctual  # a period that a late loop leaves out is counted in State
 def test_the_state_is_that_of_a_run_in_this_process(write: Write) -> None:
     path = _short(write)
     here = itouch.build(path, seed=5)
@@ -175,6 +176,7 @@ def _scene(text: str) -> itouch.Scene:
     return loads(text.encode(), Catalog(), shown="made.xml")
 
 
+@pytest.mark.punctual  # a period that a late loop leaves out is counted in State
 def test_a_session_is_saved_and_goes_on(tmp_path: Path) -> None:
     target = tmp_path / "s.itouch"
     with itouch.launch(FIRST, seconds=0.4, seed=3, save=target) as handle:
