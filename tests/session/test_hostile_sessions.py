@@ -269,8 +269,11 @@ def test_a_scene_is_no_damaged_session_and_another_document_no_scene(tmp_path: P
     assert f"`itouch-py {scene}` runs it" in told
     assert f"itouch.build({scene!r})" in told
     (tmp_path / "other.xml").write_text('<?xml version="1.0"?><page/>')
-    with pytest.raises(itouch.SessionError, match="not a whole session: it has no <session>"):
+    with pytest.raises(itouch.SessionError, match="no stored session: its outermost element is <page>; name a file"):
         itouch.restore(tmp_path / "other.xml")
+    for kind, name in (("study", "studies/metamers.xml"), ("sweep", "sweeps/one_tuning.xml")):
+        with pytest.raises(itouch.SessionError, match=f"outermost element is <{kind}>; `itouch-py {kind} run"):
+            itouch.restore(SCENES / name)
 
 
 def test_a_document_in_an_encoding_that_there_is_not(tmp_path: Path) -> None:

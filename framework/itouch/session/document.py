@@ -98,6 +98,10 @@ class _Node:
         return "".join(self.text)
 
 
+#: Outermost elements of files that a command of that name runs.
+_RUN = ("study", "sweep")
+
+
 class _Splitter:
     """Finds ``<session>`` in a document: its tree, and where its bytes begin and end."""
 
@@ -162,7 +166,12 @@ def from_xml(name: str, data: bytes, catalog: Catalog) -> Snapshot:
                 f"itouch.build({name!r}) makes a session of it"
             )
         if splitter.tree is None:
-            raise ValueError("it has no <session>")
+            how = (
+                f"`itouch-py {splitter.root} run {name}` runs it"
+                if splitter.root in _RUN
+                else "name a file that a session was saved to"
+            )
+            raise SessionError(f"'{name}' is no stored session: its outermost element is <{splitter.root}>; {how}")
         manifest, ledger, state, bases = _read(name, splitter.tree)
         stored = {node.attributes["digest"]: _decoded(node) for node in splitter.tree.all("file")}
         files = checked_files(name, manifest, stored)
