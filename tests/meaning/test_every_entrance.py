@@ -220,6 +220,7 @@ def test_any_words_compile_to_the_same_supervision_and_the_same_charts(seed, tmp
 
 
 @pytest.mark.long
+@pytest.mark.punctual  # the suite judges how long a step takes
 @pytest.mark.parametrize("plugin", ["xyz-table", "thermal", "thermal.heat"])
 def test_the_conformance_suite_says_the_same(plugin, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
