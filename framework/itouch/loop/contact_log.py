@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from itouch.compiling import kernel
 from itouch.loop import render, told
@@ -97,9 +99,14 @@ def _note(now: _Now, entry: _Entry, worst: Any) -> int:
 
 
 class Kept(NamedTuple):
-    """What an entry is made of: the contact's fields of State, and all of State, from which modalities measure."""
+    """What an entry is made of: the contact's fields of State, and all of State, from which modalities measure.
+
+    ``numbers`` is those fields as one structured array: they are read in one go, because code that has not run for
+    seconds is slow by what it touches.
+    """
 
     entry: _Entry
+    numbers: NDArray[Any]
     seen: Record
 
 
@@ -150,9 +157,11 @@ class ContactLog:
         self.note = Bound(_note, now, entry, statistics.worst_height)
         self.note.warm_up()
         self._top = known if table is not None else np.zeros(0)
-        #: The keys of an entry with null, as where nothing measures them, and the modalities that measure anything.
+        #: The keys of an entry beside the framework's own with null, as where nothing measures them; of each object its
+        #: name and its material's; the modalities that measure anything.
         declared = (one.key for modality in model.modalities for one in modality.instance.measured)
-        self._blank = dict.fromkeys((*_ALWAYS, *declared))
+        self._blank = dict.fromkeys(key for key in (*_ALWAYS, *declared) if key not in ContactFigures.__annotations__)
+        self._touched = [(element.name, element.material) for element in model.scene.objects]
         self._measuring = [one for one in model.modalities if _measured(one.instance)]
 
     def begins(self, event: HeardContact) -> Bound:
@@ -164,55 +173,67 @@ class ContactLog:
         """End the entry of the open contact."""
         self._statistics.contacts.append(self.entry(tick))
 
-    def settle(self, tick: int, then: Kept) -> None:
-        """Add the entry of a contact that has ended at a tick, from State as it was then."""
-        self._statistics.closed.append(self.entry(tick, then))
+    def making(self, tick: int, then: Kept) -> Iterator[bool]:
+        """Add the entry of a contact that has ended at a tick, from State as it was then, part by part.
+
+        Yield True while parts are to come: after the framework's own, and after each modality's but the last one.
+        """
+        entry = self._own(tick, then)
+        for modality in self._measuring:
+            yield True
+            told.enter(entry, modality, then.seen, entry["probe"], then.entry.object.item())
+        self._statistics.closed.append(entry)
 
     def kept(self, state: Record, seen: Record) -> Kept:
         """Return what an entry is made of, from a record like State; ``seen`` is its write-protected view."""
-        return Kept(_Entry.of(state, self._toucher.probe.name), seen)
+        name = self._toucher.probe.name
+        numbers = np.asarray(state)[[f"{name}.contact.{field}" for field in _Entry._fields]]
+        return Kept(_Entry.of(state, name), numbers, seen)
 
     def _slid(self, met: float) -> bool:
         """Tell whether the finger met the plate, at ``met`` [s], before this contact: it slid from object to object."""
         name = self._toucher.probe.name
-        before = next((one for one in reversed(self._statistics.closed) if one["probe"] == name), None)
-        return before is not None and before["end_s"] is not None and met < before["end_s"] - 0.5 * self._model.period
+        for before in reversed(self._statistics.closed):
+            if before["probe"] == name:
+                return before["end_s"] is not None and bool(met < before["end_s"] - 0.5 * self._model.period)
+        return False
 
     @property
     def open(self) -> bool:
         """Whether a contact is open."""
         return int(self._toucher.current) >= 0
 
-    def entry(self, end: int | None, then: Kept | None = None) -> dict[str, Any]:
-        """Return the report's entry of the open contact, which ends at a tick or, if that is None, is still open.
-
-        ``then``: what the entry is made of, if from State as it was earlier.
-        """
-        name, period = self._toucher.probe.name, self._model.period
-        kept, seen = then or self._now
-        index, begin, physical = kept.object.item(), kept.begin.item(), kept.physical_begin.item()
-        element = self._model.scene.objects[index]
-        led = physical >= 0 and bool(kept.plate) and not self._slid(physical * period)
-        own = ContactFigures(
-            probe=name,
-            object=element.name,
-            material=element.material,
-            begin_s=begin * period,
-            end_s=None if end is None else end * period,
-            plate=bool(kept.plate),
-            plate_s=kept.plate_ticks.item() * period if self._table is not None else None,
-            plate_missed=bool(kept.plate_missed.item() & 1) if self._table is not None else None,
-            plate_withdrawn=bool(kept.plate_missed.item() & 2) if self._table is not None else None,
-            peak_force_N=kept.peak_force.item(),
-            peak_penetration_mm=kept.peak_penetration.item() * 1e3,
-            peak_area_mm2=kept.peak_area.item() * 1e6,
-            impact_speed_m_s=kept.impact_speed.item(),
-            plate_gap_mm=_finite(kept.plate_gap.item() * 1e3),
-            plate_lead_ms=(begin - physical) * period * 1e3 if led else None,
-        )._asdict()
-        entry: dict[str, Any] = own | self._blank | own
-        told.enter(entry, self._measuring, seen, name, index)
+    def entry(self, end: int | None) -> dict[str, Any]:
+        """Return the report's entry of the open contact, which ends at a tick or, if that is None, is still open."""
+        entry = self._own(end, self._now)
+        for modality in self._measuring:
+            told.enter(entry, modality, self._now.seen, entry["probe"], self._now.entry.object.item())
         return entry
+
+    def _own(self, end: int | None, kept: Kept) -> dict[str, Any]:
+        """Return the framework's part of an entry; what modalities measure is null."""
+        name, period = self._toucher.probe.name, self._model.period
+        index, begin, plate, ticks, missed, gap, force, depth, area, speed, physical = kept.numbers.item()
+        carried = self._table is not None
+        led = physical >= 0 and plate and not self._slid(physical * period)
+        own: ContactFigures = {
+            "probe": name,
+            "object": self._touched[index][0],
+            "material": self._touched[index][1],
+            "begin_s": begin * period,
+            "end_s": None if end is None else end * period,
+            "plate": bool(plate),
+            "plate_s": ticks * period if carried else None,
+            "plate_missed": bool(missed & 1) if carried else None,
+            "plate_withdrawn": bool(missed & 2) if carried else None,
+            "peak_force_N": force,
+            "peak_penetration_mm": depth * 1e3,
+            "peak_area_mm2": area * 1e6,
+            "impact_speed_m_s": speed,
+            "plate_gap_mm": gap * 1e3 if math.isfinite(gap * 1e3) else None,
+            "plate_lead_ms": (begin - physical) * period * 1e3 if led else None,
+        }
+        return {**own, **self._blank}
 
 
 #: Keys that every entry has had since the first version of the report, null where nothing measures them.  Programs that
@@ -224,7 +245,3 @@ _ALWAYS = ("flux_source", "mean_flux_W_m2", "peak_flux_W_m2", "skin_drop_K", "fl
 def _measured(instance: Modality) -> bool:
     """Tell whether a modality measures anything: it, or its class, overrides ``measures``."""
     return getattr(instance.measures, "__func__", None) is not Modality.measures
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -333,6 +333,8 @@ class Engine:
         if found < 0:  # none of these ticks is one that is timed step by step
             if not self._ready:
                 self._begin_when_ready()
+            if self._events.making is not None:
+                self._go_on_with_entry(self._tick.item() - 1)
             if self.taps:
                 self._tell(int(self._tick) - 1)
             return
@@ -366,12 +368,14 @@ class Engine:
                 if replaced and isinstance(raised, Exception):  # no mistake of the loop's own
                     raise fault from raised
             raise
+        if self._events.making is not None:
+            self._go_on_with_entry(tick)
         if not tick % _SAMPLED:
             self._look_round(tick)
         self._tell(tick)
 
     def _look_round(self, tick: int) -> None:
-        """Do what is not done in every tick: make the entry of a contact that has ended, and check the twins.
+        """Do what is not done in every tick: begin the entry of a contact that has ended, and check the twins.
 
         Stop if something has written over a twin's status; the status of hardware is checked before each command.
 
@@ -380,18 +384,22 @@ class Engine:
         DeviceFaultError
             If so.
         """
-        try:
-            self._events.settle(before=tick)
-        except interpreter.ANY_ERROR as raised:  # Ctrl-C while a modality is asked what it has measured
-            replaced = interpreter.put_back()
-            if self._all:
-                self.make_safe(broken_off(self.model, tick, raised, replaced))
-            raise
+        self._events.begin_entry(tick)  # its parts are made in the next ticks, which are not timed step by step
         for runner in self._twins:
             if forged := runner.latch.forged():
                 cause = f"was stopped: {forged}"
                 self.make_safe(fault := DeviceFaultError(runner.model.name, tick, Trip.MODALITY_ERROR, cause))
                 raise fault
+
+    def _go_on_with_entry(self, tick: int) -> None:
+        """Make the next part of the report's entry of a contact that has ended."""
+        try:
+            self._events.go_on_with_entry()
+        except interpreter.ANY_ERROR as raised:  # Ctrl-C while a modality is asked what it has measured
+            replaced = interpreter.put_back()
+            if self._all:
+                self.make_safe(broken_off(self.model, tick, raised, replaced))
+            raise
 
     def _end_tick(self, tick: int, ready: bool, timed: bool) -> None:
         """Count a tick whose steps are done, and the time that it took."""

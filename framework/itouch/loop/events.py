@@ -6,7 +6,7 @@ They are found and delivered in compiled code as far as listeners have compiled 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import NoReturn
 
@@ -93,6 +93,8 @@ class Events:
         self._probes = [_Probe(rig, self._moves, self._event, self._ended) for rig in rigs]
         #: Per probe, what a contact's entry is made of, from State as it was when the contact ended.
         self._then = [rig.log.kept(kept, seen) for rig in rigs]
+        #: Makes the entry of the contact that ended last, a part at a time; None: it is not begun, or is complete.
+        self.making: Iterator[bool] | None = None
         statistics.settle = self.settle
         self._around: Fence | None = None
         self._carriers: list[ModalityModel] = []
@@ -117,16 +119,36 @@ class Events:
         probe.chain.warm_up()
         return Bound(happening.tell, *stirring, self._moves, self._event, probe.chain.place, probe.left, number)
 
-    def settle(self, before: float = math.inf) -> None:
-        """Make the entry of the contact that ended last, if that was before a tick and it is still to be made."""
-        if self._ended.open[0] and self._ended.tick[0] < before:
-            self._ended.open[0] = 0
-            number = self._ended.probe[0]
-            try:
-                self._probes[number].rig.log.settle(int(self._ended.tick[0]), self._then[number])
-            except KeyboardInterrupt:  # the report that follows still has it
-                self._ended.open[0] = 1
-                raise
+    def settle(self) -> None:
+        """Make the entry of the contact that ended last, as far as it is still to be made."""
+        while self._ended.open.item():
+            self.begin_entry(math.inf)
+            self.go_on_with_entry()
+
+    def begin_entry(self, tick: float) -> None:
+        """Begin the entry of the contact that ended last, if that was before a tick and it is still to be made.
+
+        It is made in parts, one for the framework and one for each modality that measures, for which the caller finds
+        a tick each: what has not run for seconds is in no cache of the processor, so that the whole takes as long as
+        ten ticks.
+        """
+        ended = self._ended
+        if self.making is None and ended.open.item() and ended.tick.item() < tick:
+            number = ended.probe.item()
+            self.making = self._probes[number].rig.log.making(ended.tick.item(), self._then[number])
+
+    def go_on_with_entry(self) -> None:
+        """Make the next part of the entry that is begun, if one is."""
+        making, self.making = self.making, None
+        if making is None:
+            return
+        try:
+            self._ended.open[0] = 0  # for a modality that asks for the contacts while it is asked
+            if next(making, False):
+                self._ended.open[0], self.making = 1, making
+        except KeyboardInterrupt:  # the report that follows still has it, made anew
+            self._ended.open[0], self.making = 1, None
+            raise
 
     def answer(self, code: int, tick: int) -> None:
         """Deliver in Python what a probe's call has left, and the events of the probes after it.

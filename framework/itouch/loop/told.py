@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, MutableMapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from types import NoneType
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from itouch.world import ModalityModel, Model
 _DEEPEST = 20
 
 
-class ContactFigures(NamedTuple):
+class ContactFigures(TypedDict):
     """The framework's own part of a contact's entry in the report; `docs/reference/report.md` says what they mean."""
 
     probe: str
@@ -30,12 +31,16 @@ class ContactFigures(NamedTuple):
     plate_s: float | None
     plate_missed: bool | None
     plate_withdrawn: bool | None
-    peak_force_N: float  # noqa: N815 - a key of the report
+    peak_force_N: float
     peak_penetration_mm: float
     peak_area_mm2: float
     impact_speed_m_s: float
     plate_gap_mm: float | None
     plate_lead_ms: float | None
+
+
+#: Their keys, and the types of values that are plain data whatever the value is.
+_OWN, _PLAIN = frozenset(ContactFigures.__annotations__), frozenset({bool, int, str, NoneType})
 
 
 class Told(NamedTuple):
@@ -58,12 +63,12 @@ def of_contact(modality: ModalityModel, state: Record, probe: str, index: int) -
         What its ``measures`` raises.
     """
     told: Any = modality.instance.measures(modality.model, state, probe, index)
-    if not isinstance(told, Mapping):
+    if type(told) is not dict and not isinstance(told, Mapping):
         return Told({}, (_no_mapping(modality.instance, "measures", told),))
     figures: dict[str, Any] = {}
     faults: list[str] = []
     for key, value in told.items():
-        if not isinstance(key, str) or key in ContactFigures._fields:
+        if not isinstance(key, str) or key in _OWN:
             why = "the framework's own figure" if isinstance(key, str) else "no text"
             faults.append(f"measures returned a figure under {key!r:.40}, which is {why}: it needs a key of its own")
             continue
@@ -74,33 +79,28 @@ def of_contact(modality: ModalityModel, state: Record, probe: str, index: int) -
             faults.append(
                 f"measures returned {_kind(value)} as '{key}'; a figure is a number, a text, a yes or no, or None"
             )
-    return Told(figures, _placed(modality.instance, "measures", faults))
+    return Told(figures, _placed(modality.instance, "measures", faults) if faults else ())
 
 
-def in_entry(modality: ModalityModel, state: Record, probe: str, index: int) -> dict[str, Any]:
-    """Return a modality's part of a contact's entry; the entry is made in any case, and says what is missing."""
-    key = f"{modality.name}_error"
+def enter(entry: MutableMapping[str, Any], modality: ModalityModel, state: Record, probe: str, index: int) -> None:
+    """Put what a modality has measured into a contact's entry, where its keys are null or not there yet.
+
+    A figure that another modality has given under the same key already stands under ``NAME:key``: both are kept.  The
+    entry is made in any case, and says what is missing.
+    """
     try:
-        return of_contact(modality, state, probe, index).entries(key)
+        figures, faults = of_contact(modality, state, probe, index)
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # one that exits neither ends the program nor loses the contact
-        return {key: f"failed in measures: {said(error)}"}
-
-
-def enter(
-    entry: MutableMapping[str, Any], modalities: Iterable[ModalityModel], state: Record, probe: str, index: int
-) -> None:
-    """Put what modalities have measured into a contact's entry, where their keys are null or not there yet.
-
-    A figure that another modality has given under the same key already stands under ``NAME:key``: both are kept.
-    """
-    for modality in modalities:
-        for key, value in in_entry(modality, state, probe, index).items():
-            if entry.get(key) is None:
-                entry[key] = value
-            elif value is not None:
-                entry[_beside(modality, key)] = value
+        figures, faults = {}, (f"failed in measures: {said(error)}",)
+    if faults:
+        figures = Told(figures, faults).entries(f"{modality.name}_error")
+    for key, value in figures.items():
+        if entry.get(key) is None:
+            entry[key] = value
+        elif value is not None:
+            entry[_beside(modality, key)] = value
 
 
 def own_view(modality: ModalityModel, entry: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -166,6 +166,10 @@ def _number(value: Any) -> Any:
 
     NaN and infinity, which JSON has not, are None; everything else is returned as it is.
     """
+    if type(value) is float:
+        return value if math.isfinite(value) else None
+    if type(value) in _PLAIN:
+        return value
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.size == 1):
         value = value.item()
     if isinstance(value, bool):

@@ -29,7 +29,7 @@ FIELDS: tuple[Field, ...] = (
     ),
 )
 
-#: The figures of each contact, null where unknown; `_beside` adds those that only some contacts have.
+#: The figures of each contact, null where unknown; `measures` adds those that only some contacts have.
 MEASURED: tuple[Measured, ...] = (
     Measured("flux_source", "1", "where the flux is known from: twin, estimate or sensor", show="no"),
     Measured(
@@ -117,7 +117,7 @@ def measures(state: Record, name: str, source: str) -> dict[str, float | str | b
                 "plate_ready", "plate_limited")  # fmt: skip
         return {**dict.fromkeys(keys), "plate_ready": bool(ready) if rendered else None}
     drop = first - extreme
-    return {
+    found = {
         "flux_source": source,
         "mean_flux_W_m2": total / ticks,
         "peak_flux_W_m2": peak,
@@ -126,18 +126,15 @@ def measures(state: Record, name: str, source: str) -> dict[str, float | str | b
         "flux_error_rms": math.sqrt(squares / scored) if scored else None,
         "plate_ready": bool(ready),
         "plate_limited": rendered == onset.CLIPPED,
-        **_beside(state, name),
     }
-
-
-def _beside(state: Record, name: str) -> dict[str, float | str | bool | None]:
-    """Return the figures that judge an estimate, where there is one; those of the true flux only in a virtual rig."""
+    # what judges an estimate, where there is one; that of the true flux only in a virtual rig
     raw, deviation, read, true, seen, missed, asked = state[f"{name}.beside"].tolist()
-    found: dict[str, float | str | bool | None] = {}
     if read:
-        found |= {"flux_deviation_W_m2": math.sqrt(deviation / read), "sensor_error_rms": math.sqrt(raw / read)}
+        found["flux_deviation_W_m2"] = math.sqrt(deviation / read)
+        found["sensor_error_rms"] = math.sqrt(raw / read)
     if seen:
-        found |= {"true_error_rms": math.sqrt(true / seen), "estimate_error_rms": math.sqrt(missed / max(1.0, asked))}
+        found["true_error_rms"] = math.sqrt(true / seen)
+        found["estimate_error_rms"] = math.sqrt(missed / max(1.0, asked))
     return found
 
 
