@@ -18,6 +18,8 @@ from itouch_thermal.drivers import LinePort
 from itouch_thermal.drivers.lineport import LineDriver, seal, seal_2, unseal, unseal_2
 from itouch_tools.cli import main as cli
 
+pytestmark = pytest.mark.punctual  # a rig is a thread beside the driver: on a busy machine either is kept waiting
+
 GREETING = "N itouch-line 2 bench amps=3 plate=10:43 sink=58 silence=0.2 reset=power cut=none"
 PLATE = 24.5
 
