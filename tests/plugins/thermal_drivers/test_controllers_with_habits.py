@@ -19,6 +19,9 @@ from itouch_thermal.drivers.emulator import DisplayEmulator
 from itouch_thermal.drivers.tec import TecDriver
 from itouch_thermal.drivers.virtual import Plate, VirtualMecom
 
+# a controller is a thread beside the driver here: on a busy machine either is kept waiting
+pytestmark = pytest.mark.punctual
+
 
 @dataclass(slots=True)
 class Controller(VirtualMecom):

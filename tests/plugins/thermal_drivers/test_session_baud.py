@@ -19,6 +19,9 @@ from itouch_thermal.drivers.rig import Rig
 from itouch_thermal.drivers.tec import TecDriver
 from itouch_thermal.drivers.virtual import SILENCE, Plate, VirtualMecom
 
+# a controller is a thread beside the driver here: on a busy machine either is kept waiting
+pytestmark = pytest.mark.punctual
+
 FAST, OWN = 460800, 57600
 
 

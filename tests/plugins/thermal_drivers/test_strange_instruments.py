@@ -22,6 +22,9 @@ from itouch_thermal.drivers.modbus import ModbusLine
 from itouch_thermal.drivers.tec import TecDriver
 from itouch_thermal.drivers.virtual import Plate, VirtualMecom, VirtualT7
 
+# an instrument is a thread beside the driver here: on a busy machine either is kept waiting
+pytestmark = pytest.mark.punctual
+
 
 def check(body: bytes) -> bytes:
     return body + b"%04X" % crc16(body) + b"\r"
