@@ -11,6 +11,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene import binding
 from itouch.scene.elements.rates import Rates
 from itouch.scene.loader import in_file_order, read_scene
+from itouch.scene.source import SourceError, read_root
 from itouch.scene.values import ValueProblemError, parse_value
 from itouch.schema import Problem
 from itouch.schema.fields import Spec
@@ -155,6 +156,19 @@ def test_version(write: Write) -> None:
     ):
         (problem,) = problems_of(write("v.xml", text))
         assert problem.code == code
+
+
+def test_a_file_of_another_kind_is_told_how_it_is_run(write: Write) -> None:
+    for kind in ("study", "sweep"):
+        path = write(f"{kind}.xml", f'<{kind} version="1.0"/>')
+        (problem,) = problems_of(path)
+        assert problem.render().strip().endswith(f"; `itouch-py {kind} run {path}` runs this one")
+    (problem,) = problems_of(write("other.xml", '<study xmlns="urn:somebody"/>'))
+    assert problem.render().strip().endswith('help: a scene begins with <itouch version="1.0">')
+    scene = write("scene.xml", '<itouch version="1.0"/>')
+    with pytest.raises(SourceError) as refused:
+        read_root(str(scene), "study", "<study>")
+    assert refused.value.problem.advice == f"a study begins with <study>; `itouch-py {scene}` runs this one"
 
 
 def test_hostile_files(write: Write, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from itouch.scene import bundled_scenes
 from itouch.scene.elements import VERSION
 from itouch.scene.names import defined_names
-from itouch.scene.source import CHECK, Attribute, Node, SourceError, parse, read_bytes
+from itouch.scene.source import CHECK, Attribute, Node, SourceError, how_run, parse, read_bytes
 from itouch.schema.diagnostics import Place, Problem, did_you_mean, meant
 
 #: How deeply includes may be nested, and how many files a scene may have.
@@ -139,7 +139,8 @@ class DocumentReader:
         if root.tag != "itouch" or root.namespace:
             of = f" of the namespace '{root.namespace[:80]}'" if root.namespace else ""
             sentence = f"the outermost element is <{root.written}>{of}, not <itouch>"
-            advice = f'a scene begins with <itouch version="{VERSION}">'
+            run = how_run("" if root.namespace else root.tag, root.place.file)
+            advice = f'a scene begins with <itouch version="{VERSION}">{run}'
             self.problems.append(Problem("wrong-root", sentence, root.place, advice))
             return False
         for name, attribute in root.attributes.items():

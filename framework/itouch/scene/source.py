@@ -280,6 +280,15 @@ def _written(key: str, element: etree._Element) -> str:
     return f"{prefixes[0]}:{name.localname}" if prefixes else name.localname
 
 
+#: Outermost elements of files that can be run -> the command that does.
+_RUN_BY = {"itouch": "itouch-py", "study": "itouch-py study run", "sweep": "itouch-py sweep run"}
+
+
+def how_run(tag: str, shown: str) -> str:
+    """Return a clause, with its semicolon, on how a file with this outermost element is run; empty if it is not run."""
+    return f"; `{_RUN_BY[tag]} {shown}` runs this one" if tag in _RUN_BY else ""
+
+
 def read_root(shown: str, tag: str, begins: str) -> Node:
     """Read a file whose outermost element is ``tag``, not a scene's; ``begins`` shows how such a file begins.
 
@@ -291,5 +300,7 @@ def read_root(shown: str, tag: str, begins: str) -> Node:
     root = parse(read_bytes(Path(shown), shown), shown)
     if root.tag != tag or root.namespace:
         sentence = f"the outermost element is <{root.written}>, not <{tag}>"
-        raise SourceError(Problem("wrong-root", sentence, root.place, f"a {tag} begins with {begins}"))
+        run = how_run("" if root.namespace else root.tag, shown)
+        advice = f"a {tag} begins with {begins}{run}"
+        raise SourceError(Problem("wrong-root", sentence, root.place, advice))
     return root

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from itouch.plugin.bases import Arrays
 from itouch.plugin.discovery import Catalog
 from itouch.scene import write
+from itouch.scene.source import how_run
 from itouch.session.arrays import load_bases, pack_bases
 from itouch.session.errors import ADVICE, SessionError, check_ledger, plainly
 from itouch.session.manifest import digest
@@ -98,10 +99,6 @@ class _Node:
         return "".join(self.text)
 
 
-#: Outermost elements of files that a command of that name runs.
-_RUN = ("study", "sweep")
-
-
 class _Splitter:
     """Finds ``<session>`` in a document: its tree, and where its bytes begin and end."""
 
@@ -166,12 +163,8 @@ def from_xml(name: str, data: bytes, catalog: Catalog) -> Snapshot:
                 f"itouch.build({name!r}) makes a session of it"
             )
         if splitter.tree is None:
-            how = (
-                f"`itouch-py {splitter.root} run {name}` runs it"
-                if splitter.root in _RUN
-                else "name a file that a session was saved to"
-            )
-            raise SessionError(f"'{name}' is no stored session: its outermost element is <{splitter.root}>; {how}")
+            how = how_run(splitter.root, name) or "; name a file that a session was saved to"
+            raise SessionError(f"'{name}' is no stored session: its outermost element is <{splitter.root}>{how}")
         manifest, ledger, state, bases = _read(name, splitter.tree)
         stored = {node.attributes["digest"]: _decoded(node) for node in splitter.tree.all("file")}
         files = checked_files(name, manifest, stored)
