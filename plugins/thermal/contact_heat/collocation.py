@@ -24,7 +24,8 @@ def radau(stages: int) -> Array:
     """Return the right Radau points on (0, 1], shape (stages,); the last one is 1."""
     series = np.zeros(stages + 1)
     series[-2:] = (-1.0, 1.0)
-    return np.asarray((np.sort(np.polynomial.legendre.legroots(series)) + 1.0) / 2.0)
+    # All roots are real; since NumPy 2.5 they come as complex numbers.
+    return np.asarray((np.sort(np.polynomial.legendre.legroots(series).real) + 1.0) / 2.0)
 
 
 @lru_cache(maxsize=1)
