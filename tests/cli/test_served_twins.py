@@ -12,6 +12,8 @@ from itouch.plugin import DeviceError, Emulator
 from itouch_tools.cli import main
 from itouch_tools.cli.served_twins import VirtualRig
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 ARM = '<device name="{}" plugin="usb-arm"/>'
 SCENE = '<itouch version="1.0"><devices>\n{}\n{}\n</devices></itouch>'
 DISPLAY = """<itouch version="1.0" xmlns:thermal="urn:itouch:plugin:thermal"><devices>

@@ -11,6 +11,8 @@ from itouch_thermal.drivers import FluxSensor, Infrared, LabJack, Mecom
 from itouch_usb_arm import UsbArm, UsbArmParams
 from itouch_xyz_table.table import XyzTable, XyzTableParams
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 
 class TestArm(EmulatorTests):
     device, name = UsbArm, "usb-arm"

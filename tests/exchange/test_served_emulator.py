@@ -11,6 +11,8 @@ import pytest
 from itouch.exchange.thread import ServedEmulator
 from itouch.plugin import Emulator, Field, Record
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 READING, COMMAND = (Field("height", unit="m"),), (Field("goal", unit="m"),)
 
 

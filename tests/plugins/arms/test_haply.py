@@ -25,6 +25,8 @@ from itouch_arms.haply.haply_device import look
 from itouch_arms.haply.line import Line
 from itouch_arms.haply.virtual import CENTRE, VirtualService
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 GOLDEN = Path(__file__).parent / "haply.trace"
 
 

@@ -21,6 +21,8 @@ from itouch_thermal.drivers.promises import Promises, not_kept
 
 from conftest import Start  # isort: skip
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 PATIENT = 60.0
 #: Held by who lets the simulated display go on.
 LOCK = threading.Lock()

@@ -18,6 +18,8 @@ from itouch_thermal.drivers.labjack import LabJackDriver
 from itouch_thermal.drivers.modbus import ModbusLine
 from itouch_thermal.drivers.virtual import VirtualT7
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 VOLTS = 1e-4
 
 

@@ -20,6 +20,8 @@ from itouch_thermal import ThermalDisplay
 from itouch_thermal.drivers.serialport import SerialLine
 from itouch_xyz_table import tmcl
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 
 @pytest.fixture
 def terminal() -> Iterator[Terminal]:

@@ -34,6 +34,8 @@ from itouch_thermal.film.film_params import T7, FilmParams, ForceSensor, Thermom
 from itouch_thermal.film.twin import FilmTwin
 from itouch_tools.cli import main as cli
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 SENSOR = FluxSensor(sensitivity=1.2e-6, correction=0.002, offset=3e-6)
 
 

@@ -13,6 +13,8 @@ from itouch_usb_arm import Disconnected, Falcon, FalconError, Timeout, boot
 from itouch_usb_arm.kinematics import angles_of, forward
 from itouch_usb_arm.virtual import VirtualBackend, VirtualFalcon, VirtualTime
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 IMAGE = boot.build([boot.Block(0x3F8000, tuple(range(100)))], entry=0x3F8002)
 FAULTS = {
     "drop": 1, "bad": 1, "wrong": 1, "stray": 1, "refuse": 1, "mute": 1, "late": 0.03, "unplug_after": 5, "boot_echo": 20,

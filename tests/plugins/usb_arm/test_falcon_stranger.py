@@ -26,6 +26,8 @@ from itouch_usb_arm import (
 from itouch_usb_arm.arm import look
 from itouch_usb_arm.boot import Block, build
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 IMAGE = build([Block(0x3F8002, tuple(range(100))), Block(0x8000, tuple(range(700, 800)))], entry=0x3F8002)
 HABITS = [
     {"empty": empty} for empty in ("status", "zero", "timeout", "110", "60", "10060", "text", "code")

@@ -21,6 +21,8 @@ from itouch_usb_arm.link import Remote
 from itouch_usb_arm.virtual import VirtualFalcon
 from itouch_usb_arm.virtual.usbip import UsbipServer
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 IMAGE = boot.build([boot.Block(0x3F8000, tuple(range(200)))], entry=0x3F8002)
 HERE = Path(__file__).parent
 

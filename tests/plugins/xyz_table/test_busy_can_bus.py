@@ -17,6 +17,8 @@ from itouch_xyz_table import XyzTable, XyzTableParams, canframes, odrive
 from itouch_xyz_table.servos import ServoError
 from itouch_xyz_table.virtual_odrive import VirtualOdrive
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 #: What others say on the bus: a heartbeat with errors and estimates of a fourth servo, a long frame of another protocol,
 #: a heartbeat that is cut off, an answer of a servo of ours to somebody else.
 OTHERS = [

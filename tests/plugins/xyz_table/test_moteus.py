@@ -22,6 +22,8 @@ from itouch_xyz_table.multiplex import Read, Write, decode, reply
 from itouch_xyz_table.servos import ServoError, ServoFault, Servos, ServoTimeout
 from itouch_xyz_table.virtual import FEED, GOAL, GOAL_SPEED, MOST, WATCHDOG, VirtualBus, VirtualServo, checksum
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 PARAMS = {"lead": (0.01, 0.02, 0.005), "direction": (1.0, -1.0, 1.0), "travel": (0.012, 0.01, 0.008)}
 
 

@@ -24,6 +24,8 @@ from itouch_xyz_table.servos import ServoError, ServoFault
 from itouch_xyz_table.virtual import FASTEST, FEED, GOAL, GOAL_SPEED, MOST
 from itouch_xyz_table.virtual_odrive import VirtualCan, VirtualOdrive
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 LEADS, SIGNS, TRAVEL = (0.01, 0.02, 0.005), (1.0, -1.0, 1.0), (0.012, 0.01, 0.008)
 #: A machine that is busy elsewhere is no servo that is silent.
 PATIENT = 20.0

@@ -16,6 +16,8 @@ from itouch_xyz_table.multiplex import Write
 from itouch_xyz_table.servos import ServoError
 from itouch_xyz_table.virtual import EXACT, HOME, VirtualBus, VirtualServo, checksum
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 
 @pytest.fixture
 def bench() -> Iterator[Bench]:

@@ -25,6 +25,8 @@ from itouch_xyz_table.servos import ServoError
 from itouch_xyz_table.tmcl import PATIENCE
 from itouch_xyz_table.virtual_tmcl import VirtualStepper, VirtualTmcl
 
+pytestmark = pytest.mark.punctual  # what is driven is a thread or a process beside the driver
+
 LEADS, SIGNS, TRAVEL = (0.01, 0.02, 0.005), (1.0, -1.0, 1.0), (0.012, 0.01, 0.008)
 LOWS = (-TRAVEL[0] / 2, -TRAVEL[1] / 2, 0.0)
 #: A machine that is busy elsewhere is no module that is silent.
