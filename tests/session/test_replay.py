@@ -13,7 +13,9 @@ from running import RUNNABLE
 from shipped import SCENES
 
 import itouch
-from itouch.session.replay import Replay
+from itouch.recording import Recording
+from itouch.session.manifest import host_facts
+from itouch.session.replay import Mismatch, Replay
 from itouch_tools.cli import main
 
 
@@ -48,6 +50,57 @@ def test_a_changed_reading_gives_a_mismatch_that_is_named(tmp_path: Path) -> Non
     assert outcome.first is not None
     assert (outcome.first.tick, outcome.first.channel.split(".")[0]) == (1000, "arm")
     assert "recorded" in str(outcome.first)
+
+
+def test_the_largest_difference_is_named_beside_the_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    record(tmp_path / "r.mcap", "four_materials", 1.5)
+    recording = itouch.read(tmp_path / "r.mcap")
+    sent = recording["peltier"]["sent.current"]
+    sent[700, 0] = np.nextafter(sent[700, 0], 9.0)
+    sent[1300, 0] *= 0.75
+    recording["arm"]["sent.wrench"][900, 1] += 1e-9  # all of the wrench is 0 there
+    outcome = itouch.replay(recording)
+    assert (outcome.mismatches, outcome.first.tick) == (3, 700)
+    assert (outcome.largest.tick, outcome.largest.channel) == (900, "arm.sent.wrench")
+    assert outcome.largest.share == pytest.approx(1.0)
+    recording["arm"]["sent.wrench"][900, 1] = 0.0
+    outcome = itouch.replay(recording)
+    assert (outcome.largest.tick, outcome.largest.share) == (1300, pytest.approx(0.25))
+
+
+@pytest.mark.parametrize(
+    "recorded, replayed, share",
+    [
+        ([2.0, 0.0], [2.0, 0.0], 0.0), ([2.0, 1.0], [2.0, 1.5], 0.25), ([0.0, 0.0], [0.0, 1e-300], 1.0),
+        ([np.nan, 1.0], [np.nan, 1.0], 0.0), ([np.nan, 1.0], [0.0, 1.0], np.inf), ([np.inf, 1.0], [np.inf, 1.0], 0.0),
+        ([np.inf, 1.0], [-np.inf, 1.0], np.inf), (True, False, 1.0), (3, 4, 0.25), ([np.inf, 1.0], [np.inf, 1.5], 1 / 3),
+    ],
+)  # fmt: skip
+def test_a_difference_is_told_as_a_share_of_the_value(recorded: object, replayed: object, share: float) -> None:
+    assert Mismatch(0, "a", recorded, replayed).share == pytest.approx(share)
+
+
+def test_other_versions_are_named_where_commands_differ(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record(tmp_path / "r.mcap", "first_touch", 0.2)
+    facts = host_facts()
+    monkeypatch.setattr("itouch.session.replay.host_facts", lambda: {**facts, "numpy": "9.9.9", "cores": 96})
+    outcome = itouch.replay(tmp_path / "r.mcap")
+    assert outcome.elsewhere == (f"numpy {np.__version__} (9.9.9 here)",)
+    assert main(["replay", str(tmp_path / "r.mcap")]) == 0  # equal: then nothing is to be said of versions
+    assert "9.9.9" not in "".join(capsys.readouterr())
+    reading = itouch.read
+    monkeypatch.setattr("itouch.recording.read", lambda path: _one_command_off(reading(path)))
+    assert main(["replay", str(tmp_path / "r.mcap")]) == 1
+    said = capsys.readouterr()
+    assert "largest difference: 1 of the value; tick 100, arm.sent.wrench" in said.out
+    assert f"was made with numpy {np.__version__} (9.9.9 here)" in said.err
+
+
+def _one_command_off(recording: Recording) -> Recording:
+    recording["arm"]["sent.wrench"][100, 0] += 1e-9
+    return recording
 
 
 def test_a_changed_command_is_found(tmp_path: Path) -> None:

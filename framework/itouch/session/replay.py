@@ -18,6 +18,7 @@ from itouch.safety import Trip
 from itouch.session import layout
 from itouch.session.building import rebuild
 from itouch.session.engine import Session
+from itouch.session.manifest import host_facts
 from itouch.session.playback import Feed, PlaybackDevice, PlaybackTwin
 from itouch.session.recorded import snapshot_at, state_of
 
@@ -37,7 +38,11 @@ _BLOCK = 1000
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a replay went: ticks replayed, values compared, how many differ and the first, rows skipped, losses."""
+    """How a replay went: ticks replayed, values compared, how many differ, rows skipped, losses.
+
+    ``first`` and ``largest`` are the first and the largest difference.  ``elsewhere`` says what is another here than
+    where it was recorded and may change last digits, as "numpy 2.4.6 (2.5.5 here)".
+    """
 
     ticks: int
     compared: int
@@ -45,6 +50,8 @@ class Outcome:
     first: Mismatch | None
     skipped: int
     losses: tuple[str, ...]
+    largest: Mismatch | None = None
+    elsewhere: tuple[str, ...] = ()
 
 
 def session_of(recording: Recording, *, catalog: Catalog | None = None) -> Session:
@@ -211,7 +218,20 @@ class Replay:
         """Return how the replay has gone so far."""
         self.comparison.settle()
         found = self.comparison
-        return Outcome(self.ticks, found.compared, found.mismatches, found.first, self.skipped, self.recording.losses)
+        return Outcome(
+            self.ticks, found.compared, found.mismatches, found.first, self.skipped, self.recording.losses,
+            found.largest, elsewhere(self.recording),
+        )  # fmt: skip
+
+
+def elsewhere(recording: Recording) -> tuple[str, ...]:
+    """Return what may change last digits and is another here than where the recording was made, with both values."""
+    then, now = recording.session.get("manifest", {}).get("host") or {}, host_facts()
+    return tuple(
+        f"{name} {then[name]} ({now[name]} here)"
+        for name in ("python", "numpy", "numba", "machine", "processor")
+        if name in then and then[name] != now[name]
+    )
 
 
 def _by_tick(letters: Iterable[Mapping[str, Any]]) -> dict[int, list[Mapping[str, Any]]]:
@@ -276,9 +296,32 @@ class Mismatch:
     recorded: Any
     replayed: Any
 
+    @property
+    def share(self) -> float:
+        """Its difference over its size: see `differences`."""
+        recorded, replayed = (np.asarray(v)[None] for v in (self.recorded, self.replayed))
+        return float(differences(recorded, replayed)[0])
+
     def __str__(self) -> str:
         recorded, replayed = (np.array2string(np.asarray(v), precision=17) for v in (self.recorded, self.replayed))
         return f"tick {self.tick}, {self.channel}: recorded {recorded}, replayed {replayed}"
+
+
+def differences(recorded: NDArray[Any], replayed: NDArray[Any]) -> NDArray[np.float64]:
+    """Return, for each row, the largest difference of its numbers over the largest of them [1], shape (rows,).
+
+    Both are (rows, ...), in any unit.  Equal rows give 0; where one of the two alone is no finite number the result is
+    infinite.
+    """
+    theirs, ours = (np.asarray(v, dtype=np.float64).reshape(len(v), -1) for v in (recorded, replayed))
+    same = (theirs == ours) | (np.isnan(theirs) & np.isnan(ours))
+    size = np.nan_to_num(np.maximum(np.abs(theirs), np.abs(ours)), posinf=0.0).max(axis=1, initial=0.0)
+    with np.errstate(invalid="ignore"):  # infinite less infinite
+        off = np.where(same, 0.0, np.abs(theirs - ours))
+    off = np.where(np.isfinite(off), off, np.inf).max(axis=1, initial=0.0)
+    found: NDArray[np.float64] = np.where(off > 0.0, np.inf, 0.0)
+    np.divide(off, size, out=found, where=size > 0.0)
+    return found
 
 
 class Comparison:
@@ -296,6 +339,7 @@ class Comparison:
         self._seen: list[list[NDArray[Any]]] = [[] for _ in self._columns]
         self._begin = self.compared = self.mismatches = 0
         self.first: Mismatch | None = None
+        self.largest: Mismatch | None = None
 
     def note(self, at: int) -> None:
         """Keep what is commanded in this tick, which is row ``at`` of the recording."""
@@ -322,6 +366,10 @@ class Comparison:
                 tick = int(self._ticks[self._begin + index])
                 if self.first is None or tick < self.first.tick:
                     self.first = Mismatch(tick, name, theirs[index], ours[index])
+                index = int(np.argmax(differences(theirs, ours)))
+                worst = Mismatch(int(self._ticks[self._begin + index]), name, theirs[index], ours[index])
+                if self.largest is None or worst.share > self.largest.share:
+                    self.largest = worst
             seen.clear()
 
 

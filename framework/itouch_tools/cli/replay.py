@@ -83,6 +83,10 @@ def _compare(options: argparse.Namespace) -> int:
         print(f"nothing was compared: '{recording.path}' {why}", file=sys.stderr)
     if outcome.first is not None:
         print(f"first difference: {outcome.first}")
+    if outcome.largest is not None:
+        print(f"largest difference: {outcome.largest.share:.2g} of the value; {outcome.largest}")
+    if outcome.mismatches and outcome.elsewhere:
+        note(f"'{recording.path}' was made with {', '.join(outcome.elsewhere)}: there the last digits may be others")
     return 1 if outcome.mismatches or not outcome.ticks else 0
 
 
