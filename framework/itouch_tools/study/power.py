@@ -68,9 +68,15 @@ def library(
 
     ``made`` returns what makes touches with a finger of a temperature [K]; ``told`` is told the progress: the
     share that is done, 0 to 1, and words.
+
+    Raises
+    ------
+    PowerError
+        If the study is adaptive, or has no right answers.
     """
+    check_powered(file)
     found: list[dict[str, list[Felt]]] = []
-    conditions = file.conditions()
+    conditions = _touched(file)
     for number, celsius in enumerate(FINGERS, 1):
         touches = made(celsius + 273.15)
         felt: dict[str, list[Felt]] = {}
@@ -117,9 +123,7 @@ def power(
     PowerError
         If the study is adaptive, or has no right answers.
     """
-    if file.study.staircases or file.study.task.kind not in POWERED:
-        other = "this one has staircases, ratings or a plugin's task"
-        raise PowerError(f"power is of studies with conditions and right answers: {other}")
+    check_powered(file)
     found = []
     for count in repetitions or (file.study.order.repetitions,):
         shares = [_shares(file, felt, model, count, orders.generator(seed, f"pool{n}")) for n in range(pool)]
@@ -128,18 +132,48 @@ def power(
     return found
 
 
+def check_powered(file: StudyFile) -> None:
+    """Check that the power of a study can be computed.
+
+    Raises
+    ------
+    PowerError
+        If the study is adaptive, or has no right answers.
+    """
+    if file.study.staircases or file.study.task.kind not in POWERED:
+        other = "this one has staircases, ratings or a plugin's task"
+        raise PowerError(f"power is of studies with conditions and right answers: {other}")
+    if not _judged(file):
+        raise PowerError(
+            f"power is of studies with right answers: this one shows the standard alone, {file.study.task.standard}"
+        )
+
+
+def _judged(file: StudyFile) -> list[dict[str, str]]:
+    """Return the conditions whose answers can be right: the standard beside itself has no colder and no odd one."""
+    task = file.study.task
+    alone = task.kind in ("colder", "odd")
+    return [one for one in file.conditions() if not alone or one[task.factor] != task.standard]
+
+
+def _touched(file: StudyFile) -> list[dict[str, str]]:
+    """Return all that is touched in the conditions: each of them, and the standard beside it."""
+    task, found = file.study.task, file.conditions()
+    beside = [] if task.kind == "identify" else [{**one, task.factor: task.standard} for one in found]
+    return list({repr(one): one for one in [*found, *beside]}.values())
+
+
 def _shares(
     file: StudyFile, felt: Sequence[Mapping[str, Sequence[Felt]]], model: str, count: int, rng: np.random.Generator
 ) -> list[float]:  # fmt: skip
-    """Return one person's proportion right in each condition."""
+    """Return one person's proportion right in each condition that has a right answer."""
     task = file.study.task
     levels = next((factor.names for factor in file.study.factors if factor.name == task.factor), ())
     person = Person.drawn(rng, biased=model == "naive", answers=levels)
     nearest = int(np.argmin([abs(person.finger_temperature - 273.15 - each) for each in FINGERS]))
     observer, known = observer_of(model)(person), felt[nearest]
     return [
-        sum(_answer(file, observer, known, condition, rng) for _ in range(count)) / count
-        for condition in file.conditions()
+        sum(_answer(file, observer, known, condition, rng) for _ in range(count)) / count for condition in _judged(file)
     ]
 
 
@@ -160,11 +194,12 @@ def _answer(
         return int(observer.identify(one(condition), known, rng) == condition[task.factor])
     target = int(rng.integers(task.intervals))
     standard = {**condition, task.factor: task.standard}
-    shown = [one(condition if index == target else standard) for index in range(task.intervals)]
-    trial = Trial(0, "main", condition, (), target)
-    answers = {"colder": observer.colder, "odd": observer.odd, "same": observer.same}[task.kind](shown, rng)
+    shown = tuple(condition if index == target else standard for index in range(task.intervals))
+    touches = [one(each) for each in shown]
+    trial = Trial(0, "main", condition, shown, target)
+    answers = {"colder": observer.colder, "odd": observer.odd, "same": observer.same}[task.kind](touches, rng)
     written = ("same" if answers else "different") if task.kind == "same" else str(answers)
-    return is_right(task, trial, written, [each.mean_flux() for each in shown]) or 0
+    return is_right(task, trial, written, [each.mean_flux() for each in touches]) or 0
 
 
 def _panel(
@@ -191,15 +226,17 @@ def _equivalent(pairs: NDArray[np.float64]) -> bool:
 
 def _pairs(file: StudyFile, shares: NDArray[np.float64]) -> list[tuple[str, NDArray[np.float64]]]:
     """Return pairs of levels of factors that are not asked for, with people's proportions right, shape (people, 2)."""
-    conditions, found = file.conditions(), []
+    conditions, found = _judged(file), []
     for factor in file.study.factors:
         if factor.name == file.study.task.factor:
             continue
         for i, first in enumerate(factor.names):
             for second in factor.names[i + 1 :]:
-                columns = [
-                    shares[:, [k for k, each in enumerate(conditions) if each[factor.name] == level]].mean(axis=1)
-                    for level in (first, second)
+                places = [
+                    [k for k, each in enumerate(conditions) if each[factor.name] == level] for level in (first, second)
                 ]
+                if not all(places):
+                    continue  # a level that is excluded, or is shown with the standard alone
+                columns = [shares[:, place].mean(axis=1) for place in places]
                 found.append((f"{factor.name}: {first}, {second}", np.column_stack(columns)))
     return found
