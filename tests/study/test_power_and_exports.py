@@ -19,13 +19,14 @@ from itouch.schema import ItouchError
 from itouch_tools.cli import main
 from itouch_tools.study import statistics as s
 from itouch_tools.study.coverage import coverage, difference_errors, equivalence_errors, regression_errors
-from itouch_tools.study.exports import table_of, write_bids, write_parquet
+from itouch_tools.study.exports import write_bids, write_parquet
 from itouch_tools.study.observers import Felt
 from itouch_tools.study.page import _chance
 from itouch_tools.study.power import FINGERS, TOUCHES, PowerError, library, power
 from itouch_tools.study.reading import StudyFile, load_study
 from itouch_tools.study.statistics.regression import _spread
 from itouch_tools.study.store import Row, Store
+from itouch_tools.study.tables import table_of
 from itouch_tools.study.touches import Presented, TouchError, felt_by, figures
 
 CATALOG = Catalog()
@@ -181,6 +182,43 @@ def test_power_grows_with_the_panel_and_falls_with_the_difference(tmp_path: Path
     assert widths[0] / widths[2] == pytest.approx(math.sqrt(10) * 3.18 / 2.02, rel=0.25)  # Student's, and root of n
 
 
+@pytest.mark.parametrize(("kind", "right"), [("colder", (0.74, 0.86)), ("odd", (0.42, 0.62))])
+def test_power_of_comparisons_counts_right_answers(tmp_path: Path, kind: str, right: tuple[float, float]) -> None:
+    """Of two intervals Phi(ln(ratio) / (0.375 sqrt 2)), 2 % at random: 79 %; the standard by itself does not count."""
+    path = write_study(tmp_path)
+    task = f'kind="{kind}" factor="material" standard="wood"'
+    path.write_text(path.read_text().replace('kind="identify" factor="material"', task))
+    file = load_study(path, CATALOG)
+    felt = library(file, lambda kelvin: Hands(kelvin, 1.0))
+    (found,) = power(file, felt, (12,), repetitions=(20,), pool=60, studies=20)
+    assert right[0] < found.proportion < right[1]
+    assert 0.0 < found.half_width < 0.2
+
+
+def test_power_of_a_study_whose_standard_is_not_a_condition(tmp_path: Path) -> None:
+    path = write_study(tmp_path)
+    more = '<factor name="source" levels="real rendered" values="0.4;0.5" set="wood/contact.static-friction"/>'
+    text = path.read_text().replace("  <task", f"  {more}\n  <task").replace(
+        'kind="identify" factor="material"/>', 'kind="colder" factor="material" standard="wood"/>'
+        '<exclude where="material=wood source=rendered"/><exclude where="material=steel source=real"/>'
+        '<exclude where="material=cork source=real"/>')  # fmt: skip
+    path.write_text(text)
+    file = load_study(path, CATALOG)
+    (found,) = power(file, library(file, lambda kelvin: Hands(kelvin, 1.0)), (4,), repetitions=(2,), pool=8, studies=4)
+    assert found.proportion > 0.5
+    assert not found.equivalence  # all that is judged is rendered: there is no pair
+
+
+def test_power_of_a_standard_alone_is_refused(tmp_path: Path) -> None:
+    path = write_study(tmp_path)
+    path.write_text(
+        path.read_text().replace('kind="identify" factor="material"', 'kind="odd" factor="material" standard="wood"')
+        .replace('levels="wood steel cork"', 'levels="wood"')
+    )  # fmt: skip
+    with pytest.raises(PowerError, match="standard alone, wood"):
+        library(load_study(path, CATALOG), lambda kelvin: Hands(kelvin, 1.0))
+
+
 def test_power_of_what_has_no_right_answer_is_refused(tmp_path: Path) -> None:
     path = write_study(tmp_path)
     path.write_text(path.read_text().replace('kind="identify"', 'kind="rate"'))
@@ -244,7 +282,7 @@ def test_a_study_is_exported_by_a_command(tmp_path: Path, capsys: pytest.Capture
     assert main(["study", "export", str(tmp_path)]) == 2
     assert main(["study", "export", str(tmp_path / "none"), "--tsv", "x.tsv"]) == 2
     assert "holds no study" in capsys.readouterr().err
-    assert table_of(ROWS, tmp_path)[1]["answer"] == "n/a"
+    assert table_of(ROWS)[1]["answer"] == "n/a"
 
 
 def test_no_chance_is_told_as_nought() -> None:
@@ -253,11 +291,11 @@ def test_no_chance_is_told_as_nought() -> None:
 
 def test_codes_and_answers_stay_words_in_parquet(tmp_path: Path) -> None:
     pq = pytest.importorskip("pyarrow.parquet")
-    rows = [Row("007", 0, "main", "identify", {"level": "01"}, [{"level": "01"}], 0.0, 1.0, "007-1", "now",
+    rows = [Row("007", 0, "main", "identify", {"size": "01"}, [{"size": "01"}], 0.0, 1.0, "007-1", "now",
                 answer="1_0", right=0, reaction_s=0.5, felt=[{"mean_flux_W_m2": 830.5}])]  # fmt: skip
     write_parquet(rows, tmp_path / "t.parquet")
     row = pq.read_table(tmp_path / "t.parquet").to_pylist()[0]
-    assert (row["participant"], row["answer"], row["level"], row["session"]) == ("007", "1_0", "01", "007-1")
+    assert (row["participant"], row["answer"], row["size"], row["session"]) == ("007", "1_0", "01", "007-1")
     assert (row["place"], row["right"], row["reaction_s"]) == (0, 0, 0.5)
 
 
@@ -291,3 +329,52 @@ def test_what_is_promised_of_a_share_is_a_share(people: int) -> None:
     low, high = coverage(1, people, draws=10).promised
     assert 0.0 <= low < high <= 1.0
     assert (high - low < 1.0) == (people == 16)
+
+
+def test_a_factor_called_as_a_column_of_every_trial_hides_no_answer(tmp_path: Path) -> None:
+    """A factor ``answer`` had a second column of this name, which the exports took for the first."""
+    pq = pytest.importorskip("pyarrow.parquet")
+    shown = [{"answer": "warm"}, {"answer": "cold"}]
+    rows = [Row("P1", 0, "main", "colder", {"answer": "cold"}, shown, 0.0, 1.0, "P1-1", "now", answer="1", right=1)]
+    write_parquet(rows, tmp_path / "t.parquet")
+    row = pq.read_table(tmp_path / "t.parquet").to_pylist()[0]
+    assert (row["answer"], row["factor_answer"]) == ("1", "cold")
+    write_bids(rows, tmp_path / "bids", name="x")
+    (path,) = (tmp_path / "bids").rglob("*_beh.tsv")
+    with path.open() as stream:
+        (told,) = csv.DictReader(stream, delimiter="\t")
+    assert (told["answer"], told["factor_answer"]) == ("1", "cold")
+    assert len(path.read_text().splitlines()[0].split("\t")) == len(told)
+
+
+def test_tables_tell_what_each_interval_showed(tmp_path: Path) -> None:
+    """Otherwise nobody can tell from them which of two was judged colder."""
+    both = {"source": "real"}
+    shown = [{**both, "material": "wood"}, {**both, "material": "cork"}]
+    rows = [
+        Row("P1", 0, "main", "colder", {**both, "material": "cork"}, shown, 0.0, 1.0, "P1-1", "now", answer="1"),
+        Row("P1", 1, "main", "colder", {}, [{"k": "0.3"}, {"k": "0.5"}], 0.0, 1.0, "P1-1", "now", staircase="k"),
+    ]
+    first, second = table_of(rows)
+    assert (first["material_1"], first["material_2"], first["source"]) == ("wood", "cork", "real")
+    assert (second["material_1"], second["k_1"], second["k_2"]) == ("n/a", "0.3", "0.5")
+    assert "source_1" not in first  # it is the same in both
+    write_bids(rows, tmp_path, name="x")
+    (path,) = tmp_path.rglob("*_beh.json")
+    assert json.loads(path.read_text())["material_2"]["Description"] == "level of material that interval 2 showed"
+
+
+def test_an_export_touches_no_other_file(tmp_path: Path) -> None:
+    """Parquet and BIDS were made by way of a file trials.tsv in the same folder, whosever it was."""
+    pytest.importorskip("pyarrow.parquet")
+    (tmp_path / "data").mkdir()
+    with Store.open(tmp_path / "data", create=True) as store:
+        for row in ROWS:
+            store.add(row)
+    table = tmp_path / "trials.tsv"
+    words = ["study", "export", str(tmp_path / "data"), "--parquet", str(tmp_path / "trials.parquet")]
+    assert main([*words, "--tsv", str(table)]) == 0
+    assert len(table.read_text().splitlines()) == 4
+    table.write_text("somebody's own")
+    assert main(words) == 0
+    assert table.read_text() == "somebody's own"

@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from itouch.schema import ItouchError
 from itouch_tools.export.bids import VERSION
 from itouch_tools.study.figures import known, meaning
 from itouch_tools.study.store import Row
-from itouch_tools.study.tables import write_table
+from itouch_tools.study.tables import factor_column, interval_columns, table_of
 
 _DESCRIBED = {
     "participant": "code of the participant", "place": "number of the trial in the participant's order, from 0",
@@ -26,19 +26,6 @@ _DESCRIBED = {
     "void": "why the trial does not count; n/a: it does", "begun_s": "start of the trial on the servo's clock",
     "ended_s": "end of the trial on the servo's clock", "session": "session of the participant",
 }  # fmt: skip
-
-
-def table_of(rows: Sequence[Row], folder: Path) -> list[dict[str, str]]:
-    """Return the trials as the table that `write_table` writes: for each row its cells as text by column.
-
-    ``folder`` takes a temporary file; a cell without a value is ``n/a``.
-    """
-    path = folder / "trials.tsv"
-    write_table(rows, path)
-    with path.open(encoding="utf-8", newline="") as stream:
-        found = list(csv.DictReader(stream, delimiter="\t"))
-    path.unlink()
-    return found
 
 
 def write_parquet(rows: Sequence[Row], path: Path) -> None:
@@ -54,8 +41,10 @@ def write_parquet(rows: Sequence[Row], path: Path) -> None:
         import pyarrow.parquet as pq
     except ImportError as error:
         raise ItouchError("Parquet needs pyarrow: pip install 'itouch-py[data]'") from error
-    table = table_of(rows, path.parent)
-    words = {*_WORDS, *(name for row in rows for shown in (row.condition, *row.shown) for name in shown)}
+    table = table_of(rows)
+    factors = {name for row in rows for name in row.condition}
+    words = {*_WORDS, *map(factor_column, factors)}
+    words |= {column for column, (name, _) in interval_columns(rows).items() if name in factors}
     columns = {
         name: [(_said if name in words else _value)(row[name]) for row in table] for name in (table[0] if table else {})
     }
@@ -128,18 +117,21 @@ def write_bids(rows: Sequence[Row], folder: Path, *, name: str) -> list[Path]:
     for code, subject in subjects.items():
         stem = folder / f"sub-{subject}" / "beh" / f"sub-{subject}_task-{label}_beh"
         stem.parent.mkdir(parents=True, exist_ok=True)
-        table = table_of([row for row in rows if row.participant == code], stem.parent)
+        table = table_of(row for row in rows if row.participant == code)
         head = [column for column in table[0] if column != "participant"]
+        intervals = interval_columns(row for row in rows if row.participant == code)
         lines = io.StringIO()
         writer = csv.DictWriter(lines, head, delimiter="\t", lineterminator="\n", extrasaction="ignore")
         writer.writeheader()
         writer.writerows(table)
         written.append(_text(stem.with_suffix(".tsv"), lines.getvalue()))
-        written.append(_json(stem.with_suffix(".json"), {"TaskName": label, **_sidecar(head, figures)}))
+        written.append(_json(stem.with_suffix(".json"), {"TaskName": label, **_sidecar(head, figures, intervals)}))
     return written
 
 
-def _sidecar(columns: Sequence[str], figures: Collection[str]) -> dict[str, Any]:
+def _sidecar(
+    columns: Sequence[str], figures: Collection[str], intervals: Mapping[str, tuple[str, int]]
+) -> dict[str, Any]:  # fmt: skip
     found: dict[str, Any] = {}
     declared = known()
     for column in columns:
@@ -150,6 +142,9 @@ def _sidecar(columns: Sequence[str], figures: Collection[str]) -> dict[str, Any]
         elif felt in figures and interval.isdigit():
             unit, words = meaning(felt, declared)
             found[column] = {"Description": f"{words}, interval {interval}", **({"Units": unit} if unit else {})}
+        elif column in intervals:
+            name, index = intervals[column]
+            found[column] = {"Description": f"level of {name} that interval {index + 1} showed"}
         else:
             found[column] = {"Description": f"level of the factor {column}"}
     return found
