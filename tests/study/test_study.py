@@ -17,6 +17,7 @@ from itouch.plugin.discovery import Catalog
 from itouch_tools.cli import main
 from itouch_tools.study import simulate as simulation
 from itouch_tools.study.analysis import analyse
+from itouch_tools.study.constant import stimuli
 from itouch_tools.study.observers import Felt
 from itouch_tools.study.page import page
 from itouch_tools.study.progression import Course
@@ -506,6 +507,27 @@ def test_constant_stimuli_find_the_equal_level_and_the_threshold(tmp_path: Path,
     assert page(few, {})
 
 
+@pytest.mark.parametrize(
+    ("values", "numbers"),
+    [
+        ("0.3 N/mm;400 N/m;0.5 N/mm", [300.0, 400.0, 500.0]),  # units differ: SI
+        ("0.3 N/mm;0.4 N/mm;0.5 N/mm", [0.3, 0.4, 0.5]),
+        ("300;0.4 N/mm;500", [300.0, 400.0, 500.0]),  # without a unit: SI
+        ("288.15 K;17 degC;293.15 K", [288.15, 290.15, 293.15]),
+        ("0 0 6 mm;0 0 8 mm;0 0 1 cm", [0.006, 0.008, 0.01]),
+        ("0 0 6 mm;0 0 8 mm;0 0 9 mm", [6.0, 8.0, 9.0]),
+        ("0 0 6 mm;0 0 8 mm;1 0 9 mm", []),
+        ("0.3 N;0.4 mm;0.5 s", []),
+        ("oak;0.4;0.5", []),
+    ],
+)
+def test_a_series_has_one_unit(tmp_path: Path, values: str, numbers: list[float]) -> None:
+    factor = f'<factor name="gain" levels="a b c" values="{values}" set="wood/contact.stiffness"/>'
+    file, _ = read_study(written(tmp_path, factor=factor, task='kind="colder" factor="gain" standard="b"'), CATALOG)
+    assert file is not None
+    assert list(stimuli(file).values()) == pytest.approx(numbers)
+
+
 def test_words_are_no_series_of_stimuli(tmp_path: Path) -> None:
     file = loaded(tmp_path, task='kind="colder" factor="material" standard="wood"')
     assert "constant" not in analyse(file, [], draws=20)
@@ -519,6 +541,8 @@ def test_observers_of_another_model_need_another_folder(
     assert main([*words, "--model", "combined"]) == 2
     said = capsys.readouterr().err
     assert "holds trials of simulated-flux, these would be of simulated-combined" in said
+    assert main([*words, "--same-skin"]) == 2
+    assert "these would be of simulated-flux-same-skin" in capsys.readouterr().err
     assert main(words) == 0
 
 

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from itouch.schema import units
+from itouch.schema.quantities import parse_number, split_unit
 from itouch_tools.study import statistics as stats
 from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.store import Row
@@ -19,27 +21,40 @@ QUARTILE = 0.674489750196082
 
 
 def stimuli(file: StudyFile) -> dict[str, float]:
-    """Return the number of each level of the factor that is asked for; empty if the levels are no series of numbers."""
+    """Return the number of each level of the factor that is asked for; empty if the levels are no series of numbers.
+
+    They are in the unit in which all are written; in SI if that differs.
+    """
     task = file.study.task
     factor = next((one for one in file.study.factors if one.name == task.factor), None)
     if task.kind != "colder" or factor is None:
         return {}
-    found = {}
-    for name, value in zip(factor.names, factor.taken, strict=True):
-        number = _number(value)
-        if number is None:
-            return {}
-        found[name] = number
+    numbers = _numbers(factor.taken)
+    found = dict(zip(factor.names, numbers, strict=True)) if numbers else {}
     return found if len(set(found.values())) >= LEAST else {}
 
 
-def _number(value: str) -> float | None:
-    words = value.split()
-    try:
-        found = float(words[0]) if words else math.nan
-    except ValueError:
-        return None
-    return found if math.isfinite(found) else None
+def _numbers(values: Sequence[str]) -> list[float]:
+    """Return the numbers of a series; empty: it is none.
+
+    They are in the unit that all values have, or in SI where units differ.  Of several numbers, such as a position, it
+    is the one that differs.
+    """
+    found: list[tuple[list[float], units.Unit]] = []
+    for value in values:
+        words, unit = split_unit(value)
+        try:
+            found.append(([parse_number(word) for word in words], units.parse_unit(unit)))
+        except ValueError:
+            return []
+    if len({unit.text for _, unit in found}) > 1:
+        if len({unit.dimension for _, unit in found if unit.text}) > 1:  # a number without a unit is in SI
+            return []
+        found = [([number * unit.factor + unit.offset for number in numbers], unit) for numbers, unit in found]
+    if len({len(numbers) for numbers, _ in found}) != 1:
+        return []
+    series = [list(column) for column in zip(*(numbers for numbers, _ in found), strict=True) if len(set(column)) > 1]
+    return series[0] if len(series) == 1 else []
 
 
 def judged_colder(file: StudyFile, rows: Iterable[Row]) -> list[tuple[float, int, int]]:

@@ -75,8 +75,8 @@ class Simulation:
         skin = person.finger_temperature if panel.skin else None
         self._toucher = Toucher(file, catalog, skin_temperature=skin)
         self._known: dict[str, dict[str, Felt]] = {}
-        #: The session's name in the rows: it says which model answered.
-        self.session = f"{SIMULATED}-{panel.model}"
+        #: The session's name in the rows: it says who answered.
+        self.session = f"{SIMULATED}-{panel.model}{'' if panel.skin else '-same-skin'}"
 
     def _rng(self, *purpose: str) -> np.random.Generator:
         return orders.generator(self._study.seed, self._code, *purpose)
