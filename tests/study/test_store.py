@@ -32,7 +32,7 @@ def test_rows_come_back_as_they_were(tmp_path: Path) -> None:
 def test_no_trial_twice(tmp_path: Path) -> None:
     with Store.open(tmp_path, create=True) as store:
         store.add(ROW)
-        with pytest.raises(StoreError, match="holds this trial already"):
+        with pytest.raises(StoreError, match="holds this trial already .* let it end"):
             store.add(replace(ROW, answer="cork"))
         assert store.rows() == [ROW]
 
@@ -134,3 +134,24 @@ def test_a_full_disk_keeps_what_was_committed(tmp_path: Path) -> None:
             for place in range(1, 500):
                 store.add(replace(ROW, place=place, answer="x" * 500))
         assert store.rows()[0] == ROW
+
+
+def test_two_programs_that_begin_together_make_one_file(tmp_path: Path) -> None:
+    """Both found no tables yet; the second then said that the table of studies exists already."""
+    real, met = sqlite3.connect, []
+
+    class Slow(sqlite3.Connection):
+        def executescript(self, script: str) -> sqlite3.Cursor:
+            if not met:  # another program was quicker
+                met.append(True)
+                with Store.open(tmp_path, create=True) as other:
+                    other.add(ROW)
+            return super().executescript(script)
+
+    sqlite3.connect = lambda *words, **named: real(*words, factory=Slow, **named)  # type: ignore[assignment]
+    try:
+        with Store.open(tmp_path, create=True) as store:
+            assert store.rows() == [ROW]
+    finally:
+        sqlite3.connect = real
+    assert met

@@ -56,7 +56,7 @@ class Room:
     clock
         The clock that paces the loop.
     record
-        The file to which all sessions are recorded; a State with other fields needs another file, ``NAME-2.mcap``.
+        The file to which all sessions are recorded; a State with other fields needs another file, ``NAME.2.mcap``.
     """
 
     def __init__(
@@ -400,7 +400,7 @@ class Room:
         if before is not None:
             before.end_recording()
         self._recorded += 1
-        session.record(path if self._recorded == 1 else path.with_name(f"{path.stem}-{self._recorded}.mcap"))
+        session.record(path if self._recorded == 1 else path.with_name(f"{path.stem}.{self._recorded}.mcap"))
 
 
 def note_stop(session: Session) -> None:

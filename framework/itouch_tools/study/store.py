@@ -151,7 +151,9 @@ class Store:
         finally:
             connection.close()
 
-    def freeze(self, *, name: str, seed: int, digest: str, program: str, frozen: str, deviation: str = "") -> None:
+    def freeze(
+        self, *, name: str, seed: int, digest: str, program: str, frozen: str, deviation: str = "", earlier: str = ""
+    ) -> None:  # fmt: skip
         """Note which study this is, once; later check that it is the same.
 
         Parameters
@@ -159,6 +161,8 @@ class Store:
         deviation
             Why a study that differs from the frozen one may go on here: noted with both digests, and shown in the
             report.
+        earlier
+            The digest as an earlier version of the program made it.
 
         Raises
         ------
@@ -172,10 +176,10 @@ class Store:
             with _sentences(self.folder / "trials.sqlite"), self._trials:
                 self._trials.execute("INSERT INTO study VALUES (1, ?, ?, ?, ?, ?)", values)
             return
-        if not self.check(seed=seed, digest=digest, deviation=deviation):
+        if not self.check(seed=seed, digest=digest, deviation=deviation, earlier=earlier):
             self.deviate(f"{deviation} (study {there['digest'][:12]} became {digest})", frozen)
 
-    def check(self, *, seed: int, digest: str, deviation: str = "") -> bool:
+    def check(self, *, seed: int, digest: str, deviation: str = "", earlier: str = "") -> bool:
         """Tell whether a study is the one that was frozen here, or one whose deviation is noted already.
 
         Raises
@@ -191,7 +195,8 @@ class Store:
                 f"'{self.folder}' holds the data of study '{there['name']}' with seed {there['seed']}, and this one "
                 f"differs: it has seed {seed}; other orders need another folder"
             )
-        if there["digest"] == digest or any(digest in what for _, what in self.deviations()):
+        noted = [what for _, what in self.deviations()]
+        if any(one == there["digest"] or any(one in what for what in noted) for one in (digest, earlier) if one):
             return True
         if not deviation:
             raise StoreError(
@@ -315,8 +320,11 @@ class Store:
         return gone > 0
 
     def recordings(self, participant: str) -> list[Path]:
-        """Return the recordings of a participant's sessions, which hold under the code what was felt and done."""
-        named = re.compile(re.escape(participant) + r"-\d+\.mcap")
+        """Return the recordings of a participant's sessions, which hold under the code what was felt and done.
+
+        Further files of a session are ``CODE-SESSION.NUMBER.mcap``.
+        """
+        named = re.compile(re.escape(participant) + r"-\d+(?:\.\d+)?\.mcap")
         folder = self.folder / "recordings"
         return sorted(path for path in folder.iterdir() if named.fullmatch(path.name)) if folder.is_dir() else []
 
@@ -338,10 +346,9 @@ def _connect(path: Path, schema: str) -> sqlite3.Connection:
         version = connection.execute("PRAGMA user_version").fetchone()[0]
         if version > VERSION:
             raise StoreError(f"'{path}' was written by a newer program (format {version}, this one reads {VERSION})")
-        if version == 0:
-            connection.executescript(f"BEGIN IMMEDIATE;{schema}PRAGMA user_version = {VERSION};COMMIT;")
-        elif version == 1:
-            more = SCHEMA_2 if schema is SCHEMA else ""
+        if version < VERSION:
+            more = schema if version == 0 else SCHEMA_2 if schema is SCHEMA else ""
+            more = more.replace("CREATE TABLE", "CREATE TABLE IF NOT EXISTS")  # another process may be doing the same
             connection.executescript(f"BEGIN IMMEDIATE;{more}PRAGMA user_version = {VERSION};COMMIT;")
         problem = connection.execute("PRAGMA quick_check").fetchone()[0]
         if problem != "ok":
@@ -358,7 +365,10 @@ def _sentences(path: Path) -> Iterator[None]:
     try:
         yield
     except sqlite3.IntegrityError as error:
-        raise StoreError(f"'{path}' holds this trial already: {error}") from error
+        raise StoreError(
+            f"'{path}' holds this trial already ({error}): another command adds trials of the same participant at the "
+            "same time; let it end, then the same command goes on from there"
+        ) from error
     except sqlite3.OperationalError as error:
         raise StoreError(f"cannot use '{path}': {error}; what was committed before is in it") from error
     except sqlite3.DatabaseError as error:
