@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -24,13 +25,16 @@ from itouch.plugin.discovery import Catalog
 from itouch_tools.cli import main
 from itouch_tools.study.analysis import analyse
 from itouch_tools.study.answers import AnswerError, Question, Script, Stopped
+from itouch_tools.study.elements import Task
+from itouch_tools.study.frozen import digest_of
 from itouch_tools.study.page import page
 from itouch_tools.study.progression import Course
 from itouch_tools.study.reading import load_study
 from itouch_tools.study.run import Run
 from itouch_tools.study.session_display import Shown
 from itouch_tools.study.store import Row, Store
-from itouch_tools.study.tasks import taken_answer
+from itouch_tools.study.tasks import is_right, taken_answer
+from itouch_tools.study.trials import Trial
 
 CATALOG = Catalog()
 ANSWERS = ["wood 0.31", "steel", "cork 0.2  # said slowly", "2", "steel 0.05"]
@@ -194,6 +198,44 @@ def test_a_staircase_is_rebuilt_from_its_rows(tmp_path: Path) -> None:
         assert kept(tmp_path / "b") == rows[:end]
 
 
+def test_a_staircase_without_heat_goes_by_the_levels(tmp_path: Path) -> None:
+    """Nothing feels heat in this scene: which was colder is not known, and must not be taken from fluxes of 0."""
+    path = write_study(tmp_path)
+    stairs = '<staircase name="hard" procedure="up-down" set="wood/contact.stiffness" unit="N/mm" low="0.5" high="2" '
+    stairs += 'start="1.5" standard="0.6" step="0.1" trials="12"/>'
+    text = path.read_text().replace(
+        '<factor name="material" levels="wood steel cork" set="block.material"/>', stairs
+    ).replace('kind="identify" factor="material"', 'kind="colder" factor="hard" standard="0.6"')  # fmt: skip
+    path.write_text(text)
+    (tmp_path / "a.txt").write_text("1\n" * 12)
+    assert run(path, tmp_path / "a", "--answers", str(tmp_path / "a.txt")) == 0
+    rows = kept(tmp_path / "a")
+    assert all(row.felt[0]["mean_flux_W_m2"] is None for row in rows)
+    levels = [[float(one["hard"]) for one in row.shown] for row in rows]
+    assert [row.right for row in rows] == [int(first > second) for first, second in levels]
+    assert {row.right for row in rows} == {0, 1}
+
+
+def test_without_heat_and_levels_nothing_was_colder(tmp_path: Path) -> None:
+    path = write_study(tmp_path, repetitions=1)
+    task = 'kind="colder" factor="material" standard="wood"'
+    path.write_text(path.read_text().replace('kind="identify" factor="material"', task))
+    (tmp_path / "a.txt").write_text("1\n" * 3)
+    assert run(path, tmp_path / "a", "--answers", str(tmp_path / "a.txt")) == 0
+    rows = kept(tmp_path / "a")
+    assert [row.right for row in rows] == [None] * 3
+    assert page(analyse(load_study(path, CATALOG), rows, draws=20), {})
+
+
+def test_of_equal_levels_the_answer_is_at_chance() -> None:
+    task = Task(kind="colder", factor="hard", standard="0.6")
+    trial = Trial(0, "main", {}, ({"hard": "0.6"}, {"hard": "0.6"}), 1, "hard")
+    assert [is_right(task, trial, answer, [None, None]) for answer in "01"] == [0, 1]
+    below = replace(trial, shown=({"hard": "0.6"}, {"hard": "0.5"}))
+    assert [is_right(task, below, answer, [None, None]) for answer in "01"] == [1, 0]
+    assert [is_right(task, below, answer, [900.0, 950.0]) for answer in "01"] == [0, 1]  # heat is known: it decides
+
+
 def test_a_void_trial_is_marked_and_comes_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = write_study(tmp_path, repetitions=1, contact='force="5 N" repeats="2"')
     assert run(path, tmp_path / "data", "--answers", str(scripted(tmp_path))) == 0
@@ -221,6 +263,64 @@ def test_deviations_are_refused_or_noted(tmp_path: Path, capsys: pytest.CaptureF
     path.write_text(path.read_text().replace('seed="5"', 'seed="6"'))
     assert run(path, folder, "--answers", str(answers), "--deviation", "another seed") == 2
     assert "other orders need another folder" in capsys.readouterr().err
+
+
+def test_the_instructions_are_frozen_with_the_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, folder = write_study(tmp_path, more='<instructions file="lies mich.md"/>'), tmp_path / "data"
+    words = tmp_path / "lies mich.md"
+    words.write_text("Press as hard as you like.")
+    assert main(["study", "freeze", str(path), str(folder)]) == 0
+    (kept_copy,) = (folder / "frozen").iterdir()
+    with zipfile.ZipFile(kept_copy) as archive:
+        assert archive.read("instructions/lies mich.md") == words.read_bytes()
+    words.write_text("Hardly press.")
+    assert main(["study", "freeze", str(path), str(folder)]) == 2
+    assert "this one differs" in capsys.readouterr().err
+    words.write_text("Press as hard as you like.")
+    assert main(["study", "freeze", str(path), str(folder)]) == 0
+
+
+def test_data_that_were_frozen_without_their_instructions_go_on(tmp_path: Path) -> None:
+    path, folder = write_study(tmp_path, more='<instructions file="read.md"/>'), tmp_path / "data"
+    (tmp_path / "read.md").write_text("Press.")
+    file = load_study(path, CATALOG)
+    folder.mkdir()
+    with Store.open(folder, create=True) as store:
+        store.freeze(name="s", seed=5, digest=digest_of(file, earlier=True), program="0.1.0", frozen="2026-01-01")
+    assert digest_of(file) != digest_of(file, earlier=True)
+    assert main(["study", "freeze", str(path), str(folder)]) == 0
+    assert main(["study", "report", str(path), str(folder)]) == 0
+
+
+def test_files_that_the_scene_names_at_any_level_are_frozen(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, folder = write_study(tmp_path, repetitions=1), tmp_path / "data"
+    for name in "ab":
+        shutil.copy(SCENES / "meshes/pebble.stl", tmp_path / f"{name}.stl")
+    scene = tmp_path / "scene.xml"
+    mesh = '<mesh name="stone" file="a.stl" scale="1 mm" pos="200 0 11 mm" material="wood"/></world>'
+    scene.write_text(scene.read_text().replace("</world>", mesh))
+    more = '<factor name="mesh" levels="a.stl;b.stl" set="stone.file"/>'
+    path.write_text(path.read_text().replace("  <task", f"  {more}\n  <task"))
+    assert main(["study", "freeze", str(path), str(folder)]) == 0
+    (kept_copy,) = (folder / "frozen").iterdir()
+    with zipfile.ZipFile(kept_copy) as archive:
+        assert archive.read("scene/b.stl") == (tmp_path / "b.stl").read_bytes()
+    turned = bytearray((tmp_path / "b.stl").read_bytes())
+    turned[0] ^= 1  # in the head, which says nothing of the shape
+    (tmp_path / "b.stl").write_bytes(turned)
+    assert main(["study", "freeze", str(path), str(folder)]) == 2
+    assert "this one differs" in capsys.readouterr().err
+
+
+def test_a_scene_that_is_a_link_is_frozen(tmp_path: Path) -> None:
+    (tmp_path / "shared").mkdir()
+    path = write_study(tmp_path / "study")
+    scene = tmp_path / "study/scene.xml"
+    shared = scene.rename(tmp_path / "shared/any.xml")
+    scene.symlink_to(shared)
+    before = digest_of(load_study(path, CATALOG))
+    shared.write_text(shared.read_text().replace("0.15 s", "0.16 s"))
+    assert digest_of(load_study(path, CATALOG)) != before
 
 
 def test_a_report_is_refused_of_data_of_another_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -274,6 +374,8 @@ def test_the_recordings_of_a_person_go_only_if_they_are_asked_for(
 ) -> None:
     path, folder = write_study(tmp_path, repetitions=1), tmp_path / "data"
     assert run(path, folder, "--answers", str(scripted(tmp_path, 2)), "--record") == 3
+    # a session's further file, where State has other fields, has a name that no session of another participant can have
+    (folder / "recordings" / "P07-1.2.mcap").write_bytes(b"of the same session")
     others = [folder / "recordings" / name for name in ("P07-1-1.mcap", "P071-1.mcap", "AP07-1.mcap")]
     for other in others:
         other.write_bytes(b"another's")
@@ -281,10 +383,10 @@ def test_the_recordings_of_a_person_go_only_if_they_are_asked_for(
     before = json.loads((folder / "report.json").read_text())
     forget = ["study", "forget", str(folder), "--participant", "P07"]
     assert main(forget) == 0
-    assert "1 recording of the sessions: kept" in capsys.readouterr().out
+    assert "2 recordings of the sessions: kept" in capsys.readouterr().out
     assert (folder / "recordings" / "P07-1.mcap").exists()
     assert main([*forget, "--recordings"]) == 0
-    assert "1 recording of the sessions: deleted, too" in capsys.readouterr().out
+    assert "2 recordings of the sessions: deleted, too" in capsys.readouterr().out
     assert sorted((folder / "recordings").iterdir()) == sorted(others)
     assert main([*forget, "--recordings"]) == 0
     assert "recording" not in capsys.readouterr().out.replace("personal data", "")

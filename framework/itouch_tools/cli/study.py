@@ -58,7 +58,7 @@ def main(argv: Sequence[str]) -> int:
     )
     freeze = commands.add_parser("freeze", help="stamp study, scene and program before the first participant")
     freeze.add_argument("study", metavar="STUDY.xml")
-    freeze.add_argument("folder", metavar="FOLDER")
+    freeze.add_argument("folder", type=output_folder, metavar="FOLDER")
     study_run.add_parser(commands)
     study_serve.add_parser(commands)
     study_analyses.add_parsers(commands)
@@ -184,6 +184,7 @@ def _stamp(file: StudyFile, folder: Path, deviation: str = "") -> None:
         store.freeze(
             name=file.name, seed=file.study.seed, digest=digest, program=version("itouch-py"),
             frozen=datetime.now(UTC).isoformat(timespec="seconds"), deviation=deviation,
+            earlier=digest_of(file, earlier=True),
         )  # fmt: skip
     keep_copy(file, folder, digest)
 

@@ -10,17 +10,23 @@ import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 
-from itouch.plugin.discovery import Catalog
 from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.store import Row, Store, StoreError
 
 
-def digest_of(file: StudyFile) -> str:
-    """Return the SHA-256 of a study: its file, and the scene of each condition with all files that it reads."""
+def digest_of(file: StudyFile, *, earlier: bool = False) -> str:
+    """Return the SHA-256 of a study: its file, the scene, all files that it reads at any level, and the instructions.
+
+    ``earlier``: as it was when the digest knew the XML alone; data that were frozen then go on.
+    """
     total = hashlib.sha256(Path(file.path).read_bytes())
-    folder = Path(file.scene_path).parent
-    for path in sorted(_documents(file)):
-        total.update(b"\0" + str(path.relative_to(folder.resolve())).encode() + b"\0" + path.read_bytes())
+    found = _documents(file, earlier=earlier)
+    found |= {} if earlier else {Path(name): one.data for name, one in file.files.items()}
+    for name, data in sorted(found.items()):
+        total.update(b"\0" + str(name).encode() + b"\0" + data)
+    instructions = file.instructions_path()
+    if instructions is not None and not earlier:
+        total.update(b"\0instructions\0" + instructions.read_bytes())
     return total.hexdigest()
 
 
@@ -62,7 +68,7 @@ def check_same_study(file: StudyFile, store: Store) -> None:
                         f"'{file.name}' does not have; take the study as it was (frozen/ has it)"
                     )
     if store.frozen() is not None:  # data that were put together otherwise have no digest to compare with
-        store.check(seed=file.study.seed, digest=digest_of(file))
+        store.check(seed=file.study.seed, digest=digest_of(file), earlier=digest_of(file, earlier=True))
 
 
 def keep_copy(file: StudyFile, folder: Path, digest: str) -> Path:
@@ -77,26 +83,28 @@ def keep_copy(file: StudyFile, folder: Path, digest: str) -> Path:
     if target.exists():
         return target
     target.parent.mkdir(exist_ok=True)
-    root, draft = Path(file.scene_path).parent.resolve(), target.with_suffix(".part")
-    entries = {f"scene/{path.relative_to(root)}": path for path in _documents(file)}
-    entries |= {Path(file.path).name: Path(file.path)}
+    draft = target.with_suffix(".part")
+    entries = {f"scene/{name.as_posix()}": data for name, data in _documents(file).items()}
+    entries |= {f"scene/{name}": one.data for name, one in file.files.items()}
+    entries |= {Path(file.path).name: Path(file.path).read_bytes()}
+    instructions = file.instructions_path()
+    if instructions is not None:
+        entries |= {f"instructions/{instructions.name}": instructions.read_bytes()}
     with zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, path in sorted(entries.items()):
-            archive.writestr(zipfile.ZipInfo(name), path.read_bytes(), zipfile.ZIP_DEFLATED)
+        for name, data in sorted(entries.items()):
+            archive.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED)
     draft.replace(target)
     return target
 
 
-def _documents(file: StudyFile) -> set[Path]:
-    """Return the paths of the scene, of what it includes, and of the files that it names."""
+def _documents(file: StudyFile, *, earlier: bool = False) -> dict[Path, bytes]:
+    """Return the scene and what it includes, by the path in the scene's folder."""
     from itouch.scene.documents import DocumentReader
 
     folder = Path(file.scene_path).parent.resolve()
-    reader = DocumentReader([])
-    found = {(Path(document.shown)).resolve() for document in reader.read(file.scene_path)}
-    conditions = file.conditions() if file.study.factors else [{}]
-    catalog = Catalog()
-    for condition in conditions[:1] if len(conditions) > 50 else conditions:
-        scene, _ = file.scene(condition, catalog)
-        found |= {folder / name for name in scene.files or ()}
-    return {path for path in found if path.is_file() and path.is_relative_to(folder)}
+    found = {Path(document.shown).resolve() for document in DocumentReader([]).read(file.scene_path)}
+    named = {path.relative_to(folder): path for path in found if path.is_file() and path.is_relative_to(folder)}
+    scene = Path(file.scene_path)
+    if not earlier and scene.resolve() not in named.values():  # a link to a file elsewhere
+        named[Path(scene.name)] = scene
+    return {name: path.read_bytes() for name, path in named.items()}

@@ -6,7 +6,7 @@ import itertools
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from itouch.plugin.discovery import Catalog, PluginError
@@ -19,6 +19,7 @@ from itouch.scene.source import Attribute, Node, SourceError, read_root
 from itouch.schema.diagnostics import Place, Problem, SceneError, did_you_mean
 from itouch.schema.hold_until import Until
 from itouch.world import Model, compile_scene
+from itouch.world.files import SceneFile
 from itouch.world.skin import LONGEST
 from itouch_tools.study.adaptive import Staircase
 from itouch_tools.study.elements import TASKS, UNCOUNTED, VERSION, Adaptive, Exclude, Factor, Study
@@ -40,12 +41,17 @@ Condition = Mapping[str, str]
 
 @dataclass(frozen=True, slots=True)
 class StudyFile:
-    """A study as it was read: the paths of its file and of its scene, and the place of each element."""
+    """A study as it was read: the paths of its file and of its scene, and the place of each element.
+
+    ``files`` are the other files that its scene names at any level, such as meshes, by name; they are known when the
+    study has been checked.
+    """
 
     study: Study
     path: str
     scene_path: str
     places: Places
+    files: dict[str, SceneFile] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def name(self) -> str:
@@ -74,11 +80,13 @@ class StudyFile:
         OSError
             If they can't be read.
         """
+        path = self.instructions_path()
+        return [] if path is None else path.read_text(encoding="utf-8").splitlines()
+
+    def instructions_path(self) -> Path | None:
+        """Return the file of the participant's instructions; None: the study has no such element."""
         element = self.study.instructions
-        if element is None:
-            return []
-        path = Path(os.path.dirname(self.path)) / element.file
-        return path.read_text(encoding="utf-8").splitlines()
+        return None if element is None else Path(os.path.dirname(self.path)) / element.file
 
     def edits(self, condition: Condition) -> list[Edit]:
         """Return what a condition sets in the scene."""
@@ -313,8 +321,9 @@ def _scenes(file: StudyFile, catalog: Catalog) -> Iterator[Problem]:
     for condition in each_level_once(file):
         scene, found = file.scene(condition, catalog)
         if not any(problem.severity == "error" for problem in found):
-            _, more = compile_scene(scene, catalog)
+            model, more = compile_scene(scene, catalog)
             found = [*found, *more]
+            file.files.update({one.file: one for one in model.files} if model is not None else {})
         for problem in found:
             if problem.severity == "error" and problem.sentence not in told:
                 told.add(problem.sentence)

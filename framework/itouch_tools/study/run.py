@@ -245,9 +245,9 @@ class Run:
         self, due: Due, void: str, touches: list[Presented], answer: str | None, reaction: float | None, begun: float
     ) -> Row:  # fmt: skip
         felt = [figures(touch) for touch in touches]
-        fluxes = [float(one[FLUX.key] or 0.0) for one in felt]
+        fluxes = [one[FLUX.key] for one in felt]
         task, trial = self._study.task, due.trial
-        right = None if void or answer is None else is_right(task, trial, answer, fluxes)
+        right = None if void or answer is None else is_right(task, replace(trial, shown=due.shown), answer, fluxes)
         return Row(
             self._code, due.place, trial.block, task.kind, trial.condition, list(due.shown), round(begun, 6),
             round(self.room.session.seconds, 6), self.name, datetime.now(UTC).isoformat(timespec="seconds"),

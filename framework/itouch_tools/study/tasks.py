@@ -53,24 +53,41 @@ def taken_answer(study: Study, written: str) -> str | None:
     return repr(value) if math.isfinite(value) else None
 
 
-def is_right(task: Task, trial: Trial, answer: str, fluxes: Sequence[float]) -> int | None:
+def is_right(task: Task, trial: Trial, answer: str, fluxes: Sequence[float | None]) -> int | None:
     """Return 1 for the right answer, 0 for a wrong one, None if there is no right one.
 
-    ``fluxes`` [W/m2] are the mean fluxes of the intervals: the coldest is the one with the greatest.
+    ``fluxes`` [W/m2] are the mean fluxes of the intervals, None where nothing tells them: the coldest is the one with
+    the greatest.  Where they are not known, a staircase goes by the levels that ``trial`` has shown.
     """
     if task.kind not in TASKS:
-        return task_of(task.kind).right(answer, _told(task, trial, fluxes))
+        return task_of(task.kind).right(answer, _told(task, trial, [flux or 0.0 for flux in fluxes]))
     if task.kind == "identify":
         return int(answer == trial.condition[task.factor])
     if task.kind in ("colder", "odd") and not trial.staircase and all(one == trial.shown[0] for one in trial.shown):
         return None  # all intervals showed the standard: nothing distinguishes them
     if task.kind == "colder":
-        return int(int(answer) == max(range(len(fluxes)), key=lambda index: fluxes[index])) if fluxes else None
+        more = _most(trial, fluxes)
+        return None if more is None else int(int(answer) == more)
     if task.kind == "odd":
         return int(int(answer) == trial.target)
     if task.kind == "same":
         return int((answer == "same") == (trial.condition[task.factor] == task.standard))
     return None
+
+
+def _most(trial: Trial, fluxes: Sequence[float | None]) -> int | None:
+    """Return the interval with the greatest flux, or of a staircase's trial without fluxes that with the highest level.
+
+    None: neither is known.  Of equal levels it is the one that the trial asks for: the answers are at chance then, as
+    they are with the noise of equal fluxes.
+    """
+    known = [flux for flux in fluxes if flux is not None]
+    if known and len(known) == len(fluxes):
+        return known.index(max(known))
+    if not trial.staircase:
+        return None
+    levels = [float(one[trial.staircase]) for one in trial.shown]
+    return trial.target if len(set(levels)) == 1 else levels.index(max(levels))
 
 
 def _told(task: Task, trial: Trial, fluxes: Sequence[float]) -> dict[str, Any]:
