@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -100,6 +101,7 @@ def test_each_failure_is_a_row_with_its_reason_and_the_others_are_there(tmp_path
     assert rows[1] == (1, "crashed", "its process was ended by SIGSEGV")
     assert rows[2][:2] == (2, "error")
     assert "what is this" in rows[2][2]
+    assert re.search(r" \(own\.py:\d+\)$", rows[2][2])  # where to look
     assert rows[3] == (3, "crashed", "ended its process with exit code 7")
     assert rows[4] == (4, "machine", "MemoryError: no more")
     assert rows[5][:2] == (5, "machine")

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,9 @@ from itouch_tools.sweeps.elements import Enough, Stop
 from itouch_tools.sweeps.engines import Engine, EngineLostError, NoEngineError
 from itouch_tools.sweeps.progress import Progress
 from itouch_tools.sweeps.reading import load_sweep
+from itouch_tools.sweeps.running import Running
 from itouch_tools.sweeps.store import PLAN, RUNS, paths_of, rows, table
+from itouch_tools.sweeps.work import work_of
 from itouch_tools.sweeps.worker import close_runners
 
 
@@ -236,3 +239,33 @@ def test_a_client_that_is_killed_leaves_whole_files(home: Path, tmp_path: Path) 
     assert 0 < kept <= 8
     assert swept(home / "sweep.xml", tmp_path / "out", Breaking()).rows == 8
     assert table(tmp_path / "out").equals(table(home / "out"))
+
+
+def test_a_sweep_of_a_scene_with_parts_that_come_with_the_program(tmp_path: Path) -> None:
+    """Such an include is no file of the scene's folder; that it is the same everywhere is looked at by content."""
+    path = written(tmp_path / "home", inside='<grid name="m" set="operator.mass" values="60" unit="g"/>' + COLLECT)
+    scene = path.with_name("first_touch.xml")
+    text = scene.read_text(encoding="utf-8")
+    scene.write_text(
+        text.replace("<materials>", '<include file="itouch:materials.xml" prefix="their-"/>\n<materials>', 1)
+    )
+    assert scene.read_text(encoding="utf-8") != text
+    out = tmp_path / "out"
+    assert main(["sweep", str(path), "-o", str(out), "--workers", "1"]) == 0
+    assert [row["status"] for row in rows(out)] == ["done"]
+    catalog = Catalog()
+    work = work_of(load_sweep(path, catalog), catalog)
+    assert "the file 'itouch:materials.xml'" in work.parts()
+    other = replace(work, files={**work.files, "itouch:materials.xml": b"another program's"})
+    with pytest.raises(ValueError, match="'itouch:materials.xml' is another one here"):
+        Running(other, tmp_path / "worker")
+
+
+def test_a_sweep_of_a_scene_that_is_a_link(tmp_path: Path) -> None:
+    path = written(tmp_path / "home", inside='<grid name="m" set="operator.mass" values="60" unit="g"/>' + COLLECT)
+    (tmp_path / "shared").mkdir()
+    scene = path.with_name("first_touch.xml")
+    scene.symlink_to(scene.rename(tmp_path / "shared/any.xml"))
+    out = tmp_path / "out"
+    assert main(["sweep", str(path), "-o", str(out), "--workers", "1"]) == 0
+    assert [row["status"] for row in rows(out)] == ["done"]

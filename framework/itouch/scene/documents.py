@@ -243,6 +243,28 @@ class DocumentReader:
                 document.defaults.setdefault(tag, {}).update(attributes)
 
 
+def contents(path: str | os.PathLike[str]) -> dict[str, bytes]:
+    """Return the content of the scene at ``path`` and of all that it includes.
+
+    The names are those that the scene's folder has for them, also where a name is a link; a file that comes with the
+    program is ``itouch:NAME``.
+
+    Raises
+    ------
+    OSError
+        If a file can't be read any more.
+    """
+    home, shipped = os.path.dirname(os.fspath(path)) or ".", bundled_scenes.folder()
+    found: dict[str, bytes] = {}
+    for document in DocumentReader([]).read(path):
+        if document.shown.startswith(bundled_scenes.SCHEME) and shipped is not None:
+            name = document.shown.replace(os.sep, "/")
+            found[name] = (shipped / name.removeprefix(bundled_scenes.SCHEME)).read_bytes()
+        else:
+            found[os.path.relpath(document.shown, home).replace(os.sep, "/")] = Path(document.shown).read_bytes()
+    return found
+
+
 def _version_problem(version: Attribute) -> Problem | None:
     parts = version.value.split(".")
     if len(parts) != 2 or not all(part.isascii() and part.isdigit() and len(part) < 5 for part in parts):

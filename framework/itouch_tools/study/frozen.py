@@ -10,6 +10,7 @@ import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 
+from itouch.scene.documents import DocumentReader, contents
 from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.store import Row, Store, StoreError
 
@@ -20,10 +21,9 @@ def digest_of(file: StudyFile, *, earlier: bool = False) -> str:
     ``earlier``: as it was when the digest knew the XML alone; data that were frozen then go on.
     """
     total = hashlib.sha256(Path(file.path).read_bytes())
-    found = _documents(file, earlier=earlier)
-    found |= {} if earlier else {Path(name): one.data for name, one in file.files.items()}
-    for name, data in sorted(found.items()):
-        total.update(b"\0" + str(name).encode() + b"\0" + data)
+    found = _documents(file) if earlier else _shown(file)
+    for name, data in sorted(found.items(), key=lambda one: Path(one[0])):
+        total.update(b"\0" + name.encode() + b"\0" + data)
     instructions = file.instructions_path()
     if instructions is not None and not earlier:
         total.update(b"\0instructions\0" + instructions.read_bytes())
@@ -84,8 +84,7 @@ def keep_copy(file: StudyFile, folder: Path, digest: str) -> Path:
         return target
     target.parent.mkdir(exist_ok=True)
     draft = target.with_suffix(".part")
-    entries = {f"scene/{name.as_posix()}": data for name, data in _documents(file).items()}
-    entries |= {f"scene/{name}": one.data for name, one in file.files.items()}
+    entries = {f"scene/{name.replace(':', '/')}": data for name, data in _shown(file).items()}
     entries |= {Path(file.path).name: Path(file.path).read_bytes()}
     instructions = file.instructions_path()
     if instructions is not None:
@@ -97,14 +96,18 @@ def keep_copy(file: StudyFile, folder: Path, digest: str) -> Path:
     return target
 
 
-def _documents(file: StudyFile, *, earlier: bool = False) -> dict[Path, bytes]:
-    """Return the scene and what it includes, by the path in the scene's folder."""
-    from itouch.scene.documents import DocumentReader
+def _shown(file: StudyFile) -> dict[str, bytes]:
+    """Return the scene, what it includes and the files that it names at any level, by the path in the scene's folder.
 
+    What comes with the program is ``itouch:NAME``.
+    """
+    return contents(file.scene_path) | {name: one.data for name, one in file.files.items()}
+
+
+def _documents(file: StudyFile) -> dict[str, bytes]:
+    """Return the scene and what it includes by the path in the scene's folder, as the digest knew them earlier."""
     folder = Path(file.scene_path).parent.resolve()
-    found = {Path(document.shown).resolve() for document in DocumentReader([]).read(file.scene_path)}
-    named = {path.relative_to(folder): path for path in found if path.is_file() and path.is_relative_to(folder)}
-    scene = Path(file.scene_path)
-    if not earlier and scene.resolve() not in named.values():  # a link to a file elsewhere
-        named[Path(scene.name)] = scene
-    return {name: path.read_bytes() for name, path in named.items()}
+    reader = DocumentReader([])
+    found = {Path(document.shown).resolve() for document in reader.read(file.scene_path)}
+    found = {path for path in found if path.is_file() and path.is_relative_to(folder)}
+    return {str(path.relative_to(folder)): path.read_bytes() for path in found}

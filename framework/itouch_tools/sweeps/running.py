@@ -6,12 +6,15 @@ import hashlib
 import json
 import os
 import sys
+import traceback
 from collections import OrderedDict
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from itouch.plugin.discovery import Catalog
+from itouch.scene import bundled_scenes
+from itouch.scene.documents import contents
 from itouch.scene.edits import Edit
 from itouch.scene.loader import read_scene
 from itouch.scene.source import Attribute
@@ -37,11 +40,19 @@ class MachineError(Exception):
 
 
 class Running:
-    """Runs what a worker is given, in this process; ``folder`` holds the scene, functions and plugins."""
+    """Runs what a worker is given, in this process; ``folder`` holds the scene, functions and plugins.
+
+    Raises
+    ------
+    ValueError
+        If a file lies outside its folder, or this program brings other scenes than the one that gave the work.
+    """
 
     def __init__(self, work: Work, folder: Path) -> None:
         self.work, self._folder = work, folder
-        _write(folder / "scene", work.files)
+        scene = folder / "scene"
+        _write(scene, {name: data for name, data in work.files.items() if not name.startswith(bundled_scenes.SCHEME)})
+        _same_as_shipped(contents(scene / work.scene), work.files)
         _write(folder / "functions", work.functions)
         _offer(work, folder / "plugins")
         self._catalog = Catalog()
@@ -81,7 +92,7 @@ class Running:
         except (OSError, MemoryError) as error:
             raise MachineError(f"{type(error).__name__}: {error}") from error
         except Exception as error:  # a plugin may raise anything: this run's row says so, the others go on
-            row["reason"] = f"{type(error).__name__}: {error}"[:500]
+            row["reason"] = f"{type(error).__name__}: {error}"[:400] + _where(error, self._folder / "functions")
         return row
 
     def report(self, run: Run) -> dict[str, Any]:
@@ -112,6 +123,20 @@ class Running:
         row["simulated_s"] = session.ticks * session.model.period
         row["state"] = hashlib.sha256(session.state.tobytes()).hexdigest()
         return row | self._collector.collect(session)
+
+
+def _where(error: Exception, functions: Path) -> str:
+    """Return in which line of a function that travels with the sweep an exception arose; empty: in none."""
+    frames = [(Path(one.filename), one.lineno) for one in traceback.extract_tb(error.__traceback__)]
+    own = [f" ({path.name}:{line})" for path, line in frames if path.is_relative_to(functions)]
+    return own[-1] if own else ""
+
+
+def _same_as_shipped(here: Mapping[str, bytes], wanted: Mapping[str, bytes]) -> None:
+    """Refuse work whose scene includes files of the program that are not what they are in this program."""
+    for name, data in here.items():
+        if name.startswith(bundled_scenes.SCHEME) and wanted.get(name) != data:
+            raise ValueError(f"the program's '{name}' is another one here")
 
 
 def _write(folder: Path, files: Mapping[str, bytes]) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from itouch.plugin.discovery import PROGRAM, Catalog
-from itouch.scene.documents import DocumentReader
+from itouch.scene.documents import contents
 from itouch.schema import ItouchError
 from itouch.world import Model
 from itouch_tools.sweeps.elements import FromCall
@@ -33,7 +33,8 @@ class Work:
     scene
         Name of the scene among ``files``.
     files
-        Content of the scene, its includes and the files that they name, by path in the scene's folder.
+        Content of the scene, its includes and the files that they name, by path in the scene's folder; an include that
+        comes with the program is ``itouch:NAME``, does not travel, and must be the same on every worker.
     functions
         Content of the files with functions, by path in the sweep's folder.
     plugins
@@ -111,7 +112,7 @@ def work_of(file: SweepFile, catalog: Catalog) -> Work:
     """
     folder = Path(os.path.dirname(file.scene_path) or ".").resolve()
     model = _first_model(file, catalog)
-    files = {_inside(path, folder): path.read_bytes() for path in _documents(file.scene_path)}
+    files = contents(file.scene_path)
     files |= {one.file: one.data for one in model.files}
     files |= {name: (folder / name).read_bytes() for name in _named(file, folder) if name not in files}
     functions = {}
@@ -143,15 +144,6 @@ def _first_model(file: SweepFile, catalog: Catalog) -> Model:
 
     scene, _ = file.scene(file.plan().run(0).sets, catalog)
     return Model.of(choose_twins(scene, "all"), catalog)
-
-
-def _documents(scene: str) -> Iterator[Path]:
-    for document in DocumentReader([]).read(scene):
-        yield Path(document.shown).resolve()
-
-
-def _inside(path: Path, folder: Path) -> str:
-    return path.relative_to(folder).as_posix()
 
 
 def _named(file: SweepFile, folder: Path) -> Iterator[str]:
