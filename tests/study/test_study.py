@@ -528,6 +528,34 @@ def test_a_series_has_one_unit(tmp_path: Path, values: str, numbers: list[float]
     assert list(stimuli(file).values()) == pytest.approx(numbers)
 
 
+def test_a_single_level_may_have_a_value_with_a_unit(tmp_path: Path) -> None:
+    """Without a ; the blank before the unit made two values of it."""
+    factor = FACTOR + '<factor name="k" levels="soft" values="0.9 N/mm" set="wood/contact.stiffness"/>'
+    file = loaded(tmp_path, factor=factor)
+    assert [edit.value.value for edit in file.edits(file.conditions()[0])] == ["wood", "0.9 N/mm"]
+
+
+def test_levels_with_blanks_can_be_excluded_and_caught(tmp_path: Path) -> None:
+    factor = '<factor name="m" levels="old oak;steel;a=b" values="wood;steel;cork" set="block.material"/>'
+    factor += '<factor name="f" levels="low high" values="0.1;0.2" set="wood/contact.static-friction"/>'
+    task, more = 'kind="identify" factor="m"', '<catch trials="1" where="m=old oak  f=low"/>'
+    file = loaded(
+        tmp_path, factor=factor + '<exclude where="m=old oak f=high"/><exclude where="m=a=b"/>', task=task, more=more
+    )
+    assert [tuple(one.values()) for one in file.conditions()] == [
+        ("old oak", "low"), ("steel", "low"), ("steel", "high"),
+    ]  # fmt: skip
+    caught = [trial.condition for trial in trials_of(file, "P01") if trial.block == "catch"]
+    assert caught == [{"m": "old oak", "f": "low"}]
+
+
+@pytest.mark.parametrize("where", ["m", "m=", "=wood", "wood m=wood", "m=wood m=steel"])
+def test_pairs_that_are_none(tmp_path: Path, where: str) -> None:
+    factor = f'<factor name="m" levels="wood steel cork" set="block.material"/><exclude where="{where}"/>'
+    _, problems = read_study(written(tmp_path, factor=factor, task='kind="identify" factor="m"'), CATALOG)
+    assert any("where" in problem.sentence for problem in problems)
+
+
 def test_words_are_no_series_of_stimuli(tmp_path: Path) -> None:
     file = loaded(tmp_path, task='kind="colder" factor="material" standard="wood"')
     assert "constant" not in analyse(file, [], draws=20)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import ClassVar
 
 from itouch.schema.fields import child, children, choice, flag, integer, name, quantity, text
+from itouch.schema.terminal import number_of
 from itouch_tools.study.adaptive import Staircase
 from itouch_tools.study.plugin_tasks import task_of
 
@@ -20,6 +22,33 @@ def split_levels(written: str) -> tuple[str, ...]:
     """Return levels that are separated by ``;`` or, where there is none, by blanks."""
     parts = written.split(";") if ";" in written else written.split()
     return tuple(part.strip() for part in parts if part.strip())
+
+
+def split_values(written: str, count: int) -> tuple[str, ...]:
+    """Return the values of ``count`` levels, as `split_levels` does; a single one may have blanks: ``22 degC``."""
+    one = count == 1 and ";" not in written and written.strip()
+    return (written.strip(),) if one else split_levels(written)
+
+
+#: A blank before the next factor's name: a level may have blanks itself.
+_BETWEEN_PAIRS = re.compile(r"\s+(?=[A-Za-z][A-Za-z0-9_-]*=)")
+
+
+def split_pairs(where: str) -> dict[str, str]:
+    """Return factor -> level of ``FACTOR=LEVEL`` pairs that are separated by blanks.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, or if a factor has two levels.
+    """
+    pairs = [pair.split("=", 1) for pair in _BETWEEN_PAIRS.split(where.strip())]
+    if any(len(pair) != 2 or not pair[0] or not pair[1] for pair in pairs):
+        raise ValueError("where must hold FACTOR=LEVEL pairs, such as 'material=wood source=real'")
+    found = {pair[0]: pair[1] for pair in pairs}
+    if len(found) < len(pairs):
+        raise ValueError("where has two levels of one factor, which are never shown together")
+    return found
 
 
 #: Names of the blocks of trials that do not count: those before the others, and those among them.
@@ -42,7 +71,8 @@ class Factor:
         if not found or len(set(found)) != len(found):
             raise ValueError(f"the levels of '{self.name}' must be one or more different words")
         if self.values and len(self.taken) != len(found):
-            raise ValueError(f"'{self.name}' has {len(found)} levels and {len(self.taken)} values")
+            levels, values = number_of(len(found), "level"), number_of(len(self.taken), "value")
+            raise ValueError(f"'{self.name}' has {levels} and {values}; separate values that have blanks by ;")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -52,7 +82,7 @@ class Factor:
     @property
     def taken(self) -> tuple[str, ...]:
         """The values of the attributes at each level."""
-        return split_levels(self.values) if self.values else self.names
+        return split_values(self.values, len(self.names)) if self.values else self.names
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +95,10 @@ class Exclude:
     @property
     def pairs(self) -> dict[str, str]:
         """Factor -> level."""
-        return dict(pair.split("=", 1) for pair in self.where.split())
+        return split_pairs(self.where)
 
     def __post_init__(self) -> None:
-        if not self.where.split() or any(pair.count("=") != 1 for pair in self.where.split()):
-            raise ValueError("where must hold FACTOR=LEVEL pairs, such as 'material=wood source=real'")
+        split_pairs(self.where)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,11 +158,10 @@ class CatchTrials:
     @property
     def condition(self) -> dict[str, str]:
         """Factor -> level."""
-        return dict(pair.split("=", 1) for pair in self.where.split())
+        return split_pairs(self.where)
 
     def __post_init__(self) -> None:
-        if not self.where.split() or any(pair.count("=") != 1 for pair in self.where.split()):
-            raise ValueError("where must hold FACTOR=LEVEL pairs, such as 'material=wood source=real'")
+        split_pairs(self.where)
 
 
 @dataclass(frozen=True, slots=True)

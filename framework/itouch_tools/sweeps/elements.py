@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from itouch.schema.fields import child, children, choice, integer, name, quantity, text
-from itouch_tools.study.elements import split_levels
+from itouch.schema.terminal import number_of
+from itouch_tools.study.elements import split_levels, split_values
 
 #: Version of the sweep language that this program reads.
 VERSION = "1.0"
@@ -72,13 +73,13 @@ class Listed:
         if not count or len(set(split_levels(self.levels))) != count:
             raise ValueError(f"the levels of '{self.name}' must be one or more different words")
         for one in self.sets:
-            if len(split_levels(one.values)) != count:
-                raise ValueError(f"'{self.name}' has {count} levels, and {len(split_levels(one.values))} values of "
-                                 f"'{one.path}'")  # fmt: skip
+            if (values := len(split_values(one.values, count))) != count:
+                many = f"{number_of(count, 'level')}, and {number_of(values, 'value')}"
+                raise ValueError(f"'{self.name}' has {many} of '{one.path}'; separate values that have blanks by ;")
         for note in self.notes:
             if len(split_levels(note.values)) != count:
-                raise ValueError(f"'{self.name}' has {count} levels, and {len(split_levels(note.values))} values of "
-                                 f"'{note.name}'")  # fmt: skip
+                many = f"{number_of(count, 'level')}, and {number_of(len(split_levels(note.values)), 'value')}"
+                raise ValueError(f"'{self.name}' has {many} of '{note.name}'")
             for word in split_levels(note.values):
                 float(word)
 

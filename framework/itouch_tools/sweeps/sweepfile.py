@@ -13,7 +13,7 @@ from itouch.scene.loader import read_scene
 from itouch.scene.places import Places
 from itouch.scene.source import Attribute
 from itouch.schema.diagnostics import Place, Problem
-from itouch_tools.study.elements import split_levels
+from itouch_tools.study.elements import split_levels, split_values
 from itouch_tools.study.reading import StudyFile
 from itouch_tools.sweeps.elements import Grid, Listed, Sweep
 from itouch_tools.sweeps.plan import Axis, Level, Plan, Setting, Value, written
@@ -82,8 +82,9 @@ def _levels(grid: Grid) -> Sequence[Value]:
 
 def _listed(one: Listed) -> Axis:
     found = []
-    for index, level in enumerate(split_levels(one.levels)):
-        sets = [(path, split_levels(each.values)[index]) for each in one.sets for path in each.path.split()]
+    names = split_levels(one.levels)
+    for index, level in enumerate(names):
+        sets = [(path, split_values(each.values, len(names))[index]) for each in one.sets for path in each.path.split()]
         notes = [float(split_levels(note.values)[index]) for note in one.notes]
         found.append(Level((level, *notes), tuple(sets)))
     return Axis((one.name, *(note.name for note in one.notes)), tuple(found))
