@@ -262,6 +262,7 @@ def _forget(options: argparse.Namespace) -> int:
 def _simulate(options: argparse.Namespace) -> int:
     from itouch.schema import ItouchError
     from itouch.session.errors import SessionError
+    from itouch_tools.cli.shutdown import Interrupted, Stopping
     from itouch_tools.study.observer_catalog import observer_of
     from itouch_tools.study.simulate import Panel, simulate
 
@@ -274,12 +275,15 @@ def _simulate(options: argparse.Namespace) -> int:
         return file
     panel = Panel(options.observers, options.model, skin=not options.same_skin)
     try:
-        with waiting("simulating") as wait:
+        with Stopping(), waiting("simulating") as wait:
             for done, made in enumerate(
                 simulate(options.study, Path(options.output), panel, processes=options.processes), 1
             ):
                 print(f"{made} ({done} of {options.observers})", flush=True)
                 wait.part(done / options.observers, f"{done} of {options.observers} observers")
+    except Interrupted as signalled:
+        print("stopped; what was made is kept, and the same command goes on from there", file=sys.stderr)
+        return signalled.code
     except SessionError as error:
         print(f"{error}", file=sys.stderr)
         return 1

@@ -43,6 +43,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     from itouch.plugin.discovery import Catalog
     from itouch.schema.terminal import number_of
     from itouch_tools.cli import study_rig
+    from itouch_tools.cli.shutdown import Interrupted, Stopping
     from itouch_tools.cli.study_participant import answers_of, folder_of, masking, opening, outcome_of
     from itouch_tools.cli.study_window import operators_window
     from itouch_tools.study.answers import Stopped
@@ -54,7 +55,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     answers, shows = answers_of(file, options)
     record = options.record if options.record is not None else not options.answers
     real = (options.pace or ("fast" if options.answers else "real")) == "real"
-    with Store.open(folder_of(options)) as store, masking(file, options):
+    with Stopping(), Store.open(folder_of(options)) as store, masking(file, options):
         session = Run(
             file, options.participant, store, answers, Catalog(), clock=WallClock() if real else VirtualClock(),
             show=shows, record=record, operator=operators_window(light=options.light) if options.operator else None,
@@ -74,9 +75,9 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
             said = f" ({why})" if str(why) else ""
             print(f"stopped after {number_of(made, 'new trial')}{said}; the same command goes on from here")
             return 3
-        except KeyboardInterrupt:
+        except Interrupted as signalled:
             print(f"\nstopped after {number_of(made, 'new trial')}; the same command goes on from here")
-            return 130
+            return signalled.code
         except DeviceFaultError as error:
             print(f"{error}\nthe trial was not kept; the same command goes on from it", file=sys.stderr)
             return 1

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -127,23 +127,37 @@ def constrained_shuffle(
             f"no order of {len(pool)} trials has at most {most} equal in a row: {max(counts.values())} are equal, "
             f"at least {least} must follow one another"
         )
+    keys = [key(item) for item in pool]
     for _ in range(ATTEMPTS):
-        order = [pool[index] for index in rng.permutation(len(pool))]
-        if longest_run(order, key) <= most:
-            return order
+        drawn = rng.permutation(len(pool))
+        if _allowed((keys[index] for index in drawn), most):
+            return [pool[index] for index in drawn]
     return _built(pool, rng, key, most)
+
+
+def _allowed(keys: Iterable[Hashable], most: int) -> bool:
+    """Tell whether at most ``most`` equal keys follow one another."""
+    run, before = 0, object()
+    for value in keys:
+        run, before = (run + 1 if value == before else 1), value
+        if run > most:
+            return False
+    return True
 
 
 def _built(pool: list[T], rng: np.random.Generator, key: Callable[[T], Hashable], most: int) -> list[T]:
     left = [pool[index] for index in rng.permutation(len(pool))]
     counts = Counter(key(item) for item in left)
+    known = {value: number for number, value in enumerate(counts)}
+    kinds = np.array([known[key(item)] for item in left], int)
     order: list[T] = []
     last: Hashable = None
     run = 0
     while left:
-        weights = np.array([_leaves_possible(counts, key(item), last, run, most) for item in left], float)
+        possible = np.array([_leaves_possible(counts, value, last, run, most) for value in known], float)
+        weights = possible[kinds]
         index = int(rng.choice(len(left), p=weights / weights.sum()))
-        item = left.pop(index)
+        item, kinds = left.pop(index), np.delete(kinds, index)
         value = key(item)
         counts[value] -= 1
         run = run + 1 if order and value == last else 1

@@ -5,16 +5,21 @@ The models are told what the twin's finger felt.
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
+import signal
+import threading
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
 
+from itouch import ending
 from itouch.plugin.discovery import Catalog
 from itouch.schema import SceneError
 from itouch.schema.terminal import number_of
@@ -164,6 +169,21 @@ def _simulate_one(work: tuple[str, str, Panel, str]) -> Made:
     return Made(code, count, void)
 
 
+def _end_with(parent: Connection) -> None:
+    """End this process when the other end of a pipe is closed: with its parent, however that ends, or when it says so.
+
+    Otherwise it would go on to write trials for as long as its participant has some.
+    """
+
+    def wait() -> None:
+        with contextlib.suppress(OSError, EOFError):
+            parent.poll(None)
+        ending.end_now(1)  # each trial is committed whole
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal: the parent has it, too
+    threading.Thread(target=wait, name="itouch-parent", daemon=True).start()
+
+
 def simulate(path: str, folder: Path, panel: Panel, *, processes: int = 1) -> Iterator[Made]:
     """Simulate a panel into a study's folder, or go on where it stopped; yield the result of each participant.
 
@@ -187,10 +207,17 @@ def simulate(path: str, folder: Path, panel: Panel, *, processes: int = 1) -> It
         return
     # not multiprocessing's own Pool, which would wait for ever for a worker that was killed
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(processes, len(work)), mp_context=context) as pool:
+    theirs, ours = context.Pipe(duplex=False)
+    many = min(processes, len(work))
+    with theirs, ours, ProcessPoolExecutor(
+        many, mp_context=context, initializer=_end_with, initargs=(theirs,)
+    ) as pool:  # fmt: skip
         try:
             yield from pool.map(_simulate_one, work)
-        except BrokenProcessPool as error:
+        except BaseException as error:
+            ours.close()  # nobody waits for their rows any more
+            if not isinstance(error, BrokenProcessPool):
+                raise
             raise SessionError(
                 "one of the processes that simulate was killed, or ended by itself, before it was done; what was made "
                 "is kept, and the same command goes on from there (with less memory for each: fewer --processes)"
