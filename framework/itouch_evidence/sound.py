@@ -28,7 +28,7 @@ _SCENE = """<itouch version="1.0">
   <devices><device name="arm" plugin="usb-arm"/></devices>
   <interaction><probe name="finger" radius="8 mm" pose-from="arm" force-to="arm"/></interaction>
 </itouch>"""
-#: Seconds between two strokes, and before the first, in which the sound server settles.
+#: Seconds between two taps, and before the first, in which the sound server settles.
 _EVERY, _SETTLE = 0.5, 1.5
 #: Time of a frame of the window at 60 Hz [s]; a published state waits for it at most this long.
 _FRAME = 1.0 / 60.0
@@ -37,14 +37,14 @@ _FRAME = 1.0 / 60.0
 def main(argv: Sequence[str]) -> int:
     """Print the cost of a block, and the time from a published state to its sound."""
     parser = Parser(prog="itouch-py bench sound", description=main.__doc__)
-    parser.add_argument("--strokes", type=int, default=10, metavar="N", help="strokes that are timed (default 10)")
+    parser.add_argument("--strokes", type=int, default=10, metavar="N", help="how many taps to time (default 10)")
     parser.add_argument("--monitor", metavar="SOURCE",
                         help="a PulseAudio source that hears what is played (of a null sink: NAME.monitor): "
-                             "the strokes are recorded from it with parec, timed and analysed")  # fmt: skip
+                             "the taps are recorded from it with parec, timed and analysed")  # fmt: skip
     parser.add_argument(
         "--judge",
         action="store_true",
-        help="render strokes and slides, and compare decay, modes, level and pitch with what was measured",
+        help="render taps and slides, and compare decay, modes, level and pitch with what was measured",
     )
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="with --judge: write the sounds as files, too")
     parser.add_argument("--json", type=output_file, metavar="FILE", help="write the figures, too")
@@ -192,7 +192,7 @@ class _Ear:
 def _analysed(
     samples: NDArray[np.float64], arrived: NDArray[np.float64], counts: NDArray[np.int64], told: list[float]
 ) -> dict[str, Any]:
-    """Return how long after its state each stroke was heard, and how far off its modes are."""
+    """Return how long after its state each tap was heard, and how far off its modes are."""
     rate, late, modes = 48_000, [], []
     for when in told:
         begin = int(counts[max(0, int(np.searchsorted(arrived, when)) - 1)])

@@ -1,4 +1,4 @@
-"""The sounds of whole sessions, compared with measurements: strokes, slides and textures are judged by their samples.
+"""The sounds of whole sessions, compared with measurements: taps, slides and textures are judged by their samples.
 
 Modes are found in the samples alone, by ESPRIT (Roy and Kailath 1989: the frequencies and damping of the exponentials
 whose sum is the signal, from the shift invariance of its signal subspace), and compared with what was measured on
@@ -86,7 +86,7 @@ _SLIDE = """<itouch version="1.0">
     <operator probe="finger"><motion>{motion}</motion></operator></interaction>
 </itouch>"""
 #: Duration of a slide [s], the fraction of it on either side of its middle that is analysed, and how many samples after
-#: a stroke are searched for modes.
+#: a tap are searched for modes.
 _SLIDING, _MIDDLE, _PIECE = 1.6, 0.11, 900
 
 
@@ -109,7 +109,7 @@ class Row:
 def modes(samples: Samples, count: int) -> list[tuple[float, float, float]]:
     """Return frequency [Hz], loss factor and amplitude of the damped modes of a sound, lowest first.
 
-    ``samples`` (n,), of full scale 1, begin at the stroke or later; ``count`` is how many modes there are.
+    ``samples`` (n,), of full scale 1, begin at the tap or later; ``count`` is how many modes there are.
     """
     rows = len(samples) // 2
     hankel = np.lib.stride_tricks.sliding_window_view(samples, len(samples) - rows)

@@ -1,4 +1,4 @@
-"""The sound of a session: strokes, sliding and a warning tone, from published State alone.
+"""The sound of a session: taps, sliding and a warning tone, from published State alone.
 
 ``Synth`` turns States into samples; ``write_wav`` writes them to a file, ``itouch_tools.sound.player`` plays them.
 """

@@ -1,7 +1,7 @@
-"""Modal synthesis of a stroke on a body: damped modes, and how many high tones a stroke excites.
+"""Modal synthesis of a tap on a body: damped modes, and how many high tones a tap excites.
 
-Modal synthesis after van den Doel and Pai (1998): a stroke adds to the amplitude of every mode, which then rings by
-itself.  A mode begins as a sine, from zero, so that a stroke never makes the sound jump.
+Modal synthesis after van den Doel and Pai (1998): a tap adds to the amplitude of every mode, which then rings by
+itself.  A mode begins as a sine, from zero, so that a tap never makes the sound jump.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 #: Sampling rate [Hz].
 RATE = 48_000
-#: Speed [m/s] at which a stroke has half of the greatest loudness.
+#: Speed [m/s] at which a tap has half of the greatest loudness.
 HALF_SPEED = 0.15
-#: How long [s] a stroke at 1 m/s lasts: it excites little above the inverse of that (Hertz: duration ~ speed ** -0.2).
+#: How long [s] a tap at 1 m/s lasts: it excites little above the inverse of that (Hertz: duration ~ speed ** -0.2).
 STROKE = 6e-5
 #: Shortest decay [s]: what dies away within a few samples is no tone, and a decay of zero would divide by zero.
 SHORTEST = 5e-4
@@ -25,7 +25,7 @@ _SILENCE = 1e-7
 
 
 def loudness(speed: float) -> float:
-    """Return how loud a stroke of this speed [m/s] is, 0 to 1; a NaN or negative speed is silent."""
+    """Return how loud a tap of this speed [m/s] is, 0 to 1; a NaN or negative speed is silent."""
     return speed / (speed + HALF_SPEED) if math.isfinite(speed) and speed > 0.0 else 1.0 if speed == math.inf else 0.0
 
 
@@ -35,9 +35,9 @@ class Bank:
     Parameters
     ----------
     frequencies, decays, gains
-        Of each mode: frequency [Hz], time [s] in which it dies away by 60 dB, and its share of the stroke, 0 to 1.
+        Of each mode: frequency [Hz], time [s] in which it dies away by 60 dB, and its share of the tap, 0 to 1.
     level
-        The greatest amplitude that a single stroke reaches.
+        The greatest amplitude that a single tap reaches.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """Where sound goes: PulseAudio (or PipeWire in its place), ALSA, PortAudio where there is no ALSA, or nowhere.
 
 The first two are called through their C libraries, with buffers of a length that we choose: sound played through the
-window's library waits a third of a second or more in its buffers, and a stroke must be heard when it happens.
+window's library waits a third of a second or more in its buffers, and a tap must be heard when it happens.
 PortAudio is for macOS and Windows, through the package ``sounddevice``, which includes it there.
 """
 

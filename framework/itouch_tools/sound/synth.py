@@ -1,4 +1,4 @@
-"""From States to samples: strokes at every BEGIN, noise while a probe slides, a tone while a device is in fault."""
+"""From States to samples: taps at every BEGIN, noise while a probe slides, a tone while a device is in fault."""
 
 from __future__ import annotations
 

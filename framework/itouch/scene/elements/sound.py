@@ -10,17 +10,17 @@ from itouch.schema.fields import children, quantity
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """One damped vibration that a stroke excites."""
+    """One damped vibration that a tap excites."""
 
     TAG: ClassVar[str] = "mode"
     frequency: float = quantity("Hz", low=20.0, high=16000.0, doc="frequency of the vibration")
     decay: float = quantity("s", positive=True, high=20.0, doc="time in which it dies away by 60 dB")
-    gain: float = quantity("", low=0.0, high=1.0, default=1.0, doc="its share of the stroke, 0 to 1")
+    gain: float = quantity("", low=0.0, high=1.0, default=1.0, doc="its share of the tap, 0 to 1")
 
 
 @dataclass(frozen=True, slots=True)
 class Sound:
-    """The sound of a material: a sum of damped modes for strokes, and noise for sliding."""
+    """The sound of a material: a sum of damped modes for taps, and noise for sliding."""
 
     TAG: ClassVar[str] = "sound"
     loudness: float = quantity("", low=0.0, high=1.0, default=1.0, doc="loudness of all its sounds, 0 to 1")
@@ -34,4 +34,4 @@ class Sound:
         default=2e-4,
         doc="size of the grains that sliding crosses: its pitch is speed / grain",
     )
-    modes: tuple[Mode, ...] = children(Mode, doc="the vibrations of a stroke")
+    modes: tuple[Mode, ...] = children(Mode, doc="the vibrations of a tap")
