@@ -75,7 +75,7 @@ def opened(place: Path, name: str) -> BinaryIO:
     try:
         status = os.fstat(handle)
         if not (stat.S_ISREG(status.st_mode) and _is_own(status)):
-            raise PermissionError(errno.EPERM, "it is no file of this user alone", os.fspath(path))
+            raise PermissionError(errno.EPERM, "it is not a file of this user alone", os.fspath(path))
         return os.fdopen(handle, "rb")
     except BaseException:
         os.close(handle)

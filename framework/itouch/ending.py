@@ -90,7 +90,7 @@ def _end_late(code: int, waited_for: int) -> None:
     _sleep(LONGEST)
     frame = sys._current_frames().get(waited_for)  # noqa: SLF001 - what it waits in
     place = _place(frame) or _threads() or " (registered with atexit, or holding a lock)"
-    said = f"note: what a plugin has left{place} does not end; all is done, the program ends without\n"
+    said = f"note: what a plugin has left{place} does not end; all work is done, so the program ends anyway\n"
     with contextlib.suppress(Exception):
         _thread.start_new_thread(_flush, ())  # another thread may hold a stream: what cannot be written then is lost
         _sleep(0.1)

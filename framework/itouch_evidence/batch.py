@@ -73,8 +73,10 @@ def main(argv: Sequence[str]) -> int:
     """Measure how many sessions a second run in a batch; exit code 1: it makes too little of all cores."""
     parser = argparse.ArgumentParser(prog="itouch-py bench batch", description=main.__doc__)
     parser.add_argument("scene", metavar="SCENE", help="a scene; it runs on twins")
-    parser.add_argument("--sessions", type=int, default=4, metavar="N", help="of each worker (default 4)")
-    parser.add_argument("--seconds", type=float, metavar="S", help="simulated, of each; default: its whole motion")
+    parser.add_argument("--sessions", type=int, default=4, metavar="N", help="sessions of each worker (default 4)")
+    parser.add_argument(
+        "--seconds", type=float, metavar="S", help="simulated seconds of each; default: its whole motion"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON")
     options = parser.parse_args(argv)
     catalog = Catalog()

@@ -140,8 +140,10 @@ def _line(row: Row) -> str:
 def main(argv: Sequence[str]) -> int:
     """Compare the loop in a thread, in a process, and in a process with real-time priority."""
     parser = argparse.ArgumentParser(prog="itouch-py bench loop", description=main.__doc__)
-    parser.add_argument("--seconds", type=float, default=5.0, metavar="S", help="of each measurement (default 5)")
-    parser.add_argument("--no-drawing", action="store_true", help="leave the load that draws away")
+    parser.add_argument(
+        "--seconds", type=float, default=5.0, metavar="S", help="length of each measurement (default 5)"
+    )
+    parser.add_argument("--no-drawing", action="store_true", help="leave out the load that draws")
     parser.add_argument("--json", action="store_true", help="print JSON")
     options = parser.parse_args(argv)
     if not 0.1 <= options.seconds <= 3600:

@@ -24,7 +24,7 @@ def main(argv: Sequence[str]) -> int:
     """Print frame times with 1k, 100k and 1M triangles; with --servo, how punctual the loop is beside viewers."""
     parser = Parser(prog="itouch-py bench viewer", description=main.__doc__)
     parser.add_argument("--frames", type=int, default=60, metavar="N", help="frames of each size (default 60)")
-    parser.add_argument("--size", default="1280x720", metavar="1280x720", help="of the picture")
+    parser.add_argument("--size", default="1280x720", metavar="1280x720", help="size of the picture")
     parser.add_argument("--json", type=output_file, metavar="FILE", help="write the figures, too")
     beside = "instead: the servo loop beside a viewer that is there, killed, frozen, overloaded"
     parser.add_argument("--servo", action="store_true", help=beside)
@@ -33,8 +33,8 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--rerun", action="store_true", help="with --servo: Rerun instead, fed by `view --rerun`")
     parser.add_argument("--ros2", action="store_true", help="with --servo: a listener instead, fed by `view --ros2`")
     parser.add_argument("--seconds", type=float, default=10.0, metavar="S",
-                        help="with --servo: of each situation in a round (default 10)")  # fmt: skip
-    parser.add_argument("--rounds", type=int, default=1, metavar="N", help="with --servo: rounds (default 1)")
+                        help="with --servo: length of each situation in a round (default 10)")  # fmt: skip
+    parser.add_argument("--rounds", type=int, default=1, metavar="N", help="with --servo: number of rounds (default 1)")
     options = parser.parse_args(argv)
     if not 0.1 <= options.seconds <= 3600 or not 1 <= options.rounds <= 1000:
         parser.error("--seconds must be 0.1 to 3600, --rounds 1 to 1000")

@@ -134,11 +134,11 @@ def test_the_command_shows_writes_and_says_what_is_left(tmp_path: Path, capsys) 
     assert path.read_text(encoding="utf-8") == MISSPELT and "nothing was written" in capsys.readouterr().err
     assert main(["check", str(path), "--fix"]) == 2
     said = capsys.readouterr()
-    assert "+  <world>" in said.out and "mended" in said.err and "<safety> has no attribute 'frce'" in said.err
+    assert "+  <world>" in said.out and "fixed" in said.err and "<safety> has no attribute 'frce'" in said.err
     path.write_text(path.read_text(encoding="utf-8").replace("frce", "force"), encoding="utf-8")
     os.chmod(path, 0o640)
     assert main(["check", str(path), "--fix"]) == 0
-    assert "mended" not in capsys.readouterr().err and path.stat().st_mode & 0o777 == 0o640
+    assert "fixed" not in capsys.readouterr().err and path.stat().st_mode & 0o777 == 0o640
     assert main(["check", str(path), "--fix", "--diff"]) == 2
 
 

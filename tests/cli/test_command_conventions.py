@@ -190,4 +190,4 @@ def test_no_session_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("itouch.servo.sessions", list)
     done = run("view", "--list")
     assert (done.returncode, done.stdout) == (0, "")
-    assert done.stderr == "no session runs\n"
+    assert done.stderr == "no session is running\n"

@@ -363,5 +363,5 @@ def test_sarif_offers_what_fix_would_do_and_nothing_else(tmp_path: Path) -> None
 def test_what_demo_would_ignore_is_refused(words: tuple[str, ...], tmp_path: Path) -> None:
     done = run("demo", *words, str(tmp_path / "all"))
     assert done.returncode == 2
-    assert f"--scenes writes all scenes and runs none: leave '{words[0]}' away" in done.stderr
+    assert f"--scenes writes all scenes and runs none: omit '{words[0]}'" in done.stderr
     assert not (tmp_path / "all").exists()

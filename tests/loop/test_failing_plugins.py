@@ -373,7 +373,7 @@ def test_a_reading_that_is_not_there_is_put_down_to_the_line_that_wrote_it(tmp_p
 PLACE = Field("place", "f8", 7)
 FIELDS = [
     (lambda self: None, "it returned None; a tuple of Field is wanted"), (lambda self: (PLACE, PLACE), "declared twice"),
-    (lambda self: ("place",), "'place' among its fields, which is no Field"),
+    (lambda self: ("place",), "'place' among its fields, which is not a Field"),
 ]  # fmt: skip
 
 

@@ -99,7 +99,7 @@ def test_a_stop_is_carried_out_though_who_is_told_of_the_fault_first_fails(
     assert let_go(pair)
     assert len(heard) == 1
     notes = getattr(caught.value, "__notes__", [])
-    assert notes == (["when it was told: OSError: no space left"] if isinstance(error, Exception) else [])
+    assert notes == (["while it was reported: OSError: no space left"] if isinstance(error, Exception) else [])
 
 
 @pytest.mark.parametrize("error", [OSError("no space left"), KeyboardInterrupt()], ids=repr)

@@ -70,7 +70,7 @@ def test_a_fault_is_told_before_anything_is_safe_and_what_a_listener_raises_is_h
     engine.make_safe(fault)
     assert speed == [True] and not engine.runners[0].latch.enabled
     assert heard == [("fault", fault), ("safe", None)]
-    assert "when it was told: OSError: no space left" in fault.__notes__
+    assert "while it was reported: OSError: no space left" in fault.__notes__
 
 
 def test_a_session_overrides_nothing_of_the_engine_but_the_line_of_progress() -> None:

@@ -256,12 +256,12 @@ def toyed(says: Any, kind: type[Toy] = Toy, twin: Any = None) -> Supervised:
 @pytest.mark.parametrize(
     ("says", "trip", "words"),
     [
-        (-1.0, Trip.MONITOR, "was stopped by one"), (-2.0, Trip.MONITOR, r"stopped by two \(RuntimeError while it was told"),
+        (-1.0, Trip.MONITOR, "was stopped by one"), (-2.0, Trip.MONITOR, r"stopped by two \(RuntimeError while it was reported"),
         (-3.0, Trip.MONITOR_ERROR, "returned -3.0: neither a share nor a trip"),
         (math.nan, Trip.MONITOR_ERROR, "returned nan"), (2.0, Trip.MONITOR_ERROR, "returned 2.0"),
         (-math.inf, Trip.MONITOR_ERROR, "returned -inf"), (ValueError("no"), Trip.MONITOR_ERROR, "failed: ValueError: no"),
-        (SystemExit(3), Trip.MONITOR_ERROR, "failed: SystemExit: 3"), ("0.5", Trip.MONITOR_ERROR, "'0.5' is no number"),
-        (b"1", Trip.MONITOR_ERROR, "b'1' is no number"), (None, Trip.MONITOR_ERROR, "failed: TypeError"),
+        (SystemExit(3), Trip.MONITOR_ERROR, "failed: SystemExit: 3"), ("0.5", Trip.MONITOR_ERROR, "'0.5' is not a number"),
+        (b"1", Trip.MONITOR_ERROR, "b'1' is not a number"), (None, Trip.MONITOR_ERROR, "failed: TypeError"),
     ],
 )  # fmt: skip
 def test_what_a_monitor_may_return(says: Any, trip: Trip, words: str) -> None:

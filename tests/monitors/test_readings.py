@@ -203,7 +203,7 @@ def test_a_quaternion_is_a_rotation(turn: tuple[float, ...], believed: bool) -> 
     else:
         assert found is not None
         assert found[0] is Trip.SENSOR_RANGE
-        assert f"reads a quaternion of length {length:.3g} (pose), which is no rotation" in found[1]
+        assert f"reads a quaternion of length {length:.3g} (pose), which is not a rotation" in found[1]
 
 
 def test_a_place_without_a_rotation_is_put_back_and_a_force_is_not() -> None:

@@ -324,7 +324,7 @@ def test_the_doctor_says_where_nothing_can_be_kept_and_what_to_do(
     assert told()[::2] == ("ok", "")
     assert told()[1].endswith(f" (0.0 MB) in '{place}'")
     (tmp_path / "home").touch()
-    said = f"nothing is kept: '{place}' can't be made, as '{tmp_path / 'home'}' is no folder"
+    said = f"nothing is kept: '{place}' can't be made, as '{tmp_path / 'home'}' is not a folder"
     assert told() == ("lack", said, f"make '{tmp_path / 'home'}' a folder")
     (tmp_path / "home").unlink()
     place.mkdir(parents=True, mode=0o700)
@@ -333,7 +333,7 @@ def test_the_doctor_says_where_nothing_can_be_kept_and_what_to_do(
     assert told() == ("lack", f"nothing is kept: '{place}' is not this user's alone", "make it yours alone (chmod 700)")
     place.rmdir()
     place.symlink_to(tmp_path / "nowhere")
-    assert told() == ("lack", f"nothing is kept: '{place}' is no folder", "remove it")
+    assert told() == ("lack", f"nothing is kept: '{place}' is not a folder", "remove it")
     monkeypatch.setenv(switch, "off")
     assert told()[:2] == ("note", f"switched off by {switch}")
     assert not look().advice.startswith(";")

@@ -50,7 +50,7 @@ ONE_LINE = [
     ('<world><box name="arm" size="1 1 1 mm" material="wood"/></world>', "duplicate-name", 13, "arm"),
     ('<world><box name="b" size="1 1 1 mm" material="wood" temperature="22"/></world>', "out-of-range", 54, "22 degC"),
     ('<world><box name="b" size="1 1 1 mm" material="wood" rpy="0 0 1" quat="1 0 0 0"/></world>', "exclusive", 66, "only one"),
-    ('<world><box name="b" size="1 1 1 mm" material="wood" quat="0 0 0 0"/></world>', "bad-value", 54, "no rotation"),
+    ('<world><box name="b" size="1 1 1 mm" material="wood" quat="0 0 0 0"/></world>', "bad-value", 54, "not a rotation"),
     ('<world><box name="b" size="1 1 1 mm" material="wood">hello</box></world>', "unexpected-text", 8, "hello"),
     ('<wrld/>', "unknown-element", 1, "did you mean 'world'"),
     ('<viewer/>', "unknown-element", 1, "viewer"),

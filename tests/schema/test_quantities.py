@@ -82,7 +82,7 @@ def test_who_writes_decimal_commas_is_shown_the_point(text: str, size: int, mean
 @pytest.mark.parametrize("text", ["1,5 2 mm", "2 1,5 mm", "-2 -1,5 mm", "0,5 60 mm", "1 2,5mm"])
 def test_a_decimal_comma_is_not_read_as_one_number_more(text: str) -> None:
     """Three numbers are expected, and there would be three."""
-    with pytest.raises(QuantityError, match="a comma and blanks between its numbers"):
+    with pytest.raises(QuantityError, match="a comma and spaces between its numbers"):
         parse_quantity(text, "m", size=3)
 
 

@@ -127,7 +127,7 @@ def test_check_looks_at_the_records_as_a_run_does(scene: Path, capsys: pytest.Ca
         ('{"format": "FORMAT", "records": 5}', "it must be a JSON object"),
         ('{"format": "FORMAT", "records": [5]}', "record 1: it must be a JSON object"),
         ('{"format": "FORMAT", "records": [{"device": 1, "kid": 2}]}', "record 1: 'device' must be text; record 1: 'kind' is"),
-        ('{"format": "FORMAT",\n "records": [}', "it is no JSON from PATH:2:14 on"),
+        ('{"format": "FORMAT",\n "records": [}', "it is not JSON from PATH:2:14 on"),
         ('{"format": "mine", "records": []}', "its format is 'mine', this program reads 'FORMAT'"),
     ],
 )  # fmt: skip

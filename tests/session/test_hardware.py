@@ -288,7 +288,7 @@ def test_a_device_whose_quaternion_shrinks_is_stopped_and_pushes_with_nothing(sc
     session = itouch.build(scene, catalog=catalog(Shrinks))
     session.enable()
     with pytest.raises(
-        itouch.DeviceFaultError, match="a quaternion of length 0.5 .pose., which is no rotation"
+        itouch.DeviceFaultError, match="a quaternion of length 0.5 .pose., which is not a rotation"
     ) as caught:
         session.run(1.0)
     assert caught.value.trip is Trip.SENSOR_RANGE

@@ -56,9 +56,9 @@ def state_of(members: dict[str, bytes]) -> np.ndarray:
 @pytest.mark.parametrize(
     ("ledger", "said"),
     [
-        ({"contacts": 5, "faults": []}, "'contacts' of its ledger is no list of objects"),
+        ({"contacts": 5, "faults": []}, "'contacts' of its ledger is not a list of objects"),
         ({"contacts": [{"probe": "finger"}], "faults": []}, "contact 1 of its ledger has no 'object' that can be read"),
-        (None, "ledger.json is no JSON from line 1, column 2 on"),
+        (None, "ledger.json is not JSON from line 1, column 2 on"),
         ([], "a document of it is not a JSON object"),
     ],
     ids=str,
@@ -148,7 +148,7 @@ def test_hostile(name: str, members: dict[str, bytes], tmp_path: Path) -> None:
     (tmp_path / "here").mkdir()
     path = write(tmp_path / "here" / "h.itouch", HOSTILE[name](members, tmp_path))
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    with pytest.raises(itouch.SessionError, match=r"h\.itouch|taken up|layout of State"):
+    with pytest.raises(itouch.SessionError, match=r"h\.itouch|resumed|layout of State"):
         itouch.restore(path)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300 << 10
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["h.itouch", "here"]
@@ -269,7 +269,7 @@ def test_a_scene_is_no_damaged_session_and_another_document_no_scene(tmp_path: P
     assert f"`itouch-py {scene}` runs it" in told
     assert f"itouch.build({scene!r})" in told
     (tmp_path / "other.xml").write_text('<?xml version="1.0"?><page/>')
-    with pytest.raises(itouch.SessionError, match="no stored session: its outermost element is <page>; name a file"):
+    with pytest.raises(itouch.SessionError, match="not a stored session: its outermost element is <page>; name a file"):
         itouch.restore(tmp_path / "other.xml")
     for kind, name in (("study", "studies/metamers.xml"), ("sweep", "sweeps/one_tuning.xml")):
         with pytest.raises(itouch.SessionError, match=f"outermost element is <{kind}>; `itouch-py {kind} run"):
@@ -294,4 +294,4 @@ def test_a_state_that_can_be_none_is_one_sentence_for_who_starts_it(
     state["arm.sent.wrench"], state[field] = 0.25, value
     forged = write(tmp_path / "s.itouch", with_state(members, state))
     assert cli([str(forged), "--headless", "--for", "0.1 s", "--pace", pace]) == 2
-    assert "the session can't be taken up: " in capsys.readouterr().err
+    assert "the session can't be resumed: " in capsys.readouterr().err

@@ -148,7 +148,7 @@ def test_budgets_begin_anew_a_day_after_the_last_use_and_never_shrink_before() -
 def test_a_code_that_is_no_name_of_a_file_is_refused_at_its_place(tmp_path: Path, code: str) -> None:
     path = scene(tmp_path)
     path.write_text(path.read_text().replace("P01", code), encoding="utf-8")
-    with pytest.raises(itouch.SceneError, match=r"is no code[\s\S]*pad\.xml:3:\d+") as caught:
+    with pytest.raises(itouch.SceneError, match=r"is not a code[\s\S]*pad\.xml:3:\d+") as caught:
         itouch.build(path)
     assert caught.value.problems[0].code == "bad-value"
 
@@ -239,7 +239,7 @@ def test_a_participant_is_in_one_session_on_hardware_at_a_time(tmp_path: Path) -
     one.enable()
     use(one, 6.0)
     for act in (other.enable, other.rearm):
-        with pytest.raises(SessionError, match="participant 'P01' is in another session that runs: end that one first"):
+        with pytest.raises(SessionError, match="participant 'P01' is in another running session: end that one first"):
             act()
         assert not other.runners[0].latch.enabled
     other.close()
@@ -268,7 +268,7 @@ def test_a_killed_session_keeps_no_participant(tmp_path: Path) -> None:
         assert held.stdout is not None
         held.stdout.readline()
         session = real(tmp_path)
-        with pytest.raises(SessionError, match="another session"):
+        with pytest.raises(SessionError, match="another running session"):
             session.enable()
         held.kill()
         held.wait()

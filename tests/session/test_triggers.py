@@ -147,9 +147,9 @@ def test_a_run_puts_codes_and_what_can_not_be_is_said(box: Terminal, tmp_path: P
         (("--trigger", str(tmp_path)), "no event codes can be put on"),
         (("--trigger", os.devnull), "no serial port"),
         (("--code", "begin=1"), "name the port, too"),
-        (("--trigger", box.path, "--code", "begin=256"), "is no code"),
+        (("--trigger", box.path, "--code", "begin=256"), "is not a code"),
         (("--contact-code", "end=1"), "--contact-code says what --trigger PORT"),
-        (("--trigger", box.path, "--contact-code", "move=1"), "is no code of contacts"),
+        (("--trigger", box.path, "--contact-code", "move=1"), "is not a code of contacts"),
         (("--trigger", box.path, "--contact-code", "begin:none=1"), "contacts with 'none'"),
     ):
         failed = program("run", str(FIRST), "--headless", "--for", "0.02s", *words)

@@ -102,8 +102,8 @@ def test_they_are_found_and_judge(installed: None) -> None:
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("mute", "observer 'mute' (strange-observers 1.2) is no class with a method cue"),
-        ("nobody", "is no class"),
+        ("mute", "observer 'mute' (strange-observers 1.2) is not a class with a method cue"),
+        ("nobody", "is not a class"),
         ("gone", "failed to load: AttributeError"),
         ("ghost", "there is no observer 'ghost'; there are flux, combined"),
     ],

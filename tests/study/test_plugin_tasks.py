@@ -155,12 +155,12 @@ def test_numbers_that_a_task_asks_for_are_in_the_report(
     [
         ("rouger", "", "unknown-name", "there is no task 'rouger'"),
         ("rougher", "", "bad-value", "compares with a standard"),
-        ("pedal", "", "bad-value", "is no task: it has no method right"),
+        ("pedal", "", "bad-value", "is not a task: it has no method right"),
         ("twisted", "", "bad-value", "intervals = 7 must be 1 to 3"),
         ("cross", "steel", "bad-value", "choices raised KeyError"),
         ("odd-words", "steel", "bad-value", "must be a mapping"),
         ("unmade", "", "bad-value", "can't be made: OSError: no such port"),
-        ("nobody", "", "bad-value", "is no class"),
+        ("nobody", "", "bad-value", "is not a class"),
         ("gone", "", "bad-value", "failed to load: AttributeError"),
     ],
 )

@@ -319,7 +319,7 @@ def test_an_observer_feels_what_twins_say_and_nothing_of_hardware() -> None:
     with pytest.raises(TouchError, match="none declares a true flux and a true skin"):
         felt_by(SimpleNamespace(devices={"arm": arm}))
     twin.twin = False
-    with pytest.raises(TouchError, match="'pad' is no twin"):
+    with pytest.raises(TouchError, match="'pad' is not a twin"):
         felt_by(SimpleNamespace(devices={"arm": arm, "pad": twin}))
 
 

@@ -245,7 +245,7 @@ def test_a_void_trial_is_marked_and_comes_again(tmp_path: Path, capsys: pytest.C
     assert Counter(row.repeats if row.repeats is not None else row.place for row in rows) == {0: 3, 1: 3, 2: 3}
     said = capsys.readouterr().out
     assert f"trial 1: void ({rows[0].void}), comes again\n" in said
-    assert f"trial 9: void ({rows[8].void}), tried often enough\n" in said
+    assert f"trial 9: void ({rows[8].void}), not repeated any more\n" in said
 
 
 def test_deviations_are_refused_or_noted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -91,7 +91,7 @@ def test_a_trial_of_a_shipped_study_on_the_twins_counts(path: Path) -> None:
         ({"factor": FACTOR.replace("wood steel", "wood wood")}, "different words", ""),
         ({"task": 'kind="identify" factor="stuff"'}, "no factor named 'stuff'", "material"),
         ({"task": 'kind="colder" factor="material"'}, "compares with a standard", ""),
-        ({"task": 'kind="colder" factor="material" standard="wod"'}, "'wod' is no level", "wood"),
+        ({"task": 'kind="colder" factor="material" standard="wod"'}, "'wod' is not a level", "wood"),
         ({"task": 'kind="guess" factor="material"'}, "guess", "identify"),
         ({"more": '<exclude where="material=gold"/>'}, "no level 'gold'", "its levels are"),
         ({"more": '<order kind="blocked"/>'}, "blocked needs by=", ""),
@@ -216,7 +216,7 @@ def test_a_panel_of_nobody_or_on_no_processor_is_refused(
 ) -> None:
     words = ["study", "simulate", str(written(tmp_path)), "-o", str(tmp_path / "data"), none, "0"]
     assert main(words) == 2
-    assert capsys.readouterr().err == "--observers and --processes are 1 or more\n"
+    assert capsys.readouterr().err == "--observers and --processes must be 1 or more\n"
     assert not (tmp_path / "data").exists()
 
 

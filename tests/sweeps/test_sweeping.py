@@ -104,7 +104,7 @@ def test_status_says_how_far_it_is_and_why_runs_failed(
     assert main(["sweep", "status", str(part)]) == 0
     assert capsys.readouterr().out.startswith(f"2 runs in {part}: ")
     assert main(["sweep", "status", str(tmp_path)]) == 2
-    assert "is no folder of a sweep" in capsys.readouterr().err
+    assert "is not the folder of a sweep" in capsys.readouterr().err
 
 
 def test_run_may_stand_before_the_sweep(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -210,7 +210,7 @@ def test_a_sweep_ends_when_enough_is_known_or_too_much_fails() -> None:
         (("--engine", "dask"), "needs its scheduler: --scheduler tcp://HOST:8786"),
         (("--scheduler", "tcp://x:1"), "--scheduler is that of --engine dask"),
         (("--engine", "ray"), "the engine 'ray' needs ray"),
-        (("--workers", "0"), "--workers is 1 or more"),
+        (("--workers", "0"), "--workers must be 1 or more"),
     ],
 )
 def test_an_engine_that_is_not_there_is_a_sentence(

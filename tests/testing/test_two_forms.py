@@ -156,7 +156,7 @@ def test_a_class_that_may_have_no_heirs_is_compared_from_random_states_alone() -
     assert finding.outcome == "failed" and re.search(r"'count.count' .* in draw \d+ of seed", finding.note)
     Last.which = 0
     finding = joined.modality.examine(subject(Last))
-    assert (finding.outcome, finding.note) == ("passed", "no heir of its class runs in Python; 800 random States")
+    assert (finding.outcome, finding.note) == ("passed", "no subclass of it runs in Python; 800 random States")
 
 
 def test_an_update_that_comes_every_tenth_tick_is_compared_with_its_own_period() -> None:

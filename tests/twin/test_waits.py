@@ -130,7 +130,7 @@ def test_it_is_written_on_the_screen_and_replayed(scene: Path, run: Ran) -> None
     ("hold", "said", "advice"),
     [
         ("until", "it does not say for what", "until skin 0.5 K"),
-        ("until skni 0.5 K", "'skni' is nothing that can be waited for", "the skin's temperature"),
+        ("until skni 0.5 K", "'skni' cannot be waited for", "the skin's temperature"),
         ("until skin", "it does not say how near the skin must be", "until skin 0.5 K"),
         ("until skin 0.5 degC", "this is a temperature difference", "a difference of temperature in K"),
         ("until skin 0.5 s", "'s' is not a unit of K", "until skin 0.5 K"),

@@ -100,11 +100,11 @@ def from_csv(data: bytes) -> Motion:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise ValueError("it is no text") from None
+        raise ValueError("it is not text") from None
     try:
         rows = [row for row in csv.reader(io.StringIO(text)) if row and not row[0].lstrip().startswith("#")]
     except csv.Error as error:
-        raise ValueError(f"it is no table ({error})") from None
+        raise ValueError(f"it is not a table ({error})") from None
     if not rows:
         raise ValueError("it has no rows")
     if len(rows) > MOST_ROWS:
@@ -146,7 +146,7 @@ def _named(header: list[str]) -> list[tuple[int, float]]:
         raise ValueError(f"it has no column named {', '.join(missing)}; it has {', '.join(header)[:120]}")
     turns = [name for name in _TURN if name in found]
     if turns and len(turns) < 4:
-        raise ValueError(f"of a quaternion it has only {', '.join(turns)}")
+        raise ValueError(f"of the quaternion it has only {', '.join(turns)}")
     return [found[name] for name in ("t", *_PLACE, *turns)]
 
 
@@ -188,7 +188,7 @@ def checked(times: NDArray[np.float64], values: NDArray[np.float64]) -> Motion:
         raise ValueError(f"it has {len(times)} rows; a motion has two at least")
     good = np.isfinite(values).all(axis=1) & np.isfinite(times)
     if not good.all():
-        raise ValueError(f"row {int(np.argmin(good)) + 1} holds what is no finite number")
+        raise ValueError(f"row {int(np.argmin(good)) + 1} holds a value that is not a finite number")
     late = np.diff(times) <= 0.0
     if late.any():
         raise ValueError(f"the time does not rise after row {int(np.argmax(late)) + 1}")

@@ -23,7 +23,7 @@ class TwinOnlyArm(Device):
         DeviceError
             Always.
         """
-        raise DeviceError(f'a {self.input_source} is no arm that could be opened: it is twin only, write twin="yes"')
+        raise DeviceError(f'a {self.input_source} cannot be opened as hardware: it is twin only, write twin="yes"')
 
     def close(self) -> None:
         """Do nothing: it was never open."""
@@ -36,4 +36,4 @@ class TwinOnlyArm(Device):
         DeviceError
             Always.
         """
-        raise DeviceError(f"a {self.input_source} is no arm that could be read: it is twin only")
+        raise DeviceError(f"a {self.input_source} cannot be read as hardware: it is twin only")

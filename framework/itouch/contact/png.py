@@ -32,7 +32,7 @@ def grey_of_png(data: bytes, most: int) -> NDArray[np.float64]:
     if interlaced:
         raise ValueError("it is interlaced; save it without interlacing")
     if rows < 1 or columns < 1 or rows * columns > most:
-        raise ValueError(f"it has {columns} x {rows} samples; allowed are 1 to {most}")
+        raise ValueError(f"it has {columns} x {rows} samples; it must have 1 to {most}")
     width = (columns * _CHANNELS[colour] * depth + 7) // 8
     lines = _unfiltered(
         _inflated(parts.get(b"IDAT", b""), rows * (width + 1)), rows, width, max(1, _CHANNELS[colour] * depth // 8)

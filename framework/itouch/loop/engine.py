@@ -484,7 +484,7 @@ class Engine:
         finally:
             tell(self.on.safe)
         if isinstance(failed, Exception):
-            fault.add_note(f"when it was told: {type(failed).__name__}: {failed}")
+            fault.add_note(f"while it was reported: {type(failed).__name__}: {failed}")
         elif failed is not None:
             raise failed
 

@@ -109,8 +109,8 @@ def late_couplings(model: Model, state: Record) -> tuple[str, ...]:
         own = probe.coupling[one].stiffness
         found.append(
             f"'{model.objects[one]}' was rendered to '{probe.name}' with {own * (1.0 - state[f'{name}.lost']):.0f} "
-            f"N/m at the least instead of {own:g}: pose and force of '{probe.scene.force_to}' are some "
-            f"{1e3 * delay:.1f} ms late, and stiffer it could begin to oscillate; a faster exchange, or a hand-damping "
-            "that was measured, allows more"
+            f"N/m at least, instead of {own:g}: pose and force of '{probe.scene.force_to}' are some "
+            f"{1e3 * delay:.1f} ms late, and a stiffer surface could begin to oscillate; a faster exchange, or a "
+            "measured hand-damping, allows more"
         )
     return tuple(found)

@@ -23,7 +23,7 @@ def missed_plates(model: Model, state: Record) -> tuple[str, ...]:
             what = (
                 f"{plate} was felt by {finger} at {at:.3f} s and should not have been: {-depth * 1e3:.1f} mm below it "
                 f"by its height, it pressed with {load:.2f} N, and the heat that it gave or took is in no contact's "
-                "figures; it is left away, and the arm gives its force"
+                "figures; it stays away now, and the arm gives its force"
             )
         else:
             what = (

@@ -157,7 +157,7 @@ def _plain(value: Any, name: str, faults: list[str], depth: int) -> Any:
     plain = _number(value)
     if plain is None or isinstance(plain, float | int | str):
         return plain
-    faults.append(f"report returned {_kind(value)} as '{name}', which is no plain data")
+    faults.append(f"report returned {_kind(value)} as '{name}', which is not plain data")
     return None
 
 

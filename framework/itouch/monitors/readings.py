@@ -166,7 +166,7 @@ class Readings(Monitor):
         if code == Trip.NOT_A_NUMBER:
             return f"reads {not_finite([value])} ({channel.name})"
         if code == Trip.SENSOR_RANGE and apart > 0.0:
-            return f"reads a quaternion of length {apart:.3g} ({channel.name}), which is no rotation"
+            return f"reads a quaternion of length {apart:.3g} ({channel.name}), which is not a rotation"
         if code == Trip.SENSOR_DISAGREE:
             return f"has two sensors that differ by {apart:.1f} K"
         if code == Trip.SENSOR_JUMP:

@@ -23,7 +23,7 @@ def unit_fault(unit: str) -> str:
     try:
         parsed = parse_unit(unit)
     except ValueError:
-        return f'has the unit \'{unit}\', which is none: write one in SI such as unit="N*s/m", or unit="1"'
+        return f'has the unit \'{unit}\', which is not a unit: write one in SI such as unit="N*s/m", or unit="1"'
     if parsed.factor != 1.0 or parsed.offset != 0.0:
         return f"has the unit '{unit}', which is not SI: declare it in SI, screens and files convert by themselves"
     return ""

@@ -38,7 +38,7 @@ def normalized(quaternion: Sequence[float]) -> tuple[float, float, float, float]
     w, x, y, z = quaternion
     length = math.sqrt(w * w + x * x + y * y + z * z)
     if not (math.isfinite(length) and length > 1e-9):
-        raise ValueError(f"a quaternion of length {length:g} is no rotation")
+        raise ValueError(f"a quaternion of length {length:g} is not a rotation")
     return (w / length, x / length, y / length, z / length)
 
 

@@ -79,7 +79,7 @@ def _first(ring: Ring, parent: Ended) -> bytes:
     until = time.monotonic() + _PATIENCE
     while (letter := ring.take()) is None:
         if time.monotonic() > until or parent.wait(0.005):
-            raise OSError(0, "nothing came to be written")
+            raise OSError(0, "there was nothing to write")
     if letter[0] != SPEC:
         raise ValueError("the first letter is not a specification")
     return letter[1]

@@ -152,10 +152,10 @@ def _records(data: bytes) -> Iterator[tuple[int, memoryview, int]]:
 def _check_end(data: bytes, body: memoryview, end: int) -> None:
     """Check that the record of the end of data is valid, and that nothing before it is missing or altered."""
     if len(body) != 4:
-        raise DamageError("the end of the data is not one")
+        raise DamageError("the record that ends the data is not valid")
     (crc,) = struct.unpack("<I", body)
     if zlib.crc32(memoryview(data)[: end - 13]) != crc:
-        raise DamageError("the checksum of all the data does not fit: something in it is missing or altered")
+        raise DamageError("the checksum of all the data does not match: something in it is missing or altered")
 
 
 class _Parser:
@@ -187,7 +187,7 @@ class _Parser:
             data = bytes(body)
             (crc,) = struct.unpack("<I", data[-4:])
             if zlib.crc32(data[:-4]) != crc:
-                raise ValueError("its checksum does not fit")
+                raise ValueError("its checksum does not match")
             at = 16
             (length,) = struct.unpack_from("<I", data, at)
             name = data[at + 4 : at + 4 + length].decode()
@@ -272,7 +272,7 @@ class _Parser:
         tracks = [load_track(track) for track in session["tracks"]]
         period, start = float(session["period"]), int(session["start_ns"])
         if not (1e-6 <= period <= 1.0 and 0 <= start < 1 << 63):
-            raise ValueError(f"a period of {period!r} s can't be")
+            raise ValueError(f"a period of {period!r} s is impossible")
         if len({track.name for track in tracks}) < len(tracks):
             raise ValueError("two tracks have one name")
         self.content.session = session
@@ -326,5 +326,5 @@ def _unpacked(body: memoryview) -> bytes:
     except (zstandard.ZstdError, MemoryError) as error:
         raise DamageError("a chunk can't be unpacked") from error
     if len(plain) != size or zlib.crc32(plain) != crc:
-        raise DamageError("the checksum of a chunk does not fit")
+        raise DamageError("the checksum of a chunk does not match")
     return plain

@@ -110,7 +110,7 @@ def load_track(data: Mapping[str, Any]) -> Track:
     if len(columns) > _MOST_COLUMNS or numbers > _MOST_NUMBERS or track.every < 1:
         raise ValueError(f"track '{track.name[:40]}' has {len(columns)} columns of {numbers} numbers")
     if any(c.kind not in KINDS or c.size < 0 for c in columns) or len(set(names)) < len(names):
-        raise ValueError(f"track '{track.name[:40]}' has a column that can't be")
+        raise ValueError(f"track '{track.name[:40]}' has an impossible column")
     if {"tick", "time"} & set(names):
         raise ValueError(f"track '{track.name[:40]}' has a column of its own named tick or time")
     return track

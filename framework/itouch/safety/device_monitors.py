@@ -354,7 +354,7 @@ class DeviceMonitors:
         try:
             said: object = post.monitor.check(post.state, reading, sent, moment)
             if isinstance(said, str | bytes):
-                raise TypeError(f"{said!r} is no number")
+                raise TypeError(f"{said!r} is not a number")
             found = float(said)  # type: ignore[arg-type]  # whatever else it is, this raises
         except KeyboardInterrupt:
             raise
@@ -395,7 +395,10 @@ class DeviceMonitors:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            sentence, quoted = f"was stopped by {monitor.trips[code]} ({type(error).__name__} while it was told)", None
+            sentence, quoted = (
+                f"was stopped by {monitor.trips[code]} ({type(error).__name__} while it was reported)",
+                None,
+            )
         if quoted is not None:
             sentence += f" ({quoted.number + ' ' if quoted.number else ''}{quoted.quantity}: trips at {quoted.trip})"
         raise TripError(Trip(code) if post.own else Trip.MONITOR, sentence)

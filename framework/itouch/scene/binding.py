@@ -233,7 +233,7 @@ class Binder:
                 self._incomplete.add(id(node))
             return
         if child.tag in first:
-            sentence = f"<{child.written}> may stand only once here"
+            sentence = f"<{child.written}> may appear only once here"
             related = ((first[child.tag].place, "first here"),)
             self.problems.append(Problem("duplicate-element", sentence, child.place, related=related))
             return
@@ -249,7 +249,7 @@ class Binder:
             place = self.places.of(twin)
             related = ((place, "first here"),) if place else ()
             advice = "give one of them another name" if host.tag == "interaction" else "remove one of them"
-            sentence = f"<{node.written}> may stand only once here"
+            sentence = f"<{node.written}> may appear only once here"
             self.problems.append(Problem("duplicate-element", sentence, node.place, advice, related))
 
     def bind_part(self, host: Node, node: Node) -> PluginPart | None:

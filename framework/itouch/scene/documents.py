@@ -179,7 +179,7 @@ class DocumentReader:
             faults.children.append(node)
         elif node.tag in document.sections:
             related = ((document.sections[node.tag].place, "first here"),)
-            sentence = f"<{node.tag}> may stand only once in a file"
+            sentence = f"<{node.tag}> may appear only once in a file"
             self.problems.append(
                 Problem("duplicate-element", sentence, node.place, "put their content into one", related)
             )

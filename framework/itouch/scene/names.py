@@ -75,7 +75,7 @@ class Names:
             kind = entry.kind
             if entry.name not in known.get(kind, {}):
                 if kind not in advisers:
-                    advisers[kind] = Adviser(list(known.get(kind, {})), f"each {kind} that there is")
+                    advisers[kind] = Adviser(list(known.get(kind, {})), f"the scene's {kind} names are")
                 advice = advisers[kind].advise(entry.name) or f"define a {kind}"
                 sentence = f"there is no {kind} named '{entry.name}'"
                 # never mended by guessing: a person must say which device acts on whom, and which finger is meant

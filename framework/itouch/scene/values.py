@@ -56,7 +56,7 @@ def _hold(spec: Spec, text: str) -> float | Until:
         return _lasting(spec, text)
     example = f"such as '{WORD} {SKIN} 0.5 K'"
     if len(words) < 2 or words[1] != SKIN:
-        found = f"'{words[1]}' is nothing that can be waited for" if len(words) > 1 else "it does not say for what"
+        found = f"'{words[1]}' cannot be waited for" if len(words) > 1 else "it does not say for what"
         mend = (words[1], SKIN) if len(words) > 1 and meant(words[1], (SKIN,)) else None
         raise ValueProblemError("bad-value", found, f"the skin's temperature, {example}", mend)
     if len(words) < 3:

@@ -103,7 +103,7 @@ def parse_quantity(
     numbers = [parse_number(word) for word in words]
     if _MIXED.search(text):  # "1,5 2 mm" could be three numbers, but that is hardly meant
         raise QuantityError(
-            f"'{text.strip()}' has a comma and blanks between its numbers",
+            f"'{text.strip()}' has a comma and spaces between its numbers",
             "a decimal point in a number, and the same between all numbers",
         )
     if len(numbers) not in counts:

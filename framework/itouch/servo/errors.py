@@ -61,7 +61,7 @@ def _traceback(error: BaseException) -> str:
     try:
         return "".join(traceback.format_exception(error))
     except BaseException:  # any access to an error of a plugin, which may be in the chain, may fail
-        return f"{named(error)}, of which there is no traceback\n"
+        return f"{named(error)}, without a traceback\n"
 
 
 def decode(told: dict[str, Any]) -> Exception:

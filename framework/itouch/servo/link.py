@@ -249,7 +249,7 @@ def attach(name: str | None = None) -> Link:
     for segment in segments:
         segment.close()
     if not segments:
-        raise ServoError("no session runs" if name is None else f"there is no running session named '{name}'")
+        raise ServoError("no session is running" if name is None else f"there is no running session named '{name}'")
     if not ready:
         raise ServoError(f"session '{segments[0].name}' is still being built")
     listed = ", ".join(f"'{segment.name}'" for segment in ready)

@@ -95,7 +95,7 @@ class RemoteTwin(Twin):
             while True:
                 packet = self._line.recv(wire.PACKET)
                 if not packet:
-                    raise DeviceError("its remote twin has hung up")
+                    raise DeviceError("its remote twin has closed the connection")
                 newest = packet
         except BlockingIOError:
             pass

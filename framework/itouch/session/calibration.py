@@ -83,12 +83,12 @@ def read_records(path: Path) -> list[CalibrationRecord]:
     except json.JSONDecodeError as error:
         where = f"{path}:{error.lineno}:{error.colno}"
         raise ItouchError(
-            f"calibration file '{path}' cannot be used: it is no JSON from {where} on; {_ADVICE}"
+            f"calibration file '{path}' cannot be used: it is not JSON from {where} on; {_ADVICE}"
         ) from error
     except RecursionError as error:
         raise ItouchError(f"calibration file '{path}' cannot be used: it is nested too deep; {_ADVICE}") from error
     except UnicodeDecodeError as error:
-        raise ItouchError(f"calibration file '{path}' cannot be used: it is no UTF-8 text; {_ADVICE}") from error
+        raise ItouchError(f"calibration file '{path}' cannot be used: it is not UTF-8 text; {_ADVICE}") from error
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or error
         raise ItouchError(f"calibration file '{path}' cannot be used: {why}") from error

@@ -129,7 +129,7 @@ class _Splitter:
             self._open.append(node)
         elif self.depth == 2 and tag == "session":
             if self.tree is not None:
-                raise ValueError("<session> may stand only once")
+                raise ValueError("<session> may appear only once")
             self.tree = _Node(tag, attributes)
             self.begin = self.parser.CurrentByteIndex
             self._open.append(self.tree)
@@ -164,7 +164,7 @@ def from_xml(name: str, data: bytes, catalog: Catalog) -> Snapshot:
             )
         if splitter.tree is None:
             how = how_run(splitter.root, name) or "; name a file that a session was saved to"
-            raise SessionError(f"'{name}' is no stored session: its outermost element is <{splitter.root}>{how}")
+            raise SessionError(f"'{name}' is not a stored session: its outermost element is <{splitter.root}>{how}")
         manifest, ledger, state, bases = _read(name, splitter.tree)
         stored = {node.attributes["digest"]: _decoded(node) for node in splitter.tree.all("file")}
         files = checked_files(name, manifest, stored)
@@ -175,7 +175,7 @@ def from_xml(name: str, data: bytes, catalog: Catalog) -> Snapshot:
     except expat.ExpatError as error:
         raise SessionError(f"'{name}' is not a whole session: {error}") from error
     if digest(state.tobytes()) != manifest.get("state"):
-        raise SessionError(f"'{name}' was altered: the digest of its state does not fit")
+        raise SessionError(f"'{name}' was altered: the digest of its state does not match")
     xml = data[: splitter.begin].rstrip(b" \t") + data[splitter.end :].lstrip(b" \t\r\n")
     scene = read_scene(name, xml, manifest, files, catalog)
     # compared as text, since another version may write the scene otherwise, and as a scene, since blanks may change
@@ -212,7 +212,7 @@ def _ordered(bases: Mapping[str, Arrays], manifest: Mapping[str, Any]) -> dict[s
         raise ValueError("its bases are not those that its manifest names")
     found = {key: bases[key] for key in stated}
     if found and digest(pack_bases(found)[0]) != manifest["bases"]["digest"]:
-        raise ValueError("the digest of its bases does not fit")
+        raise ValueError("the digest of its bases does not match")
     return found
 
 
@@ -268,7 +268,7 @@ def _fill(view: NDArray[Any], node: _Node) -> None:
 
 
 def to_text(values: NDArray[Any]) -> str:
-    """Return numbers, of any shape (n, ...) and unit, as text, separated by blanks.
+    """Return numbers, of any shape (n, ...) and unit, as text, separated by spaces.
 
     It is the shortest text that reads back to the same bits; values that are not numbers are written in hexadecimal.
     """

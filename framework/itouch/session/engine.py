@@ -461,7 +461,7 @@ class Session(Shown, Engine):
             self.statistics.load(snapshot.ledger)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             self.adopt(before)
-            raise SessionError(f"the session can't be taken up: {plainly(error)}") from error
+            raise SessionError(f"the session can't be resumed: {plainly(error)}") from error
         self.notes = (*told, *said)
         here = self._snapshots().manifest(self.state)
         other = any(snapshot.manifest.get(key) not in (None, here[key]) for key in ("model", "contact"))

@@ -28,9 +28,9 @@ def plainly(error: BaseException) -> str:
     if isinstance(error, zlib.error | EOFError):
         return "its content is damaged"
     if isinstance(error, json.JSONDecodeError):
-        return f"a document of it is no JSON from line {error.lineno}, column {error.colno} on"
+        return f"a document of it is not JSON from line {error.lineno}, column {error.colno} on"
     if isinstance(error, UnicodeDecodeError):
-        return "a document of it is no UTF-8 text"
+        return "a document of it is not UTF-8 text"
     if isinstance(error, KeyError):
         return f"{error} is missing"
     if isinstance(error, ValueError):
@@ -47,11 +47,11 @@ def check_ledger(ledger: Any) -> None:
         If it is otherwise.
     """
     if not isinstance(ledger, dict):
-        raise ValueError("its ledger is no JSON object")
+        raise ValueError("its ledger is not a JSON object")
     for name in ("contacts", "faults"):
         found = ledger.get(name)
         if not isinstance(found, list) or not all(isinstance(entry, dict) for entry in found):
-            raise ValueError(f"'{name}' of its ledger is no list of objects")
+            raise ValueError(f"'{name}' of its ledger is not a list of objects")
     for number, entry in enumerate(ledger["contacts"], 1):
         for name, kinds in _CONTACT.items():
             if name not in entry or not isinstance(entry[name], kinds) or isinstance(entry[name], bool):

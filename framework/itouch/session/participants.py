@@ -132,17 +132,17 @@ def _digest(body: dict[str, Any]) -> str:
 def _read(path: Path, code: str) -> tuple[Used, bool]:
     """Return the use that a file tells, and whether somebody has edited it."""
     if not path.is_file() and path.exists():
-        raise ValueError("it is no file")
+        raise ValueError("it is not a file")
     with path.open("rb") as stream:
         data = json.loads(stream.read(MOST))
     if not isinstance(data, dict):
-        raise ValueError("it is no record of anybody")
+        raise ValueError("it is not a record of a participant")
     digest = data.pop("digest", "")
     if data["format"] != FORMAT or data["participant"] != code:
-        raise ValueError(f"it is no record of '{code}' in the format '{FORMAT}'")
+        raise ValueError(f"it is not a record of '{code}' in the format '{FORMAT}'")
     used = Used(*(float(data[name]) for name in ("dose_s", "cold_s", "at")))
     if not all(math.isfinite(value) and value >= 0.0 for value in used.values):
-        raise ValueError("it holds what is no time")
+        raise ValueError("it holds a time that cannot be read")
     return used, digest != _digest(data)
 
 
@@ -155,7 +155,7 @@ class Participant:
     ) -> None:  # fmt: skip
         self.code, self._session, self._lost, self._clock = scene.safety.participant, session, lost, clock
         if not CODE.fullmatch(self.code):
-            sentence = f"participant = '{self.code}' is no code: 1 to 64 letters, digits, '-' and '_'"
+            sentence = f"participant = '{self.code}' is not a code: 1 to 64 letters, digits, '-' and '_'"
             raise SceneError([Problem("bad-value", sentence, scene.places.of(scene.safety, "participant"))])
         #: Budget -> for each finger, the fields of State with the uses by its plates, which count together.
         self._views = {
@@ -206,7 +206,7 @@ class Participant:
             claim(handle)
         except BlockingIOError as error:
             os.close(handle)
-            sentence = f"participant '{self.code}' is in another session that runs: end that one first"
+            sentence = f"participant '{self.code}' is in another running session: end that one first"
             raise SessionError(f"{sentence}, or each would count its own thermal dose alone") from error
         self._claimed = handle
 

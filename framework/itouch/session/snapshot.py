@@ -183,7 +183,7 @@ def _bases(name: str, manifest: Mapping[str, Any], data: bytes | None) -> dict[s
         return {}
     stated = manifest["bases"]
     if digest(data) != stated["digest"]:
-        raise SessionError(f"'{name}' was altered: the digest of its bases does not fit")
+        raise SessionError(f"'{name}' was altered: the digest of its bases does not match")
     return load_bases(data, stated["shapes"])
 
 

@@ -43,7 +43,7 @@ def _beside(subject: DeviceSubject) -> None:
     for tick in range(300):
         bench.step()
         other.step()
-        _compare(bench, other, f"a restored twin goes on otherwise after {tick + 1} ticks")
+        _compare(bench, other, f"a restored twin continues differently after {tick + 1} ticks")
     changed = [name for name, value in attributes(bench.twin).items() if before.get(name, value) != value]
     if changed:
         raise _fail(
@@ -73,7 +73,7 @@ def _in_another_process(subject: DeviceSubject) -> None:
     for tick, (ours, theirs) in enumerate(zip(told["after"], restored["after"], strict=True)):
         if ours != theirs:
             raise _fail(
-                f"a twin that is restored in a new process goes on otherwise after {10 * (tick + 1)} ticks",
+                f"a twin that is restored in a new process continues differently after {10 * (tick + 1)} ticks",
                 "something that changes is kept in a global, in the class, in a variable of a function, or in a file",
                 "declare it in fields() and keep it in state; random words come from State",
             )
@@ -82,7 +82,7 @@ def _in_another_process(subject: DeviceSubject) -> None:
 def _child(work: Callable[[], bytes]) -> Ending:
     ending = apart(work, _LIMIT)
     if ending.kind != "returned":
-        raise _fail(ending.text, "the twin does not work in a child process", "see what it needs of the process")
+        raise _fail(ending.text, "the twin does not work in a child process", "find out what it needs from the process")
     return ending
 
 
@@ -139,7 +139,7 @@ def _with_new_objects(subject: DeviceSubject) -> None:
         fresh.step()
         lone.state.raw[:], lone.reading.raw[:] = fresh.state.raw, fresh.reading.raw
         lone.tick += 1
-        _compare(bench, lone, f"with a new twin object in every tick it goes otherwise after {tick + 1} ticks")
+        _compare(bench, lone, f"with a new twin object in every tick it behaves differently after {tick + 1} ticks")
         if time.perf_counter() - begin > 2.0:
             return
 

@@ -55,7 +55,7 @@ def _channels(subject: DeviceSubject) -> None:
     for name, channels in (("reads", reads), ("commands", commands)):
         if not isinstance(channels, (tuple, list)) or not all(isinstance(one, Channel) for one in channels):
             raise _fail(
-                f"{name} = {channels!r} is no tuple of channels",
+                f"{name} = {channels!r} is not a tuple of channels",
                 "a comma is missing after the only channel, or another container",
                 f"write {name} = (pose(), ...)",
             )
@@ -84,6 +84,6 @@ def _twin(subject: DeviceSubject) -> None:
     if wrong:
         raise _fail(
             f"the State field '{wrong[0]}' is of type {dtype[wrong[0]]}",
-            "objects and texts are no numbers",
+            "objects and texts are not numbers",
             "State is numbers of a fixed size: f8, i8, u8, or a table of them",
         )

@@ -39,7 +39,7 @@ def declarations(subject: DeviceSubject) -> None:
     bare = [f.name for f in dataclasses.fields(cls.Params) if f.name not in specs(cls.Params)]
     if bare:
         raise _fail(
-            f"Params has fields that are no grammar: {', '.join(bare)}",
+            f"Params has fields that are not schema fields: {', '.join(bare)}",
             "plain defaults instead of schema fields",
             "make them with itouch.plugin.schema: quantity, text, flag, choice, ...",
         )
@@ -226,7 +226,7 @@ def units(subject: DeviceSubject) -> None:
             unit = parse_unit(channel.unit) if channel.unit and channel.unit not in PLAIN else None
         except ValueError as error:
             raise _fail(
-                f"the channel '{channel.name}' is in '{channel.unit}', which is no unit",
+                f"the channel '{channel.name}' is in '{channel.unit}', which is not a unit",
                 "a misspelling, or a word",
                 "write it as in m/s^2, N*m or W/m^2; a number without a unit has '1'",
             ) from error
@@ -309,5 +309,5 @@ def locked_axes(subject: DeviceSubject) -> None:
                     raise _fail(
                         "a wrench with locked rotations has torque limits",
                         "torque= and locked= disagree",
-                        "leave torque= away",
+                        "omit torque=",
                     )

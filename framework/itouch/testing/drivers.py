@@ -362,6 +362,6 @@ def transcript(subject: DeviceSubject) -> str:
             raise _fail(
                 f"transfer {index} sends {ours.hex(' ')}, the transcript has {theirs.hex(' ')}",
                 "the protocol has changed",
-                "if that is meant, record the transcript anew",
+                "if that is meant, record the transcript again",
             )
     return f"{min(len(sent), len(wanted))} transfers"

@@ -173,7 +173,7 @@ def surroundings(subject: Subject) -> None:
         if changes:
             raise _fail(
                 f"{workload.what} changes {changes[0]}",
-                "a call that holds for the whole process, and so for everybody in it",
+                "a call that affects the whole process, and so everything in it",
                 "leave it as it is, or change it within a call and put it back: with np.errstate(...), for instance",
             )
 
@@ -354,7 +354,7 @@ def steady(subject: Subject) -> str:
         raise _fail(
             f"{circles:.0f} objects a tick are left that refer to each other in a circle",
             "a closure that names itself, or an exception that is kept",
-            "break the circle: in real time the collector of garbage is off, and they would stay",
+            "break the circle: in real time the garbage collector is off, and they would stay",
         )
     return f"{1e6 * early:.0f} us, then {1e6 * late:.0f} us"
 

@@ -233,7 +233,7 @@ def _followed(subject: ModalitySubject, engine: Engine, states: States) -> str:
             kinds = engine.state["events.table"]["kind"]
             names = [Contact(kinds[one % kinds.size]).name for one in range(told, int(count))]
             raise unequal(f"{found}, at tick {tick}" + (f", in which {' and '.join(names)} happened" if names else ""))
-    return f"{ticks} ticks" if other is not None else "no heir of its class runs in Python"
+    return f"{ticks} ticks" if other is not None else "no subclass of it runs in Python"
 
 
 def _in_python(subject: ModalitySubject) -> Engine | None:

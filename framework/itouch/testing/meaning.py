@@ -58,7 +58,7 @@ def _said(faults: list[str]) -> None:
     if faults:
         raise _fail(
             "; ".join(faults[:4]) + ("; ..." if len(faults) > 4 else ""),
-            "unit= or doc= was left away, or the unit is not SI",
+            "unit= or doc= is missing, or the unit is not SI",
             'give every Channel and Field a unit and one sentence: Field("level", unit="Pa", doc="pressure inside")',
         )
 

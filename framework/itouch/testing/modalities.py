@@ -45,7 +45,7 @@ def declarations(subject: ModalitySubject) -> None:
         bare = [f.name for f in dataclasses.fields(kind) if f.name not in specs(kind)]
         if bare:
             raise _fail(
-                f"{name} has fields that are no grammar: {', '.join(bare)}",
+                f"{name} has fields that are not schema fields: {', '.join(bare)}",
                 "plain defaults",
                 "make them with itouch.plugin.schema",
             )
@@ -142,7 +142,7 @@ def state_declared(subject: ModalitySubject) -> None:
     if straight.state.tobytes() != again.state.tobytes():
         names = [name for name in straight.state if straight.state[name].tobytes() != again.state[name].tobytes()]
         raise _fail(
-            f"after a restore these fields go on otherwise: {', '.join(names[:4])}",
+            f"after a restore these fields continue differently: {', '.join(names[:4])}",
             "an attribute, a global or the clock decides",
             "declare it in fields() and keep it in state",
         )
@@ -161,12 +161,12 @@ def _in_another_process(subject: ModalitySubject) -> None:
     subject.seconds  # noqa: B018  (computed once, for both processes)
     straight = apart(lambda: _straight(subject), 60.0)
     if straight.kind != "returned":
-        raise _fail(straight.text, "it does not work in a child process", "see what it needs of the process")
+        raise _fail(straight.text, "it does not work in a child process", "find out what it needs from the process")
     told = json.loads(straight.value)
     restored = apart(lambda: _restored(subject, bytes.fromhex(told["state"])), 60.0)
     if restored.kind != "returned" or json.loads(restored.value)["end"] != told["end"]:
         raise _fail(
-            "a session that is restored in a new process goes on otherwise",
+            "a session that is restored in a new process continues differently",
             "something that changes is kept in a global, in the class, in a variable of a function, or in a file",
             "declare it in fields() and keep it in state",
         )
@@ -302,7 +302,7 @@ def measures(subject: ModalitySubject) -> None:
                 if wrong := of_contact(modality, state, probe.name, 0).faults:
                     raise _fail(
                         wrong[0],
-                        "a key of the report's own, or a value that is no figure",
+                        "a key of the report's own, or a value that is not a figure",
                         "return numbers, texts, yes or no, or None, under keys of your own",
                     )
             _plain("report", instance.report(model, state))

@@ -36,7 +36,7 @@ def pytest_runtest_makereport(item: Any) -> Any:
 def pytest_runtest_setup(item: Any) -> None:
     """Skip all other tests until all steps are done."""
     if getattr(item.session, "itouch_steps", False):
-        pytest.skip("first the steps are to be done")
+        pytest.skip("finish the steps first")
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:

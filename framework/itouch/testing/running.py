@@ -33,7 +33,7 @@ def restores(subject: DeviceSubject) -> None:
     if straight.state.tobytes() != again.state.tobytes():
         names = [name for name in straight.state if straight.state[name].tobytes() != again.state[name].tobytes()]
         raise CheckError(
-            f"after a restore these fields go on otherwise: {', '.join(names[:4])}",
+            f"after a restore these fields continue differently: {', '.join(names[:4])}",
             cause="the twin keeps something outside of State, or looks at the clock",
             advice="declare it in fields() and keep it in state",
         )

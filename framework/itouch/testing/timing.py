@@ -215,7 +215,7 @@ def _beside(subject: DeviceSubject) -> str:
             f"an exchange takes {1e3 * exchanges.spent:.1f} ms and computes for {1e3 * exchanges.computed:.1f} of it, "
             f"and everything else stands still {often} times",
             "a loop that computes until something comes, or a library that keeps the interpreter's lock (GIL)",
-            "wait with select and a timeout; call a library through ctypes.CDLL, which gives the lock away",
+            "wait with select and a timeout; call a library through ctypes.CDLL, which releases the lock",
         )
     return f"{often} gaps above 4 ms"
 

@@ -234,7 +234,7 @@ def command_untouched(subject: DeviceSubject) -> None:
             )
 
 
-@check("twin-limits", "it bears every command that is allowed")
+@check("twin-limits", "it withstands every command that is allowed")
 def bounded(subject: DeviceSubject) -> None:
     """Drive every command to its limits; readings must stay finite."""
     bench = subject.bench()

@@ -271,7 +271,7 @@ def declared_by(method: Callable[..., Any], *given: Any) -> tuple[Field, ...]:
     fields = tuple(told)
     for field in fields:
         if not isinstance(field, Field):
-            raise ReturnedError(method, f"it returned {field!r:.40} among its fields, which is no Field")
+            raise ReturnedError(method, f"it returned {field!r:.40} among its fields, which is not a Field")
     try:
         dtype_of(fields)
     except ValueError as error:

@@ -204,7 +204,7 @@ def _default_carriers(
         elif cls is None:
             why = catalog.failures.get(plugin, "no modality is installed that does")
             sentence = f"nothing brings the surface of '{probe.surface_to}' to probe '{probe.name}': {why}"
-            advice = "install itouch-py anew, or a package that offers one in the entry-point group 'itouch.carriers'"
+            advice = "reinstall itouch-py, or a package that offers one in the entry-point group 'itouch.carriers'"
             problems.append(Problem("plugin-failed", sentence, place, advice))
         elif any(one.name == name for one in known):
             sentence = f"modality '{name}' has the name of what brings the surface of '{probe.surface_to}'"

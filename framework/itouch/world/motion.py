@@ -162,7 +162,7 @@ def _path(
         problems.append(Problem(code, error.sentence, place, error.advice))
         return []
     except ValueError as error:
-        sentence = f"'{motion.file}' is no table of a motion: {error}"
+        sentence = f"'{motion.file}' is not a table of a motion: {error}"
         problems.append(Problem("motion", sentence, place, "columns t x y z, or t x y z qw qx qy qz, in SI"))
         return []
     if table.shape[1] == 4:
@@ -235,7 +235,9 @@ def read_motion(data: bytes) -> Floats:
     if table.ndim != 2 or table.shape[1] not in (4, 8) or not 2 <= len(table) <= MAX_ROWS:
         raise ValueError(f"it has the shape {table.shape}; it must be (2 to {MAX_ROWS} rows, 4 or 8 columns)")
     if not np.isfinite(table).all():
-        raise ValueError(f"row {int(np.argmax(~np.isfinite(table).all(axis=1))) + 1} holds what is no finite number")
+        raise ValueError(
+            f"row {int(np.argmax(~np.isfinite(table).all(axis=1))) + 1} holds a value that is not a finite number"
+        )
     late = np.diff(table[:, 0]) <= 0.0
     if late.any():
         raise ValueError(f"the time does not rise after row {int(np.argmax(late)) + 1}")

@@ -50,7 +50,7 @@ def recorded_motion(
         return None
     positions = np.array(rows["hip"], np.float64)
     if positions.ndim != 2 or positions.shape[1] != 3 or not np.isfinite(positions).all():
-        problems.append(Problem("bad-recording", f"'{motion.file}' holds places that are no numbers", place))
+        problems.append(Problem("bad-recording", f"'{motion.file}' holds places that are not numbers", place))
         return None
     positions.setflags(write=False)
     return RecordedMotion(positions, float(content.session["period"]) * content.tracks[name].every)

@@ -179,7 +179,7 @@ def _shared_wires(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator[
                 continue
             sentence = (
                 f"devices '{other.name}' and '{element.name}' would both write to '{wire}': they would take each "
-                "other's answers, and one go on driving what the other has stopped"
+                "other's answers, and one would go on driving what the other has stopped"
             )
             place = scene.places.of(other)
             related = ((place, "the other"),) if place else ()
@@ -211,7 +211,7 @@ def _build(
             return None
     if clash := _clash(reads):
         sentence = f"device '{element.name}': plugin '{element.plugin}' {clash}"
-        problems.append(Problem("plugin-failed", sentence, place, "its author must call that channel otherwise"))
+        problems.append(Problem("plugin-failed", sentence, place, "its author must rename that channel"))
         return None
     limits, found = resolve(scene, element, reads, commands)
     problems += found
@@ -227,7 +227,7 @@ def _build(
     if not element.twin and cls.twin_only:
         sentence = f"device '{element.name}': plugin '{element.plugin}' has no working driver, it is twin only"
         place = scene.places.of(element, "twin")
-        problems.append(Problem("twin-only", sentence, place, 'write twin="yes", or leave --twin away'))
+        problems.append(Problem("twin-only", sentence, place, 'write twin="yes", or omit --twin'))
     elif not element.twin and commands and cls.lets_go(params) is None and not cls.opens_twice(params):
         sentence = f"device '{element.name}': nothing would stop it if this program died, so it is not driven"
         place = scene.places.of(element, "twin") or scene.places.of(element)

@@ -138,12 +138,12 @@ def unfelt(
         return
     if touch_off:
         sentence = f"device '{name}' measures no force, so it cannot feel the plate by touch-off"
-        advice = 'leave <calibration method="touch-off"/> away, and fit its mount: `itouch-py calibrate SCENE`'
+        advice = 'remove <calibration method="touch-off"/>, and fit its mount: `itouch-py calibrate SCENE`'
         yield Problem("no-plate-force", sentence, place, advice)
     elif not twin:
         sentence = (
             f"device '{name}' carries a surface and measures no force: nobody knows how hard it presses on the "
-            "finger, and no limit of force (K4) protects that"
+            "finger, and no limit of force (K4) protects it"
         )
         advice = 'limit its speed (<limits speed="0.1 m/s"/>), or use drives that measure a force'
         yield Problem("no-plate-force", sentence, place, advice, severity="warning")

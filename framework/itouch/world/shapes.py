@@ -91,7 +91,7 @@ def _mesh(
         mesh = load_source(source, scale=element.scale, sides=sides, scaled=scaled)
         total = sum(other.surface.face_count for other in loaded.values()) + mesh.surface.face_count
         if total > MAX_TRIANGLES:
-            sentence = f"the scene's meshes have {total} triangles together; the most is {MAX_TRIANGLES}"
+            sentence = f"the scene's meshes have {total} triangles together; the limit is {MAX_TRIANGLES}"
             raise MeshError("mesh-too-large", sentence, "simplify them")
         loaded[key] = mesh
     except MeshError as error:

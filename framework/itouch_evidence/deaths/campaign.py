@@ -222,9 +222,9 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="itouch-py bench deaths", description=main.__doc__)
     parser.add_argument("--instants", type=int, default=200, metavar="N", help="how many deaths (default 200)")
     parser.add_argument("--kills", type=int, default=0, metavar="N",
-                        help="then kill launcher, guardian, servo, recorder, viewer and twin so many times, from the "
+                        help="then kill launcher, guardian, servo, recorder, viewer and twin N times, from the "
                         "first millisecond of the start on (default 0)")  # fmt: skip
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the instants (default 1)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the instants (default 1)")
     parser.add_argument("--keep", metavar="FILE", help="add each kill to this file, do only those that it has not, "
                         "and sum up all that it has: a campaign in parts")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print every outcome as JSON")

@@ -27,15 +27,15 @@ def main(argv: Sequence[str]) -> int:
         "--exchange",
         type=int,
         metavar="MS",
-        help="through the entrance of hardware: a display exchanged with every so many milliseconds",
+        help="through the entrance of hardware: a display that is exchanged with every N ms",
     )
     parser.add_argument(
         "--threads", action="store_true", help="with --exchange: in threads, in real time, instead of in step"
     )
     parser.add_argument("--part", type=int, default=1, metavar="N", help="with --exchange: every Nth cell only")
     parser.add_argument("--all", action="store_true", help="print every cell, not only the sums and what is wrong")
-    parser.add_argument("--random", type=int, metavar="N", help="so many random rigs instead, with random names")
-    parser.add_argument("--seed", type=int, default=0, help="of the random rigs")
+    parser.add_argument("--random", type=int, metavar="N", help="run N random rigs instead, with random names")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the random rigs")
     parser.add_argument("--keep", metavar="FILE", help="with --random: add each result to this file, run only what it "
                         "has not, and sum up all that it has")  # fmt: skip
     parser.add_argument(

@@ -45,7 +45,9 @@ def main(argv: Sequence[str]) -> int:
     """Measure a first start, with nothing cached, and later ones, to the first tick; exit code 1: a bound is missed."""
     parser = Parser(prog="itouch-py bench start", description=main.__doc__)
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="default: the four-material scene")
-    parser.add_argument("--times", type=int, default=TIMES, metavar="N", help="how many later starts; the least counts")
+    parser.add_argument(
+        "--times", type=int, default=TIMES, metavar="N", help="number of later starts; the shortest counts"
+    )
     parser.add_argument("--json", type=output_file, metavar="FILE", help="write the figures to this file too")
     options = parser.parse_args(argv)
     from itouch_evidence.faults import shipped_scene

@@ -22,8 +22,8 @@ from itouch_evidence.surface.reach import reach
 def main(argv: Sequence[str]) -> int:
     """Draw random scenes, let a finger touch each, and judge every tick; exit code 1 if one breaks a law."""
     parser = argparse.ArgumentParser(prog="itouch-py bench surface", description=main.__doc__)
-    parser.add_argument("--random", type=int, default=56, metavar="N", help="so many random scenes (default 56)")
-    parser.add_argument("--seed", type=int, default=0, metavar="S", help="that they are made from (default 0)")
+    parser.add_argument("--random", type=int, default=56, metavar="N", help="number of random scenes (default 56)")
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the scenes (default 0)")
     parser.add_argument("--only", type=int, metavar="K", help="the scene of this number alone, with all its figures")
     parser.add_argument("--wire", action="store_true", help="the same scenes with a random wire between loop and table")
     parser.add_argument("--keep", metavar="FILE", help="add each result to this file, run only what it has not, and "

@@ -43,7 +43,7 @@ LAWS = (
     Law("step", "at a change between arm and plate nothing steps, in a tick", 0.1, "N"),
     Law("limit", "arm and plate together stay below the scene's limit: above it by", 0.0, "N"),
     Law("absent", "a plate that is called absent presses with nothing", 0.0, "N"),
-    Law("heat", "heat that flows is in the report: not told for", 3.0, "ms"),
+    Law("heat", "heat that flows is in the report: missing for", 3.0, "ms"),
     Law("skin", "a plate that is called absent does not cool the skin", 0.01, "K"),
     Law("trip", "no such scene is stopped", 0.0, "1"),
 )

@@ -164,7 +164,7 @@ def main(argv: Sequence[str]) -> int:
     """Kill clients, workers and schedulers of sweeps, fill disks, starve workers: no row is lost or doubled."""
     parser = argparse.ArgumentParser(prog="itouch-py bench sweep-deaths", description=main.__doc__)
     parser.add_argument("--clients", type=int, default=50, metavar="N", help="how many are killed (default 50)")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the instants (default 1)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the instants (default 1)")
     parser.add_argument("--only", choices=sorted(failures.CASES), action="append", help="these cases besides clients")
     parser.add_argument("--keep", metavar="FOLDER", help="keep outcomes and rows there, and go on with what is there")
     options = parser.parse_args(argv)

@@ -47,17 +47,23 @@ def _nothing(number: int) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="itouch-py bench sweep", description=main.__doc__)
     parser.add_argument("scene", metavar="SCENE", help="a scene; it runs on twins")
-    parser.add_argument("--sessions", type=int, default=8, metavar="N", help="of each worker and round (default 8)")
+    parser.add_argument(
+        "--sessions", type=int, default=8, metavar="N", help="sessions of each worker and round (default 8)"
+    )
     parser.add_argument("--rounds", type=int, default=2, metavar="N", help="how often each way is measured (default 2)")
-    parser.add_argument("--seconds", type=float, metavar="S", help="simulated, of each; default: its whole motion")
+    parser.add_argument(
+        "--seconds", type=float, metavar="S", help="simulated seconds of each; default: its whole motion"
+    )
     parser.add_argument("--no-dask", action="store_true", help="leave out the cluster")
     parser.add_argument("--cost", action="store_true", help="the parts of the cost model instead")
     parser.add_argument("--client", type=int, metavar="N", help="what the client alone does with N runs of no time")
-    parser.add_argument("--grow", type=_counts, metavar="100,1000", help="sweeps of so many runs beside the cost model")
+    parser.add_argument(
+        "--grow", type=_counts, metavar="100,1000", help="sweeps of these numbers of runs beside the cost model"
+    )
     parser.add_argument("--timeless", action="store_true", help="the runs of --grow take no time: only what client, "
                         "engine and scheduler do with them")  # fmt: skip
     parser.add_argument("--run-seconds", type=float, default=8.0, metavar="S",
-                        help="of a run in the 1e8 to which --grow is stretched (default 8)")  # fmt: skip
+                        help="length of a run in the 1e8 runs to which --grow is extrapolated (default 8)")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print JSON")
     return parser
 

@@ -37,7 +37,7 @@ FILES = (
     Code("too-many-attributes", "an element has more than 128 attributes", "remove some"),
     Code("too-many-elements", "a file has more than 100 000 elements", "split the scene"),
     Code("wrong-root", "the outermost element is not `<itouch>`", 'begin with `<itouch version="1.0">`'),
-    Code("bad-version", "the version is no format version", 'write `version="1.0"`'),
+    Code("bad-version", "the version is not a format version", 'write `version="1.0"`'),
     Code("newer-version", "the file is written for a newer format", "install a newer itouch-py"),
 )  # fmt: skip
 NAMES = (

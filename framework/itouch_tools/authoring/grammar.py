@@ -56,7 +56,7 @@ def _element(cls: type, tag: str, where: str, seen: set[tuple[type, str]], prefi
         return
     seen.add((cls, tag))
     yield f"\n## `<{tag}>`\n"
-    yield f"{(cls.__doc__ or '').strip().splitlines()[0]} Stands {where}. Declared in `{_file_of(cls)}`.\n"
+    yield f"{(cls.__doc__ or '').strip().splitlines()[0]} Place: {where}. Declared in `{_file_of(cls)}`.\n"
     rows = [
         _row(cls, name, spec) for name, spec in specs(cls).items() if spec.kind not in ("child", "children", "plugin")
     ]

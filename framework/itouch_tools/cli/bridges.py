@@ -42,7 +42,7 @@ def ros2(options: argparse.Namespace) -> int:
         with contextlib.suppress(KeyboardInterrupt):
             passed = tell(link, place, rate, told)
             if passed:
-                note(f"{passed} moments were passed over: this machine was too slow for {rate:g} Hz")
+                note(f"{passed} moments were skipped: this machine was too slow for {rate:g} Hz")
     return 0
 
 

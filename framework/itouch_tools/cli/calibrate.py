@@ -68,7 +68,7 @@ def _parser() -> argparse.ArgumentParser:
         "--twin", metavar="all|none|NAME", help="calibrate twins, or hardware, instead of what the scene says"
     )
     parser.add_argument("--days", type=float, metavar="N", help="how long the result holds")
-    parser.add_argument("--doubted", action="store_true", help="keep a result although the samples speak against it")
+    parser.add_argument("--doubted", action="store_true", help="keep a result although the samples contradict it")
     parser.add_argument("--extend", action="store_true", help="declare that expired records still hold")
     return parser
 
@@ -161,9 +161,7 @@ def _device(options: argparse.Namespace) -> Any:
         return able[0]
     names = ", ".join(e.name for e in scene.devices)
     if not able:
-        raise ItouchError(
-            f"no device has a calibration '{options.kind}' (devices: {names}); leave --kind away to see them"
-        )
+        raise ItouchError(f"no device has a calibration '{options.kind}' (devices: {names}); omit --kind to see them")
     raise ItouchError(f"several devices have a calibration '{options.kind}': say which with --device")
 
 
@@ -221,7 +219,7 @@ def _fit(options: argparse.Namespace, device: Any) -> calibration.CalibrationRec
     _, catalog = _scene(options)
     fit = calibration.offered(device, catalog)[options.kind]
     if fit is None:
-        raise ItouchError(f"'{options.kind}' is none of device '{device.name}'")
+        raise ItouchError(f"'{options.kind}' is not a calibration of device '{device.name}'")
     if lack := _lacks(fit, device, catalog):
         raise ItouchError(f"calibration '{options.kind}': {lack}")
     samples = _samples(options, fit.columns)

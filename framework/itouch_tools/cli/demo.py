@@ -45,7 +45,7 @@ def main(argv: Sequence[str]) -> int:
     named = bool(argv) and not argv[0].startswith("-")
     options, rest = parser.parse_known_args(argv if named else ["four_materials", *argv])
     if options.scenes and (named or rest):
-        parser.error(f"--scenes writes all scenes and runs none: leave '{' '.join([*argv[:named], *rest])}' away")
+        parser.error(f"--scenes writes all scenes and runs none: omit '{' '.join([*argv[:named], *rest])}'")
     if options.scenes:
         return _write(Path(options.scenes))
     from itouch_tools.cli.run import main as run

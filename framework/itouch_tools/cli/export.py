@@ -80,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--subject", default="01", metavar="LABEL", help="subject of --bids (default 01)")
     parser.add_argument("--task", default="", metavar="LABEL", help="task of --bids (default: the scene's name)")
     parser.add_argument("--author", action="append", default=[], metavar="NAME",
-                        help="who made the data, for --bids; may be given again")  # fmt: skip
+                        help="who made the data, for --bids; may be repeated")  # fmt: skip
     parser.add_argument("--layout", type=output_file, metavar="FILE.json",
                         help="panels for Foxglove and Lichtblick: the scene, a plot per unit, the events")  # fmt: skip
     parser.add_argument("--rrd", type=output_file, metavar="FILE.rrd",

@@ -31,7 +31,7 @@ class Fixed:
     def diff(self, path: str) -> str:
         """Return the change as a unified diff."""
         lines = (self.before.splitlines(keepends=True), self.after.splitlines(keepends=True))
-        return "".join(difflib.unified_diff(*lines, fromfile=path, tofile=f"{path} (mended)"))
+        return "".join(difflib.unified_diff(*lines, fromfile=path, tofile=f"{path} (fixed)"))
 
 
 def fixed(path: str, examine: Callable[[str], Sequence[Problem]]) -> Fixed | None:
@@ -113,7 +113,7 @@ def show_and_write(path: str, found: Fixed | None, *, write: bool) -> None:
     print(found.diff(path), end="", flush=True)
     words = "1 problem" if len(found.problems) == 1 else f"{len(found.problems)} problems"
     if not write:
-        print(f"{path}: {words} can be mended; nothing was written", file=sys.stderr)
+        print(f"{path}: {words} can be fixed; nothing was written", file=sys.stderr)
         return
     target = os.path.realpath(path)  # a symbolic link stays a link
     with _beside(target) as copy:
@@ -123,4 +123,4 @@ def show_and_write(path: str, found: Fixed | None, *, write: bool) -> None:
             os.replace(copy, target)
         except OSError as error:
             raise ItouchError(f"cannot write '{path}': {error.strerror}; it is as it was") from None
-    print(f"{path}: {words} mended", file=sys.stderr)
+    print(f"{path}: {words} fixed", file=sys.stderr)

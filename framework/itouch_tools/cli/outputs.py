@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    group = parser.add_argument_group("keeping the session")
+    group = parser.add_argument_group("recording and saving")
     group.add_argument("--record", type=recording_file, metavar="FILE.mcap",
                        help="record the session; default: as the scene's <record> says")  # fmt: skip
     group.add_argument("--no-record", action="store_true", help="do not record, whatever the scene says")
@@ -39,7 +39,7 @@ def _contact(text: str) -> tuple[str, int]:
     name, number = _code(text)
     kind, colon, touched = name.partition(":")
     if kind not in ("begin", "end") or bool(colon) != bool(touched):
-        raise argparse.ArgumentTypeError(f"'{text}' is no code of contacts; write begin=10, end=11 or begin:wood=12")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a code of contacts; write begin=10, end=11 or begin:wood=12")
     return name, number
 
 
@@ -47,7 +47,9 @@ def _code(text: str) -> tuple[str, int]:
     """Read ``NAME=N``."""
     name, _, number = text.rpartition("=")
     if not name or not number.isdecimal() or not 1 <= int(number) <= 255:
-        raise argparse.ArgumentTypeError(f"'{text}' is no code; write for example begin=1, with a number of 1 to 255")
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is not a code; write for example begin=1, with a number of 1 to 255"
+        )
     return name, int(number)
 
 
@@ -64,7 +66,7 @@ def wanted(options: argparse.Namespace) -> Outputs:
     if options.save_every is not None and not options.save:
         raise ItouchError("--save-every needs --save FILE.itouch")
     if options.save_every is not None and options.save_every < 0.1:
-        raise ItouchError("--save-every is at least 0.1 s")
+        raise ItouchError("--save-every must be at least 0.1 s")
     if options.record and options.no_record:
         raise ItouchError("--record and --no-record exclude one another")
     for named in ("code", "contact_code"):

@@ -60,7 +60,10 @@ def end_threads(code: int) -> None:
         ending.end_in_order(code)
     verb = "threads still run" if len(names) > 1 else "thread still runs"
     with contextlib.suppress(OSError, ValueError):
-        print(f"note: a plugin's {verb}: {', '.join(names)}; all is done, the program ends without", file=sys.stderr)
+        print(
+            f"note: a plugin's {verb}: {', '.join(names)}; all work is done, so the program ends anyway",
+            file=sys.stderr,
+        )
     atexit._run_exitfuncs()  # noqa: SLF001 - what is to run when the interpreter ends
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):
@@ -206,7 +209,7 @@ def write_report(path: str | None, report: Callable[[], dict[str, Any]]) -> None
     try:
         data = json.dumps(report(), indent=1, allow_nan=False).encode() + b"\n"  # before opening: no file is left half
     except ValueError as error:
-        raise ItouchError(f"cannot write '{path}': the report holds what is no number ({error})") from error
+        raise ItouchError(f"cannot write '{path}': the report holds a value that is not a number ({error})") from error
     try:
         if _may_be_replaced(path):
             from itouch.schema.durable import write_whole  # imported only here, so that help is instant

@@ -40,12 +40,12 @@ def main(argv: Sequence[str]) -> int:
         required=True,
         help="the study's data; goes on with them",
     )
-    simulate.add_argument("--observers", type=int, default=8, metavar="N", help="how many (default: 8)")
+    simulate.add_argument("--observers", type=int, default=8, metavar="N", help="number of observers (default: 8)")
     simulate.add_argument(
         "--model", default="flux", metavar="NAME", help="flux, combined, receptors, naive, or a plugin's"
     )
-    simulate.add_argument("--same-skin", action="store_true", help="all have the scene's skin temperature")
-    simulate.add_argument("--processes", type=int, default=1, metavar="N", help="at once (default: 1)")
+    simulate.add_argument("--same-skin", action="store_true", help="give all of them the scene's skin temperature")
+    simulate.add_argument("--processes", type=int, default=1, metavar="N", help="processes at once (default: 1)")
     report = commands.add_parser("report", help="write page, JSON and table of a study's data")
     report.add_argument("study", metavar="STUDY.xml")
     report.add_argument("folder", metavar="FOLDER", help="the study's data")
@@ -54,7 +54,7 @@ def main(argv: Sequence[str]) -> int:
         "--output",
         type=Output("page", beside=(".json", ".tsv")),
         metavar="FILE.html",
-        help="default: report.html in the folder",
+        help="the page to write; default: report.html in the folder",
     )
     freeze = commands.add_parser("freeze", help="stamp study, scene and program before the first participant")
     freeze.add_argument("study", metavar="STUDY.xml")
@@ -267,7 +267,7 @@ def _simulate(options: argparse.Namespace) -> int:
     from itouch_tools.study.simulate import Panel, simulate
 
     if options.observers < 1 or options.processes < 1:
-        print("--observers and --processes are 1 or more", file=sys.stderr)
+        print("--observers and --processes must be 1 or more", file=sys.stderr)
         return 2
     observer_of(options.model)
     file = _prepared(options, options.output)

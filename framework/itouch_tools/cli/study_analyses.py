@@ -21,21 +21,27 @@ def add_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     power.add_argument("study", metavar="STUDY.xml")
     power.add_argument("--panel", type=_numbers, default=(8, 16, 24, 32, 40), metavar="8..40",
                        help="sizes: 8..40, 8..40:4 or 8,12,20 (default: 8..40:8)")  # fmt: skip
-    power.add_argument("--repetitions", type=_numbers, default=(), metavar="5,10", help="default: the study's")
+    power.add_argument(
+        "--repetitions", type=_numbers, default=(), metavar="5,10", help="numbers of repetitions; default: the study's"
+    )
     power.add_argument(
         "--model", default="flux", metavar="NAME", help="flux, combined, receptors, naive, or a plugin's"
     )
     power.add_argument("--studies", type=int, default=400, metavar="N", help="panels drawn for each (default: 400)")
-    power.add_argument("--seed", type=int, default=1, metavar="N", help="of people and panels (default: 1)")
+    power.add_argument("--seed", type=int, default=1, metavar="N", help="seed of people and panels (default: 1)")
     power.add_argument("--json", type=output_file, metavar="FILE", help="write the numbers too")
     audit = commands.add_parser("audit", help="let a classifier guess the condition from all but heat and force")
     audit.add_argument("study", metavar="STUDY.xml")
     audit.add_argument("--trials", type=int, default=1000, metavar="N", help="on the twins (default: 1000)")
-    audit.add_argument("--seed", type=int, default=1, metavar="N", help="of order, noise and folds (default: 1)")
+    audit.add_argument("--seed", type=int, default=1, metavar="N", help="seed of order, noise and folds (default: 1)")
     audit.add_argument("--without", action="store_true", help="as if the study had no <blind>")
     coverage = commands.add_parser("coverage", help="check intervals and tests against synthetic studies")
-    coverage.add_argument("--studies", type=int, default=500, metavar="N", help="for coverage (default: 500)")
-    coverage.add_argument("--null", type=int, default=2000, metavar="N", help="for errors of tests (default: 2000)")
+    coverage.add_argument(
+        "--studies", type=int, default=500, metavar="N", help="number of studies for coverage (default: 500)"
+    )
+    coverage.add_argument(
+        "--null", type=int, default=2000, metavar="N", help="number of studies for the errors of tests (default: 2000)"
+    )
     export = commands.add_parser("export", help="write the trials as TSV, Parquet or a BIDS folder")
     export.add_argument("folder", metavar="FOLDER", help="the study's data")
     export.add_argument("--tsv", type=Output("table", (".tsv", ".txt")), metavar="FILE.tsv")
@@ -70,7 +76,7 @@ def power(file: StudyFile, options: argparse.Namespace) -> int:
     from itouch_tools.study.power import power as powers
 
     if options.studies < 1:
-        print("--studies is 1 or more", file=sys.stderr)
+        print("--studies must be 1 or more", file=sys.stderr)
         return 2
     observer_of(options.model)
     with waiting("power of equivalence") as wait:
@@ -122,7 +128,7 @@ def coverage(options: argparse.Namespace) -> int:
     from itouch_tools.study.coverage import campaign
 
     if options.studies < 10 or options.null < 40:
-        print("--studies is 10 or more, --null 40 or more", file=sys.stderr)
+        print("--studies must be 10 or more, --null 40 or more", file=sys.stderr)
         return 2
     broken = 0
     with waiting("checking the statistics"):

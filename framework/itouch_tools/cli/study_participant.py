@@ -36,7 +36,7 @@ def opening(participant: str, kept: int, left: int) -> str:
 
 def outcome_of(void: str, *, again: bool) -> str:
     """Return what became of a trial; ``void``: why it does not count, ``again``: whether it is tried again."""
-    return f"void ({void}), {'comes again' if again else 'tried often enough'}" if void else "kept"
+    return f"void ({void}), {'comes again' if again else 'not repeated any more'}" if void else "kept"
 
 
 def masking(file: StudyFile, options: argparse.Namespace) -> contextlib.AbstractContextManager[object]:

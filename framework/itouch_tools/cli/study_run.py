@@ -25,7 +25,11 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="a script, one ANSWER [SECONDS] a line, line n for trial n of the order; - reads it from the input",
     )
     run.add_argument("--answers-from", metavar="NAME", help="an answer device that a plugin brings (itouch.tasks)")
-    run.add_argument("--pace", choices=("real", "fast"), help="default: real for a person, fast for a script")
+    run.add_argument(
+        "--pace",
+        choices=("real", "fast"),
+        help="real time, or as fast as it can; default: real for a person, fast for a script",
+    )
     run.add_argument("--deviation", metavar="WORDS", help="note what was changed after the study was frozen, and why")
     kept = "one recording a session, in the folder's recordings; default: yes for a person, no for a script"
     run.add_argument("--record", action=argparse.BooleanOptionalAction, default=None, help=kept)

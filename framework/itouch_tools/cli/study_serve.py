@@ -23,10 +23,10 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         metavar="FILE",
         help="where address and key are written; default: NAME.key.json beside",
     )
-    serve.add_argument("--port", type=int, default=0, metavar="N", help="of TCP on this machine; default: a free one")
+    serve.add_argument("--port", type=int, default=0, metavar="N", help="TCP port on this machine; default: a free one")
     pace = "fast: time goes on only while the program waits for something (default: real)"
     serve.add_argument("--pace", choices=("real", "fast"), default="real", help=pace)
-    serve.add_argument("--seed", type=int, default=0, metavar="N", help="of the twins' noise (default: 0)")
+    serve.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the twins' noise (default: 0)")
 
 
 def serve(file: StudyFile, options: argparse.Namespace) -> int:
@@ -47,7 +47,7 @@ def serve(file: StudyFile, options: argparse.Namespace) -> int:
     from itouch_tools.study.server import Door
 
     if not 0 <= options.port < 1 << 16 or not 0 <= options.seed < 1 << 63:
-        raise ItouchError("--port is 0 to 65535, --seed 0 to 2^63 - 1")
+        raise ItouchError("--port must be 0 to 65535, --seed 0 to 2^63 - 1")
     path = Path(options.study)
     key = Path(options.key) if options.key else path.with_name(f"{path.stem}.key.json")
     if study_rig.needed(file):

@@ -76,11 +76,13 @@ def _sweep(words: list[str]) -> int:
         help="its rows; goes on with what is there",
     )
     parser.add_argument("--engine", default="processes", metavar="NAME", help="processes (default), dask, or ray")
-    parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="of Dask, as tcp://HOST:8786")
+    parser.add_argument(
+        "--scheduler", default="", metavar="ADDRESS", help="address of Dask's scheduler, such as tcp://HOST:8786"
+    )
     parser.add_argument("--workers", type=int, metavar="N", help="processes at once (default: one a core)")
     options = parser.parse_args(words)
     if options.workers is not None and options.workers < 1:
-        print("--workers is 1 or more", file=sys.stderr)
+        print("--workers must be 1 or more", file=sys.stderr)
         return 2
     from itouch.plugin.discovery import Catalog
     from itouch_tools.sweeps.client import Client
@@ -164,7 +166,7 @@ def _size(count: float) -> str:
 def _status(words: list[str]) -> int:
     """Say how many runs of a sweep have their row, how they ended, and why; also while it runs."""
     parser = Parser(prog="itouch-py sweep status", description=_status.__doc__)
-    parser.add_argument("folder", metavar="FOLDER", help="of a sweep")
+    parser.add_argument("folder", metavar="FOLDER", help="the folder of a sweep")
     options = parser.parse_args(words)
     from itouch_tools.sweeps.progress import status_of
 
@@ -182,7 +184,7 @@ def _status(words: list[str]) -> int:
 def _replay(words: list[str]) -> int:
     """Run the run of one row again, to the same bytes; or open it in the window."""
     parser = Parser(prog="itouch-py sweep replay", description=_replay.__doc__)
-    parser.add_argument("folder", metavar="FOLDER", help="of a sweep")
+    parser.add_argument("folder", metavar="FOLDER", help="the folder of a sweep")
     parser.add_argument("row", metavar="ROW", help="the first letters of the row's digest")
     parser.add_argument("--headless", action="store_true", help="compare with the row, without a window")
     parser.add_argument(
@@ -226,7 +228,7 @@ def _page(words: list[str]) -> int:
 
     parser = Parser(prog="itouch-py sweep page", description=_page.__doc__)
     parser.add_argument("kind", metavar="KIND", help=f"{', '.join(names())}; or your own FILE.py:FUNCTION")
-    parser.add_argument("folder", metavar="FOLDER", help="of the sweep")
+    parser.add_argument("folder", metavar="FOLDER", help="the folder of the sweep")
     parser.add_argument(
         "-o", "--output", type=output_folder, metavar="FOLDER", help="for page and figure (default: the sweep's)"
     )

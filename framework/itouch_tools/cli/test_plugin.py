@@ -90,7 +90,7 @@ def _require_used(options: argparse.Namespace, scene: Scene, modalities: Sequenc
     if not used & {options.name, *modalities}:
         raise ItouchError(
             f"'{options.scene}' does not use '{options.name}', so nothing could be taken from it\n"
-            f"  = help: it uses {', '.join(sorted(used)) or 'no plugin'}; name another scene, or leave --scene away"
+            f"  = help: it uses {', '.join(sorted(used)) or 'no plugin'}; name another scene, or omit --scene"
         )
 
 

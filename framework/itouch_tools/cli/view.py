@@ -66,7 +66,7 @@ def main(argv: Sequence[str]) -> int:
     if options.list:
         running = list(sessions())
         if not running:
-            print("no session runs", file=sys.stderr)
+            print("no session is running", file=sys.stderr)
         for info in running:
             print(f"{info.name:<24} {info.pid:>8}  {info.phase:<9} {info.scene}")
         return 0
@@ -85,7 +85,9 @@ def _check(options: argparse.Namespace) -> None:
     """Refuse options that do not go together."""
     ways = [f"--{way}" for way in ("web", "rerun", "ros2") if getattr(options, way)]
     if len(ways) > 1:
-        raise ItouchError(f"{' and '.join(ways)}: one of them; a session can have several views, each by a command")
+        raise ItouchError(
+            f"{' and '.join(ways)}: choose one; a session can have several views, each by a command of its own"
+        )
     if not options.web and (options.port is not None or options.host or options.token is not None):
         raise ItouchError("--port, --host and --token say how browsers look; they go with --web")
     if not options.ros2 and (options.router or options.domain is not None or options.rate is not None):

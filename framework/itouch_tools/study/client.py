@@ -181,7 +181,7 @@ class Touch:
         while b"\n" not in self._rest:
             piece = self._line.recv(1 << 16)
             if not piece:
-                raise OSError("it has hung up")
+                raise OSError("it has closed the connection")
             self._rest += piece
         line, _, self._rest = self._rest.partition(b"\n")
         return dict(json.loads(line.decode()))

@@ -61,9 +61,9 @@ class Factor:
     """What is varied: one attribute of the scene, or several together."""
 
     TAG: ClassVar[str] = "factor"
-    name: str = name(doc="of the factor, in the data")
-    levels: str = text(doc="its levels, separated by blanks or by ;")
-    set_: str = text(doc="attributes of the scene that take the level: NAME.attribute, separated by blanks")
+    name: str = name(doc="name of the factor in the data")
+    levels: str = text(doc="its levels, separated by spaces or by ;")
+    set_: str = text(doc="attributes of the scene that take the level: NAME.attribute, separated by spaces")
     values: str = text(default="", doc="what the attributes take at each level, separated by ;; default: the levels")
 
     def __post_init__(self) -> None:
@@ -90,7 +90,7 @@ class Exclude:
     """A combination that is not shown."""
 
     TAG: ClassVar[str] = "exclude"
-    where: str = text(doc="FACTOR=LEVEL pairs separated by blanks; all of them together are left out")
+    where: str = text(doc="FACTOR=LEVEL pairs separated by spaces; all of them together are left out")
 
     @property
     def pairs(self) -> dict[str, str]:
@@ -129,9 +129,11 @@ class Order:
     kind: str = choice(
         "random", "latin", "williams", "blocked", "fixed", default="random", doc="how the conditions are ordered"
     )
-    repetitions: int = integer(low=1, high=10_000, default=10, doc="of each condition")
-    most_equal: int = integer(low=1, high=100, default=2, doc="equal levels of the task's factor in a row; random")
-    by: str = text(default="", doc="factor whose levels make the blocks; blocked")
+    repetitions: int = integer(low=1, high=10_000, default=10, doc="how often each condition comes")
+    most_equal: int = integer(
+        low=1, high=100, default=2, doc="for random: at most so many equal levels of the task's factor in a row"
+    )
+    by: str = text(default="", doc="for blocked: the factor whose levels make the blocks")
 
     def __post_init__(self) -> None:
         if (self.kind == "blocked") != bool(self.by):
@@ -153,7 +155,7 @@ class CatchTrials:
 
     TAG: ClassVar[str] = "catch"
     trials: int = integer(low=1, high=1000, doc="how many, at random places")
-    where: str = text(doc="FACTOR=LEVEL pairs separated by blanks, one of each factor: what is shown")
+    where: str = text(doc="FACTOR=LEVEL pairs separated by spaces, one of each factor: what is shown")
 
     @property
     def condition(self) -> dict[str, str]:
@@ -170,7 +172,7 @@ class Breaks:
 
     TAG: ClassVar[str] = "breaks"
     every: int = integer(low=1, high=10_000, doc="trials between two breaks")
-    duration: float = quantity("s", low=0.0, high=3600.0, default=60.0, doc="of a break at least")
+    duration: float = quantity("s", low=0.0, high=3600.0, default=60.0, doc="shortest duration of a break")
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,14 +183,16 @@ class Touching:
     object_: str = text(doc="the object that is touched")
     duration: float = quantity("s", low=0.1, high=60.0, default=3.0, doc="shortest touch")
     force: float | None = quantity("N", low=0.05, high=10.0, default=None, doc="desired greatest force; default: any")
-    tolerance: float = quantity("N", low=0.01, high=10.0, default=0.3, doc="from the desired force")
+    tolerance: float = quantity(
+        "N", low=0.01, high=10.0, default=0.3, doc="how far the force may be from the desired one"
+    )
     flux_error: float = quantity("1", low=0.01, high=10.0, default=0.2, doc="largest rms error of the display")
-    repeats: int = integer(low=0, high=100, default=3, doc="how often a void trial is tried again at most")
+    repeats: int = integer(low=0, high=100, default=3, doc="how often a void trial is repeated at most")
     skin_return: float = quantity("K", low=0.05, high=10.0, default=0.5, doc="how near the baseline the skin must be")
-    skin_wait: float = quantity("s", low=0.0, high=3600.0, default=120.0, doc="how long it is waited for at most")
-    ready_wait: float = quantity("s", low=0.1, high=600.0, default=30.0, doc="how long the plate is waited for at most")
-    reach: float = quantity("s", low=0.1, high=600.0, default=15.0, doc="from the signal to the touch at most")
-    pause: float = quantity("s", low=0.0, high=3600.0, default=20.0, doc="from the answer to the next trial")
+    skin_wait: float = quantity("s", low=0.0, high=3600.0, default=120.0, doc="longest wait for the skin")
+    ready_wait: float = quantity("s", low=0.1, high=600.0, default=30.0, doc="longest wait for the plate")
+    reach: float = quantity("s", low=0.1, high=600.0, default=15.0, doc="longest time from the signal to the touch")
+    pause: float = quantity("s", low=0.0, high=3600.0, default=20.0, doc="time from the answer to the next trial")
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,19 +218,23 @@ class Adaptive:
     """A staircase on a number that takes the place of a factor: <task kind="colder"> against the standard."""
 
     TAG: ClassVar[str] = "staircase"
-    name: str = name(doc="of the staircase, in the data")
+    name: str = name(doc="name of the staircase in the data")
     procedure: str = choice("up-down", "quest", "psi", doc="weighted up-down, QUEST, or psi-marginal")
     set_: str = text(doc="attribute of the scene that takes the level: NAME.attribute")
-    unit: str = text(default="", doc="unit that is written behind the level")
+    unit: str = text(default="", doc="unit that is written after the level")
     low: float = quantity("", doc="lowest level")
     high: float = quantity("", doc="highest level")
     start: float = quantity("", doc="first level, or middle of the prior")
     standard: float = quantity("", doc="level of the standard interval")
-    step: float = quantity("", low=0.0, default=0.0, doc="of the up-down procedure; quantum of QUEST's levels")
-    target: float = quantity("", low=0.5, high=0.99, default=0.75, doc="proportion right of the up-down procedure")
-    trials: int = integer(low=1, high=10_000, default=40, doc="at most")
-    reversals: int = integer(low=1, high=1000, default=12, doc="of the up-down procedure, after which it ends")
-    slope: float = quantity("", low=1e-6, default=3.0, doc="of QUEST's logistic function")
+    step: float = quantity("", low=0.0, default=0.0, doc="step of the up-down procedure; spacing of QUEST's levels")
+    target: float = quantity(
+        "", low=0.5, high=0.99, default=0.75, doc="proportion of right answers at which the up-down procedure settles"
+    )
+    trials: int = integer(low=1, high=10_000, default=40, doc="greatest number of trials")
+    reversals: int = integer(
+        low=1, high=1000, default=12, doc="number of reversals after which the up-down procedure ends"
+    )
+    slope: float = quantity("", low=1e-6, default=3.0, doc="slope of QUEST's logistic function")
     prior: float = quantity("", low=1e-6, default=1.0, doc="standard deviation of the threshold's prior")
 
     def __post_init__(self) -> None:
@@ -245,12 +253,12 @@ class Study:
     """A psychophysical study: what is varied, what is asked, in which order, and what counts."""
 
     TAG: ClassVar[str] = "study"
-    version: str = text(doc="of the study language")
+    version: str = text(doc="version of the study language")
     scene: str = text(doc="the scene, relative to this file")
-    seed: int = integer(low=0, high=2**53, doc="of all orders")
+    seed: int = integer(low=0, high=2**53, doc="seed of all orders")
     task: Task = child(Task, default=None)  # the reader refuses a study without
     contact: Touching = child(Touching, default=None)
-    name: str = text(default="", doc="of the study; default: that of the file")
+    name: str = text(default="", doc="name of the study; default: that of the file")
     order: Order = child(Order, default=Order())
     practice: Practice | None = child(Practice, default=None)
     catch: CatchTrials | None = child(CatchTrials, default=None)

@@ -213,7 +213,7 @@ class Served:
         factor = next((one for one in study.factors if one.name == name), None)
         if factor is not None:
             if value not in factor.names:
-                raise AskedError("unknown-level", f"'{value}' is no level of '{name}': {', '.join(factor.names)}")
+                raise AskedError("unknown-level", f"'{value}' is not a level of '{name}': {', '.join(factor.names)}")
             return str(value)
         one = next((each for each in study.staircases if each.name == name), None)
         if one is None:
@@ -245,7 +245,7 @@ class Served:
             "skin": lambda sensed: sensed.skin is not None and abs(sensed.skin - skin) <= within,
         }
         if what not in so:
-            raise AskedError("unknown-word", f"nobody can wait for '{what}'; one waits for {', '.join(so)}")
+            raise AskedError("unknown-word", f"'{what}' is not a thing to wait for; there are {', '.join(so)}")
         sensed = self.room.sensed()
         if so[what](sensed):
             self.door.answer(request, met=True, **self._told(sensed))

@@ -56,7 +56,7 @@ def observer_of(name: str) -> type[Observer]:
     loaded = found.load()
     whose = f"observer '{name}' ({found.distribution} {found.version})"
     if not isinstance(loaded, type) or not callable(getattr(loaded, "cue", None)):
-        raise ObserverError(f"{whose} is no class with a method cue(self, felt)")
+        raise ObserverError(f"{whose} is not a class with a method cue(self, felt)")
     if issubclass(loaded, Observer):
         return loaded
     own = {"__init__": _made(loaded, whose), "cue": _checked(loaded, whose), "__doc__": loaded.__doc__}

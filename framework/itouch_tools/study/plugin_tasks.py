@@ -141,7 +141,7 @@ def task_of(name: str) -> Brought:
 def _task(name: str, path: tuple[str, ...]) -> Brought:
     made, whose = _made(name)
     if not _is_task(made):
-        raise TaskError(f"{whose} is no task: it has no method right(self, answer, trial)")
+        raise TaskError(f"{whose} is not a task: it has no method right(self, answer, trial)")
     intervals = getattr(made, "intervals", 1)
     if isinstance(intervals, bool) or not isinstance(intervals, int) or not 1 <= intervals <= MOST:
         raise TaskError(f"{whose}: intervals = {intervals!r} must be 1 to {MOST}")
@@ -160,7 +160,7 @@ def device_of(name: str, say: Callable[[str], None] = lambda words: None) -> Dev
     """
     made, whose = _made(name)
     if not callable(getattr(made, "poll", None)):
-        raise TaskError(f"{whose} is no answer device: it has no method poll(self)")
+        raise TaskError(f"{whose} is not an answer device: it has no method poll(self)")
     return Device(made, whose, say)
 
 
@@ -175,7 +175,7 @@ def _made(name: str) -> tuple[Any, str]:
         raise TaskError(f"no plugin brings '{name}' ({GROUP}); there are: {known}")
     loaded, whose = found.load(), f"task '{name}' ({found.distribution} {found.version})"
     if not isinstance(loaded, type):
-        raise TaskError(f"{whose} is no class")
+        raise TaskError(f"{whose} is not a class")
     try:
         return loaded(), whose
     except Exception as error:  # a plugin's code may raise anything

@@ -205,7 +205,7 @@ def _contradictions(file: StudyFile) -> Iterator[Problem]:
         yield Problem("unknown-name", f"there is no factor named '{asked}'", places.of(study.task, "factor"), advice)
     elif asked in levels and study.task.standard and study.task.standard not in levels[asked]:
         advice = did_you_mean(study.task.standard, levels[asked], "its levels are")
-        sentence = f"'{study.task.standard}' is no level of '{asked}'"
+        sentence = f"'{study.task.standard}' is not a level of '{asked}'"
         yield Problem("unknown-name", sentence, places.of(study.task, "standard"), advice)
     if study.order.by and study.order.by not in levels:
         advice = did_you_mean(study.order.by, levels, "the factors are")
@@ -222,7 +222,7 @@ def _contradictions(file: StudyFile) -> Iterator[Problem]:
     try:
         file.instructions()
     except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "it is no UTF-8 text"
+        why = getattr(error, "strerror", None) or "it is not UTF-8 text"
         sentence = f"cannot read the instructions: {why}"
         yield Problem("bad-value", sentence, places.of(study.instructions, "file") if study.instructions else None)
     if study.staircases and study.task.kind != "colder":
@@ -233,7 +233,7 @@ def _contradictions(file: StudyFile) -> Iterator[Problem]:
         taken = sorted(UNCOUNTED.intersection(each.names))
         if each.name == study.order.by and study.order.kind == "blocked" and taken:
             sentence = f"a block can't be called '{taken[0]}': this name marks trials that do not count"
-            yield Problem("bad-value", sentence, places.of(each, "levels"), "call the level otherwise")
+            yield Problem("bad-value", sentence, places.of(each, "levels"), "rename the level")
     yield from _wrong_catch(file, levels)
     if study.factors and not file.conditions():
         yield Problem("bad-value", "every combination of levels is excluded", places.of(study.excluded[0]))
@@ -274,7 +274,7 @@ def _odd_staircases(file: StudyFile) -> Iterator[Problem]:
         bayes = one.procedure != "up-down"
         if bayes and one.target != USUAL.target:
             sentence = f"target is of the up-down procedure: {one.procedure} finds the middle of the function"
-            yield Problem("bad-value", sentence, places.of(one, "target"), "leave it away")
+            yield Problem("bad-value", sentence, places.of(one, "target"), "remove it")
         if bayes and one.prior == USUAL.prior and one.high - one.low > NARROW * one.prior:
             sentence = (
                 f"the prior of '{one.name}', {one.prior:g}, is narrow for levels from {one.low:g} to {one.high:g}"

@@ -221,7 +221,7 @@ def refuse(file: StudyFile, catalog: Catalog, *, switch: bool, fast: bool) -> No
     """
     names = ", ".join(f"'{name}'" for name in hardware_of(file, catalog))
     if fast:
-        raise ItouchError(f"{names}: hardware runs in real time; leave --pace fast away")
+        raise ItouchError(f"{names}: hardware runs in real time; omit --pace fast")
     if not switch and not has_switch(file, catalog):
         raise ItouchError(
             f"{names} will move or heat for real, and nobody could hold a dead-man's switch: give a device a switch of "

@@ -228,7 +228,7 @@ class Run:
             if written is not None:
                 taken = taken_answer(self._study, written)
                 if taken is None:
-                    self._said = f"'{written}' is no answer: choose one of {', '.join(choices) or 'the numbers'}"
+                    self._said = f"'{written}' is not an answer: choose one of {', '.join(choices) or 'the numbers'}"
                     self._answers.tell(self._said)
                 else:
                     found.append(taken)

@@ -501,7 +501,7 @@ def differing(model: Model, before: Model) -> str:
         if all(one is None or one.twin for one in (here, there)):
             continue
         if here is None or there is None or _driven(here) != _driven(there):
-            return f"'{name}' is real: a study may not change it, its place, settings or limits, nor leave it away"
+            return f"'{name}' is real: a study may not change it, its place, settings or limits, nor leave it out"
     real = any(not device.twin for device in model.devices.values())
     if real and model.scene.safety != before.scene.safety:
         return "devices are real: a study may not change <safety>"

@@ -75,7 +75,9 @@ class Door:
     def __init__(self, key: Path, port: int = 0) -> None:
         self.path, self._token = key, secrets.token_urlsafe(24)
         if _answers(key):
-            raise DoorError(f"'{key}' leads to a study that is served now; end that one, or name another --key FILE")
+            raise DoorError(
+                f"'{key}' belongs to a study that is being served; end that one, or name another --key FILE"
+            )
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
             if os.name == "posix":  # elsewhere this option would let two programs listen on one port

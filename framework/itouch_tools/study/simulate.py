@@ -134,7 +134,9 @@ class Simulation:
         """Return a plugin's answer in the form in which it is kept."""
         found = taken_answer(self._study, said)
         if found is None:
-            raise TaskError(f"{task_of(self._study.task.kind).whose}: simulated gave '{said}', which is no choice")
+            raise TaskError(
+                f"{task_of(self._study.task.kind).whose}: simulated gave '{said}', which is not one of the choices"
+            )
         return found
 
     def _prototypes(self, condition: Mapping[str, str]) -> dict[str, Felt]:

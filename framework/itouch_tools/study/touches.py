@@ -235,7 +235,7 @@ def felt_by(model: Model) -> tuple[str, str]:
     found: dict[Role, str] = {}
     for name, device in model.devices.items():
         if not device.twin:
-            raise TouchError(f"'{name}' is no twin; simulated observers feel what twins' fingers feel")
+            raise TouchError(f"'{name}' is not a twin; simulated observers feel what twins' fingers feel")
         for one in device.make_twin().fields():
             if one.role in (Role.HEAT_FLUX, Role.SKIN_TEMPERATURE):
                 found.setdefault(one.role, f"{name}.twin.{one.name}")

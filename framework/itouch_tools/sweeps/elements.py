@@ -25,14 +25,14 @@ class Grid:
     EXCLUSIVE: ClassVar[tuple[tuple[str, ...], ...]] = (("values", "low"), ("values", "high"), ("values", "steps"))
     TOGETHER: ClassVar[tuple[tuple[str, ...], ...]] = (("low", "high", "steps"),)
     ONE_OF: ClassVar[tuple[tuple[str, ...], ...]] = (("values", "low"),)
-    name: str = name(doc="of the parameter: its column")
-    set_: str = text(doc="attributes that take the level: NAME.attribute or NAME/child.attribute, separated by blanks")
-    values: str = text(default="", doc="the levels, separated by blanks or by ;")
+    name: str = name(doc="name of the parameter and of its column")
+    set_: str = text(doc="attributes that take the level: NAME.attribute or NAME/child.attribute, separated by spaces")
+    values: str = text(default="", doc="the levels, separated by spaces or by ;")
     low: float | None = quantity("", default=None, doc="first of evenly spaced levels")
     high: float | None = quantity("", default=None, doc="last of evenly spaced levels")
     steps: int | None = integer(low=2, high=MOST_LEVELS, default=None, doc="how many evenly spaced levels")
     scale: str = choice("linear", "log", default="linear", doc="how low to high is divided")
-    unit: str = text(default="", doc="unit that is written behind each level")
+    unit: str = text(default="", doc="unit that is written after each level")
 
     def __post_init__(self) -> None:
         if self.values and len(set(split_levels(self.values))) != len(split_levels(self.values)):
@@ -45,8 +45,8 @@ class Set:
     """The values that one or several attributes take at the levels of the list."""
 
     TAG: ClassVar[str] = "set"
-    path: str = text(doc="NAME.attribute or NAME/child.attribute; several separated by blanks")
-    values: str = text(doc="one a level, separated by blanks or by ;")
+    path: str = text(doc="NAME.attribute or NAME/child.attribute; several separated by spaces")
+    values: str = text(doc="one per level, separated by spaces or by ;")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +54,8 @@ class Note:
     """A number that belongs to each level and sets nothing, such as a price: a column of its own."""
 
     TAG: ClassVar[str] = "note"
-    name: str = name(doc="of its column")
-    values: str = text(doc="one a level, separated by blanks or by ;")
+    name: str = name(doc="name of its column")
+    values: str = text(doc="one per level, separated by spaces or by ;")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +63,8 @@ class Listed:
     """Attributes that change together, such as all figures of one module."""
 
     TAG: ClassVar[str] = "list"
-    name: str = name(doc="of the parameter: its column")
-    levels: str = text(doc="names of the levels, separated by blanks or by ;")
+    name: str = name(doc="name of the parameter and of its column")
+    levels: str = text(doc="names of the levels, separated by spaces or by ;")
     sets: tuple[Set, ...] = children(Set)
     notes: tuple[Note, ...] = children(Note)
 
@@ -91,15 +91,15 @@ class Over:
     TAG: ClassVar[str] = "over"
     EXCLUSIVE: ClassVar[tuple[tuple[str, ...], ...]] = (("values", "low"), ("values", "high"), ("values", "mean"))
     TOGETHER: ClassVar[tuple[tuple[str, ...], ...]] = (("low", "high"), ("mean", "deviation"))
-    name: str = name(doc="of the parameter: its column")
-    set_: str = text(doc="attributes that take the value: NAME.attribute or NAME/child.attribute, separated by blanks")
+    name: str = name(doc="name of the parameter and of its column")
+    set_: str = text(doc="attributes that take the value: NAME.attribute or NAME/child.attribute, separated by spaces")
     low: float | None = quantity("", default=None, doc="smallest value")
     high: float | None = quantity("", default=None, doc="largest value")
-    mean: float | None = quantity("", default=None, doc="of a normal distribution; low and high cut it")
-    deviation: float | None = quantity("", positive=True, default=None, doc="standard deviation of it")
+    mean: float | None = quantity("", default=None, doc="mean of a normal distribution, which low and high truncate")
+    deviation: float | None = quantity("", positive=True, default=None, doc="standard deviation of that distribution")
     scale: str = choice("linear", "log", default="linear", doc="what is spread evenly: the value or its logarithm")
-    values: str = text(default="", doc="equally probable words, separated by blanks or by ;")
-    unit: str = text(default="", doc="unit that is written behind the value")
+    values: str = text(default="", doc="equally probable words, separated by spaces or by ;")
+    unit: str = text(default="", doc="unit that is written after the value")
 
     def __post_init__(self) -> None:
         if not self.values and self.low is None and self.mean is None:
@@ -115,9 +115,14 @@ class Draws:
 
     TAG: ClassVar[str] = "draws"
     kind: str = choice("random", "latin", "sobol", doc="independent, Latin hypercube, or scrambled Sobol sequence")
-    count: int = integer(low=1, high=MOST_DRAWS, doc="how many points; more can be drawn later, those that are stay")
+    count: int = integer(
+        low=1, high=MOST_DRAWS, doc="number of points; more can be drawn later, and those that exist stay"
+    )
     block: int | None = integer(
-        low=1, high=MOST_LEVELS, default=None, doc="points of one Latin hypercube; default: all. Whole ones stay later"
+        low=1,
+        high=MOST_LEVELS,
+        default=None,
+        doc="points of one Latin hypercube; default: all. Further points are then added as whole hypercubes",
     )
     over: tuple[Over, ...] = children(Over)
 
@@ -135,7 +140,7 @@ class Seeds:
     """How often each point is run, each time with another seed of the session's noise."""
 
     TAG: ClassVar[str] = "seeds"
-    count: int = integer(low=1, high=MOST_DRAWS, default=1, doc="how many")
+    count: int = integer(low=1, high=MOST_DRAWS, default=1, doc="number of seeds")
     first: int = integer(low=0, high=2**31, default=0, doc="the first; the others follow it")
 
 
@@ -145,8 +150,8 @@ class Until:
 
     TAG: ClassVar[str] = "until"
     ONE_OF: ClassVar[tuple[tuple[str, ...], ...]] = (("above", "below"),)
-    field: str = text(doc="of State, such as NAME.command.current")
-    index: int = integer(low=0, high=10**6, default=0, doc="of the number in it, where it has several")
+    field: str = text(doc="a field of State, such as NAME.command.current")
+    index: int = integer(low=0, high=10**6, default=0, doc="which number of the field, if it has several")
     above: float | None = quantity("", default=None, doc="ends when it is more than this, in SI")
     below: float | None = quantity("", default=None, doc="ends when it is less than this, in SI")
 
@@ -157,7 +162,9 @@ class RunRule:
 
     TAG: ClassVar[str] = "run"
     for_: float | None = quantity("s", positive=True, default=None, doc="simulated time")
-    patience: float = quantity("s", low=1.0, high=1e6, default=600.0, doc="longer runs on the clock are ended")
+    patience: float = quantity(
+        "s", low=1.0, high=1e6, default=600.0, doc="runs that take longer on the clock are ended"
+    )
     until: tuple[Until, ...] = children(Until)
 
 
@@ -166,10 +173,10 @@ class FromReport:
     """A key of the session's report."""
 
     TAG: ClassVar[str] = "report"
-    name: str = name(doc="of its column")
+    name: str = name(doc="name of its column")
     key: str = text(doc="such as contacts[0].flux_error_rms, contacts[object=wood].skin_drop_K or contacts[*].plate_s")
-    reduce: str = choice("mean", "min", "max", "sum", "count", default="mean", doc="of [*]: how many become one")
-    type_: str = choice("number", "text", default="number", doc="what it is")
+    reduce: str = choice("mean", "min", "max", "sum", "count", default="mean", doc="for [*]: how the values become one")
+    type_: str = choice("number", "text", default="number", doc="type of the value")
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,10 +184,10 @@ class FromField:
     """A field of State, reduced over time."""
 
     TAG: ClassVar[str] = "field"
-    name: str = name(doc="of its column")
+    name: str = name(doc="name of its column")
     of: str = text(doc="the field's name, such as NAME.command.current")
     reduce: str = choice(*REDUCTIONS, default="mean", doc="`above`: seconds above `level`; `integral`: over time")
-    index: int = integer(low=0, high=10**6, default=0, doc="of the number in it, where it has several")
+    index: int = integer(low=0, high=10**6, default=0, doc="which number of the field, if it has several")
     level: float = quantity("", default=0.0, doc="for `above`, in SI")
     begin: float = quantity("s", low=0.0, default=0.0, doc="simulated time from which it counts")
     end: float | None = quantity("s", positive=True, default=None, doc="simulated time to which it counts")
@@ -191,13 +198,13 @@ class FromCall:
     """What a function returns: of a plugin, or in a Python file beside the sweep, which travels with it."""
 
     TAG: ClassVar[str] = "call"
-    name: str = name(doc="of its column, or before those of its results")
+    name: str = name(doc="name of its column, or prefix of the columns of its results")
     function: str = text(doc="package.module:function, or file.py:function")
     when: str = choice(
         "end", "begin", default="end", doc="end: called with the session that has ended; begin: called with it before "
         "its first tick, and what it returns is called at the end",
     )  # fmt: skip
-    results: str = text(default="", doc="names in the mapping that it returns, separated by blanks; default: one value")
+    results: str = text(default="", doc="names in the mapping that it returns, separated by spaces; default: one value")
     type_: str = choice("number", "text", default="number", doc="what it returns")
 
     def __post_init__(self) -> None:
@@ -223,9 +230,9 @@ class Enough:
     """Ends the sweep when the mean of a result is known well enough: its 95 % interval is short."""
 
     TAG: ClassVar[str] = "enough"
-    result: str = text(doc="the column")
-    half_width: float = quantity("", positive=True, doc="of the interval")
-    at_least: int = integer(low=2, high=MOST_DRAWS, default=30, doc="runs before that")
+    result: str = text(doc="the column of the result")
+    half_width: float = quantity("", positive=True, doc="half of the width of the interval")
+    at_least: int = integer(low=2, high=MOST_DRAWS, default=30, doc="number of runs before it may end")
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,11 +251,11 @@ class Sweep:
 
     TAG: ClassVar[str] = "sweep"
     ONE_OF: ClassVar[tuple[tuple[str, ...], ...]] = (("scene", "study"),)
-    version: str = text(doc="of the sweep language")
+    version: str = text(doc="version of the sweep language")
     scene: str = text(default="", doc="the scene, relative to this file")
     study: str = text(default="", doc="a study, whose conditions are levels; relative to this file")
-    seed: int = integer(low=0, high=2**53, default=0, doc="of what is drawn")
-    name: str = text(default="", doc="of the sweep; default: that of the file")
+    seed: int = integer(low=0, high=2**53, default=0, doc="seed of what is drawn")
+    name: str = text(default="", doc="name of the sweep; default: that of the file")
     seeds: Seeds = child(Seeds, default=Seeds())
     run: RunRule = child(RunRule, default=RunRule())
     draws: Draws | None = child(Draws, default=None)

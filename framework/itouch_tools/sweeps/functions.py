@@ -50,7 +50,7 @@ def load_function(function: str, folder: Path) -> Callable[..., Any]:
     module = _of_file(home, folder) if in_file(function) else _of_package(home)
     found = getattr(module, name, None)
     if not callable(found):
-        raise FunctionError(f"'{home}' has no function '{name}'", "its name stands behind the colon")
+        raise FunctionError(f"'{home}' has no function '{name}'", "its name follows the colon")
     return found  # type: ignore[no-any-return]
 
 
@@ -76,7 +76,7 @@ def _of_file(home: str, folder: Path) -> Any:
         return sys.modules[name]
     spec = spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
-        raise FunctionError(f"'{home}' is no Python file")
+        raise FunctionError(f"'{home}' is not a Python file")
     module = module_from_spec(spec)
     sys.modules[name] = module
     try:

@@ -256,7 +256,7 @@ def read_work(folder: Path) -> Work:
     try:
         return Work.loads((folder / WORK).read_text(encoding="utf-8"))
     except OSError as error:
-        raise StoreError(f"'{folder}' is no folder of a sweep: {error.strerror}") from None
+        raise StoreError(f"'{folder}' is not the folder of a sweep: {error.strerror}") from None
     except (ValueError, KeyError, TypeError) as error:
         raise StoreError(f"'{folder / WORK}' is not what a sweep writes: {error}") from None
 

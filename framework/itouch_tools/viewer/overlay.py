@@ -33,7 +33,7 @@ KEYS = {
     "N": "show or hide the names of objects",
     "L": "light or dark",
     "U": "sound on or off",
-    "+ -": "larger, smaller words (100 to 250 %)",
+    "+ -": "larger, smaller text (100 to 250 %)",
     "1 2 3 4 5": "views: operator, front, side, top, corner",
     "F": "frame everything",
     "M": "move the finger with the mouse or the arrow keys (simulated sessions)",
@@ -80,7 +80,7 @@ PLAYBACK_KEYS = {
     "Page up, down": "the contact, mark or fault before, the next one",
     "Home, End": "the start, the end",
     **{key: KEYS[key] for key in ("T", "G", "C", "D", "N", "L", "+ -", "1 2 3 4 5", "F")},
-    "Time line": "click or drag: wind",
+    "Time line": "click or drag: go to that time",
     **{key: KEYS[key] for key in ("Drag", "Wheel", "Click", "Point")},
     "Esc": "close",
 }

@@ -51,7 +51,7 @@ def score(name: str, material: str, skin: float, seed: int) -> tuple[float, bool
 def main() -> None:
     """Print the scores."""
     parser = argparse.ArgumentParser(prog="python -m itouch_gym.scores", description=main.__doc__)
-    parser.add_argument("--episodes", type=int, default=4, metavar="N", help="of each controller (default 4)")
+    parser.add_argument("--episodes", type=int, default=4, metavar="N", help="episodes of each controller (default 4)")
     parser.add_argument("--seed", type=int, default=0, metavar="N")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()

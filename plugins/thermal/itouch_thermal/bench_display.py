@@ -58,24 +58,28 @@ def _parser() -> argparse.ArgumentParser:
         "Measure how close the felt flux comes to the real one, and to what is possible at all.",
     )
     add = parser.add_argument
-    add("--materials", default="aluminium,pyrex,wood,polystyrene", help="names, or NAME:k:c:rho in SI, with commas")
+    add(
+        "--materials",
+        default="aluminium,pyrex,wood,polystyrene",
+        help="names, or NAME:k:c:rho in SI, separated by commas",
+    )
     add("--random", type=int, default=0, metavar="N", help="add N made-up materials, effusivity 20 to 24000")
-    add("--random-seed", type=int, default=1, metavar="SEED", help="that they are drawn with (default 1)")
-    add("--object-temperature", default="23 degC", help="of the object before the touch")
-    add("--skin-temperature", default="33 degC", help="of the skin before the touch")
+    add("--random-seed", type=int, default=1, metavar="SEED", help="seed of the made-up materials (default 1)")
+    add("--object-temperature", default="23 degC", help="temperature of the object before the touch")
+    add("--skin-temperature", default="33 degC", help="temperature of the skin before the touch")
     add("--resistance", default=f"{DEFAULT_RESISTANCE:g}", help="contact resistance [K m2/W]")
-    add("--controller", default="model", help="hold, paper, model, or several with commas")
+    add("--controller", default="model", help="hold, paper, model, or several separated by commas")
     add("--plant", default="nominal", help="nominal, worst, or a file with <thermal:hardware>")
     add("--exact-finger", action="store_true", help="in `worst`, leave the finger as modelled")
     add("--flux-gain", type=float, default=0.0, help="error of the flux sensor's gain, such as 0.01")
     add("--flux-noise", type=float, default=None, help="rms of a flux sample [W/m2]")
     add("--press", default="0 s", help="time constant of the press; 0: none")
     add("--press-off", type=float, default=1.0, help="the plant's time constant, in parts of the expected one")
-    add("--rate", default="1 kHz", help="of commands: 1 kHz to 10 Hz")
-    add("--stream", default="1 kHz", help="of readings")
-    add("--seconds", type=float, default=10.0, help="of contact")
-    add("--corners", type=int, default=16, help="of `worst`, how many of the list")
-    add("--seeds", type=int, default=3, help="of `worst`, how many of the list")
+    add("--rate", default="1 kHz", help="rate of commands: 1 kHz to 10 Hz")
+    add("--stream", default="1 kHz", help="rate of readings")
+    add("--seconds", type=float, default=10.0, help="seconds of contact")
+    add("--corners", type=int, default=16, help="how many corners of `worst` to run")
+    add("--seeds", type=int, default=3, help="how many seeds of noise of `worst` to run")
     add("--no-bound", action="store_true", help="leave the bound out")
     add("--grid", action="store_true", help="print `paper` over its grid of gains instead")
     add("--table", action="store_true", help="print every promise with its figure instead")

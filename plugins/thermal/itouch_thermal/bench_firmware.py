@@ -24,7 +24,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument(
         "--long", action="store_const", const=LONG, dest="faults", help=f"{LONG} faults: some 20 minutes"
     )
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the first fault (default 1)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the first fault (default 1)")
     parser.add_argument("--no-figures", action="store_true", help="faults only")
     parser.add_argument("--all", action="store_true", help="print every fault, not only the sums and what is wrong")
     parser.add_argument("--json", type=output_file(), metavar="FILE", help="write figures and faults to this file too")

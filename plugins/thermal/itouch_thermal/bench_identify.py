@@ -22,7 +22,7 @@ def main(argv: Sequence[str]) -> int:
 
     options = _parser().parse_args(list(argv))
     if options.fingers < 1 or options.seed < 0:
-        print("error: --fingers is 1 or more, --seed 0 or more", file=sys.stderr)
+        print("error: --fingers must be 1 or more, --seed 0 or more", file=sys.stderr)
         return 2
     try:
         rows = _rows(options)
@@ -54,9 +54,9 @@ def _rows(options: argparse.Namespace) -> list[Row]:
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser("itouch-py bench identify", main.__doc__)
     parser.add_argument(
-        "--fingers", type=int, default=100, metavar="N", help="how many (100; a third of a second each)"
+        "--fingers", type=int, default=100, metavar="N", help="number of fingers (100; a third of a second each)"
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of fingers and noise (0)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of fingers and noise (0)")
     parser.add_argument("--sample", default="", metavar="MATERIAL", help="what they touch; default: it is looked for")
     parser.add_argument("--other", action="store_true",
                         help="data of a finite-difference model with Laplace's noise")  # fmt: skip

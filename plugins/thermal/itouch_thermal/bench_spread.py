@@ -21,7 +21,7 @@ def main(argv: Sequence[str]) -> int:
     from itouch_thermal.rendering.spread import Touched, error, passed
 
     parser = command_parser("itouch-py bench spread", main.__doc__)
-    parser.add_argument("--area", type=float, action="append", metavar="CM2", help="contact area; may be given again")
+    parser.add_argument("--area", type=float, action="append", metavar="CM2", help="contact area; may be repeated")
     add, usual = parser.add_argument, DEFAULT_RESISTANCE
     add("--resistance", type=float, default=usual, metavar="K*M2/W", help=f"of the contact ({usual:g})")
     parser.add_argument("--json", type=output_file(), metavar="FILE", help="write the rows to this file too")

@@ -295,10 +295,10 @@ class Real:
         """List what was missed; ``objects`` are those that must be touched, in this order."""
         said = list(self.faults)
         if list(self.errors) != list(objects):
-            said.append(f"touched were {', '.join(self.errors) or 'none'}, not {', '.join(objects)}")
+            said.append(f"it touched {', '.join(self.errors) or 'none'}, not {', '.join(objects)}")
         for name, error in self.errors.items():
             if error is None or error > bound:
-                said.append(f"{name}'s flux is {_percent(error)} off, allowed are {100.0 * bound:.3g} %")
+                said.append(f"{name}'s flux is {_percent(error)} off, allowed: {100.0 * bound:.3g} %")
         for name, much in self.peaks.items():
             if much is None or abs(much) > FORCE:
                 said.append(f"{name}'s greatest force differs by {_percent(much)} from that on twins")

@@ -45,7 +45,7 @@ def _add_record(commands: Any) -> None:
     record.add_argument("scene", metavar="SCENE", help="a scene in which an object is touched")
     record.add_argument("-o", "--output", type=output_file(), required=True, metavar="FILE.csv",
                         help="columns t and j, in s and W/m2")  # fmt: skip
-    record.add_argument("--object", default="", metavar="NAME", help="default: the first object that is touched")
+    record.add_argument("--object", default="", metavar="NAME", help="the object; default: the first that is touched")
     record.add_argument("--what", choices=("obtained", "sensor", "desired"), default="obtained",
                         help="flux out of the finger (default), reading of the sensor, or what is desired")  # fmt: skip
     record.add_argument("--for", dest="duration", metavar="30s", help="longest wait; default: the scripted motion")
@@ -179,7 +179,7 @@ def add_display(commands: Any) -> None:
     """Add the sub-command ``display``."""
     display = commands.add_parser("display", help="look at a display of one's own", description=_display.__doc__)
     display.add_argument("port", metavar="PORT", help="serial port, such as /dev/ttyACM0")
-    display.add_argument("--baud", type=int, default=250000, metavar="N", help="of the port (default 250000)")
+    display.add_argument("--baud", type=int, default=250000, metavar="N", help="speed of the port (default 250000)")
     display.add_argument("--current", type=float, default=0.0, metavar="A", help=f"of either sign, up to {_AMPS:g} A")
     display.add_argument("--seconds", type=float, default=5.0, metavar="S", help="how long (default 5)")
     display.add_argument("--csv", type=output_file(), metavar="FILE", help="write time, current, plate, sink [s, A, K]")

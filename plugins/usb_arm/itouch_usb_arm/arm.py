@@ -146,7 +146,7 @@ class UsbArm(ImpedanceArm[Falcon]):
         found = () if bound.usbip else look()
         if bound.usbip or any(one.usable for one in found):
             return ""
-        return "; ".join(f"{one.where}: {one.note}" for one in found) or "no arm is on the USB bus: look at its plug"
+        return "; ".join(f"{one.where}: {one.note}" for one in found) or "no arm is on the USB bus: check its plug"
 
     def __init__(self, params: UsbArmParams) -> None:
         super().__init__(params)

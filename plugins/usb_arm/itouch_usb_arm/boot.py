@@ -63,7 +63,7 @@ def parse(data: bytes) -> Image:
 
 def _words(data: bytes, at: int, count: int) -> tuple[int, ...]:
     if at + 2 * count > len(data):
-        raise ValueError(f"it ends at byte {len(data)} in the midst of a block, {at + 2 * count} are due")
+        raise ValueError(f"it ends at byte {len(data)} in the middle of a block, {at + 2 * count} are due")
     return struct.unpack_from(f"<{count}H", data, at)
 
 

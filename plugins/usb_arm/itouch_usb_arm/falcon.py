@@ -377,7 +377,7 @@ class Falcon:
             self._position = kinematics.forward(kinematics.angles_of(reply.encoders), start=start)
         except kinematics.UnreachableError as error:
             raise self._failed(
-                ProtocolError(f"encoders {reply.encoders} are no position of the arm: {error}")
+                ProtocolError(f"encoders {reply.encoders} are not a position of the arm: {error}")
             ) from error
         now, before = self._clock(), self._last
         since = now - self._when

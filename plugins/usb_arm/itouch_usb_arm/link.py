@@ -244,7 +244,7 @@ class Remote:
         try:
             from usbip_backend import get_backend
         except ImportError as error:
-            raise FalconError("an arm over USB/IP needs a package more: pip install pyusb-usbip-backend") from error
+            raise FalconError("an arm over USB/IP needs another package: pip install pyusb-usbip-backend") from error
         self.backend: Any = get_backend(host, int(port))
 
     def __enter__(self) -> Self:

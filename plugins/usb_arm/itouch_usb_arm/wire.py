@@ -79,7 +79,7 @@ def decode(frame: bytes) -> Numbers:
         If it is not a frame: its length, its delimiters, a letter or the info byte is wrong.
     """
     if len(frame) != FRAME or frame[0] != _OPEN or frame[-1] != _CLOSE:
-        raise ValueError(f"{frame!r} is no frame of {FRAME} bytes in < >")
+        raise ValueError(f"{frame!r} is not a frame of {FRAME} bytes in < >")
     letters, info = frame[1:13], frame[13] - _LETTER
     if letters.translate(None, _LETTERS):
         raise ValueError(f"frame {frame!r} has letters out of A to P")

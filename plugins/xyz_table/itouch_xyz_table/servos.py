@@ -116,7 +116,7 @@ class Servos:
         except (OSError, RuntimeError) as error:
             raise ServoError(f"the servos' bus failed: {error}") from error
         except (ValueError, LookupError, struct.error) as error:  # from a servo's invalid answer
-            raise ServoError(f"the servos' bus brought what is no answer: {error}") from error
+            raise ServoError(f"the servos' bus delivered something that is not an answer: {error}") from error
 
     def close(self) -> None:
         """Release the bus; the servos keep their last command until their watchdogs end it."""
@@ -166,7 +166,7 @@ class Servos:
         for axis, (before, now) in enumerate(zip(self._ready, self._anchors, strict=False)):
             if before != now:
                 raise ServoError(
-                    f"servo {AXES[axis]} (id {self._servos[axis].id}) has started anew and does not know its place any "
+                    f"servo {AXES[axis]} (id {self._servos[axis].id}) has restarted and does not know its place any "
                     "more: check its supply, then connect it again"
                 )
 

@@ -187,9 +187,9 @@ class XyzTable(Device):
         try:
             kind = os.stat(place).st_mode
         except OSError:
-            return f"there is nothing at '{place}': look at its plug"
+            return f"there is nothing at '{place}': check its plug"
         if not stat.S_ISCHR(kind):
-            return f"'{place}' is no serial port"
+            return f"'{place}' is not a serial port"
         allowed = os.access(place, os.R_OK | os.W_OK)
         return "" if allowed else f"you may not open '{place}': its group may, to which you can be added (see ls -l)"
 
@@ -341,7 +341,7 @@ class XyzTable(Device):
                 if abs(place - last) > room:
                     raise ServoError(
                         f"axis {AXES[axis]} says that it is {1e3 * abs(place - last):.1f} mm from where it just was: "
-                        "its servo has started anew, or its encoder fails; check its supply, then connect it again"
+                        "its servo has restarted, or its encoder fails; check its supply, then connect it again"
                     )
         self._found = places, now
 

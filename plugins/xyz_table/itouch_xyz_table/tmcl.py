@@ -192,7 +192,7 @@ class Steppers:
         self.stop()
         if speed:
             raise ServoError(
-                f"motor {AXES[axis]} turns on without a request for {TRIED / SLOWLY:g} s: the module's heartbeat "
+                f"motor {AXES[axis]} keeps turning without a request for {TRIED / SLOWLY:g} s: the module's heartbeat "
                 f"(global parameter {tm.HEARTBEAT}) does not stop it, so nothing would if this program died"
             )
         self._hold(axis, began)
@@ -262,8 +262,8 @@ class Steppers:
             for parameter, value in wanted.items():
                 if value >= 1 << 31:
                     raise ServoError(
-                        f"motor {AXES[axis]}: {value} microsteps a second (squared) are needed, which no module takes: "
-                        "reduce speed, acceleration or the microsteps"
+                        f"motor {AXES[axis]}: {value} microsteps a second (squared) are needed, which no module "
+                        "accepts: reduce speed, acceleration or the microsteps"
                     )
                 try:
                     self._ask(axis, tm.SET_AXIS, parameter, value)
@@ -321,7 +321,7 @@ class Steppers:
     @staticmethod
     def _anew() -> ServoError:
         return ServoError(
-            "the module has started anew: its limits and the places of its motors are gone; check its supply, then "
+            "the module has restarted: its limits and the places of its motors are gone; check its supply, then "
             "connect it again"
         )
 
@@ -473,7 +473,7 @@ def _opened(port: str, baud: int) -> Any:
     try:
         import serialx
     except ImportError as error:
-        raise ServoError("a TMCL module needs a package more: pip install 'itouch-py[tmcl]'") from error
+        raise ServoError("a TMCL module needs another package: pip install 'itouch-py[tmcl]'") from error
     try:
         line: Any = serialx.serial_for_url(port, baud, read_timeout=_POLL, write_timeout=0.5, exclusive=False)
         line.open()

@@ -29,7 +29,7 @@ HOST, HOST_ADDRESS = 2, 76
 OK, LOADED, WRONG_SUM = 100, 101, 1
 STATUS = {
     1: "a wrong check sum", 2: "an unknown command", 3: "an unknown parameter", 4: "a value that it does not take",
-    5: "a locked memory", 6: "a command that it has not now",
+    5: "a locked memory", 6: "a command that it does not have at present",
     LOADED: "it stores commands as a program and obeys none: end its download mode, or switch it off and on",
 }  # fmt: skip
 

@@ -93,7 +93,7 @@ def test_zero_force_on_every_exit(rig: ServedService) -> None:
     [
         ("mute", 1, Timeout, "in time"),
         ("late", 5.0, Timeout, "in time"),
-        ("garbage", 1, ProtocolError, "no JSON"),
+        ("garbage", 1, ProtocolError, "not JSON"),
         ("odd", 1, ProtocolError, "'y'.*no finite number"),
         ("nan", 1, ProtocolError, "'z'.*no finite number"),
         ("far", 1, ProtocolError, "no such arm reaches"),
@@ -277,7 +277,7 @@ def test_something_else_that_listens_there_is_no_service() -> None:
 
         thread = threading.Thread(target=answer)
         thread.start()
-        with pytest.raises(ArmError, match=r"no Inverse Service|gone"):
+        with pytest.raises(ArmError, match=r"not an Inverse Service|gone"):
             Inverse3(f"127.0.0.1:{listener.getsockname()[1]}").open()
         thread.join()
 

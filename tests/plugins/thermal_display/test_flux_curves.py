@@ -117,7 +117,7 @@ def test_a_file_must_be_a_file_of_the_scenes_folder(tmp_path: Path) -> None:
     assert len(read_curve(str(folder), "sub/in.csv").times) == 2
     for name, said in (
         ("../out.csv", "outside"), (str(tmp_path / "out.csv"), "outside"), ("link.csv", "outside"), ("", "file name"),
-        ("a\0b", "file name"), ("none.csv", "no file"), ("sub", "no file"), ("pipe.csv", "no file"),
+        ("a\0b", "file name"), ("none.csv", "no file"), ("sub", "not a file"), ("pipe.csv", "not a file"),
         ("bytes.csv", "UTF-8"), ("x" * 5000, "x"),
     ):  # fmt: skip
         with pytest.raises(ValueError, match=said):

@@ -141,7 +141,7 @@ def test_many_fingers_must_hold_and_few_may():
 
 @pytest.mark.parametrize(
     ("words", "said"),
-    [(["--fingers", "0"], "--fingers is 1 or more"), (["--sample", "kryptonite", "--fingers", "1"], "kryptonite")],
+    [(["--fingers", "0"], "--fingers must be 1 or more"), (["--sample", "kryptonite", "--fingers", "1"], "kryptonite")],
 )
 def test_a_wrong_word_of_the_bench_is_one_message(words, said, capsys):
     assert bench_identify.main(words) == 2
@@ -311,7 +311,7 @@ def test_a_file_that_is_no_touch_is_named(raw, tmp_path, capsys):
     for k, broken in enumerate((text.replace("# skin", "# skim"), text.replace("t [s]", "s"), text[:900])):
         (tmp_path / f"b{k}.csv").write_text(broken, encoding="utf-8")
         assert estimate.main([str(tmp_path / f"b{k}.csv")]) == 2
-        assert f"b{k}.csv' is no raw touch" in capsys.readouterr().err
+        assert f"b{k}.csv' is not a raw touch" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -322,8 +322,8 @@ def test_a_file_that_is_no_touch_is_named(raw, tmp_path, capsys):
         ("# skin [degC]: 33", "# skin [degC]: 306.15", "skin [degC] is 306.15, out of range"),
         ("# lag [s]: 0.05", "# lag [s]: soon", "no number 'lag [s]'"),
         ("\n0.0040,", "\n0.0040\n0.0041,", "row 2 has 1 cells; a time and a flux are needed"),
-        ("\n0.0040,", "\n" + "9" * 200_000 + ",", "is no raw touch: field larger"),
-        ("# what: wood", "# what: \udcff", "it is no text in UTF-8"),
+        ("\n0.0040,", "\n" + "9" * 200_000 + ",", "is not a raw touch: field larger"),
+        ("# what: wood", "# what: \udcff", "it is not UTF-8 text"),
     ],
 )
 def test_a_broken_raw_file_is_one_message(old, new, said, raw, tmp_path, capsys):

@@ -71,7 +71,7 @@ def test_a_film_that_was_not_read_is_no_nan():
         (["--force", "0 N"], "--force 0 N is out of range"),
         (["--duration", "0 s"], "--duration 0 s is out of range"),
         (["--raw", "c.xml"], "argument --raw: 'c.xml' is a file; name a folder"),
-        (["--raw", "c.xml/below"], "--raw 'c.xml/below' is no folder"),
+        (["--raw", "c.xml/below"], "--raw 'c.xml/below' is not a folder"),
         (["--raw", "old"], "--raw 'old' holds files already"),
         (["--seed", "-1"], "--seed -1 is out of range: 0 to 2^63 - 1"),
         (["--seed", str(1 << 64)], "is out of range: 0 to 2^63 - 1"),

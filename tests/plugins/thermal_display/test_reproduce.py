@@ -79,7 +79,7 @@ def test_a_sign_stays_in_the_name_of_a_file():
     [
         (["--figure", "12"], "figure 12 is left out: a photograph"),
         (["--figure", "14"], "no figure 14"),
-        (["--measured", "nowhere"], "no folder"),
+        (["--measured", "nowhere"], "not a folder"),
         (["--measured", "."], "holds none of aluminium.csv"),
     ],
 )

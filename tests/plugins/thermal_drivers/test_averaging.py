@@ -166,7 +166,7 @@ def test_one_overloaded_sample_is_told_and_so_is_a_restart(monkeypatch: pytest.M
             driver.exchange(PLATE)
         monkeypatch.setattr(registers, "_LOOK", 1)
         device.restart()
-        with pytest.raises(DeviceError, match="started anew: it no longer averages its input AIN0"):
+        with pytest.raises(DeviceError, match="restarted: it no longer averages its input AIN0"):
             driver.exchange(PLATE)
         driver.close()
 

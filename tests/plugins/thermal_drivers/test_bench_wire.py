@@ -143,7 +143,7 @@ def reported(*, late: bool = False, flux: float = 0.01, force: float = 1.0, trac
     ("found", "code", "said"),
     [
         ({"flux": 0.039, "force": 1.09, "tracking": 1.19}, 0, "| pass |"),
-        ({"flux": 0.041}, 1, "missed: wood's flux is 4.1 % off, allowed are 4 %"),
+        ({"flux": 0.041}, 1, "missed: wood's flux is 4.1 % off, allowed: 4 %"),
         ({"force": 1.11}, 1, "missed: wood's greatest force differs by 11.0 % from that on twins"),
         ({"tracking": 1.21}, 1, "missed: the surface was further from its command than it may be"),
         ({"tracking": 1.21, "late": True}, 3, "| machine not punctual |"),
@@ -186,7 +186,7 @@ def test_in_real_time_a_touch_too_few_is_missed_and_every_device_is_on_its_wire(
     monkeypatch.setattr(bench_wire, "_reported", run)
     scene = str(scenes / "four_materials_wire.xml")
     assert main([scene, "--real-time", "--only", "as written"]) == 1
-    assert "missed: touched were none, not wood" in capsys.readouterr().out
+    assert "missed: it touched none, not wood" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main([scene, "--real-time", "--alone"])
     assert "every device on its wire" in capsys.readouterr().err

@@ -126,7 +126,7 @@ def test_one_that_gives_less_voltage_than_its_limit_has_not_started_anew() -> No
         tec = driver(path)
         assert [tec.exchange(1.5).current for _ in range(8)] == [1.5] * 8
         device.restart()
-        with pytest.raises(DeviceError, match="started anew"):
+        with pytest.raises(DeviceError, match="restarted"):
             for _ in range(4):
                 tec.exchange(1.5)
 

@@ -243,7 +243,7 @@ def test_a_port_that_vanishes_is_told_and_one_that_comes_back_is_opened() -> Non
 
 
 def test_a_restart_in_the_middle_is_lived_through_or_told() -> None:
-    """A rig that has started anew greets first, unasked; its current is what the next order says."""
+    """A rig that has restarted greets first, unasked; its current is what the next order says."""
     rig, count = OwnRig(2), iter(range(1000))
     rig.habit = lambda order, answer: (seal_2(GREETING) if next(count) == 5 else b"") + answer
     drive(rig, 12)

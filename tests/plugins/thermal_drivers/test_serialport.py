@@ -183,8 +183,8 @@ def test_a_port_that_is_unplugged_is_named() -> None:
 @pytest.mark.parametrize(
     ("port", "said"),
     [
-        ("/dev/no-such-port", "No such file or directory: look at its plug"),
-        ("FILE", "Inappropriate ioctl for device: it is no serial port"),
+        ("/dev/no-such-port", "No such file or directory: check its plug"),
+        ("FILE", "Inappropriate ioctl for device: it is not a serial port"),
         ("nonsense://here", "No handler registered for URI scheme 'nonsense://'"),
         ("socket://127.0.0.1", "Invalid socket URI, expected both host and port: socket://127.0.0.1"),
         ("socket://127.0.0.1:1", "Connection refused"),

@@ -85,7 +85,7 @@ def test_a_restart_is_told_as_one(terminal: Terminal) -> None:  # noqa: F811
         tec = driver(terminal)
         tec.exchange(0.5)
         device.restart()
-        with pytest.raises(DeviceError, match="started anew"):
+        with pytest.raises(DeviceError, match="restarted"):
             for _ in range(8):
                 tec.exchange(0.5)
 

@@ -384,7 +384,7 @@ def test_a_t7_that_has_started_anew_is_not_believed(lost: bool) -> None:
         device.restart()
         if lost:  # the line, too: then it is asked at once
             driver._line._client.close()
-        with pytest.raises(DeviceError, match=r"has started anew, or another program has set it: its input AIN0"):
+        with pytest.raises(DeviceError, match=r"has restarted, or another program has set it: its input AIN0"):
             for _ in range(1 if lost else 60):
                 driver.exchange(300.0)
         driver.close()

@@ -160,7 +160,7 @@ def test_a_controller_that_has_started_anew_is_noticed(terminal: Terminal, bulk:
         for _ in range(5):
             tec.exchange(current)
         device.restart()
-        with pytest.raises(DeviceError, match="started anew"):
+        with pytest.raises(DeviceError, match="restarted"):
             for _ in range(8):
                 tec.exchange(current)
 
@@ -266,7 +266,7 @@ def test_a_controller_in_error_is_told(terminal: Terminal) -> None:
         TecDriver(Mecom(port=terminal.path), patience=8.0)
     with pytest.raises(DeviceError) as caught:
         MecomClient("/dev/no-such-port")
-    said = "serial port '/dev/no-such-port' cannot be opened: No such file or directory: look at its plug"
+    said = "serial port '/dev/no-such-port' cannot be opened: No such file or directory: check its plug"
     assert str(caught.value) == said
 
 

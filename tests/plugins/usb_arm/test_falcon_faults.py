@@ -230,7 +230,7 @@ def test_impossible_encoders_are_no_position() -> None:
         falcon.write((0, 0, 1))
         falcon.read()
         emulator.encoders = (9000, -9000, 0)
-        with pytest.raises(FalconError, match="no position of the arm"):
+        with pytest.raises(FalconError, match="not a position of the arm"):
             falcon.read()
         assert emulator.motors[-1] == (0, 0, 0)
         emulator.encoders = (0, 0, 0)

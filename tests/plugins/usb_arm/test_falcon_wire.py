@@ -111,7 +111,7 @@ def test_a_leading_autobaud_letter_is_not_sent_twice() -> None:
         (lambda s: b"", "begins with nothing"),
         (lambda s: b"MZ" + s[2:], "begins with 4d 5a"),
         (lambda s: s[:-1], "ends at byte"),
-        (lambda s: s[:30], "in the midst"),
+        (lambda s: s[:30], "in the middle of"),
         (lambda s: s + b"x", "1 bytes follow"),
         (lambda s: s[:22] + b"\0\0", "no block"),
     ],

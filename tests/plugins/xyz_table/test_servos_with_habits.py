@@ -129,7 +129,7 @@ def test_a_servo_that_starts_anew_in_mid_motion_is_told_and_not_led_to_a_wrong_p
     servo = bench.bus.servos[axis + 1]
     stood = servo.place
     servo.start_anew()
-    with pytest.raises(ServoError, match=f"{'xyz'[axis]} .*has started anew") as told:
+    with pytest.raises(ServoError, match=f"{'xyz'[axis]} .*has restarted") as told:
         drive(device, GOAL, lambda _: False)
     assert "check its supply" in str(told.value)
     device.close()

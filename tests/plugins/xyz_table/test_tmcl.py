@@ -184,7 +184,7 @@ def test_an_axis_that_finds_no_switch_is_named(bench: Bench, monkeypatch: pytest
     ("changed", "words"),
     [
         ({"heartbeat": False}, "heartbeat cannot be set: .*an unknown parameter; .*heartbeat=.no. lets it run"),
-        ({"deaf": True}, r"motor x turns on without a request .* nothing would if this program died"),
+        ({"deaf": True}, r"motor x keeps turning without a request .* nothing would if this program died"),
     ],
 )
 def test_a_module_without_a_heartbeat_is_refused(bench: Bench, changed: dict[str, bool], words: str) -> None:
@@ -221,7 +221,7 @@ def test_a_module_that_started_anew_is_told(bench: Bench, moved: bool) -> None:
     bench.module.restart()
     for motor, count in zip(bench.motors.values(), counts, strict=True):
         motor.put(tm.ACTUAL, 0 if moved or count is None else count)  # it may count as before, by chance
-    with pytest.raises(ServoError, match="the module has started anew"):
+    with pytest.raises(ServoError, match="the module has restarted"):
         arrive(bench, device, list(reading["pose"][:3]))
         arrive(bench, device, list(reading["pose"][:3]))
     device.close()
@@ -240,7 +240,7 @@ def test_no_motor_is_told_to_move_by_a_module_that_started_anew(bench: Bench, mo
     reading, command = records()
     command["pose_target"] = (*[place + 1e-4 for place in goal], 1.0, 0.0, 0.0, 0.0)
     device.write(command)
-    with pytest.raises(ServoError, match="the module has started anew"):
+    with pytest.raises(ServoError, match="the module has restarted"):
         device.read(reading)
     assert told == []
 
@@ -432,7 +432,9 @@ def test_a_port_that_is_none_or_not_ours_is_told_before_anybody_holds_a_switch(
 ) -> None:
     terminal = Terminal()
     (tmp_path / "notes.txt").touch()
-    assert XyzTable.missing(XyzTableParams(tmcl=str(tmp_path / "notes.txt"))).endswith("notes.txt' is no serial port")
+    assert XyzTable.missing(XyzTableParams(tmcl=str(tmp_path / "notes.txt"))).endswith(
+        "notes.txt' is not a serial port"
+    )
     ours = XyzTableParams(tmcl=terminal.path)
     assert XyzTable.missing(ours) == ""
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # who runs the tests may be root
@@ -481,7 +483,7 @@ def test_a_module_without_a_heartbeat_runs_when_the_scene_says_so(bench: Bench) 
     arrive(bench, device, goal)
     assert bench.truth() == pytest.approx(goal, abs=2e-6)
     bench.module.restart()
-    with pytest.raises(ServoError, match="the module has started anew"):
+    with pytest.raises(ServoError, match="the module has restarted"):
         arrive(bench, device, goal)
     assert (XyzTable.lets_go(device.params), XyzTable.opens_twice(device.params)) == (None, True)
     for params in (XyzTableParams(), XyzTableParams(tmcl="/dev/null")):

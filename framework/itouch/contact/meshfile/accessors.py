@@ -57,7 +57,7 @@ class Accessors:
     def _read(self, accessor: dict[str, Any], columns: int) -> Numbers:
         count = int(accessor["count"])
         if not 0 <= count <= MAX_VERTICES:
-            raise ValueError(f"an accessor has {count} items; the most is {MAX_VERTICES}")
+            raise ValueError(f"an accessor has {count} items; the limit is {MAX_VERTICES}")
         kind = np.dtype(_TYPES[accessor["componentType"]])
         if "bufferView" in accessor:
             values = self._view(accessor["bufferView"], int(accessor.get("byteOffset", 0)), count, columns, kind)

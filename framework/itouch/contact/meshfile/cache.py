@@ -173,5 +173,5 @@ def _facts(values: dict[str, Any]) -> MeshFacts:
         usual = getattr(MeshFacts(), name)
         parts = zip(value, usual, strict=True) if isinstance(usual, tuple) else [(value, usual)]
         if not all(type(part) is type(known) and math.isfinite(part) for part, known in parts):
-            raise ValueError(f"{name} is no such number")
+            raise ValueError(f"{name} is not such a number")
     return facts

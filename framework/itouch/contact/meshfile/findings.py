@@ -116,7 +116,7 @@ def _mends(facts: MeshFacts, shown: str) -> Iterator[MeshFinding]:
         sentence = f"'{shown}': {_many(facts.kept_flat, 'triangle')} without area kept, because they close the surface"
         yield MeshFinding("mesh-degenerate", sentence)
     if facts.unused_bad:
-        sentence = f"'{shown}': {_many(facts.unused_bad, 'vertex')} that are no finite numbers, and unused, removed"
+        sentence = f"'{shown}': {_many(facts.unused_bad, 'vertex')} that are not finite numbers, unused, removed"
         yield MeshFinding("mesh-not-finite", sentence.replace("vertexs", "vertices"))
     if facts.joined_seams:
         sentence = f"'{shown}': {_many(facts.joined_seams, 'vertex')} along seams joined to others close by"

@@ -85,10 +85,10 @@ def _damaged(shown: str, error: Exception) -> MeshError:
 def _document(data: bytes) -> dict[str, Any]:
     values = data.count(b",") + data.count(b"[") + data.count(b"{")
     if values > MAX_JSON_VALUES:
-        raise ValueError(f"its JSON holds {values} values; the most is {MAX_JSON_VALUES}")
+        raise ValueError(f"its JSON holds {values} values; the limit is {MAX_JSON_VALUES}")
     document = json.loads(data.decode("utf-8-sig"))
     if not isinstance(document, dict):
-        raise ValueError("its outermost value is no object")
+        raise ValueError("its outermost value is not an object")
     version = str(document["asset"]["version"])
     if version.split(".")[0] != "2":
         raise ValueError(f"it is version {version}; 2.0 can be read")
@@ -200,7 +200,7 @@ def placed_meshes(document: dict[str, Any]) -> Iterator[tuple[int, Floats]]:
     """
     nodes = document.get("nodes", [])
     if len(nodes) > MAX_NODES:
-        raise ValueError(f"it has {len(nodes)} nodes; the most is {MAX_NODES}")
+        raise ValueError(f"it has {len(nodes)} nodes; the limit is {MAX_NODES}")
     if not nodes:
         yield from ((index, np.eye(4)) for index in range(len(document.get("meshes", []))))
         return
@@ -244,7 +244,7 @@ def _rotation(quaternion: Any) -> Floats:
     x, y, z, w = np.array(quaternion, np.float64).reshape(4)
     size = x * x + y * y + z * z + w * w
     if not 0.0 < size < np.inf:
-        raise ValueError("a node's rotation is no quaternion")
+        raise ValueError("a node's rotation is not a quaternion")
     s = 2.0 / size
     return np.array(
         [

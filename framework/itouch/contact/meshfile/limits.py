@@ -16,12 +16,12 @@ MAX_JSON_VALUES, MAX_NODES = 4_000_000, 100_000
 
 def too_many_vertices(shown: str, count: int, most: int = MAX_VERTICES) -> MeshError:
     """Return the error for a file that has, or declares, too many vertices."""
-    sentence = f"'{shown}' has {count} vertices or more; the most is {most}"
+    sentence = f"'{shown}' has {count} vertices or more; the limit is {most}"
     return MeshError("mesh-too-large", sentence, "join vertices that are given twice, or save it in a binary format")
 
 
 def too_many_faces(shown: str, count: int) -> MeshError:
     """Return the error for a file that has, or declares, too many triangles."""
-    sentence = f"'{shown}' has {count} triangles or more; the most is {MAX_FACES}"
+    sentence = f"'{shown}' has {count} triangles or more; the limit is {MAX_FACES}"
     advice = "simplify it: a finger feels nothing finer than a tenth of a millimetre"
     return MeshError("mesh-too-large", sentence, advice)

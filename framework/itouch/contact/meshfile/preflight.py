@@ -149,7 +149,7 @@ def _ply_count(element: str, count: int, shown: str, binary: bool) -> None:
 def _check_lines(data: bytes, announced: int, kind: str, shown: str) -> None:
     """Refuse a text with many more lines than its header declares: its parser would take each for a row."""
     if not data.isascii():
-        raise _not(kind, shown, data, "it holds bytes that are no plain text")
+        raise _not(kind, shown, data, "it holds bytes that are not plain text")
     lines = sum(data.count(end) for end in _LINE_ENDS) - data.count(b"\r\n")
     if lines > 2 * announced + _SPARE_LINES:
         raise _not(kind, shown, data, f"it announces {announced} rows and has {lines} lines")
@@ -195,10 +195,10 @@ def _fan(corners: list[bytes]) -> Iterator[bytes]:
 
 def _obj(data: bytes, shown: str) -> bytes:
     if b"\0" in data:
-        raise _not("OBJ", shown, data, "it holds bytes that are no text")
+        raise _not("OBJ", shown, data, "it holds bytes that are not text")
     lines = data.count(b"\n")
     if lines > _MOST_LINES:
-        sentence = f"'{shown}' has {lines} lines; the most is {_MOST_LINES}"
+        sentence = f"'{shown}' has {lines} lines; the limit is {_MOST_LINES}"
         raise MeshError("mesh-too-large", sentence, "save it in a binary format")
     vertices, faces = sum(1 for _ in _VERTEX_LINE.finditer(data)), 0
     for match in _FACE_LINE.finditer(data):
@@ -236,7 +236,9 @@ def _plain_obj(data: bytes, shown: str) -> bytes:
             wrong = next((word for word in words if not word.removeprefix(b"-").isdigit() or not int(word)), None)
             if wrong is not None:
                 named = wrong[:20].decode(errors="replace")
-                raise _not("OBJ", shown, data, f"line {number}: a face names its corner '{named}', which is no number")
+                raise _not(
+                    "OBJ", shown, data, f"line {number}: a face names its corner '{named}', which is not a number"
+                )
             corners = [c if c > 0 else count + 1 + c for c in map(int, words)]
             if corners and min(corners) < 1:
                 raise _not("OBJ", shown, data, f"line {number}: a face names a corner before the first one")

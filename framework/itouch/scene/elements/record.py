@@ -16,7 +16,7 @@ class RecordChannels:
     """More fields of State to record, at a rate of their own."""
 
     TAG: ClassVar[str] = "channels"
-    of: str = text(doc="names of State fields separated by blanks; * stands for anything: finger.* heat.desired")
+    of: str = text(doc="names of State fields separated by spaces; * stands for anything: finger.* heat.desired")
     rate: float | None = quantity(
         "Hz", low=1e-2, high=4000, default=None, doc="must divide the servo rate; default: the servo rate"
     )
@@ -28,7 +28,7 @@ class RecordElement:
 
     TAG: ClassVar[str] = "record"
     to: str = text(doc="file below the working folder, ending in .mcap; {scene}, {time} and {seed} are filled in")
-    channels: str = text(default="", doc="names of State fields, separated by blanks; * stands for any characters")
+    channels: str = text(default="", doc="names of State fields, separated by spaces; * stands for any characters")
     rate: float | None = quantity(
         "Hz",
         low=1e-2,

@@ -19,7 +19,7 @@ from itouch_tools.cli.doctor.diagnosis import Diagnosis
 from itouch_tools.cli.doctor.disk_caches import compile_cache, kept_meshes, kept_results
 
 _LIMITS = "as root write '@realtime - rtprio 90' and '@realtime - memlock unlimited' to "
-_ADVICE = _LIMITS + "/etc/security/limits.d/99-realtime.conf, join that group, log in anew"
+_ADVICE = _LIMITS + "/etc/security/limits.d/99-realtime.conf, join that group, log in again"
 #: Free disk space [bytes] below which the doctor says that recordings lack room.
 ROOM = 1e9
 #: Asks for OpenGL in a process of its own: a broken driver may take its process with it.

@@ -59,13 +59,13 @@ def _lack(place: Path) -> tuple[str, str]:
     """Return why nothing can be kept in a folder, and what to do about it; two empty words if it can."""
     if os.path.lexists(place):
         if not place.is_dir():
-            return f"'{place}' is no folder", "remove it"
+            return f"'{place}' is not a folder", "remove it"
         if not caches.owned(place):
             return f"'{place}' is not this user's alone", "make it yours alone (chmod 700)"
         return ("", "") if os.access(place, os.W_OK | os.X_OK) else (f"'{place}' can't be written", "chmod 700 it")
     there = next(above for above in place.absolute().parents if os.path.lexists(above))
     if not there.is_dir():
-        return f"'{place}' can't be made, as '{there}' is no folder", f"make '{there}' a folder"
+        return f"'{place}' can't be made, as '{there}' is not a folder", f"make '{there}' a folder"
     if not os.access(there, os.W_OK | os.X_OK):
         return f"'{place}' can't be made, as '{there}' can't be written", f"make '{there}' writable"
     return "", ""
@@ -83,7 +83,7 @@ def clear_kept() -> str:
         with contextlib.suppress(OSError):
             path.unlink()
             compiled += path.suffix == ".nbi"
-    return f"removed {compiled} compiled kernels, {results} results and {built} meshes; the next start makes them anew"
+    return f"removed {compiled} compiled kernels, {results} results and {built} meshes; the next start makes them again"
 
 
 def kernels() -> list[Path]:

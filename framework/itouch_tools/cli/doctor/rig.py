@@ -147,7 +147,7 @@ def _nobody_there(one: Watched) -> Iterator[Diagnosis]:
         )
         shown = " ".join(f"{x * 1e3:.1f}" for x in place[1][:3])
         found = f"it stands at {shown} mm, {'in' if inside else 'out of'} its travel"
-        advice = "" if inside else "home it anew, and check <hardware travel>"
+        advice = "" if inside else "home it again, and check <hardware travel>"
         yield Diagnosis(f"K6 {name}", PASS if inside else FAIL, found, advice)
     plate = one.at(Role.SKIN_CONTACT_TEMPERATURE, one.mean)
     if plate is not None:

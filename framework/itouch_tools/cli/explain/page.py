@@ -51,7 +51,7 @@ def _lines() -> Iterator[str]:
 def _entry(code: Code, example: Example) -> Iterator[str]:
     yield f"### {code.name}\n"
     files = ", ".join(f"`{file}`" for file in told_in(code.name))
-    yield f"{_sentence(code.wrong)} {_sentence(code.remedy)}{f' Told in {files}.' if files else ''}\n"
+    yield f"{_sentence(code.wrong)} {_sentence(code.remedy)}{f' Reported in {files}.' if files else ''}\n"
     yield f"```{_language(example)}\n{example.text.strip()}\n```\n"
     for name, text in _beside(example):
         yield f"with `{name}` beside it,\n\n```text\n{text}\n```\n"

@@ -14,7 +14,7 @@ from scipy import optimize, stats
 
 def _checked(successes: float, trials: float) -> None:
     if not 0 <= successes <= trials:
-        raise ValueError(f"{successes} of {trials} is no proportion")
+        raise ValueError(f"{successes} of {trials} is not a proportion")
 
 
 def wilson(successes: int, trials: int, *, level: float = 0.95) -> tuple[float, float]:

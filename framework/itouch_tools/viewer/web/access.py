@@ -73,7 +73,7 @@ class Gate:
         self._open += 1
         try:
             if self._open > MOST:
-                writer.write(_page(503, "too many browsers look at this session"))
+                writer.write(_page(503, "too many browsers view this session"))
                 return
             request = await asyncio.wait_for(_request(reader), PATIENCE)
             refused = self.refusal(request)

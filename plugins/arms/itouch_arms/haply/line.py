@@ -53,7 +53,7 @@ class Line:
             from websockets.client import ClientProtocol
             from websockets.uri import parse_uri
         except ImportError as error:
-            raise NotFound("a Haply arm needs a package more: pip install 'itouch-py[haply]'") from error
+            raise NotFound("a Haply arm needs another package: pip install 'itouch-py[haply]'") from error
         host, port = address_of(service)
         self._trace, self._where = trace, f"{host}:{port}"
         self._messages: deque[str] = deque()
@@ -81,7 +81,9 @@ class Line:
         end = time.monotonic() + wait
         while self._protocol.state is not OPEN:
             if self._protocol.handshake_exc is not None:
-                raise NotFound(f"what answers at {self._where} is no Inverse Service: {self._protocol.handshake_exc}")
+                raise NotFound(
+                    f"what answers at {self._where} is not an Inverse Service: {self._protocol.handshake_exc}"
+                )
             self._take(end - time.monotonic())
 
     def send(self, text: str) -> None:
@@ -99,7 +101,7 @@ class Line:
         try:
             self._protocol.send_text(text.encode())
         except InvalidState as error:
-            raise Disconnected(f"the Inverse Service at {self._where} has hung up") from error
+            raise Disconnected(f"the Inverse Service at {self._where} has closed the connection") from error
         self._flush()
 
     def receive(self, wait: float) -> str:
@@ -182,7 +184,7 @@ class Line:
         try:
             self._messages.append(data.decode())
         except UnicodeDecodeError as error:
-            raise ProtocolError("the Inverse Service sent what is no text") from error
+            raise ProtocolError("the Inverse Service sent something that is not text") from error
 
     def _late(self) -> ArmError:
         return Timeout(f"the Inverse Service at {self._where} did not answer in time")

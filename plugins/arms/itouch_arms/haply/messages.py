@@ -41,9 +41,9 @@ def read(text: str) -> Message:
     try:
         found = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise ProtocolError(f"the Inverse Service sent what is no JSON: {text[:40]!r}") from error
+        raise ProtocolError(f"the Inverse Service sent something that is not JSON: {text[:40]!r}") from error
     if not isinstance(found, dict):
-        raise ProtocolError(f"the Inverse Service sent no object: {text[:40]!r}")
+        raise ProtocolError(f"the Inverse Service sent something that is not an object: {text[:40]!r}")
     return found
 
 
@@ -71,7 +71,7 @@ def arm(message: Message, device: str) -> Message | None:
 def _listed(message: Message, kind: str) -> list[Message]:
     found = message.get(kind) or []
     if not isinstance(found, list) or not all(isinstance(one, dict) and "device_id" in one for one in found):
-        raise ProtocolError(f"'{kind}' is no list of devices")
+        raise ProtocolError(f"'{kind}' is not a list of devices")
     return found
 
 

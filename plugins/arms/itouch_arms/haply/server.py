@@ -36,7 +36,7 @@ class Server:
         try:
             import websockets.server  # noqa: F401
         except ImportError as error:
-            raise DeviceError("a virtual Haply arm needs a package more: pip install 'itouch-py[haply]'") from error
+            raise DeviceError("a virtual Haply arm needs another package: pip install 'itouch-py[haply]'") from error
         try:
             self._listener = Emulator.listener(address)
         except OSError as error:

@@ -152,7 +152,7 @@ class LabJackDriver:
         at = 2 * flux.channel
         if self._count % _LOOK == 0 and self._line.whole(EF_INDEX + at) != AVERAGE:
             raise DeviceError(
-                f"the LabJack at {self._params.host} has started anew: it no longer averages its input AIN"
+                f"the LabJack at {self._params.host} has restarted: it no longer averages its input AIN"
                 f"{flux.channel}; check its supply, then connect it again"
             )
         self._count += 1
@@ -225,7 +225,7 @@ class LabJackDriver:
         self._lines = self._line.connections
         if abs(self._line.floats(RANGE + 2 * flux.channel)[0] - SPAN) > 0.1 * SPAN:
             raise DeviceError(
-                f"the LabJack at {self._params.host} has started anew, or another program has set it: its input AIN"
+                f"the LabJack at {self._params.host} has restarted, or another program has set it: its input AIN"
                 f"{flux.channel} has another range; check its supply, then connect it again"
             )
 

@@ -42,7 +42,7 @@ class ModbusLine:
             from pymodbus.client import ModbusTcpClient
             from pymodbus.exceptions import ModbusException
         except ImportError as error:
-            raise DeviceError(f"a {name} needs a package more: pip install 'itouch-py[thermal-hardware]'") from error
+            raise DeviceError(f"a {name} needs another package: pip install 'itouch-py[thermal-hardware]'") from error
         address, _, port = host.partition(":")
         if port and not port.isdigit():
             raise DeviceError(f"host = '{host}' must be HOST or HOST:PORT")

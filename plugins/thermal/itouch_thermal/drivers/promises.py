@@ -59,7 +59,7 @@ class Promises:
         except (KeyError, ValueError):
             raise DeviceError(f"a rig greets with '{greeting}', which does not tell its limits") from None
         if not all(math.isfinite(v) for v in (found.amps, low, high, found.sink, found.silence)):
-            raise DeviceError(f"a rig greets with '{greeting}': a limit that is no number")
+            raise DeviceError(f"a rig greets with '{greeting}': a limit that is not a number")
         if found.amps <= 0.0 or found.silence <= 0.0 or low >= high:
             raise DeviceError(
                 f"a rig greets with '{greeting}': a limit that can be none; amps and silence must be more than 0, and "

@@ -14,8 +14,8 @@ from itouch.plugin.wire_claims import share
 _POLL = 0.01
 #: Advice about a port that cannot be opened, by error number.
 _ADVICE = {
-    errno.ENOENT: ": look at its plug", errno.EBUSY: ": another program has it; end that first",
-    errno.ENOTTY: ": it is no serial port",
+    errno.ENOENT: ": check its plug", errno.EBUSY: ": another program has it; end that first",
+    errno.ENOTTY: ": it is not a serial port",
 }  # fmt: skip
 #: Most bytes read at once; bytes that are there are returned without waiting for more.
 _PIECE = 4096

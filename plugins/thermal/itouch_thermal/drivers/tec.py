@@ -234,7 +234,7 @@ class TecDriver:
     @staticmethod
     def _restarted() -> None:
         raise DeviceError(
-            "the TEC controller has started anew: its live output is off; check its supply, then connect it again"
+            "the TEC controller has restarted: its live output is off; check its supply, then connect it again"
         )
 
     def close(self) -> None:

@@ -111,7 +111,7 @@ def read_curve(folder: str, name: str) -> Curve:
     except (OSError, ValueError) as error:
         raise ValueError(f"'{name}': {getattr(error, 'strerror', None) or error}") from error
     if data is None:
-        raise ValueError(f"'{name}' is no file")
+        raise ValueError(f"'{name}' is not a file")
     if len(data) > LARGEST_FILE:
         raise ValueError(f"'{name}' is larger than {LARGEST_FILE >> 20} MiB")
     return decode_curve(data, name)
@@ -128,7 +128,7 @@ def decode_curve(data: bytes, name: str) -> Curve:
     try:
         return parse_curve(data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
-        raise ValueError(f"'{name}' is no text: byte {error.start} is not UTF-8") from error
+        raise ValueError(f"'{name}' is not text: byte {error.start} is not UTF-8") from error
     except ValueError as error:
         raise ValueError(f"'{name}', {error}") from error
 
@@ -136,7 +136,7 @@ def decode_curve(data: bytes, name: str) -> Curve:
 def _inside(folder: str, name: str) -> str:
     """Return the real path of a file in a folder."""
     if not name or "\0" in name:
-        raise ValueError(f"{name!r} is no file name")
+        raise ValueError(f"{name!r} is not a file name")
     home = os.path.realpath(folder)
     path = os.path.realpath(os.path.join(home, name))
     if os.path.isabs(name) or os.path.commonpath([home, path]) != home:
@@ -144,7 +144,7 @@ def _inside(folder: str, name: str) -> str:
     if not os.path.exists(path):
         raise ValueError(f"there is no file '{name}' in the scene's folder")
     if not os.path.isfile(path):
-        raise ValueError(f"'{name}' is no file")
+        raise ValueError(f"'{name}' is not a file")
     return path
 
 
@@ -215,7 +215,7 @@ def _cell(line: int, row: Sequence[str], column: int, name: str, factor: float) 
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f"line {line}: {name} = '{text[:40]}' is no finite number")
+        raise ValueError(f"line {line}: {name} = '{text[:40]}' is not a finite number")
     return value * factor
 
 

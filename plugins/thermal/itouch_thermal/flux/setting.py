@@ -226,7 +226,7 @@ def _heat(params: FluxControlParams, world: World) -> HeatParams:
         return HeatParams(probe=next(iter(world.probes)))
     heat = world.modalities.get(params.desired_from)
     if not isinstance(heat, HeatParams):
-        sentence = f"desired-from = '{params.desired_from}' is no modality that computes a heat flux"
+        sentence = f"desired-from = '{params.desired_from}' is not a modality that computes a heat flux"
         raise ParameterError("desired_from", sentence)
     return heat
 

@@ -90,7 +90,7 @@ def _one(file: Path) -> tuple[dict[str, str], Array, Array]:
     try:
         lines = file.read_text(encoding="utf-8").splitlines()
     except UnicodeDecodeError as error:
-        raise ValueError(f"'{file}' is no raw touch: it is no text in UTF-8") from error
+        raise ValueError(f"'{file}' is not a raw touch: it is not UTF-8 text") from error
     pairs = (line[2:].partition(": ") for line in lines if line.startswith("# "))
     head = {key: value for key, _, value in pairs}
     head.setdefault("what", "")
@@ -100,7 +100,7 @@ def _one(file: Path) -> tuple[dict[str, str], Array, Array]:
         except (KeyError, ValueError):
             value = math.nan
         if not math.isfinite(value):
-            raise ValueError(f"'{file}' is no raw touch: its head has no number '{key}'")
+            raise ValueError(f"'{file}' is not a raw touch: its header has no number '{key}'")
         if not low <= value <= high:
             raise ValueError(f"'{file}': {key} is {value:g}, out of range: {low:g} to {high:g}")
     return head, *_rows(file, lines)
@@ -111,9 +111,9 @@ def _rows(file: Path, lines: list[str]) -> tuple[Array, Array]:
     try:
         rows = list(csv.reader(line for line in lines if not line.startswith("#")))
     except csv.Error as error:
-        raise ValueError(f"'{file}' is no raw touch: {error}") from error
+        raise ValueError(f"'{file}' is not a raw touch: {error}") from error
     if not rows or rows[0][:2] != ["t [s]", "j [W/m^2]"] or len(rows) <= FEWEST:
-        raise ValueError(f"'{file}' is no raw touch: it needs columns t [s],j [W/m^2] and more than {FEWEST} rows")
+        raise ValueError(f"'{file}' is not a raw touch: it needs columns t [s],j [W/m^2] and more than {FEWEST} rows")
     for number, row in enumerate(rows[1:], 1):
         if len(row) < 2:
             raise ValueError(f"'{file}': row {number} has {len(row)} cells; a time and a flux are needed")

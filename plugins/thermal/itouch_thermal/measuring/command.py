@@ -110,7 +110,7 @@ def _asked(options: argparse.Namespace) -> _Asked:
     raw = Path(options.raw) if options.raw else None
     if raw is not None:
         if any(part.exists() and not part.is_dir() for part in (raw, *raw.parents)):
-            raise ValueError(f"--raw '{raw}' is no folder, and none can be made there; name another one")
+            raise ValueError(f"--raw '{raw}' is not a folder, and none can be made there; name another one")
         raw.mkdir(parents=True, exist_ok=True)
         if not os.access(raw, os.W_OK):
             raise ValueError(f"--raw '{raw}': nothing can be written there; name another folder")
@@ -191,7 +191,7 @@ def curve_text(
         f"skin before: {np.mean(skin):.2f} degC ({np.min(skin):.2f} to {np.max(skin):.2f})",
         f"room, {by}: {np.mean([_room(touch, found) for touch in good]) - 273.15:.2f} degC",
         f"film: lag {sensors.lag:g} s, its thermometer {sensors.film_lag:g} s, {sensors.capacity:g} J/m2K; "
-        f"read {np.mean([touch.offset for touch in good]):.2f} W/m2 at rest, which is taken away",
+        f"read {np.mean([touch.offset for touch in good]):.2f} W/m2 at rest, which is subtracted",
         f"calibration: {found.source.calibration}",
         "j: " + ("flux out of the finger: " if sensors.capacity else "flux through the film's middle: ")
         + ("lag and stored heat taken out" if sensors.capacity else "lag taken out" if sensors.lag else "as read"),

@@ -96,7 +96,7 @@ def calibrated(source: Source, given: Given) -> Source:
     if given.capacity is not None and given.capacity > 0.0 and not source.film:
         raise ValueError(
             f"--film-capacity {given.capacity:g} J/(m^2*K): no device of the scene reads the film's temperature, and "
-            f"stored heat follows from it; name the film's thermometer, or leave --film-capacity away"
+            f"stored heat follows from it; name the film's thermometer, or omit --film-capacity"
         )
     lag = sensors.lag if given.lag is None else given.lag
     capacity = sensors.capacity if given.capacity is None else given.capacity

@@ -290,7 +290,7 @@ def read_curves(folder: Path) -> dict[str, Curve]:
     """
     wanted = ", ".join(f"{name}.csv" for name in MATERIALS)
     if not folder.is_dir():
-        raise ValueError(f"--measured '{folder}' is no folder; it should hold one or more of {wanted}")
+        raise ValueError(f"--measured '{folder}' is not a folder; it should hold one or more of {wanted}")
     found: dict[str, Curve] = {}
     for name in MATERIALS:
         path = folder / f"{name}.csv"

@@ -55,5 +55,5 @@ def _parser() -> argparse.ArgumentParser:
 def _address(text: str) -> tuple[str, int]:
     host, _, port = text.rpartition(":")
     if not host or not port.isdigit() or int(port) > 65535:
-        raise argparse.ArgumentTypeError(f"'{text}' is no address; write for example 127.0.0.1:3240")
+        raise argparse.ArgumentTypeError(f"'{text}' is not an address; write for example 127.0.0.1:3240")
     return host, int(port)
