@@ -156,4 +156,4 @@ def test_the_page_names_the_files_in_which_each_code_is_told() -> None:
     assert told_in("released") == ["itouch/safety/hold_to_run.py", "itouch_tools/cli/doctor/rig.py"]
     from itouch_tools.cli.explain.page import _entry
 
-    assert "Told in `itouch/scene/rigs.py`." in "\n".join(_entry(CODES["rig"], EXAMPLES["rig"]))
+    assert "Reported in `itouch/scene/rigs.py`." in "\n".join(_entry(CODES["rig"], EXAMPLES["rig"]))

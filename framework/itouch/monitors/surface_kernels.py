@@ -1,4 +1,4 @@
-"""What a carried surface may do and what it feels, compiled: the arithmetic of `Surface`."""
+"""The checks of a carried surface (T4, T8, K4-K6), compiled: the arithmetic of `Surface`, and what it remembers."""
 
 from __future__ import annotations
 

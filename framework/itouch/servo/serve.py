@@ -1,4 +1,4 @@
-"""The servo process's work with an engine: pacing it, publishing its State, obeying commands between two ticks."""
+"""The servo process's work with an engine: pacing it, obeying commands, publishing State and report to the end."""
 
 from __future__ import annotations
 

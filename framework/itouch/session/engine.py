@@ -1,4 +1,4 @@
-"""An engine that can be saved, restored, recorded and marked: a session is scene plus State, nothing else."""
+"""Sessions: an engine that can be saved, restored and marked, and that starts and ends the recording of its run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Opening a stored session by what its file is: archive, XML document or recording."""
+"""Whether a file is a stored session, told by its content, and opening it: archive, XML document or recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The window of a recording that is played: keys and a time line to move about in it."""
+"""The window of a recording that is played: its keys, and the mouse on the time line, move about in it."""
 
 from __future__ import annotations
 

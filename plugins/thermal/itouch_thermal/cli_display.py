@@ -177,7 +177,7 @@ def _dew_point(options: argparse.Namespace) -> None:
 
 def add_display(commands: Any) -> None:
     """Add the sub-command ``display``."""
-    display = commands.add_parser("display", help="look at a display of one's own", description=_display.__doc__)
+    display = commands.add_parser("display", help="look at a self-built display", description=_display.__doc__)
     display.add_argument("port", metavar="PORT", help="serial port, such as /dev/ttyACM0")
     display.add_argument("--baud", type=int, default=250000, metavar="N", help="speed of the port (default 250000)")
     display.add_argument("--current", type=float, default=0.0, metavar="A", help=f"of either sign, up to {_AMPS:g} A")

@@ -1,4 +1,4 @@
-"""A cache of surfaces that were built before, by the digest of what they were built from.
+"""The cache of meshes: surfaces that were built before, found by the digest of the file that they were built from.
 
 Each entry is a file: a line that names the format, the length and checksum of a JSON header, the header, then the three
 tables as they are in memory. An entry that is truncated, altered, or of another version counts as absent and is written

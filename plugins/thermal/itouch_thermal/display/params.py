@@ -188,7 +188,7 @@ class DisplayParams:
     mismatch: Mismatch = schema.child(Mismatch, default=Mismatch())
     datasheet: Datasheet | None = schema.child(Datasheet, default=None, doc="of the module")
     mecom: Mecom | None = schema.child(Mecom, default=None, doc="the TEC controller that drives it")
-    line: LinePort | None = schema.child(LinePort, default=None, doc="the rig of one's own that drives and reads it")
+    line: LinePort | None = schema.child(LinePort, default=None, doc="the self-built rig that drives and reads it")
     labjack: LabJack | None = schema.child(LabJack, default=None, doc="the instrument that reads its sensors")
 
     def __post_init__(self) -> None:

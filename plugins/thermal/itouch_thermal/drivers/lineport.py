@@ -1,4 +1,4 @@
-"""The line protocol for rigs of one's own: a command line, an answer line, each with a checksum.
+"""The line protocol for self-built rigs: a command line, an answer line, each with a checksum.
 
 Version 2 ends a line with a CRC-16 in four hexadecimal digits; a rig states its limits in its greeting, and answers
 with the command's number and its own state:

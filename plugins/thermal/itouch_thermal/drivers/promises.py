@@ -1,4 +1,4 @@
-"""The promises in the greeting of a rig of one's own, and whether they satisfy the limits in force for the device."""
+"""The promises in the greeting of a self-built rig, and whether they satisfy the limits in force for the device."""
 
 from __future__ import annotations
 

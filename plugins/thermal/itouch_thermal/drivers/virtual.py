@@ -1,4 +1,4 @@
-"""Virtual counterparts of the drivers: a TEC controller, a rig of one's own, and a T7, each without any transport.
+"""Virtual counterparts of the drivers: a TEC controller, a self-built rig, and a T7, each without any transport.
 
 Each holds the physical values that it would measure, set by the owner of the physics.  The faults are counts of answers
 that go wrong.
