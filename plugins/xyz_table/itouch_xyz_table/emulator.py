@@ -1,4 +1,4 @@
-"""The table's emulator: virtual servos, or a stepper module, on a pseudo-terminal, with the table's twin as their axes.
+"""The table's emulator: virtual servos or a stepper module on a pseudo-terminal, with the table's twin as axes.
 
 An ODrive's bus is emulated as a serial adaptor for python-can (``slcan``), a TMCL module as its serial port.
 """
