@@ -78,7 +78,7 @@ def main(argv: Sequence[str]) -> int:
                         help="only the display on its wire: a fifth of the time, and some 0.1 %% aside")  # fmt: skip
     parser.add_argument("--for", dest="duration", metavar="60s", help="end every run after this time")
     parser.add_argument("--bound", type=float, metavar="PERCENT",
-                        help=f"greatest error; twice that in the corners (default {100.0 * BOUND:g}, on a self-built rig "
+                        help=f"most error; twice that in the corners (default {100.0 * BOUND:g}, on a self-built rig "
                              f"{100.0 * OWN_RIG:g})")  # fmt: skip
     parser.add_argument("--json", type=output_file(), metavar="FILE", help="write the rows to this file too")
     parser.add_argument("--real-time", action="store_true",
