@@ -12,7 +12,21 @@ import numpy as np
 import pytest
 
 import itouch
-from itouch.plugin import Channel, Contact, Device, DeviceError, Field, Modality, Record, Role, Twin, pose, wrench
+from itouch.loop import told
+from itouch.plugin import (
+    Channel,
+    Contact,
+    Device,
+    DeviceError,
+    Field,
+    Modality,
+    Record,
+    Role,
+    Timing,
+    Twin,
+    pose,
+    wrench,
+)
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch.safety import Trip
 from itouch.schema.plugin_errors import said
@@ -454,3 +468,146 @@ def test_an_error_without_words_is_told_by_its_kind() -> None:
     assert said(ValueError()) == "ValueError"
     assert said(ValueError("one\ntwo")) == "ValueError: one"
     assert Contact.BEGIN.name == "BEGIN"
+
+
+def refused(tmp_path: Path, modality: Any, device: Any) -> str:
+    """Return the sentence of the one problem of a scene, which must stand at the plugin's place."""
+    with pytest.raises(itouch.SceneError) as caught:
+        engine(tmp_path, modality, device)
+    (problem,) = caught.value.problems
+    assert problem.code == "plugin-failed"
+    assert problem.place is not None and problem.place.line == (4 if modality is None else 9)
+    return problem.sentence
+
+
+#: Method of a device class -> an answer that cannot be used, and what is said of it.
+ANSWERS: list[tuple[str, Any, str]] = [
+    ("duration", np.nan, "it returned nan; a time in seconds"),
+    ("duration", np.inf, "it returned inf; a time in seconds"),
+    ("duration", None, "it returned None; a time in seconds"),
+    ("face", (0.02,), "two half extents"),
+    ("face", 0.02, "two half extents"),
+    ("takes", "3 ms", "it returned '3 ms'; a time in seconds"),
+    ("lets_go", np.nan, "it returned nan; the seconds after which it makes itself safe"),
+    ("lets_go", np.inf, "it returned inf; the seconds after which it makes itself safe"),
+    ("lets_go", -1.0, "it returned -1.0; the seconds after which it makes itself safe"),
+    ("lets_go", "0.1 s", "it returned '0.1 s'; the seconds after which it makes itself safe"),
+    ("bind", None, "it returned None; what driver and twin are made from"),
+    ("channels", ((pose(),), wrench(force=2.0)), "each a tuple of Channel"),
+    ("channels", None, "it returned None; (reads, commands)"),
+]
+
+
+@pytest.mark.parametrize(("method", "answer", "why"), ANSWERS, ids=[f"{one[0]}={one[1]!r:.12}" for one in ANSWERS])
+def test_what_a_device_class_answers_is_a_problem_of_the_scene_if_it_can_not_be_used(
+    tmp_path: Path, method: str, answer: Any, why: str
+) -> None:
+    device = type("Odd", (Rod,), {"Twin": RodTwin, method: classmethod(lambda cls, *rest: answer)})
+    told = refused(tmp_path, None, device)
+    assert why in told
+    assert "(test_failing_plugins.py, line " in told
+
+
+@pytest.mark.parametrize("method", ["duration", "face", "takes", "lets_go", "opens_twice"])
+def test_a_device_class_that_fails_when_it_is_asked_is_a_problem_of_the_scene(tmp_path: Path, method: str) -> None:
+    def act(cls: Any, *rest: Any) -> None:
+        raise SystemExit(7)
+
+    told = refused(tmp_path, None, type("Odd", (Rod,), {"Twin": RodTwin, method: classmethod(act)}))
+    assert "SystemExit: 7 (test_failing_plugins.py, line " in told
+
+
+@pytest.mark.parametrize(
+    "declared",
+    [{"watchdog": np.nan}, {"watchdog": "0.1"}, {"period": -1e-3}, {"delay": np.nan}, {"waits": "no"}],
+    ids=repr,
+)
+def test_a_time_of_a_device_class_that_is_none_is_a_problem_of_the_scene(tmp_path: Path, declared: Any) -> None:
+    told = refused(tmp_path, None, type("Odd", (Rod,), {"Twin": RodTwin, "timing": Timing(**declared)}))
+    (name,) = declared
+    assert f"its {name} is {declared[name]!r}; " in told
+
+
+def test_wires_of_hardware_in_one_text_are_not_taken_for_its_letters(tmp_path: Path) -> None:
+    device = type("Odd", (Rod,), {"wires": classmethod(lambda cls, params: "COM3"), "watchdog": 0.1})
+    text = SCENE.replace('plugin="{plugin}"', 'plugin="{plugin}" twin="no"')
+    assert "it returned 'COM3'; a tuple of texts" in refused_text(tmp_path, text, device)
+
+
+def refused_text(tmp_path: Path, text: str, device: type[Device]) -> str:
+    path = tmp_path / "scene.xml"
+    path.write_text(text.format(plugin="rod", force='force-to="arm"', modality=""), encoding="utf-8")
+
+    def finder(group: str) -> dict[str, Found]:
+        found = dict(find(group))
+        if group == "itouch.devices":
+            found["rod"] = Found("rod", "itouch-tone", "1.0", Entry(device))  # type: ignore[arg-type]
+        return found
+
+    with pytest.raises(itouch.SceneError) as caught:
+        itouch.build(path, catalog=Catalog(finder))
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("method", "answer", "why"),
+    [
+        ("notices", "careful", "it returned 'careful'; a tuple of sentences"), ("notices", None, "a tuple of sentences"),
+        ("reads", "arm.pose", "it returned 'arm.pose'; a tuple of texts"), ("reads", (3,), "a tuple of texts"),
+        ("bound_update", 3.0, "it returned 3.0; a Bound"), ("bound_update", (None,), "a Bound, a tuple of them"),
+        ("bound_contact", "later", "it returned 'later'; a Bound"),
+    ],
+)  # fmt: skip
+def test_what_a_modality_answers_is_a_problem_of_the_scene_if_it_can_not_be_used(
+    tmp_path: Path, method: str, answer: Any, why: str
+) -> None:
+    told = refused(tmp_path, broken(Hum, method, lambda self, *rest: answer), None)
+    assert why in told
+    assert "(test_failing_plugins.py, line " in told
+
+
+@pytest.mark.parametrize("method", ["notices", "reads"])
+def test_a_modality_that_fails_when_it_is_asked_is_a_problem_of_the_scene(tmp_path: Path, method: str) -> None:
+    def act(self: Any, *rest: Any) -> None:
+        raise SystemExit(7)
+
+    told = refused(tmp_path, broken(Hum, method, act), None)
+    assert f"failed in {method}: SystemExit: 7 (test_failing_plugins.py, line " in told
+
+
+@pytest.mark.parametrize("method", ["bound_step", "bound_read"])
+@pytest.mark.parametrize("fault", ["", '<fault device="arm" kind="freeze" at="9 s"/>'], ids=["as it is", "faulty"])
+def test_a_compiled_form_of_a_twin_that_is_none_is_a_problem_of_the_scene(
+    tmp_path: Path, method: str, fault: str
+) -> None:
+    device = type("Odd", (Rod,), {"Twin": broken(RodTwin, method, lambda self, *rest: 3.0)})
+    text = SCENE.replace("</itouch>", f"{fault}</itouch>")
+    told = refused_text(tmp_path, text, device)
+    assert "it returned 3.0; a Bound or None is wanted (test_failing_plugins.py, line " in told
+
+
+@pytest.mark.parametrize(
+    ("act", "why"),
+    [
+        (lambda: 3.0, "returned a value of type float; words are wanted (test_failing_plugins.py, line "),
+        (lambda: exit(5), "failed in {}: SystemExit: 5 (test_failing_plugins.py, line "),
+    ],
+    ids=["number", "exits"],
+)
+def test_words_that_fail_are_told_in_their_place(tmp_path: Path, act: Callable[[], Any], why: str) -> None:
+    own = {method: (lambda self, model, of: act()) for method in ("ended", "remarks", "status")}
+    session = engine(tmp_path, type("Odd", (Hum,), own))
+    (one,) = session.model.modalities
+    entry: dict[str, Any] = {"probe": "finger", "object": "block"}
+    said_by = {
+        "ended": told.ended(one, entry), "remarks": " ".join(told.remarks(one, entry)),
+        "status": told.status(one, session.state),
+    }  # fmt: skip
+    for method, words in said_by.items():
+        assert words.startswith("hum") and why.format(method) in words
+
+
+def test_nothing_and_one_text_are_words_too(tmp_path: Path) -> None:
+    own = {"ended": lambda *rest: None, "remarks": lambda *rest: "it was soft", "status": lambda *rest: ""}
+    (one,) = engine(tmp_path, type("Terse", (Hum,), own)).model.modalities
+    assert (told.ended(one, {}), told.remarks(one, {})) == ("", ("it was soft",))

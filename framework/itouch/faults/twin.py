@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from itouch.faults.kinds import AMOUNTS, DROPPED, LATE, SPIKES, UNITS, Injection, Kind
 from itouch.plugin import RETRACT, Bound, Channel, DeviceError, Field, Record, Role, Twin, TwinInputs
+from itouch.plugin.bound import bound_by
 from itouch.plugin.noise import random_word, uniform
 from itouch.plugin.stamps import Stamped
 
@@ -168,10 +169,10 @@ class FaultyTwin(Twin, Stamped):
         """Let the twin read, by a compiled call where that is possible."""
         known = self._reading
         if known is None or known[0] is not state or known[1] is not reading:
-            bound = self.twin.bound_read(state, reading) if self._binds_read else None
-            if bound is None:
+            bound = bound_by(self.twin.bound_read, state, reading) if self._binds_read else ()
+            if not bound:
                 return self.twin.read(state, reading)
-            known = self._reading = (state, reading, bound)
+            known = self._reading = (state, reading, bound[0])
         return True if known[2]() == 0 else self.twin.read(state, reading)
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
@@ -283,11 +284,11 @@ class FaultyTwin(Twin, Stamped):
         """Advance the twin under the command that it has received, by a compiled call where that is possible."""
         known = self._stepping
         if known is None or known[0] is not state or known[1] is not touch or known[2] != period:
-            bound = self.twin.bound_step(state, self._received, touch, period) if self._binds_step else None
-            if bound is None:
+            bound = bound_by(self.twin.bound_step, state, self._received, touch, period) if self._binds_step else ()
+            if not bound:
                 self.twin.step(state, self._received, touch, period)
                 return
-            known = self._stepping = (state, touch, period, bound)
+            known = self._stepping = (state, touch, period, bound[0])
         if known[3]() != 0:
             self.twin.step(state, self._received, touch, period)
 

@@ -19,6 +19,7 @@ from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.write_access import Fence
 from itouch.plugin import Bound, Contact, HeardContact, Record
+from itouch.plugin.bound import bound_by
 from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.schema.plugin_errors import failing
 from itouch.world import ModalityModel, Model
@@ -35,14 +36,14 @@ class _Listener:
     def __init__(self, model: Model, one: ModalityModel, view: Record, state: Record, event: HeardContact) -> None:
         self.one, self.view, self.fence = one, view, Fence([one], state)
         self.kinds = frozenset(int(kind) for kind in one.instance.hears)
-        bound = None
+        bound: tuple[Bound, ...] = ()
         if self.kinds and self._joins():
             with failing(f"modality '{one.name}'", "bound_contact", model.place_of(one.name)):
-                bound = one.instance.bound_contact(one.model, view, event)
+                bound = bound_by(one.instance.bound_contact, one.model, view, event)
         asks = Bound(happening.asks, event, sum(1 << kind for kind in self.kinds))
         #: Its calls in a chain; the second stops the chain if Python is needed, the third if it wrote what is not its.
-        self.calls = (self.fence.keep, asks if bound is None else bound, self.fence.look)
-        self.call = None if bound is None else runner(self.calls)
+        self.calls = (self.fence.keep, *(bound or (asks,)), self.fence.look)
+        self.call = runner(self.calls) if bound else None
 
     def _joins(self) -> bool:
         """Tell whether a compiled call may replace ``on_contact``: no subclass, nor instance, overrides it alone.

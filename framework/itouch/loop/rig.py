@@ -92,7 +92,7 @@ class ProbeRig:
             hand, self.probe.scene.radius, self.tracker,
             table if table is not None and table.model.twin else None,
             face if face is not None and face.model.twin else None,
-            offset, face.model.cls.face(face.model.params) if face is not None else None, state, self.probe.name,
+            offset, face.model.face if face is not None else None, state, self.probe.name,
             self.model.period,
         )  # fmt: skip
 

@@ -12,6 +12,7 @@ from itouch.faults import FaultyTwin
 from itouch.joining import is_newest
 from itouch.loop.frames import Frame, frame
 from itouch.plugin import Bound, Channel, Record, Role, TwinInputs
+from itouch.plugin.bound import bound_by
 from itouch.plugin.quantity import SIZES
 from itouch.safety import DeviceFaultError, Gate, Lifecycle, Status, Trip
 from itouch.schema.plugin_errors import failing, said
@@ -85,7 +86,8 @@ class Runner:
         if self.gate.twin is None or not is_newest(type(self.gate.twin), "bound_step", "step"):
             return None
         with failing(f"device '{self.model.name}'", "the step of its twin", self.model.place):
-            return self.gate.twin.bound_step(self.gate.twin_state, self.sent, self.touch, self._period)
+            calls = bound_by(self.gate.twin.bound_step, self.gate.twin_state, self.sent, self.touch, self._period)
+        return next(iter(calls), None)
 
     def step_twin(self, tick: int) -> None:
         """Advance the twin by one period under the commands that were sent.

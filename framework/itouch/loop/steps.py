@@ -26,11 +26,13 @@ from itouch.loop.step import CALLS_KERNELS, PYTHON, Answer, Step, joinable
 from itouch.loop.touchoff import DONE
 from itouch.loop.write_access import Fence, mended, shown_fields
 from itouch.plugin import Bound, Record, Role
+from itouch.plugin.bound import bound_by
 from itouch.safety import Finger, Gate, HoldToRun
 from itouch.safety.monitor_step import LOOK, TOLD
 from itouch.schema.plugin_errors import failing
 from itouch.twin.skin import Skin
 from itouch.world import DeviceModel, ModalityModel, Model
+from itouch.world.answers import texts_of
 
 #: Fields of a device that a trip changes, besides what is sent to it.
 _TRIPPED = ("status", "trip", "tripped", "ramp")
@@ -274,12 +276,13 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[F
         raise with_replaced(modality_fault(model, one.instance, method, tick, error), replaced) from error
 
     commands = tuple(".command.".join(command.split(".", 1)) for command in one.commands)
-    own, reads = (*shown_fields(one, state), *commands), one.instance.reads(compiled)
-    bound: Bound | tuple[Bound, ...] | None = None
+    own = (*shown_fields(one, state), *commands)
+    with failing(f"modality '{one.name}'", "reads", model.place_of(one.name)):
+        reads = _reads(one)
+    calls: tuple[Bound, ...] = ()
     if (every == 1 or not one.attends) and _joins(one):
         with failing(f"modality '{one.name}'", "bound_update", model.place_of(one.name)):
-            bound = one.instance.bound_update(compiled, state, period)
-    calls = (bound,) if isinstance(bound, Bound) else bound or ()
+            calls = bound_by(one.instance.bound_update, compiled, state, period, several=True)
     if calls:
         bounds = calls if every == 1 else (Bound(carrying.turn, state["tick"], every), *calls)
         joined = joinable(
@@ -292,6 +295,20 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[F
         work = lambda code, tick, ready: run(tick, ready)  # noqa: E731
         return replace(joinable(one.name, due, reads, own, work), every=every, code=PYTHON)
     return Step(one.name, run, reads, own, 1 if one.attends else every)
+
+
+def _reads(one: ModalityModel) -> tuple[str, ...] | None:
+    """Return the fields that a modality says it reads; None: it does not say.
+
+    Raises
+    ------
+    ReturnedError
+        If it says anything else.
+    """
+    method = one.instance.reads
+    told = method(one.model)
+    wanted = "a tuple of texts such as 'device.channel' is wanted, or None"
+    return None if told is None else texts_of(method, told, wanted)
 
 
 def _joins(one: ModalityModel) -> bool:

@@ -145,6 +145,37 @@ def of_run(modality: ModalityModel, state: Record) -> dict[str, Any]:
         return {"error": f"failed in report: {said(error)}"}
 
 
+def status(modality: ModalityModel, state: Record) -> str:
+    """Return a modality's few words for the live line, or in what it has failed; empty: nothing."""
+    return " ".join(_words(modality, "status", state))
+
+
+def ended(modality: ModalityModel, entry: Mapping[str, Any]) -> str:
+    """Return a modality's few words on a contact that has ended, or in what it has failed; empty: nothing."""
+    return " ".join(_words(modality, "ended", own_view(modality, entry)))
+
+
+def remarks(modality: ModalityModel, entry: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what a modality says was wrong in a contact, or in what it has failed itself."""
+    return _words(modality, "remarks", own_view(modality, entry))
+
+
+def _words(modality: ModalityModel, method: str, of: Any) -> tuple[str, ...]:
+    """Return the texts that a method returns, one or several; a run does not end because one fails."""
+    asked = getattr(modality.instance, method)
+    try:
+        told: Any = asked(modality.model, of)
+        texts = tuple(told) if isinstance(told, tuple | list) else () if told is None else (told,)
+        for one in texts:
+            if not isinstance(one, str):
+                return (f"{modality.name}: {method} returned {_kind(one)}; words are wanted{written_at(asked)}",)
+        return texts
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # one that exits does not end the program
+        return (f"{modality.name} failed in {method}: {said(error)}",)
+
+
 def _plain(value: Any, name: str, faults: list[str], depth: int) -> Any:
     """Return plain data for JSON; what cannot be is null, and noted in ``faults`` by its name."""
     if isinstance(value, np.ndarray) and value.size != 1 and value.dtype.kind in "biuf":

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from itouch.schema.plugin_errors import ReturnedError
+
 
 def _rows(value: Any) -> Any:
     """Return an argument with each scalar of State as an array of one number, also inside tuples."""
@@ -74,3 +76,21 @@ class Bound:
     def warm_up(self) -> None:
         """Call the function on copies, so that it is compiled before the first tick."""
         self.function(*(_copied(value) for value in self.arguments))
+
+
+def bound_by(method: Callable[..., Any], *arguments: Any, several: bool = False) -> tuple[Bound, ...]:
+    """Return the compiled calls that a plugin's ``method`` offers for these arguments; none: it is Python.
+
+    Raises
+    ------
+    ReturnedError
+        If it returns anything else than a `Bound`, or, where ``several`` may come, a tuple of them, or None.
+    """
+    told = method(*arguments)
+    if told is None:
+        return ()
+    calls = told if several and isinstance(told, tuple | list) else (told,)
+    if not all(isinstance(call, Bound) for call in calls):
+        wanted = "a Bound, a tuple of them" if several else "a Bound"
+        raise ReturnedError(method, f"it returned {told!r:.120}; {wanted} or None is wanted")
+    return tuple(calls)

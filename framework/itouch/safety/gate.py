@@ -15,6 +15,7 @@ from itouch.joining import is_newest
 from itouch.monitors import LOSSES, DeviceFaultError, Heat, Push, Readings, Trip, TripError
 from itouch.monitors.limits import TIMELY
 from itouch.plugin import Bound, Channel, Device, DeviceError, Record, Role, Twin
+from itouch.plugin.bound import bound_by
 from itouch.plugin.device import is_new
 from itouch.plugin.stamps import Stamped
 from itouch.safety import limiting, monitor_step
@@ -330,8 +331,8 @@ class Gate:
         if twin is None or isinstance(twin, Stamped) or not is_newest(type(twin), "bound_read", "read"):
             return ()
         with failing(f"device '{self.model.name}'", "the reading of its twin", self.model.place):
-            sensed = twin.bound_read(self.twin_state, self.reading)
-        if sensed is None:
+            sensed = bound_by(twin.bound_read, self.twin_state, self.reading)
+        if not sensed:
             return ()
         due = Bound(
             monitor_step.due,
@@ -343,7 +344,7 @@ class Gate:
             CLOSED,
             self._every,
         )
-        return due, sensed, Bound(monitor_step.came, self._tick, self._measured, self._taken)
+        return due, *sensed, Bound(monitor_step.came, self._tick, self._measured, self._taken)
 
     def bound_watch(self) -> tuple[Bound, ...]:
         """Return ``watch_reading`` as compiled calls, which leave what is unusual to Python; none: all is Python's."""

@@ -6,6 +6,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import PurePath
+from types import FrameType, TracebackType
 
 from itouch import ending
 from itouch.schema.diagnostics import ItouchError, Place, Problem, SceneError, class_of, raised_at, spoken
@@ -25,11 +26,27 @@ def said(error: BaseException) -> str:
     """Return what an error in a plugin says, and where it was raised: ``ValueError: text (file.py, line 7)``."""
     if issubclass(type(error), ReturnedError):  # not isinstance: an error may fail when its class is asked for
         return spoken(error)
-    stack = [frame for frame in traceback.extract_tb(raised_at(error)) if frame.filename != ending.__file__]
-    stack = [frame for frame in stack if _CORE not in PurePath(frame.filename).parents] or stack
-    where = f" ({PurePath(stack[-1].filename).name}, line {stack[-1].lineno})" if stack else ""
+    where = _where(raised_at(error))
     text = spoken(error).partition("\n")[0]
     return f"{class_of(error)}{': ' if text else ''}{text}{where}"
+
+
+def _where(raised: TracebackType | None) -> str:
+    """Return the plugin's line that an error came through last: `` (file.py, line 7)``; empty if there is none.
+
+    What a library raises that the plugin calls is put down to the line that calls it: the library's author could do
+    nothing about it.
+    """
+    frames = [(frame.f_code.co_filename, line, _package(frame)) for frame, line in traceback.walk_tb(raised)]
+    frames = [one for one in frames if one[0] != ending.__file__]
+    frames = [one for one in frames if _CORE not in PurePath(one[0]).parents] or frames
+    own = [one for one in frames if one[2] == frames[0][2]]
+    return f" ({PurePath(own[-1][0]).name}, line {own[-1][1]})" if own else ""
+
+
+def _package(frame: FrameType) -> str:
+    """Return the outermost package of the code that a frame runs."""
+    return str(frame.f_globals.get("__name__", "")).partition(".")[0]
 
 
 def written_at(method: object) -> str:

@@ -434,7 +434,7 @@ class Session(Shown, Engine):
         """
         wanted = [one for one in self.runners if not one.model.twin and not one.model.optional]
         moving = [one.model for one in wanted if one.model.cls.moves_on_open and one.latch.status is Status.CLOSED]
-        failures = {model.name: why for model in moving if (why := model.cls.missing(model.bound))}
+        failures = {model.name: why for model in moving if (why := model.missing())}
         failures |= connect([one.lifecycle for one in wanted if not one.model.cls.moves_on_open], self.ticks)
         if failures:
             self.release()

@@ -28,6 +28,7 @@ from itouch.schema import Place, Problem
 from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.fields import default_of, specs, xml_name
 from itouch.schema.plugin_errors import ReturnedError, failing, failure
+from itouch.world.answers import texts_of
 from itouch.world.fields import declared_by
 from itouch.world.files import SceneFiles
 from itouch.world.presented_surfaces import check_alone, check_carried, check_touched
@@ -56,6 +57,8 @@ class ModalityModel:
     fields: tuple[str, ...] = ()
     #: The probe whose surface it brings by default, because no modality of the scene does; it has no element itself.
     default_of: str = ""
+    #: What it says must be known before a run.
+    notices: tuple[str, ...] = ()
 
 
 def build_modalities(
@@ -111,6 +114,9 @@ def _compiled(
         problems += unknown
     with failing(who, "attends", place):
         attends = every > 1 and instance.attends(model)
+    with failing(who, "notices", place):
+        wanted = "a tuple of sentences is wanted, () if there are none"
+        notices = texts_of(instance.notices, instance.notices(model), wanted)
     carries = _declaration(instance.carries, Carries, model, who, place)
     touches = _declaration(instance.touches, Touches, model, who, place)
     if unknown:
@@ -124,7 +130,8 @@ def _compiled(
             problems += check_touched(scene, part, touches, fields, every, carries is not None)
         served = "" if probe is None else probe.name
         yield ModalityModel(
-            part.name, part.plugin, instance, model, every, commands, attends, carries, touches, tuple(fields), served
+            part.name, part.plugin, instance, model, every, commands, attends, carries, touches, tuple(fields), served,
+            notices,
         )  # fmt: skip
 
 
@@ -328,4 +335,4 @@ def _every(scene: Scene, part: PluginPart, rate: float, problems: list[Problem])
 
 def notices_of(modalities: Sequence[ModalityModel]) -> list[str]:
     """Return the notices of the modalities before a run."""
-    return [f"{m.name}: {notice}" for m in modalities for notice in m.instance.notices(m.model)]
+    return [f"{m.name}: {notice}" for m in modalities for notice in m.notices]

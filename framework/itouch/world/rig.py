@@ -19,8 +19,9 @@ from itouch.scene.elements import DeviceElement, Fault
 from itouch.schema import Place, Problem
 from itouch.schema.diagnostics import did_you_mean, meant
 from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
-from itouch.schema.plugin_errors import failing, failure
+from itouch.schema.plugin_errors import ReturnedError, failing, failure, said
 from itouch.schema.quantities import QuantityError, parse_quantity
+from itouch.world import answers
 from itouch.world.fields import declared_by
 from itouch.world.files import SceneFiles
 from itouch.world.limits import DeviceLimits, resolve
@@ -70,7 +71,16 @@ class DeviceModel:
     @property
     def duration(self) -> float:
         """How long its twin's own motion lasts [s]."""
-        return self.cls.duration(self.bound) if self.twin else 0.0
+        if not self.twin:
+            return 0.0
+        with failing(f"device '{self.name}'", "duration", self.place):
+            return answers.duration_of(self.cls, self.bound)
+
+    @property
+    def face(self) -> tuple[float, float] | None:
+        """The half extents [m] of the face at its origin that a finger can touch, or None."""
+        with failing(f"device '{self.name}'", "face", self.place):
+            return answers.face_of(self.cls, self.params)
 
     @property
     def late(self) -> bool:
@@ -86,7 +96,16 @@ class DeviceModel:
     @property
     def wires(self) -> tuple[str, ...]:
         """The wires that no other device may use while this one is open; none for a twin, or without commands."""
-        return () if self.twin or not self.commands else tuple(self.cls.wires(self.params))
+        return () if self.twin or not self.commands else answers.wires_of(self.cls, self.params)
+
+    def missing(self) -> str:
+        """Return why it cannot be opened, or in what its plugin fails when it is asked; empty: nothing is known."""
+        try:
+            return answers.missing_of(self.cls, self.bound)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a plugin that exits does not end the program
+            return f"failed in missing: {said(error)}"
 
     def command(self, of: str | Role) -> Channel | None:
         """Return the command channel of this name, or the first of this role; None: there is none."""
@@ -200,7 +219,9 @@ def _build(
         return None
     place = scene.places.of(element)
     with failing(f"device '{element.name}'", "channels", place):
-        reads, commands = cls.channels(params)
+        reads, commands = answers.channels_of(cls, params)
+    with failing(f"device '{element.name}'", "its times", place):
+        answers.check_times(cls, params)
     for channel in (*reads, *commands):
         if SIZES.get(channel.role, channel.size) != channel.size:
             sentence = (
@@ -238,13 +259,15 @@ def _build(
     calibration = element.calibration
     touch_off = calibration.points if calibration is not None and calibration.method == "touch-off" else 0
     problems += unfelt(element.name, reads, commands, place, twin=bool(element.twin), touch_off=bool(touch_off))
-    return DeviceModel(
+    model = DeviceModel(
         element.name, element.plugin, cls, params, reads, commands, mount, element.mount.mount_error, element.mount.on,
         limits, bool(element.twin), element.optional, touch_off, scene.world.temperature,
         next((operator.skin_temperature for operator in scene.operators), None), 1.0 / scene.rates.servo,
         element.twin == "remote", injections(scene, element, (*reads, *commands), problems), bound,
         monitors, place,
     )  # fmt: skip
+    _ = model.duration, model.face  # what is wrong with them is told now, and not when they are needed
+    return model
 
 
 def _clash(reads: tuple[Channel, ...]) -> str:
@@ -321,7 +344,13 @@ def _bound(
 ) -> Any:
     """Return the parameters as the plugin binds them to the files that they name; None if these cannot be used."""
     try:
-        return cls.bind(params, reader.read)
+        bound = cls.bind(params, reader.read)
+        answers.bound_of(cls, bound)
+        return bound
+    except ReturnedError as error:
+        place = scene.places.of(params) or scene.places.of(element)
+        problems.append(failure(f"device '{element.name}'", "bind", error, place))
+        return None
     except MeshError as error:  # its file is missing, too large, or elsewhere
         place = scene.places.of(params, _file_of(params)) or scene.places.of(element)
         problems.append(Problem(error.code, f"device '{element.name}': {error.sentence}", place, error.advice))

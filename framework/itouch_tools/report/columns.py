@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from itouch.loop.told import figures_of, own_view
+from itouch.loop import told
+from itouch.loop.told import figures_of
 from itouch.plugin import Measured
-from itouch.schema.plugin_errors import said
 from itouch.world import Model
 
 #: The framework's own columns of a terminal's table: those before what modalities measured, and those after it.
@@ -41,12 +41,7 @@ def _row(entry: Mapping[str, Any], what: Iterable[str], shown: Iterable[Measured
 
 def ended(model: Model, entry: Mapping[str, Any]) -> list[str]:
     """Return what the modalities say of a contact that has ended."""
-    found = []
-    for one in model.modalities:
-        try:
-            found.append(one.instance.ended(one.model, own_view(one, entry)))
-        except Exception as error:  # a plugin's text may fail; the run goes on
-            found.append(f"{one.name} failed in ended: {said(error)}")
+    found = (told.ended(one, entry) for one in model.modalities)
     return [words for words in found if words]
 
 
@@ -73,8 +68,5 @@ def remarks(model: Model, entry: Mapping[str, Any]) -> list[str]:
             "on it as long as it may (T4, contact-time); the arm gave its force"
         )
     for one in model.modalities:
-        try:
-            found += one.instance.remarks(one.model, own_view(one, entry))
-        except Exception as error:
-            found.append(f"{one.name} failed in remarks: {said(error)}")
+        found += told.remarks(one, entry)
     return found

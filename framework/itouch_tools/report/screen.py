@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from itouch.loop.plate_notices import missed_plates
 from itouch.loop.skin_waits import vain_waits, waiting_now
+from itouch.loop.told import status
 from itouch.schema.terminal import MANNER, colours, control, is_terminal, number_of, plain
 from itouch_tools.report import columns
 from itouch_tools.viewer.fault_messages import outcome, what
@@ -97,7 +98,7 @@ class Screen:
             parts.append(f"{probe.name} {where:<18}")
         if not engine.state["ready"]:
             parts.append("calibrating")
-        told = (m.instance.status(m.model, engine.state) for m in engine.model.modalities)
+        told = (status(one, engine.state) for one in engine.model.modalities)
         parts += [words for words in told if words]
         times = engine.times.summary()
         if times["p99"] is not None:
