@@ -307,6 +307,30 @@ def listed() -> tuple[Any, ...]:
     return tuple((_listed or {}).values())
 
 
+def prepare(call: Call) -> None:
+    """Make the entry by which a call is joined, so that what is wrong with it is known before it is part of a chain.
+
+    Raises
+    ------
+    ValueError
+        If the function is not compiled, or cannot be for these arguments, or one of these cannot be bound.
+    """
+    if not can_join():
+        return
+    name = getattr(call.function, "__name__", repr(call.function))
+    if not hasattr(call.function, "py_func"):
+        raise ValueError(f"'{name}' is bound, which is not compiled: write @kernel above it")
+    try:
+        _words(call.arguments)
+        _entry(call)
+    except numba.core.errors.NumbaError as error:
+        lines = [line.strip() for line in str(error).splitlines()[1:]]
+        why = next((line for line in lines if line), str(error))
+        raise ValueError(f"'{name}' can't be compiled for what is bound to it: {why[:300]}") from error
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"'{name}' can't be called with what is bound to it: {error}") from error
+
+
 def is_newest(cls: type, joined: str, alone: str) -> bool:
     """Tell whether the method ``joined`` may stand in for ``alone``: no class further down overrides ``alone`` only."""
     ancestry = cls.__mro__
@@ -327,6 +351,8 @@ def _words(arguments: Sequence[Any]) -> list[int]:
         if isinstance(argument, np.ndarray):
             if not argument.flags.c_contiguous:
                 raise ValueError("an array that is bound must be contiguous")
+            if not argument.dtype.isnative:
+                raise ValueError(f"an array of {argument.dtype.str} has its bytes in the other order")
             words += [argument.ctypes.data, *argument.shape]
         elif isinstance(argument, tuple):
             words += _words(argument)

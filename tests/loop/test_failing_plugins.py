@@ -10,15 +10,20 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from needed import meant
 
 import itouch
+from itouch.joining import can_join
 from itouch.loop import told
 from itouch.plugin import (
+    Bound,
     Channel,
     Contact,
     Device,
     DeviceError,
     Field,
+    Measured,
+    Mechanics,
     Modality,
     Record,
     Role,
@@ -28,6 +33,7 @@ from itouch.plugin import (
     wrench,
 )
 from itouch.plugin.discovery import Catalog, Found, find
+from itouch.plugin.kernels import kernel
 from itouch.safety import Trip
 from itouch.schema.plugin_errors import said
 
@@ -611,3 +617,83 @@ def test_nothing_and_one_text_are_words_too(tmp_path: Path) -> None:
     own = {"ended": lambda *rest: None, "remarks": lambda *rest: "it was soft", "status": lambda *rest: ""}
     (one,) = engine(tmp_path, type("Terse", (Hum,), own)).model.modalities
     assert (told.ended(one, {}), told.remarks(one, {})) == ("", ("it was soft",))
+
+
+@kernel
+def counted(count: Any) -> int:
+    """Count."""
+    count[0] += 1
+    return 0
+
+
+def uncompiled(count: Any) -> int:
+    """Do nothing, in Python."""
+    return 0
+
+
+@pytest.mark.skipif(not can_join(), reason=meant("kernels run as Python here"))
+@pytest.mark.parametrize(
+    ("make", "why"),
+    [
+        (lambda view: Bound(uncompiled, view), "'uncompiled' is bound, which is not compiled: write @kernel above it"),
+        (lambda view: Bound(3, view), "'3' is bound, which is not compiled"),
+        (lambda view: Bound(counted, np.zeros((4, 4))[:, 0]), "an array that is bound must be contiguous"),
+        (lambda view: Bound(counted, np.zeros(1, ">f8")), "an array of >f8 has its bytes in the other order"),
+        (lambda view: Bound(counted, [1.0]), "'counted' can't be called with what is bound to it"),
+        (lambda view: Bound(counted, view, view), "'counted' can't be compiled for what is bound to it"),
+    ],
+    ids=["python", "number", "column", "order", "list", "too many"],
+)
+def test_a_call_that_can_not_be_joined_is_a_problem_of_the_scene(tmp_path: Path, make: Any, why: str) -> None:
+    modality = broken(Hum, "bound_update", lambda self, model, state, period: make(state["hum.count"]))
+    told = refused(tmp_path, modality, None)
+    assert why in told
+    assert "failed in bound_update: its call cannot be joined: " in told
+    assert "(test_failing_plugins.py, line " in told
+
+
+DECLARED = [
+    ("hears", Contact.BEGIN), ("hears", frozenset({"begin"})), ("measured", Measured("a", "1", "a figure")),
+    ("goes_on", "count"), ("dropped", "count"), ("keeps_to", "clearance"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "value"), DECLARED, ids=[f"{one[0]}={one[1]!r:.12}" for one in DECLARED])
+def test_an_attribute_of_a_modality_that_is_not_what_it_must_be_is_told_with_what_to_write(
+    tmp_path: Path, name: str, value: Any
+) -> None:
+    with pytest.raises(itouch.SceneError, match=f"class 'Odd' declares {name} = .*: write {name} = "):
+        engine(tmp_path, type("Odd", (Hum,), {name: value}))
+
+
+def test_a_twin_that_is_none_is_told_with_what_to_write(tmp_path: Path) -> None:
+    for twin in (int, RodTwin(None)):
+        with pytest.raises(itouch.SceneError, match="class 'Odd' declares Twin = .*: write the name of a subclass"):
+            engine(tmp_path, None, type("Odd", (Rod,), {"Twin": twin}))
+
+
+@pytest.mark.parametrize("name", ["max_stiffness", "damping"])
+@pytest.mark.parametrize("value", [np.nan, -1.0, "500 N/m"])
+def test_mechanics_that_are_no_numbers_are_a_problem_of_the_scene(tmp_path: Path, name: str, value: Any) -> None:
+    told = refused(tmp_path, None, type("Odd", (Rod,), {"Twin": RodTwin, "mechanics": Mechanics(**{name: value})}))
+    assert f"its {name} is {value!r}; a number is wanted" in told
+
+
+def test_two_commands_of_one_name_are_a_problem_of_the_scene(tmp_path: Path) -> None:
+    twice = (wrench(force=2.0), wrench(force=2.0))
+    assert "has two commands named 'wrench'" in refused(
+        tmp_path, None, type("Odd", (Rod,), {"Twin": RodTwin, "commands": twice})
+    )
+
+
+@pytest.mark.parametrize("kind", ["O", "U5", "c16", "M8[s]", [("a", "f8"), ("b", "O")]], ids=str)
+def test_fields_without_numbers_are_a_problem_of_the_scene(tmp_path: Path, kind: Any) -> None:
+    told = refused(tmp_path, broken(Hum, "fields", lambda self, model: (Field("f", kind, 1),)), None)
+    assert "field 'f' of type " in told and "has no numbers" in told
+
+
+@pytest.mark.parametrize("name", ["reads", "commands"])
+@pytest.mark.parametrize("value", [pose(), ("pose",)], ids=["no comma", "text"])
+def test_channels_that_are_none_are_told_when_the_class_is_defined(name: str, value: Any) -> None:
+    with pytest.raises(TypeError, match=rf"device class Odd: {name} = .*: write {name} = \(Channel\(...\),\)"):
+        type("Odd", (Rod,), {name: value})

@@ -169,7 +169,7 @@ class FaultyTwin(Twin, Stamped):
         """Let the twin read, by a compiled call where that is possible."""
         known = self._reading
         if known is None or known[0] is not state or known[1] is not reading:
-            bound = bound_by(self.twin.bound_read, state, reading) if self._binds_read else ()
+            bound = bound_by(self.twin.bound_read, state, reading, joins=False) if self._binds_read else ()
             if not bound:
                 return self.twin.read(state, reading)
             known = self._reading = (state, reading, bound[0])
@@ -284,7 +284,11 @@ class FaultyTwin(Twin, Stamped):
         """Advance the twin under the command that it has received, by a compiled call where that is possible."""
         known = self._stepping
         if known is None or known[0] is not state or known[1] is not touch or known[2] != period:
-            bound = bound_by(self.twin.bound_step, state, self._received, touch, period) if self._binds_step else ()
+            bound = (
+                bound_by(self.twin.bound_step, state, self._received, touch, period, joins=False)
+                if self._binds_step
+                else ()
+            )
             if not bound:
                 self.twin.step(state, self._received, touch, period)
                 return

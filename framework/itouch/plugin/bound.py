@@ -78,13 +78,18 @@ class Bound:
         self.function(*(_copied(value) for value in self.arguments))
 
 
-def bound_by(method: Callable[..., Any], *arguments: Any, several: bool = False) -> tuple[Bound, ...]:
+def bound_by(
+    method: Callable[..., Any], *arguments: Any, several: bool = False, joins: bool = True
+) -> tuple[Bound, ...]:
     """Return the compiled calls that a plugin's ``method`` offers for these arguments; none: it is Python.
+
+    ``joins``: they will be joined, and not called from Python.
 
     Raises
     ------
     ReturnedError
-        If it returns anything else than a `Bound`, or, where ``several`` may come, a tuple of them, or None.
+        If it returns anything else than a `Bound`, or, where ``several`` may come, a tuple of them, or None; or if one
+        of them cannot be joined.
     """
     told = method(*arguments)
     if told is None:
@@ -93,4 +98,11 @@ def bound_by(method: Callable[..., Any], *arguments: Any, several: bool = False)
     if not all(isinstance(call, Bound) for call in calls):
         wanted = "a Bound, a tuple of them" if several else "a Bound"
         raise ReturnedError(method, f"it returned {told!r:.120}; {wanted} or None is wanted")
+    from itouch.joining import prepare  # the compiler is loaded when calls are offered, not with every plugin
+
+    for call in calls if joins else ():
+        try:
+            prepare(call)
+        except ValueError as error:
+            raise ReturnedError(method, f"its call cannot be joined: {error}") from error
     return tuple(calls)

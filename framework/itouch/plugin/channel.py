@@ -7,6 +7,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from itouch.plugin.quantity import Quantity, Role
 
 #: Components of a pose (position, quaternion w x y z) and of a wrench (force, torque).
@@ -72,6 +74,17 @@ class Channel(Quantity):
             length = len(getattr(self, label))
             if length not in (0, self.size):
                 raise ValueError(f"channel '{self.name}': {label} has {length} numbers, it needs {self.size} or none")
+        for label, numbers in (("low", self.low), ("high", self.high), ("slew", self.slew), ("safe", self.safe)):
+            if isinstance(numbers, tuple) and not all(_is_number(value) for value in numbers):
+                raise ValueError(f"channel '{self.name}': {label} = {numbers!r} must consist of numbers")
+        if any(low > high for low, high in zip(self.low, self.high, strict=False)):
+            raise ValueError(f"channel '{self.name}': low = {self.low!r} is above high = {self.high!r}")
+        if any(change < 0.0 for change in self.slew):
+            raise ValueError(f"channel '{self.name}': slew = {self.slew!r} is the size of a change, never below 0")
+        if self.magnitude is not None and not (_is_number(self.magnitude) and self.magnitude >= 0.0):
+            raise ValueError(f"channel '{self.name}': magnitude = {self.magnitude!r} must be a length, 0 or more")
+        if not set(self.locked) <= set(range(WRENCH_SIZE)):
+            raise ValueError(f"channel '{self.name}': locked = {self.locked!r} has numbers that are none of 0..5")
         if bool(self.low) != bool(self.high):  # half-open: the other side is infinite
             side, value = ("high", math.inf) if self.low else ("low", -math.inf)
             object.__setattr__(self, side, (value,) * self.size)
@@ -81,6 +94,11 @@ class Channel(Quantity):
     def with_locked(self, *locked: int) -> Channel:
         """Return the same channel with these degrees of freedom locked."""
         return replace(self, locked=tuple(sorted(set(locked))))
+
+
+def _is_number(value: object) -> bool:
+    """Tell whether a value is a number, infinity included; NaN is none, and no limit either."""
+    return isinstance(value, int | float | np.integer | np.floating) and not math.isnan(value)
 
 
 def of_role(channels: Iterable[Channel], role: Role, unit: str = "") -> Channel | None:
@@ -106,7 +124,7 @@ def twist(*, locked: tuple[int, ...] = ()) -> Channel:
 
 def wrench(*, force: float, torque: float = 0.0, locked: tuple[int, ...] | None = None) -> Channel:
     """Wrench on the operator [N, N m], a command, with its greatest force and torque; torque 0 locks the rotations."""
-    if force <= 0:
+    if not force > 0:
         raise ValueError(f"wrench: force = {force!r} must be more than 0 N")
     shut = (ROTATIONS if torque == 0.0 else ()) if locked is None else locked
     high = (force,) * 3 + (torque,) * 3
@@ -210,7 +228,7 @@ def current(name: str = "current", *, limit: float, harmless: str = "") -> Chann
 
     If it heats and cools a plate, a positive current cools.  ``harmless``: why nothing needs to watch its effect.
     """
-    if limit <= 0:
+    if not limit > 0:
         raise ValueError(f"current: limit = {limit!r} must be more than 0 A")
     return Channel(
         name, 1, "A", (-limit,), (limit,), safe=(0.0,), role=Role.DRIVE, doc="electric current of the drive",

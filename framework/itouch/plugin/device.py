@@ -167,6 +167,8 @@ class Device(Grouped, ABC):
     ------
     ValueError
         When the class is defined, if a reading has no role and could hurt if it were taken for another one.
+    TypeError
+        Then too, if ``reads`` or ``commands`` has anything but channels, or is a single channel.
     """
 
     #: Frozen dataclass of schema fields: the device's XML element ``<NAME:hardware>``.
@@ -319,6 +321,12 @@ class Device(Grouped, ABC):
 
     def __init_subclass__(cls, **given: Any) -> None:
         super().__init_subclass__(**given)
+        for name in ("reads", "commands"):
+            told: Any = getattr(cls, name)
+            if isinstance(told, Channel) or (  # a property, which some instance has, is none of the class's
+                isinstance(told, tuple | list) and not all(isinstance(channel, Channel) for channel in told)
+            ):
+                raise TypeError(f"device class {cls.__name__}: {name} = {told!r:.60}: write {name} = (Channel(...),)")
         hurting = list(unguessable(cls.reads))
         if hurting:
             raise ValueError(f"device class {cls.__name__}: {'; '.join(hurting)}")

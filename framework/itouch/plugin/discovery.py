@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from itouch.plugin.device import Device
+from itouch.plugin.contact_events import Contact
+from itouch.plugin.device import Device, Twin
+from itouch.plugin.measured import Measured
 from itouch.plugin.modality import Modality
 from itouch.plugin.monitor import Monitor
 from itouch.schema import ItouchError
@@ -232,10 +234,30 @@ def _undeclared(loaded: type) -> str:
     """Return what is missing in a plugin's class so that no scene can use it; empty if nothing is."""
     if missing := sorted(getattr(loaded, "__abstractmethods__", ())):
         return f"class '{loaded.__name__}' does not define {', '.join(missing)}: each needs a method, however short"
+    twin = getattr(loaded, "Twin", None) if issubclass(loaded, Device) else None
+    if twin is not None and not (isinstance(twin, type) and issubclass(twin, Twin)):
+        return f"class '{loaded.__name__}' declares Twin = {twin!r:.80}: write the name of a subclass of Twin, or None"
+    if issubclass(loaded, Modality) and (wrong := _misdeclared(loaded)):
+        return f"class '{loaded.__name__}' {wrong}"
     if issubclass(loaded, Monitor) or dataclasses.is_dataclass(getattr(loaded, "Params", None)):
         return ""
     advice = "write 'Params = NAME' in it, the class of its parameters: a frozen dataclass, an empty one if it has none"
     return f"class '{loaded.__name__}' declares no Params: {advice}"
+
+
+def _misdeclared(loaded: type[Modality]) -> str:
+    """Return which attribute of a modality is not what it must be; empty: all are."""
+    for name, kind, wanted in (
+        ("hears", Contact, "frozenset((Contact.BEGIN, Contact.END)), an empty one if it hears nothing"),
+        ("measured", Measured, "(Measured(...),), () if it measures nothing"),
+        ("goes_on", str, "('field',), () if there is none"),
+        ("dropped", str, "frozenset(('field',)), an empty one if there is none"),
+        ("keeps_to", str, "frozenset(('clearance',)), an empty one if it respects none"),
+    ):
+        told: Any = getattr(loaded, name)
+        if not isinstance(told, tuple | list | set | frozenset) or not all(isinstance(one, kind) for one in told):
+            return f"declares {name} = {told!r:.80}: write {name} = {wanted}"
+    return ""
 
 
 def _plugin_of(entry: str) -> str:

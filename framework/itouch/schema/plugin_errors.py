@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +14,10 @@ from itouch.schema.diagnostics import ItouchError, Place, Problem, SceneError, c
 
 #: The core's own folder: what it raises for a plugin is put down to the plugin's line that called it.
 _CORE = PurePath(__file__).parent.parent
+
+
+#: Packages of which a line says nothing to a plugin's author.
+_LIBRARIES = frozenset({*sys.stdlib_module_names, "numpy", "scipy"})
 
 
 class ReturnedError(ValueError):
@@ -34,14 +39,13 @@ def said(error: BaseException) -> str:
 def _where(raised: TracebackType | None) -> str:
     """Return the plugin's line that an error came through last: `` (file.py, line 7)``; empty if there is none.
 
-    What a library raises that the plugin calls is put down to the line that calls it: the library's author could do
-    nothing about it.
+    What Python's own modules and NumPy raise is put down to the line that calls them.
     """
     frames = [(frame.f_code.co_filename, line, _package(frame)) for frame, line in traceback.walk_tb(raised)]
     frames = [one for one in frames if one[0] != ending.__file__]
     frames = [one for one in frames if _CORE not in PurePath(one[0]).parents] or frames
-    own = [one for one in frames if one[2] == frames[0][2]]
-    return f" ({PurePath(own[-1][0]).name}, line {own[-1][1]})" if own else ""
+    frames = [one for one in frames if one[2] not in _LIBRARIES] or frames
+    return f" ({PurePath(frames[-1][0]).name}, line {frames[-1][1]})" if frames else ""
 
 
 def _package(frame: FrameType) -> str:

@@ -13,6 +13,8 @@ from itouch.schema.plugin_errors import ReturnedError
 
 #: Times that a device class declares, which are 0 or more seconds.
 _TIMES = ("period", "delay", "exchange_time", "waits")
+#: What it declares of its mechanics: numbers of 0 or more, or None.
+_MECHANICS = ("max_stiffness", "damping")
 
 
 def channels_of(cls: type[Device], params: Any) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
@@ -100,18 +102,22 @@ def wires_of(cls: type[Device], params: Any) -> tuple[str, ...]:
     )
 
 
-def check_times(cls: type[Device], params: Any) -> None:
-    """Check the times that a device declares, and that it tells what makes it safe if this program dies.
+def check_numbers(cls: type[Device], params: Any) -> None:
+    """Check the times and mechanics that a device declares, and after what time it lets go without commands.
 
     Raises
     ------
     ReturnedError
-        If one of them is none.
+        If one of them is no such number.
     """
     for name in _TIMES:
         told = getattr(cls, name)
         if not 0.0 <= _number(told) < math.inf:
             raise ReturnedError(None, f"its {name} is {told!r:.40}; a time in seconds is wanted, 0 or more")
+    for name in _MECHANICS:
+        told = getattr(cls, name)
+        if told is not None and not _number(told) >= 0.0:
+            raise ReturnedError(None, f"its {name} is {told!r:.40}; a number is wanted, 0 or more, or None")
     _seconds(cls.takes, cls.takes(params), "a time in seconds is wanted")
     lets_go: Any = cls.lets_go(params)
     if lets_go is not None and not 0.0 < _number(lets_go) < math.inf:  # else nothing would ever stop it

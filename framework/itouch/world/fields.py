@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
+import numpy as np
+
 from itouch.plugin import Field
 from itouch.plugin.record import dtype_of
 from itouch.schema.plugin_errors import ReturnedError
@@ -273,7 +275,16 @@ def declared_by(method: Callable[..., Any], *given: Any) -> tuple[Field, ...]:
         if not isinstance(field, Field):
             raise ReturnedError(method, f"it returned {field!r:.40} among its fields, which is not a Field")
     try:
+        kinds = [np.dtype(field.dtype) for field in fields]
+        for field, kind in zip(fields, kinds, strict=True):
+            columns = [kind[name] for name in kind.names] if kind.names else [kind]
+            if not all(column.base.kind in "biuf" for column in columns):
+                raise ReturnedError(
+                    method, f"field '{field.name}' of type {kind} has no numbers, which State is made of"
+                )
         dtype_of(fields)
+    except ReturnedError:
+        raise
     except ValueError as error:
         raise ReturnedError(method, str(error)) from error
     return fields

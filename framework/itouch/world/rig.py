@@ -220,8 +220,8 @@ def _build(
     place = scene.places.of(element)
     with failing(f"device '{element.name}'", "channels", place):
         reads, commands = answers.channels_of(cls, params)
-    with failing(f"device '{element.name}'", "its times", place):
-        answers.check_times(cls, params)
+    with failing(f"device '{element.name}'", "its declarations", place):
+        answers.check_numbers(cls, params)
     for channel in (*reads, *commands):
         if SIZES.get(channel.role, channel.size) != channel.size:
             sentence = (
@@ -230,7 +230,7 @@ def _build(
             )
             problems.append(Problem("plugin-failed", sentence, place, "report it to the plugin's author"))
             return None
-    if clash := _clash(reads):
+    if clash := _clash(reads, commands):
         sentence = f"device '{element.name}': plugin '{element.plugin}' {clash}"
         problems.append(Problem("plugin-failed", sentence, place, "its author must rename that channel"))
         return None
@@ -270,14 +270,20 @@ def _build(
     return model
 
 
-def _clash(reads: tuple[Channel, ...]) -> str:
-    """Return what is wrong if a reading has the name of another one, or of a field of every device; empty: nothing."""
+def _clash(reads: tuple[Channel, ...], commands: tuple[Channel, ...]) -> str:
+    """Return what is wrong if a channel has the name of another one, or a reading that of a field of every device.
+
+    Empty: nothing is.
+    """
     kept = {field.name for field in supervision(())} | STAMPS | {FRAME}
     for index, channel in enumerate(reads):
         if channel.name in kept:
             return f"calls a reading '{channel.name}', as State calls what it keeps of every device"
         if any(channel.name == other.name for other in reads[:index]):
             return f"has two readings named '{channel.name}'"
+    for index, channel in enumerate(commands):
+        if any(channel.name == other.name for other in commands[:index]):
+            return f"has two commands named '{channel.name}'"
     return ""
 
 
