@@ -697,3 +697,15 @@ def test_fields_without_numbers_are_a_problem_of_the_scene(tmp_path: Path, kind:
 def test_channels_that_are_none_are_told_when_the_class_is_defined(name: str, value: Any) -> None:
     with pytest.raises(TypeError, match=rf"device class Odd: {name} = .*: write {name} = \(Channel\(...\),\)"):
         type("Odd", (Rod,), {name: value})
+
+
+@pytest.mark.parametrize("error", [RuntimeError("no socket"), SystemExit(5)], ids=repr)
+def test_a_driver_that_can_not_be_made_is_a_problem_of_the_scene(tmp_path: Path, error: BaseException) -> None:
+    def act(self: Any, params: Any) -> None:
+        raise error
+
+    device = type("Odd", (Rod,), {"__init__": act, "watchdog": 0.1})
+    text = SCENE.replace('plugin="{plugin}"', 'plugin="{plugin}" twin="no"')
+    told = refused_text(tmp_path, text, device)
+    assert f"device 'arm' failed in the making of its driver: {type(error).__name__}: " in told
+    assert "(test_failing_plugins.py, line " in told

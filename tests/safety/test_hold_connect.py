@@ -111,6 +111,20 @@ def test_all_that_fail_are_told_together() -> None:
     assert four.latch.status is Status.OPEN
 
 
+@pytest.mark.parametrize("error", [KeyError("x"), AssertionError()], ids=repr)
+def test_an_error_that_does_not_explain_itself_is_told_with_its_kind_and_line(error: Exception) -> None:
+    _, devices = supervised(("one", ARM), twin=False)
+    assert isinstance(devices[0].gate.device, Fake)
+
+    def stumble() -> None:
+        raise error
+
+    devices[0].gate.device.open = stumble  # type: ignore[method-assign]
+    told = connect([one.lifecycle for one in devices], 0)["one"]
+    assert told.startswith(f"failed in open: {type(error).__name__}")
+    assert "(test_hold_connect.py, line " in told
+
+
 def test_a_device_that_never_opens_is_told() -> None:
     _, devices = supervised(("one", ARM), ("two", ARM), twin=False)
     done = threading.Event()

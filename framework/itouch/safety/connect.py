@@ -14,7 +14,9 @@ from itouch.plugin import DeviceError
 from itouch.plugin.wire_claims import WireHeldError
 from itouch.safety.latch import Status
 from itouch.safety.lifecycle import Lifecycle
+from itouch.schema import ItouchError
 from itouch.schema.diagnostics import named, spoken
+from itouch.schema.plugin_errors import said
 
 #: How long [s] a device may take to open.
 PATIENCE = 15.0
@@ -85,13 +87,20 @@ def _start(one: Lifecycle, failures: dict[str, str]) -> threading.Thread:
                 raise DeviceError(refused)
             one.open()
         except BaseException as error:  # whatever a driver raises, the other devices' failures must still be told
-            ends = f"has tried to end the program: {named(error)}"
-            said = spoken(error) or type(error).__name__
-            failures[one.model.name] = said if isinstance(error, Exception) else ends
+            failures[one.model.name] = _cause(error)
 
     thread = threading.Thread(target=work, name=f"open {one.model.name}", daemon=True)
     thread.start()
     return thread
+
+
+def _cause(error: BaseException) -> str:
+    """Return why a device did not open: an error of ours, or of the system, explains itself; of another, its line."""
+    if not isinstance(error, Exception):
+        return f"has tried to end the program: {named(error)}"
+    if isinstance(error, ItouchError | OSError):
+        return spoken(error) or type(error).__name__
+    return f"failed in open: {said(error)}"
 
 
 def _first_reading(one: Lifecycle, tick: int, failures: dict[str, str]) -> None:

@@ -157,8 +157,15 @@ class DeviceModel:
             return twin
 
     def make_device(self) -> Device:
-        """Return the device itself, in a thread of its own if it makes its caller wait."""
-        device = self.cls(self.bound)
+        """Return the device itself, in a thread of its own if it makes its caller wait.
+
+        Raises
+        ------
+        SceneError
+            If the plugin fails in making it.
+        """
+        with failing(f"device '{self.name}'", "the making of its driver", self.place):
+            device = self.cls(self.bound)
         device.limits = self.limits.table()
         made = device
         if self.cls.blocking:
