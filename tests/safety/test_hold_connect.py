@@ -125,6 +125,17 @@ def test_an_error_that_does_not_explain_itself_is_told_with_its_kind_and_line(er
     assert "(test_hold_connect.py, line " in told
 
 
+def test_a_driver_that_tries_to_end_the_program_is_told_as_one_that_did_not_open() -> None:
+    _, devices = supervised(("one", ARM), twin=False)
+    assert isinstance(devices[0].gate.device, Fake)
+
+    def leave() -> None:
+        raise SystemExit(3)
+
+    devices[0].gate.device.open = leave  # type: ignore[method-assign]
+    assert connect([one.lifecycle for one in devices], 0) == {"one": "has tried to end the program: SystemExit: 3"}
+
+
 def test_a_device_that_never_opens_is_told() -> None:
     _, devices = supervised(("one", ARM), ("two", ARM), twin=False)
     done = threading.Event()
