@@ -166,7 +166,7 @@ INPUTS = {
     "calibrate scene", "calibrate --samples", "check scenes", "check --rig", "doctor --rig", "doctor --rates",
     "export file", "inspect file", "recover recording", "replay recording", "report session", "run scene", "run --rig",
     "safety-report scene", "safety-report --rig", "study audit study", "study check study", "study export folder",
-    "study forget folder", "study freeze folder", "study freeze study", "study power study", "study report folder",
+    "study forget folder", "study freeze study", "study power study", "study report folder",
     "study report study", "study run --answers", "study run study", "study serve study", "study simulate study",
     "measure touch --rig", "measure touch scene", "reproduce --measured", "sweep sweep", "sync scene", "test-plugin --scene",
     "thermal materials documents", "thermal record-flux --rig", "thermal record-flux scene", "thermal solve --times",

@@ -184,7 +184,7 @@ def test_the_key_is_for_this_user_alone(served: Other) -> None:
     assert stat.S_IMODE(served.key.stat().st_mode) == 0o600
     assert json.loads(served.key.read_text())["host"] == "127.0.0.1"
     assert json.loads(served.key.read_text())["token"] not in served.said
-    with pytest.raises(DoorError, match="is served now"):
+    with pytest.raises(DoorError, match="is being served"):
         Door(served.key)
     with pytest.raises(DoorError, match="cannot listen on port"):
         Door(served.key.with_name("other.json"), json.loads(served.key.read_text())["port"])

@@ -53,7 +53,9 @@ def trials(folder: Path) -> int:
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="needs /proc")
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGKILL, -9), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGKILL, -9), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.long)]
+)
 def test_the_processes_of_a_simulation_end_with_it(tmp_path: Path, number: signal.Signals, code: int) -> None:
     """They went on to write trials, and the same command then found that somebody else had made its trials."""
     (tmp_path / "scene.xml").write_text(SCENE)

@@ -178,7 +178,7 @@ def test_tokens_are_as_the_design_of_rmw_zenoh_has_them(told: Any) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--ros2", "--web"), "one of them"),
+        (("--ros2", "--web"), "choose one"),
         (("--rate", "10"), "go with --ros2"),
         (("--to", "x"), "goes with --rerun"),
         (("--ros2", "--router", "here:x"), "write HOST or HOST:PORT"),
