@@ -396,8 +396,9 @@ def _written(call: Call) -> int:
             _listed[key] = _joined(call.function, body, writer.classes)
         return 0
     if key not in _made:
-        _made[key] = _joined(call.function, body, writer.classes)
-        _made[key].compile(_SIGNATURE)
+        made = _joined(call.function, body, writer.classes)
+        made.compile(_SIGNATURE)  # kept only then: it may be interrupted, and tried again
+        _made[key] = made
     made = _made[key].overloads[_SIGNATURE.args]
     return int(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
 

@@ -169,3 +169,28 @@ def test_a_call_may_have_any_number_of_arguments() -> None:
     total = np.array([1.0])
     Chain([Bound(_count, total, 1.0, 2), Bound(_count, total)]).run()
     assert total[0] == 3.0
+
+
+def test_a_call_whose_compilation_was_interrupted_is_compiled_when_it_is_asked_for_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A signal may come at any moment, as the suite's own alarm does: what was begun then stayed without its code."""
+
+    @kernel
+    def _doubled(numbers: NDArray[np.float64]) -> int:
+        numbers[0] *= 2.0
+        return 0
+
+    numbers = np.array([3.0])
+    call = Bound(_doubled, numbers)
+
+    class Interrupted:
+        def compile(self, signature: object) -> None:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("itouch.joining.addressed_kernel", lambda function: Interrupted())
+        with pytest.raises(KeyboardInterrupt):
+            runner((call, call))
+    runner((call, call))()
+    assert numbers[0] == 12.0
