@@ -8,11 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from run_scene import write_study
+from shipped import SCENES
 
 import itouch
+from itouch.plugin.discovery import Catalog
 from itouch.recording import RecordingError, read
+from itouch.world import make_state
 from itouch_tools.cli import main
+from itouch_tools.study.reading import load_study
+from itouch_tools.study.rig_session import each_level_once
 from itouch_tools.study.store import Row, Store
+from itouch_tools.study.touches import Toucher
 
 ANSWERS = "wood\nsteel\ncork\n"
 
@@ -75,3 +81,13 @@ def test_the_study_is_kept_as_it_was_frozen(made: tuple[Path, Path, list[Row]]) 
     with zipfile.ZipFile(kept) as archive:
         assert archive.read("study.xml") == path.read_bytes()
         assert archive.read("scene/scene.xml") == (path.parent / "scene.xml").read_bytes()
+
+
+@pytest.mark.parametrize("study", ["four_materials", "flux_threshold", "metamers"])
+def test_all_materials_have_the_same_state_so_that_hardware_can_be_recorded(study: str) -> None:
+    """State had as many numbers as the modes of the object that was touched: hardware needed --no-record."""
+    catalog = Catalog()
+    file = load_study(SCENES / "studies" / f"{study}.xml", catalog)
+    models = [Toucher(file, catalog).model(condition) for condition in each_level_once(file)]
+    assert len(models) > 1 and len({len(model.modalities) for model in models}) == 1
+    assert len({make_state(model).dtype for model in models}) == 1

@@ -252,6 +252,7 @@ def _misdeclared(loaded: type[Modality]) -> str:
         ("measured", Measured, "(Measured(...),), () if it measures nothing"),
         ("goes_on", str, "('field',), () if there is none"),
         ("dropped", str, "frozenset(('field',)), an empty one if there is none"),
+        ("lengthened", str, "frozenset(('field',)), an empty one if there is none"),
         ("keeps_to", str, "frozenset(('clearance',)), an empty one if it respects none"),
     ):
         told: Any = getattr(loaded, name)

@@ -143,6 +143,9 @@ class Modality(ABC):
     goes_on: ClassVar[tuple[str, ...]] = ()
     #: Fields of earlier versions whose content is no longer needed: a session stored with them can still be restored.
     dropped: ClassVar[frozenset[str]] = frozenset()
+    #: Fields whose arrays have become longer at their end than in earlier versions: what a session stored keeps its
+    #: place, and the rest begins as after ``reset``.
+    lengthened: ClassVar[frozenset[str]] = frozenset()
     #: If it carries a surface: which of the probe's attributes ``clearance`` and ``plate-angle`` it respects.  A scene
     #: that sets the other, which then has no effect, gets a warning.
     keeps_to: ClassVar[frozenset[str]] = frozenset()

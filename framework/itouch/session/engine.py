@@ -451,7 +451,7 @@ class Session(Shown, Engine):
         """
         told = self._compare_limits(snapshot, replays=replays)
         stored, said = layout.adopt(
-            snapshot.state, self.state, snapshot.manifest.get("plugins", {}), layout.dropped_fields(self.model)
+            snapshot.state, self.state, snapshot.manifest.get("plugins", {}), layout.changed_fields(self.model)
         )
         before = self.state.tobytes()
         self.adopt(stored)

@@ -117,13 +117,48 @@ def _renamed(stored: NDArray[Any], state: Record, dropped: Collection[str]) -> N
     return found
 
 
-def dropped_fields(model: Model) -> frozenset[str]:
-    """Return the fields of earlier versions whose content the model's modalities no longer need."""
-    return frozenset(f"{one.name}.{field}" for one in model.modalities for field in one.instance.dropped)
+@dataclass(frozen=True, slots=True)
+class Changed:
+    """The fields that a model's modalities have changed since earlier versions, and how these are still read.
+
+    ``dropped``: their content is no longer needed; ``lengthened``: they have more numbers at the end of their rows.
+    """
+
+    dropped: frozenset[str] = frozenset()
+    lengthened: frozenset[str] = frozenset()
+
+
+def changed_fields(model: Model) -> Changed:
+    """Return what the model's modalities say they have changed."""
+    return Changed(*(
+        frozenset(f"{one.name}.{field}" for one in model.modalities for field in getattr(one.instance, what))
+        for what in ("dropped", "lengthened")
+    ))  # fmt: skip
+
+
+def _lengthened(stored: NDArray[Any], state: Record, names: Collection[str]) -> NDArray[Any]:
+    """Return a stored State whose shorter rows go on as those of a fresh State do."""
+    fields: Mapping[str, Any] = stored.dtype.fields or {}
+    shorter = {
+        name for name in names & fields.keys() & set(state.dtype.names or ())
+        if (then := fields[name][0]) != (now := state.dtype[name]) and then.base == now.base
+        and then.shape[:-1] == now.shape[:-1] and then.shape[-1:] < now.shape[-1:]
+    }  # fmt: skip
+    if not shorter:
+        return stored
+    kinds = [(name, state.dtype[name] if name in shorter else kind[0]) for name, kind in fields.items()]
+    found = np.zeros(1, np.dtype(kinds))
+    for name in fields:
+        if name in shorter:
+            found[name][0] = state[name]
+            found[name][..., : stored[name].shape[-1]] = stored[name]
+        else:
+            found[name] = stored[name]
+    return found
 
 
 def adopt(
-    stored: NDArray[Any], state: Record, versions: Mapping[str, str], dropped: Collection[str] = ()
+    stored: NDArray[Any], state: Record, versions: Mapping[str, str], changed: Changed = Changed()
 ) -> tuple[bytes, list[str]]:
     """Return the stored State in this program's layout, and a notice of how the layouts differ, if they do.
 
@@ -135,8 +170,8 @@ def adopt(
         The State of a fresh engine, from which new fields take their defaults.  It is not changed.
     versions
         The plugins that wrote it, with their versions, for the message.
-    dropped
-        Fields that are no longer needed, see `dropped_fields`.
+    changed
+        The fields that modalities have changed, see `changed_fields`.
 
     Raises
     ------
@@ -145,7 +180,7 @@ def adopt(
     """
     if stored.dtype == state.dtype:
         return stored.tobytes(), []
-    stored = _renamed(stored, state, dropped)
+    stored = _lengthened(_renamed(stored, state, changed.dropped), state, changed.lengthened)
     difference = compare(stored.dtype, state.dtype)
     listed = "\n".join(difference.lines())
     written = ", ".join(f"{name} {version}" for name, version in versions.items())

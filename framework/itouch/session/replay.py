@@ -110,7 +110,7 @@ class Replay:
         self._real = [runner for runner in self.session.runners if not runner.model.twin]
         self.session.taps.append(self._after)
         self._going = self._parks = False
-        self._dropped = layout.dropped_fields(self.session.model)
+        self._changed = layout.changed_fields(self.session.model)
 
     def step(self) -> bool:
         """Replay the next recorded tick; false at the end."""
@@ -146,7 +146,7 @@ class Replay:
         if said is None or trip is None or str(said["device"]) not in self.session.model.devices:
             return self._skip()
         begin = self.feed.at
-        self.session.stand_at(layout.adopt(state_of(letter), self.session.state, {}, self._dropped)[0])
+        self.session.stand_at(layout.adopt(state_of(letter), self.session.state, {}, self._changed)[0])
         self.session.make_safe(DeviceFaultError(str(said["device"]), tick, trip, str(said.get("cause", ""))))
         self._going = self.feed.at > begin
         return self._going or self._skip()
@@ -155,7 +155,7 @@ class Replay:
         """Take over a recorded State if a stretch begins at this tick; tell whether the engine stands at this tick."""
         letter = self._starts.pop(tick, None)
         if letter is not None:
-            stored, _ = layout.adopt(state_of(letter), self.session.state, {}, self._dropped)
+            stored, _ = layout.adopt(state_of(letter), self.session.state, {}, self._changed)
             self.session.stand_at(stored)
             if letter["reason"] == "enable":
                 self.session.settle()

@@ -33,6 +33,10 @@ Array = NDArray[np.float64]
 #: does it, some thirty times slower.
 LEFT_OUT, LEFT_OUT_IN_PYTHON = 10.0, 0.25
 
+#: State has room for so many modes of an object: no material and depth that a scene may have needs more at 1 kHz.  A
+#: study may then change the material without changing what State consists of: one recording holds all conditions.
+ROOM_FOR = 72
+
 #: The model finger, unless a scene has its own: epidermis as in the paper; dermis and subcutis, with perfusion, after
 #: tissue models like that of Torvi and Dale.
 FINGER: tuple[Layer, ...] = (
@@ -172,6 +176,7 @@ class Heat(Modality):
     hears = frozenset({ContactKind.BEGIN, ContactKind.END})
     goes_on = ("finger", "skin_change", "skin_count")
     dropped = frozenset({"skin_ring"})  # a tenth of a second of readings, which fills again
+    lengthened = frozenset({"objects"})
 
     def compile(self, name: str, params: HeatParams, world: World) -> HeatModel:
         """Build the modes of finger and objects."""
@@ -197,7 +202,7 @@ class Heat(Modality):
             finger_start=live.initial_state(finger, period, finger=True),
             bodies=tuple(bodies),
             body_starts=tuple(starts),
-            widest=max((len(start) for start in starts if start is not None), default=1),
+            widest=max((ROOM_FOR, *(len(start) for start in starts if start is not None))),
             law=params.law(),
             table=table_of(bodies),
             area=params.laws[0].spread if params.laws else SPREAD,

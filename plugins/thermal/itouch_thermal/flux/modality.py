@@ -71,6 +71,7 @@ class FluxControl(Modality):
         "calm", "looked", "tracked", "x", "theta", "queue", "line", "slots", "departed", "gain", "memory", "cover",
         "single", "condensation_time", "sent_log", "before", "waited", "interval",
     )  # fmt: skip
+    lengthened = frozenset({"preview_object"})
     measured = account.MEASURED
 
     def compile(self, name: str, params: FluxControlParams, world: World) -> FluxModel:

@@ -18,7 +18,7 @@ from itouch_thermal.display.column import REACH, Array, Column, tissue_side
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.onset import SKIN_STEP
 from itouch_thermal.flux.start import Touched, Trial, outer_effusivity, start_temperature
-from itouch_thermal.heat import FINGER, HeatParams, finger_side, object_side
+from itouch_thermal.heat import FINGER, ROOM_FOR, HeatParams, finger_side, object_side
 from itouch_thermal.laws import press_factor
 
 #: How many steps of the preview are computed anew in a tick while the contact resistance changes.
@@ -178,7 +178,7 @@ def preview(heat: HeatParams, world: World, law: ModelLaw) -> Preview:
         if body is not None and body not in known:
             known[body] = _starts(layers, heat, body, skins, law, trial)
         starts.append(None if body is None else known[body])
-    widest = max((live.state_size(body) for body in bodies if body is not None), default=1)
+    widest = max((ROOM_FOR, *(live.state_size(body) for body in bodies if body is not None)))
     into = conversion(side, layers, heat.arterial, world.servo_period)
     return Preview(finger, bodies, widest, heat.expected_resistance, into, world.skin_temperature, tuple(starts))
 
