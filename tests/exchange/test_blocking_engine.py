@@ -110,6 +110,25 @@ def test_a_hang_is_a_fault_of_the_device_and_holds_no_tick(catalog: Catalog) -> 
         engine.close()
 
 
+def test_an_error_in_write_is_told_as_one_in_write(catalog: Catalog, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It comes up where the loop reads, as the thread writes between two readings."""
+
+    def write(self: _Slow, command: Record) -> None:
+        raise ValueError("the register is read-only")
+
+    drive = Channel("voltage", 1, "V", low=(-1.0,), high=(1.0,), safe=(0.0,), role=Role.DRIVE, harmless="a lamp")
+    monkeypatch.setattr(_Slow, "watchdog", 0.1, raising=False)
+    monkeypatch.setattr(_Slow, "commands", (drive,), raising=False)
+    monkeypatch.setattr(_Slow, "write", write, raising=False)
+    engine = _engine(catalog, "no")
+    engine.hold()
+    engine.enable()
+    told = r"failed in write: ValueError: the register is read-only \(test_blocking_engine.py, line "
+    with pytest.raises(itouch.DeviceFaultError, match=told):
+        engine.run(60.0, each=engine.hold)
+    engine.close()
+
+
 def test_the_twin_has_the_same_period_and_delay(catalog: Catalog) -> None:
     engine = _engine(catalog, "yes")
     fresh = []

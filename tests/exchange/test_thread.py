@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -11,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from itouch.exchange import ThreadedDevice
+from itouch.exchange import EveryNth, ThreadedDevice, failed_in
 from itouch.exchange.thread import CLOSE_TIME
 from itouch.plugin import Device, DeviceError, Field, Record, pose, wrench
 
@@ -279,3 +280,39 @@ def test_a_command_wakes_a_device_that_waits_and_stamps_reach_the_loop() -> None
         assert threaded.departed(reading, 1001, out) is None  # told once
     finally:
         threaded.close()
+
+
+@pytest.mark.parametrize("method", ["open", "write", "read"])
+def test_the_method_that_has_failed_is_named_whichever_it_comes_up_in(
+    device: _Slow, monkeypatch: pytest.MonkeyPatch, method: str
+) -> None:
+    def fail(*rest: object) -> None:
+        raise ValueError("no such register")
+
+    threaded, reading = ThreadedDevice(device, patience=10.0), _reading()
+    monkeypatch.setattr(device, method, fail)
+    with contextlib.suppress(ValueError):
+        threaded.open()
+    threaded.write(_command(1.0))
+    with pytest.raises(ValueError, match="no such register"):
+        while True:
+            threaded.read(reading)
+    assert failed_in(threaded, "read") == method
+    threaded.close()
+    assert (failed_in(device, "read"), failed_in(None, "open")) == ("read", "open")
+
+
+@pytest.mark.parametrize("method", ["open", "write", "read"])
+def test_in_step_the_method_that_has_failed_is_named(
+    device: _Slow, monkeypatch: pytest.MonkeyPatch, method: str
+) -> None:
+    def fail(*rest: object) -> None:
+        raise ValueError("no such register")
+
+    every = EveryNth(device, 1)
+    monkeypatch.setattr(device, method, fail)
+    with pytest.raises(ValueError, match="no such register"):
+        every.open()
+        every.write(_command(1.0))
+        every.read(_reading())
+    assert failed_in(every, "read") == method

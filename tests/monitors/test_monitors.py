@@ -83,6 +83,8 @@ def test_rules_say_only_what_is_in_force() -> None:
     assert said(PLATE)["current"] == "2 A"
     assert said(PAD)["air"] == "5e+04 Pa"
     assert said(PAD)["air is not watched"] == "x"
+    share = Channel("share", 1, "1", (0.0,), (1.0,), safe=(0.0,), role=Role.DRIVE, harmless="a lamp")
+    assert said(((), (share,)))["share"] == "1"
     assert said(((plate_temperature(),), (temperature_target("goal"),)))["goal"] == "15 to 40 °C"
     assert said(ARM, dataclasses.replace(LIMITS, ramp=0.5))["K3 ramp-in"] == "0.5 s; 0.5 s after re-arming"
     assert not any(name.startswith(("T6", "T7", "T9")) for name in said(((plate_temperature(),), ())))

@@ -77,6 +77,7 @@ def trip_of(watch: Asked, seconds: float = 1e-3) -> tuple[Trip, str] | None:
         (heat_flux(full_scale=1e4), -1.02e4, Trip.SENSOR_RANGE, "-1.02e+04 W/m^2"),
         (measured_wrench(force=50.0), 50.1, Trip.SENSOR_RANGE, "reads wrench 50.1 N"),
         (Channel("skin_valid", 1, "", (0.0,), (1.0,)), 1.5, Trip.SENSOR_RANGE, "reads skin_valid 1.5, which"),
+        (Channel("share", 1, "1", (0.0,), (1.0,)), 11.0, Trip.SENSOR_RANGE, "reads share 11, which"),
     ],
 )
 def test_readings_that_are_not_believable_trip(channel: Channel, value: float, trip: Trip, words: str) -> None:

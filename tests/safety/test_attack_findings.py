@@ -178,7 +178,7 @@ def test_a_switch_is_off_whatever_its_plugin_left_open(tmp_path: Path, safe: Any
 
 def test_a_switch_that_is_safe_when_it_is_on_is_refused(tmp_path: Path) -> None:
     switch = Channel("on", 1, "1", (0.0,), (1.0,), safe=(1.0,), role=Role.OUTPUT_SWITCH, doc="output")
-    with pytest.raises(SceneError, match="command 'on' calls 1 1 safe, but that acts"):
+    with pytest.raises(SceneError, match="command 'on' calls 1 safe, but that acts"):
         itouch.build(scene(tmp_path, "pad"), catalog=catalog({"stranger": heating(temperature_target("x"), switch)}))
 
 

@@ -1,12 +1,14 @@
 """Exchanges with a device that makes its caller wait: in a thread, or with the same delays on its twin."""
 
 from itouch.exchange.delayed_twin import LateTwin
+from itouch.exchange.exchanged import Exchanged, failed_in
 from itouch.exchange.in_step import EveryNth, Straight, StraightEmulator
 from itouch.exchange.thread import ServedEmulator, ThreadedDevice
 from itouch.exchange.truth import TruthReader, TruthWriter
 
 __all__ = [
     "EveryNth",
+    "Exchanged",
     "LateTwin",
     "ServedEmulator",
     "Straight",
@@ -14,4 +16,5 @@ __all__ = [
     "ThreadedDevice",
     "TruthReader",
     "TruthWriter",
+    "failed_in",
 ]

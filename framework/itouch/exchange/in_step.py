@@ -13,14 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.exchange.exchanged import Exchanged
 from itouch.plugin import Device, Emulator, Field, Record, Stamps
-from itouch.plugin.stamps import Stamped, ticks_of
+from itouch.plugin.stamps import ticks_of
 
 #: Factor on drivers' timeouts in step: the simulated world stands still while they wait.
 PATIENCE = 30.0
 
 
-class EveryNth(Device, Stamped):
+class EveryNth(Exchanged):
     """A blocking device that exchanges in the tick itself, in the rhythm of its wire and thread.
 
     An exchange takes ``every`` ticks.  After it, the device waits up to ``waits`` ticks for a command that differs
@@ -33,11 +34,11 @@ class EveryNth(Device, Stamped):
         self, device: Device, every: int, waits: int = 0, period: float = 1e-3, *, cls: type[Device] | None = None,
         course: Callable[[], int | None] = lambda: None,
     ) -> None:  # fmt: skip
-        super().__init__(device.params)
+        super().__init__(device)
         self._period, self._course = period, course
         #: After how many ticks the next exchange begins, if ``course`` has fixed that.
         self._next: int | None = None
-        self.device, self._every, self._waits = device, every, waits
+        self._every, self._waits = every, waits
         self._since, self._command, self._sent = every + waits, b"", b""
         reads, self._commands = (cls or type(device)).channels(device.params)
         self._stamps = Stamps([channel.name for channel in reads])
@@ -50,6 +51,7 @@ class EveryNth(Device, Stamped):
         self.device.clock = lambda: self._reads * self._period
         self._since, self._command, self._sent = self._every + self._waits, b"", b""
         self._told = True  # what was sent before it was opened again is not reported
+        self.called = "open"
         self.device.open()
 
     def close(self) -> None:
@@ -69,6 +71,7 @@ class EveryNth(Device, Stamped):
         self._since, self._next = 1, self._course()
         self._stamps.begin()
         self._send()
+        self.called = "read"
         return self.device.read(reading)
 
     def write(self, command: Record) -> None:
@@ -94,6 +97,7 @@ class EveryNth(Device, Stamped):
     def _send(self) -> None:
         if self._command:
             self._record.raw.data[:] = self._command
+            self.called = "write"
             self.device.write(self._record)
             self._told, self._sent = False, self._command
 

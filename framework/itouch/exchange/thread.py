@@ -14,9 +14,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.exchange.exchanged import Exchanged
 from itouch.plugin import RETRACT, Channel, Device, DeviceError, Emulator, Field, Record, Stamps
 from itouch.plugin.device import is_new
-from itouch.plugin.stamps import Stamped, ticks_of
+from itouch.plugin.stamps import ticks_of
 from itouch.schema.diagnostics import named
 
 #: A command with the time [s] at which it was requested, or at which it left.
@@ -40,7 +41,7 @@ _LATEST = 5000
 _END = 1.0
 
 
-class ThreadedDevice(Device, Stamped):
+class ThreadedDevice(Exchanged):
     """Runs another device's ``open``, ``write``, ``read`` and ``close`` in one thread, one after the other.
 
     An exchange writes the newest command, if one has come since the last exchange, and reads; the next one follows
@@ -52,8 +53,8 @@ class ThreadedDevice(Device, Stamped):
     def __init__(
         self, device: Device, *, patience: float, servo_period: float = 1e-3, commands: tuple[Channel, ...] = ()
     ) -> None:
-        super().__init__(device.params)
-        self.device, self._period = device, servo_period
+        super().__init__(device)
+        self._period = servo_period
         self._reads, declared = type(device).channels(device.params)
         #: The commands with their safe values, which the plugin may have left open.
         self._commands = commands or declared
@@ -78,6 +79,7 @@ class ThreadedDevice(Device, Stamped):
         self._newest = self._taken = self._wanted = self._gone = self._told = self._error = None
         self.device.trace, self.device.stamps = self.trace, self._stamps
         opened, read, self._ending = threading.Event(), threading.Event(), threading.Event()
+        self.called = "open"
         self._thread = threading.Thread(target=self._live, args=(opened, read, self._ending), daemon=True)
         self._thread.name = f"itouch-{type(self.device).__name__}"
         self._thread.start()
@@ -195,6 +197,7 @@ class ThreadedDevice(Device, Stamped):
             otherwise = time.monotonic()
             if sent is not before:
                 self._gone = begin + way, self._command.tobytes()
+            self.called = "read"
             if is_new(self.device.read(self._reading)):
                 self._newest = stamps.moments(), self._reading.tobytes()
                 read.set()
@@ -225,6 +228,7 @@ class ThreadedDevice(Device, Stamped):
         if old:
             make_safe(self._command, self._commands)
             self._wanted = None if self._wanted is wanted else self._wanted
+        self.called = "write"
         self.device.write(self._command)
         return wanted
 

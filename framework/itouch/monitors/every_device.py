@@ -71,7 +71,9 @@ class Ordinary(Monitor):
             return Rule("", _words(channel), f"{low:.4g} to {high:.4g} °C", "", "", device.source("temperature"))
         if channel.role is Role.DRIVE and channel.unit == "A" and limits.get("current") is not None:
             return Rule("", _words(channel), f"{limits['current']:.3g} A", "", "", device.source("current"))
-        return Rule("", _words(channel), f"{max(channel.high):.3g} {channel.unit}", "", "", default.CEILING)
+        return Rule(
+            "", _words(channel), f"{max(channel.high):.3g} {channel.shown_unit}".rstrip(), "", "", default.CEILING
+        )
 
 
 def _words(channel: Channel) -> str:

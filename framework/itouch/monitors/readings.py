@@ -211,7 +211,7 @@ def not_finite(values: Sequence[float]) -> str:
 
 def shown(channel: Channel, value: float) -> str:
     """Return a reading in words."""
-    return f"{value - 273.15:.1f} degC" if channel.unit == "K" else f"{value:.4g} {channel.unit}".rstrip(" 1")
+    return f"{value - 273.15:.1f} degC" if channel.unit == "K" else f"{value:.4g} {channel.shown_unit}".rstrip()
 
 
 def plates(device: Watched) -> list[tuple[int, str, int]]:

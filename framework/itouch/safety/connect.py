@@ -8,9 +8,10 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable
 
+from itouch.exchange import failed_in
 from itouch.monitors import DeviceFaultError
 from itouch.platforms import hardware_refused
-from itouch.plugin import DeviceError
+from itouch.plugin import Device, DeviceError
 from itouch.plugin.wire_claims import WireHeldError
 from itouch.safety.latch import Status
 from itouch.safety.lifecycle import Lifecycle
@@ -87,20 +88,20 @@ def _start(one: Lifecycle, failures: dict[str, str]) -> threading.Thread:
                 raise DeviceError(refused)
             one.open()
         except BaseException as error:  # whatever a driver raises, the other devices' failures must still be told
-            failures[one.model.name] = _cause(error)
+            failures[one.model.name] = _cause(error, one.gate.device)
 
     thread = threading.Thread(target=work, name=f"open {one.model.name}", daemon=True)
     thread.start()
     return thread
 
 
-def _cause(error: BaseException) -> str:
+def _cause(error: BaseException, device: Device | None) -> str:
     """Return why a device did not open: an error of ours, or of the system, explains itself; of another, its line."""
     if not isinstance(error, Exception):
         return f"has tried to end the program: {named(error)}"
     if isinstance(error, ItouchError | OSError):
         return spoken(error) or type(error).__name__
-    return f"failed in open: {said(error)}"
+    return f"failed in {failed_in(device, 'open')}: {said(error)}"
 
 
 def _first_reading(one: Lifecycle, tick: int, failures: dict[str, str]) -> None:

@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.exchange import failed_in
 from itouch.joining import is_newest
 from itouch.monitors import LOSSES, DeviceFaultError, Heat, Push, Readings, Trip, TripError
 from itouch.monitors.limits import TIMELY
@@ -464,7 +465,7 @@ class Gate:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            raise TripError(Trip.DEVICE_ERROR, f"failed in read: {said(error)}") from error
+            raise TripError(Trip.DEVICE_ERROR, f"failed in {failed_in(self.device, 'read')}: {said(error)}") from error
         return False
 
     def _take_whole(self, device: Device) -> bool:

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from itouch.exchange import EveryNth, ThreadedDevice
+from itouch.exchange import Exchanged
 from itouch.monitors import LOSSES, TripError
 from itouch.plugin import DeviceError, Record
 from itouch.plugin.wire_claims import WireClaims
@@ -52,7 +52,7 @@ class Lifecycle:
             If another process, or another session, has one.
         """
         driver: Any = self.gate.device
-        while isinstance(driver, ThreadedDevice | EveryNth):
+        while isinstance(driver, Exchanged):
             driver = driver.device
         if driver is not None and self.model.commands:  # asked anew, because a virtual rig's wires may have moved
             self._claims.take(type(driver).wires(driver.params))

@@ -72,8 +72,8 @@ def acting_at_rest(name: str, commands: Sequence[Channel], place: Place | None) 
     """Find drives and switches whose plugin calls a value safe that still acts."""
     for channel in commands:
         if channel.role in _ACTING and isinstance(channel.safe, tuple) and channel.safe != _least(channel):
-            shown = " ".join(f"{value:g}" for value in channel.safe)
-            sentence = f"device '{name}': command '{channel.name}' calls {shown} {channel.unit} safe, but that acts"
+            shown = " ".join([*(f"{value:g}" for value in channel.safe), channel.shown_unit]).rstrip()
+            sentence = f"device '{name}': command '{channel.name}' calls {shown} safe, but that acts"
             advice = "its author must make it 0, or the least that it can be"
             yield Problem("plugin-failed", sentence, place, advice)
 

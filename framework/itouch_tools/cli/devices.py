@@ -99,11 +99,11 @@ def _channels(cls: type[Device]) -> tuple[tuple[Channel, ...], tuple[Channel, ..
 def _channel(verb: str, channel: Channel) -> str:
     parts = [f"    {verb} {channel.name:<18} {channel.size} x {channel.unit or '1'}"]
     if channel.magnitude is not None:
-        parts.append(f"at most {channel.magnitude:g} {channel.unit}")
+        parts.append(f"at most {channel.magnitude:g} {channel.shown_unit}".rstrip())
     elif channel.high and all(math.isfinite(v) for v in (*channel.low, *channel.high)):
         shown = min(channel.size, 3)
         low, high = (" ".join(f"{v:g}" for v in side[:shown]) for side in (channel.low, channel.high))
-        parts.append(f"{low} to {high} {channel.unit}")
+        parts.append(f"{low} to {high} {channel.shown_unit}".rstrip())
     if channel.locked:
         parts.append("locked: " + " ".join(["x", "y", "z", "rx", "ry", "rz"][axis] for axis in channel.locked))
     if channel.safe is not None:

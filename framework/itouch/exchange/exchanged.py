@@ -1,0 +1,21 @@
+"""What stands for a device and calls its methods at another time than it is called itself."""
+
+from __future__ import annotations
+
+from itouch.plugin import Device
+from itouch.plugin.stamps import Stamped
+
+
+class Exchanged(Device, Stamped):
+    """Stands for ``device``: what that raises comes up later, in whichever method is called next."""
+
+    def __init__(self, device: Device) -> None:
+        super().__init__(device.params)
+        self.device = device
+        #: The method of the device that was called last, by its name: the one that has failed, if one has.
+        self.called = "open"
+
+
+def failed_in(device: Device | None, method: str) -> str:
+    """Return the method of the driver that has failed, where ``method`` has raised."""
+    return device.called if isinstance(device, Exchanged) else method
