@@ -157,16 +157,27 @@ class Lamp(Thermometer):
     watchdog = 0.1
 
 
+@dataclass(frozen=True)
+class CoolParams:
+    """How many numbers it keeps."""
+
+    kept: int = schema.integer(low=1, high=9, default=1, doc="numbers in State")
+
+
 class Cool(Modality):
     """Cools the plate a little, all the time."""
 
-    Params = Nothing
+    Params = CoolParams
 
     def compile(self, name, params, world):
+        self.kept = params.kept
         return name
 
     def fields(self, model):
-        return (Field("time", unit="s", doc="time so far"),)
+        return (
+            Field("time", unit="s", doc="time so far"),
+            Field("kept", size=self.kept, unit="1", doc="nothing, in so many numbers"),
+        )
 
     def reset(self, model, state):
         state[f"{model}.time"] = 0.0

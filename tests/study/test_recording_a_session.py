@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+import strangers
 from run_scene import write_study
 from shipped import SCENES
 
@@ -17,6 +21,7 @@ from itouch.world import make_state
 from itouch_tools.cli import main
 from itouch_tools.study.reading import load_study
 from itouch_tools.study.rig_session import each_level_once
+from itouch_tools.study.scene_switching import Room
 from itouch_tools.study.store import Row, Store
 from itouch_tools.study.touches import Toucher
 
@@ -91,3 +96,114 @@ def test_all_materials_have_the_same_state_so_that_hardware_can_be_recorded(stud
     models = [Toucher(file, catalog).model(condition) for condition in each_level_once(file)]
     assert len(models) > 1 and len({len(model.modalities) for model in models}) == 1
     assert len({make_state(model).dtype for model in models}) == 1
+
+
+KEEPS = """
+from dataclasses import dataclass
+
+from itouch.plugin import Field, Modality, schema
+
+
+@dataclass(frozen=True)
+class KeepsParams:
+    kept: int = schema.integer(low=1, high=9, default=1, doc="numbers in State")
+
+
+class Keeps(Modality):
+    Params = KeepsParams
+
+    def compile(self, name, params, world):
+        self.kept = params.kept
+        return name
+
+    def fields(self, model):
+        return (Field("kept", size=self.kept, unit="1", doc="nothing, in so many numbers"),)
+
+    def reset(self, model, state):
+        pass
+
+    def update(self, model, state, period):
+        pass
+"""
+
+
+@pytest.fixture
+def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Room]:
+    """The room of a study of which each condition has other fields of State."""
+    listed = "[itouch.modalities]\nkeeper.keeps = keeper:Keeps\n"
+    monkeypatch.syspath_prepend(str(strangers.install(tmp_path / "site", "keeper", listed, code=KEEPS)))
+    path = write_study(tmp_path)
+    scene = tmp_path / "scene.xml"
+    scene.write_text(
+        scene.read_text()
+        .replace("<itouch ", '<itouch xmlns:keeper="urn:itouch:plugin:keeper" ')
+        .replace("  </interaction>", "    <keeper:keeps/>\n  </interaction>")
+    )
+    factor = '<factor name="kept" levels="few many" values="1;9" set="keeps.kept"/>'
+    path.write_text(path.read_text().replace("  <task", f"  {factor}\n  <task"))
+    made = Room(load_study(path, Catalog()), Catalog(), seed=5, record=tmp_path / "P1-1.mcap")
+    yield made
+    made.close()
+    assert [len(read(file).losses) for file in tmp_path.glob("*.mcap")] == [0] * len(list(tmp_path.glob("*.mcap")))
+
+
+def touch(room: Room, kept: str) -> tuple[int, int]:
+    """Touch the block once in a condition, and return the first and the last tick."""
+    room.present({"material": "wood", "kept": kept})
+    first = room.session.ticks
+    room.go()
+    room.run(lambda: room.session.done)
+    return first, room.session.ticks - 1
+
+
+def test_scenes_whose_states_have_other_fields_share_a_recording(tmp_path: Path, room: Room) -> None:
+    """Each change of State began a file, a hundred of them in a session; hardware refused to be recorded."""
+    spans = {name: list[tuple[int, int]]() for name in ("few", "many")}
+    for kept in ("few", "many", "many", "few", "many"):
+        spans[kept].append(touch(room, kept))
+    room.close()
+    assert sorted(path.name for path in tmp_path.glob("*.mcap")) == ["P1-1.2.mcap", "P1-1.mcap"]
+    for name, kept in (("P1-1", "few"), ("P1-1.2", "many")):
+        recording = read(tmp_path / f"{name}.mcap")
+        assert recording.whole and recording.lost == 0
+        ticks = recording.ticks
+        for first, last in spans[kept]:
+            assert np.array_equal(ticks[(ticks >= first) & (ticks <= last)], np.arange(first, last + 1))
+        for first, last in spans["many" if kept == "few" else "few"]:
+            assert not ((ticks >= first) & (ticks <= last)).any()
+        assert sum(event["kind"] == "BEGIN" for event in recording.events) == len(spans[kept])
+        with pytest.raises(RecordingError, match="its scene changed from trial to trial"):
+            itouch.replay(tmp_path / f"{name}.mcap")
+
+
+def test_samples_that_are_lost_between_two_scenes_are_told(tmp_path: Path, room: Room) -> None:
+    """Ticks in another file are not lost; those after another scene has begun are."""
+    touch(room, "few")
+    touch(room, "many")
+    room.present({"material": "wood", "kept": "few"})
+    recorder = room.session.recorder
+    assert recorder is not None
+    room.session.taps.remove(recorder.tap)
+    room.session.run(0.005)
+    room.session.taps.append(recorder.tap)
+    room.session.run(0.005)
+    room.close()
+    recording = read(tmp_path / "P1-1.mcap")
+    assert recording.lost == 5 and "5 samples were lost while recording" in recording.losses
+    (tmp_path / "P1-1.mcap").unlink()
+
+
+def test_a_recording_of_which_no_session_goes_on_is_ended_with_the_others(tmp_path: Path, room: Room) -> None:
+    """Also where its writing process has died meanwhile, which is told when a session goes on in it."""
+    touch(room, "few")
+    recorder = room.session.recorder
+    assert recorder is not None
+    touch(room, "many")
+    os.kill(recorder.process_id, signal.SIGKILL)
+    touch(room, "few")
+    assert ["the writing process died" in loss for loss in room.losses] == [True]
+    touch(room, "many")
+    assert room.session.recorder is None  # what can't be recorded whole is not recorded in parts
+    room.close()
+    assert read(tmp_path / "P1-1.2.mcap").whole
+    (tmp_path / "P1-1.mcap").unlink()

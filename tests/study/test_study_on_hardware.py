@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import signal
 import threading
@@ -11,11 +12,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from bench_rig import DOWN, UP, Person, install
 
 from itouch.loop import DeviceFaultError
 from itouch.plugin.discovery import Catalog
+from itouch.recording import read
 from itouch.safety import Trip
 from itouch.schema import ItouchError
 from itouch.servo import ServoError, sessions
@@ -95,6 +98,35 @@ def test_a_study_on_a_rig_opens_it_once_and_lets_it_rest_while_the_scene_changes
     assert min(number for _, number in lift["sent"][100:]) < 0.018  # it went back meanwhile
     (recording,) = (tmp_path / "data" / "recordings").iterdir()
     assert main(["inspect", str(recording)]) == 0
+
+
+def test_scenes_whose_states_have_other_fields_share_a_recording_each(tmp_path: Path, rig: Person) -> None:
+    """As real and rendered do, which have other modalities or controllers."""
+    study = (tmp_path / "study.xml").read_text()
+    more = '<factor name="cooling" levels="short long" values="1;9" set="cool.kept"/>'
+    (tmp_path / "study.xml").write_text(study.replace("  <task", f"  {more}\n  <task"))
+    told = attend(
+        begin(tmp_path, record=True), Touches(rig), [f"{height} 0.1" for height in ("low", "mid", "high") * 2]
+    )
+    made = rows(tmp_path)
+    assert [row.void for row in made] == [""] * 6, told
+    assert [entry["what"] for entry in rig.sent("stick")] == ["open", "close"]  # it was opened once
+    folder = tmp_path / "data" / "recordings"
+    assert sorted(one.name for one in folder.iterdir()) == ["P1-1.2.mcap", "P1-1.mcap"]
+    placed = dict[str, list[int]]()
+    for path in folder.iterdir():
+        recording = read(path)
+        assert recording.whole, recording.losses
+        marked = [mark for mark in recording.marks if mark["name"] == "trial"]
+        placed[path.name] = [json.loads(mark["payload"])["place"] for mark in marked]
+        own = [row for row in made if row.place in placed[path.name]]
+        assert len({row.condition["cooling"] for row in own}) == 1
+        times = recording.ticks * recording.period
+        for row in own:  # not a tick of its trials is missing
+            during = recording.ticks[(times >= row.begun_s) & (times <= row.ended_s)]
+            assert during.size > 100 and (np.diff(during) == 1).all()
+    assert sorted(placed["P1-1.mcap"] + placed["P1-1.2.mcap"]) == [0, 1, 2, 3, 4, 5]
+    assert [len(places) for places in placed.values()] == [3, 3]
 
 
 def test_nobody_sees_what_is_touched(tmp_path: Path, rig: Person) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from itouch.recording.errors import RecordingError
 from itouch.recording.reader import Content, read_content
-from itouch.recording.tracks import Track
+from itouch.recording.tracks import SCENE, Track
 from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.notebook import Shown
 
@@ -161,9 +161,17 @@ class Recording(Shown, Mapping[str, NDArray[Any]]):
 
     @property
     def lost(self) -> int:
-        """Number of samples of the servo loop between the first and the last that the recorder could not take."""
+        """Number of samples of the servo loop between the first and the last that the recorder could not take.
+
+        Where another scene begins, what lies before it may be in another file: ticks of scenes whose State differs.
+        """
         ticks = self.ticks
-        return int(ticks[-1] - ticks[0] + 1 - len(ticks)) if len(ticks) else 0
+        gaps = np.flatnonzero(np.diff(ticks) > 1)
+        begun = np.array([-1, *(state["tick"] for state in self.states if state["reason"] == SCENE)])
+        missing = 0
+        for after, end in zip(ticks[gaps] + 1, ticks[gaps + 1], strict=True):  # no sample of after, ..., end - 1
+            missing += int(end - max(after, begun[begun <= end].max()))
+        return missing
 
     @property
     def whole(self) -> bool:

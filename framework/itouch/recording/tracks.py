@@ -11,6 +11,8 @@ import numpy as np
 
 from itouch.schema.roles import Role
 
+#: Reason of a State with which another scene goes on in the same recording.
+SCENE = "scene"
 #: Types of number that a column may have.
 KINDS = ("f8", "i8", "u8")
 #: Names of components, by their number: vectors; force and torque, or velocities; position and quaternion.

@@ -212,6 +212,18 @@ class Session(Shown, Engine):
         """
         if self.recorder is not None:
             raise RecordingError(f"the session is being recorded to '{self.recorder.path}'")
+        recorder = self.open_recording(path)
+        self._record_by(recorder)
+        return recorder
+
+    def open_recording(self, path: Path) -> Recorder:
+        """Begin a recording in which a session will go on, this one or another whose State has the same fields.
+
+        Raises
+        ------
+        RecordingError, SceneError
+            As `record` says.
+        """
         target = os.fspath(path)
         tracks = channel_selection.tracks_of(self.model, self.state)
         self.notes += tuple(note for note in channel_selection.recording_notes(self.model) if note not in self.notes)
@@ -221,9 +233,7 @@ class Session(Shown, Engine):
             raise RecordingError(f"cannot write '{target}': {error.strerror or error}") from error
         if pathlib.Path(target).is_fifo():  # the recorder's process would wait for a reader, even after this one's end
             raise RecordingError(f"cannot write '{target}': it is a pipe, not a file")
-        recorder = Recorder(self, self._asked, target, tracks)
-        self._record_by(recorder)
-        return recorder
+        return Recorder(self, self._asked, target, tracks)
 
     @property
     def _asked(self) -> Asked:
@@ -234,36 +244,25 @@ class Session(Shown, Engine):
         self.taps.append(recorder.tap)
         self.on.fault.append(recorder.hear)
 
-    def onwards(self, to: Session) -> Onwards | None:
-        """Return what the recording needs to go on with another session; None: there is no recording, or it can't."""
-        if self.recorder is None or to.state.dtype != self.state.dtype:
-            return None
-        return self.recorder.onwards(to)
-
-    def hand_on(self, to: Session, onwards: Onwards) -> bool:
-        """Let a recording go on with the session of another scene, which has this one's State.
+    def go_on_recording(self, recorder: Recorder, onwards: Onwards) -> None:
+        """Go on in a recording of sessions whose States have the same fields as this one's.
 
         Parameters
         ----------
-        to
-            The other session.
+        recorder
+            One with which no other session is recorded now.
         onwards
-            What ``onwards`` returned for it.
-
-        Returns
-        -------
-        bool
-            False if there is no recording, or if the other State has other fields: then the recording stays with this
-            session, and can be ended.
+            What the recorder's ``onwards`` returned for this session.
         """
-        recorder = self.recorder
-        if recorder is None or recorder.failure or to.state.dtype != self.state.dtype:
-            return False
-        self.recorder = None
-        self._let_go(recorder)
-        recorder.follow(to, to._asked, onwards)
-        to._record_by(recorder)
-        return True
+        recorder.follow(self, self._asked, onwards)
+        self._record_by(recorder)
+
+    def hand_over(self) -> Recorder | None:
+        """Let go of the recording, if there is one: it is neither written to nor ended any more by this session."""
+        recorder, self.recorder = self.recorder, None
+        if recorder is not None:
+            self._let_go(recorder)
+        return recorder
 
     def end_recording(self) -> None:
         """End the recording, if there is one; the session goes on.
@@ -273,9 +272,8 @@ class Session(Shown, Engine):
         RecordingError
             If it could not be finished.
         """
-        recorder, self.recorder = self.recorder, None
+        recorder = self.hand_over()
         if recorder is not None:
-            self._let_go(recorder)
             recorder.close()
 
     def recording_failed(self, recorder: Recorder) -> None:

@@ -23,7 +23,7 @@ from itouch.recording import RecordingError
 from itouch.recording.chunking import MESSAGE, SPEC, STATE, message
 from itouch.recording.ring import ControlWord, Phase, Ring, Shape
 from itouch.recording.spec import Spec
-from itouch.recording.tracks import Track
+from itouch.recording.tracks import SCENE, Track
 from itouch.scene import write
 from itouch.session.arrays import pack_bases
 from itouch.session.paths import without_folders
@@ -248,7 +248,7 @@ class Recorder:
         self._events, self._faults = int(session.state["events.count"]), len(session.statistics.faults)
         self._counted = session.times.record["counts"][:2].copy()
         self.tap = self._make_tap()
-        self.note_state("scene")
+        self.note_state(SCENE)
 
     def hear(self, fault: DeviceFaultError) -> None:
         """Record the State of a tick that has failed, because its readings never get into a row."""

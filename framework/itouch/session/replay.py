@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from itouch.loop import DeviceFaultError
 from itouch.plugin.discovery import Catalog
 from itouch.recording import Recording, RecordingError, read
-from itouch.recording.tracks import Track
+from itouch.recording.tracks import SCENE, Track
 from itouch.safety import Trip
 from itouch.session import layout
 from itouch.session.building import rebuild
@@ -63,7 +63,7 @@ def session_of(recording: Recording, *, catalog: Catalog | None = None) -> Sessi
         If the recording does not hold it whole, its scene changed, or it can't be built here.
     """
     plugins = catalog or Catalog()
-    if any(letter["reason"] == "scene" for letter in recording.states):
+    if any(letter["reason"] == SCENE for letter in recording.states):
         raise RecordingError(f"'{recording.path}' can't be replayed: its scene changed from trial to trial")
     if not recording.states:
         raise RecordingError(f"'{recording.path}' holds no State to begin from")

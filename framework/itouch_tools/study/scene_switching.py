@@ -19,11 +19,12 @@ from typing import TypeVar
 import numpy as np
 
 from itouch.loop import Clock, DeviceFaultError
+from itouch.loop.release import in_turn
 from itouch.plugin.discovery import Catalog
 from itouch.safety import LOSSES, Outcome, Status, Trip
 from itouch.session import Session, SessionError
-from itouch.session.recorder import Onwards
-from itouch.world import DeviceModel, Model, make_state
+from itouch.session.recorder import Onwards, Recorder
+from itouch.world import DeviceModel, Model
 from itouch_tools.study.machine import Sensed
 from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.store import Standing
@@ -56,13 +57,14 @@ class Room:
     clock
         The clock that paces the loop.
     record
-        The file to which all sessions are recorded; a State with other fields needs another file, ``NAME.2.mcap``.
+        The file to which all sessions are recorded; those whose State has other fields share a file, ``NAME.2.mcap``.
     """
 
     def __init__(
         self, file: StudyFile, catalog: Catalog, *, seed: int, clock: Clock | None = None, record: Path | None = None
     ) -> None:
-        self._record, self._recorded = record, 0
+        #: The recordings, by the layout of State.
+        self._record, self._recorders = record, dict[str, Recorder]()
         #: Called between two ticks if somebody else runs the loop; an exception that it raises ends the session.
         self.look: Callable[[], None] | None = None
         #: Called again and again while no tick runs because some work must be finished.
@@ -131,11 +133,13 @@ class Room:
             if self._under_way:
                 self.run(lambda: before.done)
             self.rest()
-            session, feeling, onwards = self.beside(lambda: self._made(condition))
+            session, feeling, recorded = self.beside(lambda: self._made(condition))
             if self.real:
                 self._await_person(before)
             succeed(session, before)
-            self._take(session, condition, feeling, onwards)
+            self._take(session, condition, feeling)
+            if recorded is not None and not self.losses:
+                session.go_on_recording(*recorded)
             if self.real:
                 session.leave_out(before.since)
                 self._enable()
@@ -159,7 +163,7 @@ class Room:
         Raises
         ------
         SessionError
-            If it is not, or if one recording could not hold all their States.
+            If it is not.
         SceneError
             If a scene has problems.
         """
@@ -169,21 +173,13 @@ class Room:
             found = differing(model, first or model)
             if found:
                 raise SessionError(f"{found} (in the condition {', '.join(f'{k}={v}' for k, v in condition.items())})")
-            if first is not None and self._record is not None and self._differ(model, first):
-                raise SessionError(
-                    "the scenes' States have other fields: on hardware one recording can't hold them all; --no-record"
-                )
             first = first or model
-
-    @staticmethod
-    def _differ(model: Model, first: Model) -> bool:
-        real = any(not device.twin for device in model.devices.values())
-        return real and make_state(model).dtype != make_state(first).dtype
 
     def prepare(self, condition: Mapping[str, str]) -> None:
         """Take a condition's scene as the first, without running it yet."""
         session = self._built(condition)
-        self._take(session, condition, self._feel(session), None)
+        self._take(session, condition, self._feel(session))
+        self._begin_recording(session)
 
     def begin(self) -> None:
         """Run until the rig has found its heights and may give its full force; then the hand of a twin waits."""
@@ -284,10 +280,35 @@ class Room:
             sys.setswitchinterval(before)
         return doing.result()
 
-    def _made(self, condition: Mapping[str, str]) -> tuple[Session, Feeling, Onwards | None]:
-        """Return the next session, what will be noted of it, and what a recording needs to continue with it."""
+    def _made(self, condition: Mapping[str, str]) -> tuple[Session, Feeling, tuple[Recorder, Onwards] | None]:
+        """Return the next session, what will be noted of it, and the recording in which it goes on."""
         session = self._built(condition)
-        return session, self._feel(session), self.session.onwards(session)
+        return session, self._feel(session), self._recorded(session)
+
+    def _recorded(self, session: Session) -> tuple[Recorder, Onwards] | None:
+        """Return the recording of all sessions with this one's State, and what it needs to go on with this one."""
+        if self._record is None or self.losses:
+            return None
+        layout = layout_of(session)
+        if (recorder := self._recorders.get(layout)) is None:
+            path = self._record.with_name(f"{self._record.stem}.{len(self._recorders) + 1}.mcap")
+            recorder = self._recorders[layout] = session.open_recording(path)
+        return recorder, recorder.onwards(session)
+
+    def _begin_recording(self, session: Session) -> None:
+        """Record the first session."""
+        if self._record is not None and not self._recorders:
+            self._recorders[layout_of(session)] = session.record(self._record)
+
+    def _end_recordings(self) -> None:
+        """End all recordings, also those in which no session is going on.
+
+        Raises
+        ------
+        RecordingError
+            If one could not be finished.
+        """
+        in_turn(*(recorder.close for recorder in self._recorders.values()))
 
     def _await_person(self, session: Session) -> None:
         """Run, with everything at rest, until nothing is touched and the switch is held."""
@@ -311,7 +332,8 @@ class Room:
         session.adopt(standing.state)
         _let_pass(session)
         session.settle(always=True)
-        self._take(session, standing.condition, self._feel(session), None)
+        self._take(session, standing.condition, self._feel(session))
+        self._begin_recording(session)
         return True
 
     def standing(self, place: int) -> Standing:
@@ -380,27 +402,18 @@ class Room:
             truth = None
         return Feeling(session.model, self._file.study.contact, truth)
 
-    def _take(
-        self, session: Session, condition: Mapping[str, str], feeling: Feeling, onwards: Onwards | None
-    ) -> None:  # fmt: skip
+    def _take(self, session: Session, condition: Mapping[str, str], feeling: Feeling) -> None:
         """Make a session the present one."""
         before, self._session, self.condition = self._session, session, dict(condition)
         self._feeling = feeling
         if self.on_change is not None:
             self.on_change(session)
         feeling.listen(session)
-        if self._record is not None:
-            self._keep(before, session, self._record, onwards)
-
-    def _keep(self, before: Session | None, session: Session, path: Path, onwards: Onwards | None) -> None:
-        """Continue the recording with this session, or begin another."""
-        session.loss_hooks.append(lambda loss: self.losses.append(str(loss["cause"])))
-        if (before is not None and onwards is not None and before.hand_on(session, onwards)) or self.losses:
-            return
         if before is not None:
-            before.end_recording()
-        self._recorded += 1
-        session.record(path if self._recorded == 1 else path.with_name(f"{path.stem}.{self._recorded}.mcap"))
+            before.hand_over()
+        session.on.closed.append(self._end_recordings)
+        if self._record is not None:
+            session.loss_hooks.append(lambda loss: self.losses.append(str(loss["cause"])))
 
 
 def note_stop(session: Session) -> None:
