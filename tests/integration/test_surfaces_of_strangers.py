@@ -8,11 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shipped import SCENES
 from strangers import install
 from test_carried_by_a_modality import ASKED, EXAMPLE
 from test_outside_surface import PLUGIN, SCENE
 
 import itouch
+from itouch.testing import suites
+from itouch_tools.cli import main
 
 NUMBERS = itertools.count()
 FORCELESS = PLUGIN.replace(
@@ -241,3 +244,36 @@ def test_a_carrier_without_a_surface_is_a_mistake(carried: Made) -> None:
     path.write_text(path.read_text(encoding="utf-8").replace('surface-to="presenter"', ""), encoding="utf-8")
     with pytest.raises(itouch.SceneError, match="with 'carrier' also needs 'surface-to'"):
         itouch.build(path)
+
+
+def examined(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
+    """Let `test-plugin` make only these checks."""
+    monkeypatch.setattr(suites, "MODALITY_CHECKS", [one for one in suites.MODALITY_CHECKS if one.name in names])
+
+
+def test_what_brings_a_surface_by_its_name_alone_can_be_examined(
+    carried: Made, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It has no element of which its parameters could be taken, and no name of a modality."""
+    path = carried('carrier="hovering"')
+    examined(monkeypatch, "parameters", "params-untouched", "carries")
+    for given in ([], ["--scene", str(path)]):
+        assert main(["test-plugin", "hovering", *given]) == 0
+        assert "modality 'hovering' 1.0" in (said := capsys.readouterr().out) and "3 passed, 0 failed" in said
+    assert main(["test-plugin", "hoverin"]) == 2
+    assert "did you mean 'hovering'?" in capsys.readouterr().err
+    assert main(["test-plugin", "idle", "--scene", str(path)]) == 2
+    assert "does not use 'idle', so nothing could be taken from it" in (said := capsys.readouterr().err)
+    assert "it uses hovering, robo" in said
+    assert main(["test-plugin", "asking"]) == 2
+    assert "it also needs 'robot'" in capsys.readouterr().err
+
+
+@pytest.mark.long
+def test_the_programs_own_way_is_examined_in_a_scene_that_names_none(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    examined(monkeypatch, "params-untouched")
+    for given in ([], ["--scene", str(SCENES / "four_materials_hurried.xml")]):
+        assert main(["test-plugin", "encountered", *given]) == 0
+        assert "1 passed, 0 failed" in capsys.readouterr().out

@@ -74,8 +74,7 @@ def documentation(subject: ModalitySubject) -> None:
 def parameters(subject: ModalitySubject) -> str:
     """Set every number below and above its range, and validate."""
     engine = subject.engine()
-    own = subject.own(engine)[0]
-    params = next(part.params for part in engine.scene.modalities if part.name == own.name)
+    params = subject.own(engine)[0].params
     count = 0
     for name, spec in specs(type(params)).items():
         count += 1

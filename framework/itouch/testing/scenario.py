@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -69,7 +69,8 @@ class ModalitySubject:
     least
         Least simulated time of a check [s]; it lasts at least until a touch has begun, slid and ended.
     name
-        ``plugin.local``, under which an installed modality is found; needed if there is no scene.
+        ``plugin.local``, under which an installed modality is found, or the name under which a modality brings a
+        surface without an element (entry-point group ``itouch.carriers``); needed if there is no scene.
     """
 
     cls: type[Modality]
@@ -209,7 +210,7 @@ _SCENE = """<itouch version="1.0" {namespaces}>
   </world>
   <devices><device name="suite" plugin="{finger}"/>{devices}</devices>
   <interaction>
-    <probe name="finger" radius="8 mm" pose-from="suite" force-to="suite"/>
+    <probe name="finger" radius="8 mm" pose-from="suite" force-to="suite"{carrier}/>
     <operator probe="finger"><motion>
       <to pos="-40 0 45 mm" in="0.2 s"/><to pos="-40 0 25 mm" in="0.4 s" hold="0.1 s"/>
       <to pos="25 0 25 mm" in="0.8 s"/><to pos="25 0 45 mm" in="0.4 s" hold="0.1 s"/>
@@ -221,7 +222,9 @@ _SCENE = """<itouch version="1.0" {namespaces}>
 
 
 def made(name: str, catalog: Catalog) -> str:
-    """Return the text of a scene that uses an installed modality, ``plugin.local``, and contains only what it needs.
+    """Return the text of a scene that uses an installed modality, and contains only what it needs.
+
+    ``name`` is ``plugin.local``, or that of a modality which brings a surface without an element.
 
     Raises
     ------
@@ -229,13 +232,19 @@ def made(name: str, catalog: Catalog) -> str:
         If only its author can know the value of a parameter.
     """
     plugin, _, local = name.partition(".")
-    maker = _Maker(catalog)
-    maker.modality(plugin, local)
+    maker, carrier = _Maker(catalog), ""
+    if name in catalog.carrier_names:
+        surface = maker.device({Role.TRACKED_POSE}, {Role.SURFACE_POSE}, plugin)
+        carrier = f' surface-to="{surface}" carrier="{name}"'
+    else:
+        maker.modality(plugin, local)
     material = catalog.material(plugin)
     part = f"<{plugin}:material {maker.attributes(material, plugin, local)}/>" if material else ""
     spaces = " ".join(f'xmlns:{p}="{PLUGIN_NAMESPACE}{p}"' for p in sorted(maker.plugins | {plugin}))
-    return _SCENE.format(namespaces=spaces, material=part, finger=FINGER, devices="".join(maker.devices.values()),
-                         modalities="\n    ".join(maker.modalities.values()))  # fmt: skip
+    return _SCENE.format(
+        namespaces=spaces, material=part, finger=FINGER, devices="".join(maker.devices.values()), carrier=carrier,
+        modalities="\n    ".join(maker.modalities.values()),
+    )  # fmt: skip
 
 
 class _Maker:
@@ -276,7 +285,7 @@ class _Maker:
         if spec.kind == "ref" and spec.target == "material":
             return "own"
         if spec.kind == "ref" and spec.target == "device":
-            return self._device(spec, plugin)
+            return self.device(set(spec.reads), set(spec.commands), plugin)
         if spec.kind == "ref" and spec.target == "modality":
             others = [other for other in self._catalog.modality_names(plugin) if other != local]
             if others:
@@ -292,9 +301,9 @@ class _Maker:
             "uses it (test-plugin --scene FILE, or `scene` in the suite)"
         )
 
-    def _device(self, spec: Spec, plugin: str) -> str:
+    def device(self, wanted: Set[str | Role], obeyed: Set[str | Role], plugin: str) -> str:
         """Add a device with these channels, the plugin's own if it has one; return its name."""
-        if set(spec.reads) <= {Role.TRACKED_POSE} and set(spec.commands) <= {Role.FORCE_ON_OPERATOR}:
+        if wanted <= {Role.TRACKED_POSE} and obeyed <= {Role.FORCE_ON_OPERATOR}:
             return "suite"
         names: Sequence[str] = sorted(self._catalog.device_names, key=lambda name: name != plugin)
         for name in names:
@@ -302,10 +311,16 @@ class _Maker:
             if cls is None or any(default_of(cls.Params, n) is REQUIRED for n in specs(cls.Params)):
                 continue
             reads, commands = cls.channels(cls.Params())
-            if set(spec.reads) <= _offered(reads) and set(spec.commands) <= _offered(commands):
+            if wanted <= _offered(reads) and obeyed <= _offered(commands):
                 self.devices.setdefault(name, f'<device name="{name}" plugin="{name}"/>')
                 return name
-        raise NotApplicableError(f"no installed device reads {spec.reads} and obeys {spec.commands}: give a scene")
+        needed = f"reads {_listed(wanted)} and obeys {_listed(obeyed)}"
+        raise NotApplicableError(f"no installed device {needed}: give a scene")
+
+
+def _listed(channels: Set[str | Role]) -> str:
+    """Return names and roles of channels in words."""
+    return ", ".join(sorted(f"'{one.value if isinstance(one, Role) else one}'" for one in channels)) or "anything"
 
 
 def _offered(channels: Sequence[Channel]) -> set[str | Role]:

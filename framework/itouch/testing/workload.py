@@ -130,9 +130,8 @@ class ModalityWorkload(Workload):
 
     @property
     def params(self) -> Any:
-        """The parameters of its element."""
-        parts = {part.name: part for part in self.engine.scene.modalities}
-        return parts[self.own.name].params
+        """The parameters that it was made with."""
+        return self.own.params
 
     def tick(self) -> None:
         """Let the engine run one tick."""

@@ -59,6 +59,8 @@ class ModalityModel:
     default_of: str = ""
     #: What it says must be known before a run.
     notices: tuple[str, ...] = ()
+    #: The parameters that it was made with.
+    params: Any = None
 
 
 def build_modalities(
@@ -131,7 +133,7 @@ def _compiled(
         served = "" if probe is None else probe.name
         yield ModalityModel(
             part.name, part.plugin, instance, model, every, commands, attends, carries, touches, tuple(fields), served,
-            notices,
+            notices, part.params,
         )  # fmt: skip
 
 

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 def main(argv: Sequence[str]) -> int:
     """Examine an installed plugin; exit code 1 if it lacks something."""
     parser = Parser(prog="itouch-py test-plugin", description=main.__doc__)
-    parser.add_argument("name", metavar="NAME", help="a device plugin, a modality PLUGIN.LOCAL, or a plugin with both")
+    examined = "a device plugin, a modality PLUGIN.LOCAL, a plugin with both, or what a probe may name as its carrier"
+    parser.add_argument("name", metavar="NAME", help=examined)
     parser.add_argument("--scene", metavar="FILE", help="a scene that uses it: its parameters are taken from there")
     parser.add_argument("--hardware", action="store_true", help="open the device, too; it is commanded what is safe")
     parser.add_argument("--emulator", action="store_true", help="run the driver on the plugin's emulator, too")
@@ -56,18 +57,21 @@ def _examine(options: argparse.Namespace) -> int:
     scene = _scene(options.scene, catalog)
     known = [f"{plugin}.{local}" for plugin in catalog.plugin_names for local in catalog.modality_names(plugin)]
     chosen = [name for name in known if options.name in (name, name.split(".")[0])]
-    if scene is not None and (chosen or options.name in catalog.device_names):
-        _require_used(options, scene, chosen)
+    carriers = [name for name in catalog.carrier_names if name == options.name and name not in known]
+    if scene is not None and (chosen or carriers or options.name in catalog.device_names):
+        _require_used(options, scene, [*chosen, *carriers], catalog.carrier()[0])
     good, found = True, False
     if options.name in catalog.device_names:
         good, found = _device(options, catalog, scene), True
-    for name in chosen:
+    for name in [*chosen, *carriers]:
         found = True
         good = _modality(name, options.scene, catalog) and good
     if not found:
         from itouch.schema.diagnostics import did_you_mean
 
-        advice = did_you_mean(options.name, [*catalog.device_names, *known], "installed plugins are")
+        advice = did_you_mean(
+            options.name, [*catalog.device_names, *known, *catalog.carrier_names], "installed plugins are"
+        )
         raise ItouchError(f"there is no plugin named '{options.name}'\n  = help: {advice}")
     return 0 if good else 1
 
@@ -78,8 +82,8 @@ def _scene(path: str | None, catalog: Catalog) -> Scene | None:
     return load(path, catalog) if path else None
 
 
-def _require_used(options: argparse.Namespace, scene: Scene, modalities: Sequence[str]) -> None:
-    """Refuse a scene that uses nothing of what is examined: it would change nothing.
+def _require_used(options: argparse.Namespace, scene: Scene, modalities: Sequence[str], carrier: str) -> None:
+    """Refuse a scene that uses nothing of what is examined; ``carrier`` serves probes that name no other one.
 
     Raises
     ------
@@ -87,6 +91,7 @@ def _require_used(options: argparse.Namespace, scene: Scene, modalities: Sequenc
         If so.
     """
     used = {device.plugin for device in scene.devices} | {f"{one.plugin}.{one.local}" for one in scene.modalities}
+    used |= {probe.carrier or carrier for probe in scene.probes if probe.surface_to}
     if not used & {options.name, *modalities}:
         raise ItouchError(
             f"'{options.scene}' does not use '{options.name}', so nothing could be taken from it\n"
@@ -135,7 +140,7 @@ def _modality(name: str, path: str | None, catalog: Catalog) -> bool:
     from itouch.testing.suites import MODALITY_CHECKS
 
     plugin, _, local = name.partition(".")
-    cls = catalog.modality(plugin, local)
+    cls = catalog.carrier(name)[1] if name in catalog.carrier_names else catalog.modality(plugin, local)
     if cls is None:
         raise ItouchError(catalog.failure(plugin))
     subject = ModalitySubject(cls, Path(path) if path else None, name=name)
