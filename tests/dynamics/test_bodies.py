@@ -113,6 +113,25 @@ def test_a_push_at_the_centre_of_mass_turns_nothing_wherever_the_frame_is() -> N
     np.testing.assert_allclose(world.twists[0], (*(push * T / 0.2 * np.exp(-1.0)), 0, 0, 0), rtol=0.01, atol=1e-6)
 
 
+@pytest.mark.parametrize("axis", range(3))
+def test_the_turning_of_a_mesh_is_damped_as_that_of_the_box_which_it_is(axis: int) -> None:
+    half = np.array((0.02, 0.005, 0.09))  # long along its last axis: its greatest moment is not the first
+    corners = half * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
+    starts = []
+    for shape in (Box(tuple(half)), Mesh(Surface(corners, faces))):
+        world = World(free(shape, damping=5.0), gravity=(0, 0, 0))
+        world.forces[0, 3 + axis] = 1e-4
+        world.run(1)
+        start = world.twists[0].copy()
+        world.forces[:] = 0
+        world.run(200)
+        np.testing.assert_allclose(world.twists[0], start * np.exp(-1.0), rtol=0.01, atol=1e-7)
+        starts.append(start)
+    np.testing.assert_allclose(starts[1], starts[0], rtol=1e-5, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("shape", "height"),
     [

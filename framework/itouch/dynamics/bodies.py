@@ -155,6 +155,19 @@ class Bodies:
         return Physics(self._model, self)
 
 
+def _inertias(mujoco: Any, model: Any, ids: NDArray[np.intp]) -> Floats:
+    """Return the inertia of bodies about their centres of mass, along their own axes (k, 3, 3) [kg m2].
+
+    MuJoCo keeps three moments about the principal axes, which are those of the frame only where the shape has them so:
+    for a mesh they lie as the mass does, the greatest moment first.
+    """
+    rows = np.empty((len(ids), 9))
+    for row, body in zip(rows, ids, strict=True):
+        mujoco.mju_quat2Mat(row, model.body_iquat[body])
+    turns = rows.reshape(-1, 3, 3)
+    return np.ascontiguousarray(np.einsum("kij,kj,klj->kil", turns, model.body_inertia[ids], turns))
+
+
 class Physics:
     """Steps the bodies; it keeps nothing from one call to the next."""
 
@@ -169,7 +182,7 @@ class Physics:
         self._slots = np.array([model.body_mocapid[model.body(f"o{i}").id] for i in bodies.moved], np.intp)
         self._physics = (
             self._free, self._ids, np.ascontiguousarray(model.body_ipos[self._ids]), model.body_mass[self._ids],
-            model.body_inertia[self._ids], np.array([bodies.bodies[i].damping for i in bodies.free]),
+            _inertias(mujoco, model, self._ids), np.array([bodies.bodies[i].damping for i in bodies.free]),
         )  # fmt: skip
         self._places = self._data.qpos.reshape(-1, 7)
         self._rates = self._data.qvel.reshape(-1, 6)

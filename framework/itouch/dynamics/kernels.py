@@ -44,6 +44,16 @@ def _spin(poses: Floats, obj: int, rates: Floats, i: int) -> Vector:
     return to_space(poses, obj, (rates[i, 3], rates[i, 4], rates[i, 5]))
 
 
+@inner
+def _times(matrices: Any, i: int, v: Vector) -> Vector:
+    """Return the product of the matrix ``i`` of (k, 3, 3) and a vector."""
+    return (
+        matrices[i, 0, 0] * v[0] + matrices[i, 0, 1] * v[1] + matrices[i, 0, 2] * v[2],
+        matrices[i, 1, 0] * v[0] + matrices[i, 1, 1] * v[1] + matrices[i, 1, 2] * v[2],
+        matrices[i, 2, 0] * v[0] + matrices[i, 2, 1] * v[1] + matrices[i, 2, 2] * v[2],
+    )
+
+
 @entry
 def apply_forces(
     free: Any, ids: Any, centres: Floats, masses: Floats, inertias: Floats, damping: Floats, poses: Floats,
@@ -56,7 +66,8 @@ def apply_forces(
     free, ids
         (k,) indices of the free objects, and their rows in ``push``.
     centres, masses, inertias, damping
-        (k, 3) centres of mass in the object's frame [m], (k,) [kg], (k, 3) [kg m2] and (k,) [1/s].
+        (k, 3) centres of mass in the object's frame [m], (k,) [kg], (k, 3, 3) about the centres of mass, along the
+        frame's axes [kg m2], and (k,) [1/s].
     poses, rates
         (n, 7) of all objects; (k, 6) of the free ones: velocity of the frame's origin in the world's frame, angular
         velocity in the body's frame.
@@ -69,7 +80,7 @@ def apply_forces(
         speed = add((rates[i, 0], rates[i, 1], rates[i, 2]), cross(_spin(poses, obj, rates, i), arm))
         force = (forces[obj, 0], forces[obj, 1], forces[obj, 2])
         torque = sub((forces[obj, 3], forces[obj, 4], forces[obj, 5]), cross(arm, force))
-        local = (inertias[i, 0] * rates[i, 3], inertias[i, 1] * rates[i, 4], inertias[i, 2] * rates[i, 5])
+        local = _times(inertias, i, (rates[i, 3], rates[i, 4], rates[i, 5]))
         force = along(force, -damping[i] * masses[i], speed)
         torque = along(torque, -damping[i], to_space(poses, obj, local))
         for c in range(3):
