@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from pathlib import Path
 
@@ -211,16 +212,42 @@ def test_a_motion_from_a_file(write: Write, tmp_path: Path) -> None:
     [
         ("t,x,y,z\n0,0,0,0\n", "shape"),
         ("0,0,0,0\n0,0,0,0\n", "does not rise"),
-        ("0,0,0\n1,0,0\n", "shape"),
+        ("0,0,0\n1,0,0\n", "4 columns"),
+        ("0;0;0;0\n1;0;0;0\n", "no column named t, x, y, z; it has 0;0;0;0"),
+        ("t [s],x [inch],y,z\n0,0,0,0\n1,0,0,0\n", "unit of column"),
+        ("0,0,0,0\n1_0,0,0,0\n", "row 2 is not 4 numbers"),
+        ("0,0,0,0\n1,0,150,0\n", "row 2 lies farther than 100 m"),
+        ("-1e308,0,0,0\n1e308,0,0,0\n", "row 2 holds"),
+        ("0," + "1" * 200_000 + ",0,0\n", "not a table"),
         ("0,0,0,0\n1,0,0,x\n", "row 2"),
         ("0,0,0,0\n1,0,0,nan\n", "finite"),
         ("0,0,0,0,0,0,0,0\n1,0,0,0,1,0,0,0\n", "zero"),
-        ("\xff\xfe", "shape"),
+        ("\xff\xfe", "no column named"),
     ],
 )
 def test_tables_that_are_none_are_refused(text: str, says: str) -> None:
     with pytest.raises(ValueError, match=says):
         read_motion(text.encode())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time [ms],z [mm],y [mm],x [mm]\n0,3,2,1\n500,6,4,2\n",
+        "x,y,z,t,felt\n0.001,0.002,0.003,4,soft\n0.002,0.004,0.006,4.5,hard\n",
+        "# a lid\r0,0.001,0.002,0.003\r0.5,0.002,0.004,0.006\r",
+    ],
+)
+def test_a_table_says_what_its_columns_are_and_in_which_units(text: str) -> None:
+    np.testing.assert_allclose(read_motion(text.encode()), [(0, 1e-3, 2e-3, 3e-3), (0.5, 2e-3, 4e-3, 6e-3)])
+
+
+@pytest.mark.parametrize("kind", ["c16", "?", "M8[s]", "U3"])
+def test_an_array_of_anything_but_real_numbers_is_no_motion(kind: str) -> None:
+    file = io.BytesIO()
+    np.save(file, np.zeros((2, 4), kind))
+    with pytest.raises(ValueError, match="it must hold real numbers"):
+        read_motion(file.getvalue())
 
 
 BAD = {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 import re
 
 import numpy as np
@@ -86,7 +85,13 @@ def _named_by(track: Track, role: Role) -> str:
 
 
 def from_csv(data: bytes) -> Motion:
-    """Return the poses of a text table.
+    """Return the poses of a text table; see ``read_columns``. Raises ValueError if it is none."""
+    table = read_columns(data)
+    return checked(table[:, 0], table[:, 1:])
+
+
+def read_columns(data: bytes) -> NDArray[np.float64]:
+    """Return a text table as (rows, 4) or (rows, 8): t [s], x y z [m], and the quaternion w x y z as it stands there.
 
     Columns are named as ``itouch-py export`` writes them: ``time [s]``, and the only quantity with the parts
     ``.x [m]``, ``.y [m]``, ``.z [m]`` and perhaps ``.qw`` ... ``.qz`` (commands and the like are ignored); or
@@ -102,7 +107,9 @@ def from_csv(data: bytes) -> Motion:
     except UnicodeDecodeError:
         raise ValueError("it is not text") from None
     try:
-        rows = [row for row in csv.reader(io.StringIO(text)) if row and not row[0].lstrip().startswith("#")]
+        rows = [
+            row for row in csv.reader(io.StringIO(text, newline=None)) if row and not row[0].lstrip().startswith("#")
+        ]
     except csv.Error as error:
         raise ValueError(f"it is not a table ({error})") from None
     if not rows:
@@ -118,8 +125,7 @@ def from_csv(data: bytes) -> Motion:
     else:
         columns, rows = _named(rows[0]), rows[1:]
     table = np.array([_numbers(row, columns, index) for index, row in enumerate(rows, 1)], np.float64)
-    table = table.reshape(len(rows), len(columns))
-    return checked(table[:, 0], table[:, 1:])
+    return table.reshape(len(rows), len(columns))
 
 
 def _named(header: list[str]) -> list[tuple[int, float]]:
@@ -164,16 +170,24 @@ def _placed(columns: list[tuple[str, str]]) -> set[str]:
 
 def _numbers(row: list[str], columns: list[tuple[int, float]], index: int) -> list[float]:
     try:
-        return [float(row[column]) * scale for column, scale in columns]
+        return [_number(row[column]) * scale for column, scale in columns]
     except (ValueError, IndexError):
         raise ValueError(f"row {index} is not {len(columns)} numbers: {','.join(row)[:60]}") from None
 
 
+def _number(word: str) -> float:
+    """Return a word as a number; raises ValueError if it is none, ``1_0`` too, which Python takes for ten."""
+    if "_" in word:
+        raise ValueError(word)
+    return float(word)
+
+
 def _is_number(word: str) -> bool:
     try:
-        return math.isfinite(float(word)) or True
+        _number(word)
     except ValueError:
         return False
+    return True
 
 
 def checked(times: NDArray[np.float64], values: NDArray[np.float64]) -> Motion:
@@ -186,7 +200,8 @@ def checked(times: NDArray[np.float64], values: NDArray[np.float64]) -> Motion:
     """
     if len(times) < 2:
         raise ValueError(f"it has {len(times)} rows; a motion has two at least")
-    good = np.isfinite(values).all(axis=1) & np.isfinite(times)
+    with np.errstate(over="ignore", invalid="ignore"):
+        good = np.isfinite(values).all(axis=1) & np.isfinite(times - times[0])
     if not good.all():
         raise ValueError(f"row {int(np.argmin(good)) + 1} holds a value that is not a finite number")
     late = np.diff(times) <= 0.0

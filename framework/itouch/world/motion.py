@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import itertools
 import math
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.arms.pose_table import checked, read_columns
 from itouch.contact import Shape
 from itouch.contact import motion as at
 from itouch.contact.meshfile import MeshError
@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 #: Greatest file of a recorded motion [bytes], and how many rows it may have.
 MAX_BYTES = 64 << 20
 MAX_ROWS = 1_000_000
+#: How far a recorded motion may go along each axis [m]; as in a ``pos`` of the scene.
+FARTHEST = 100.0
 #: How far [m and rad] the end of a motion that repeats may be from its beginning.
 CLOSED = 1e-6
 
@@ -163,7 +165,8 @@ def _path(
         return []
     except ValueError as error:
         sentence = f"'{motion.file}' is not a table of a motion: {error}"
-        problems.append(Problem("motion", sentence, place, "columns t x y z, or t x y z qw qx qy qz, in SI"))
+        advice = "columns t x y z, or t x y z qw qx qy qz, in SI or with their units: t [ms],x [mm]"
+        problems.append(Problem("motion", sentence, place, advice))
         return []
     if table.shape[1] == 4:
         table = np.hstack([table, np.tile(start[3:], (len(table), 1))])
@@ -224,56 +227,29 @@ def _check_closed(scene: Scene, element: Any, path: list[tuple[float, ...]], pro
 
 
 def read_motion(data: bytes) -> Floats:
-    """Read a table of poses over time, (rows, 4) or (rows, 8): t [s], x y z [m], and the quaternion w x y z.
+    """Read a table of poses over time, (rows, 4) or (rows, 8): t from 0 [s], x y z [m], and the quaternion w x y z.
 
     Raises
     ------
     ValueError
-        If it is no such table: times must rise, numbers be finite, quaternions not zero.
+        If it is no such table: columns must be known, times rise, numbers be finite and within ``FARTHEST``,
+        quaternions not zero.
     """
-    table = _npy(data) if data.startswith(b"\x93NUMPY") else _csv(data)
+    table = _npy(data) if data.startswith(b"\x93NUMPY") else read_columns(data)
     if table.ndim != 2 or table.shape[1] not in (4, 8) or not 2 <= len(table) <= MAX_ROWS:
         raise ValueError(f"it has the shape {table.shape}; it must be (2 to {MAX_ROWS} rows, 4 or 8 columns)")
-    if not np.isfinite(table).all():
-        raise ValueError(
-            f"row {int(np.argmax(~np.isfinite(table).all(axis=1))) + 1} holds a value that is not a finite number"
-        )
-    late = np.diff(table[:, 0]) <= 0.0
-    if late.any():
-        raise ValueError(f"the time does not rise after row {int(np.argmax(late)) + 1}")
-    if table.shape[1] == 8:
-        size = np.linalg.norm(table[:, 4:], axis=1)
-        if (size < 1e-6).any():
-            raise ValueError(f"the quaternion of row {int(np.argmax(size < 1e-6)) + 1} is zero")
-        table = np.hstack([table[:, :4], table[:, 4:] / size[:, None]])
-    return table
+    times, poses = checked(table[:, 0], table[:, 1:])
+    far = (np.abs(poses[:, :3]) > FARTHEST).any(axis=1)
+    if far.any():
+        raise ValueError(f"row {int(np.argmax(far)) + 1} lies farther than {FARTHEST:g} m from the world's origin")
+    return np.column_stack([times, poses[:, : table.shape[1] - 1]])
 
 
 def _npy(data: bytes) -> Floats:
     try:
-        return np.asarray(np.load(io.BytesIO(data), allow_pickle=False), np.float64)
+        table = np.load(io.BytesIO(data), allow_pickle=False)
     except (ValueError, OSError, EOFError, TypeError) as error:
         raise ValueError(f"its array cannot be read ({error})") from None
-
-
-def _csv(data: bytes) -> Floats:
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise ValueError("it is neither text nor .npy") from None
-    rows = [row for row in csv.reader(io.StringIO(text)) if row and not row[0].startswith("#")]
-    if rows and not _is_number(rows[0][0]):
-        rows = rows[1:]
-    width = len(rows[0]) if rows else 0
-    for i, row in enumerate(rows):
-        if len(row) != width or not all(_is_number(word) for word in row):
-            raise ValueError(f"row {i + 1} is not {width} numbers")
-    return np.array([[float(word) for word in row] for row in rows], np.float64).reshape(len(rows), width)
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+    if table.dtype.kind not in "fiu":
+        raise ValueError(f"its array holds {table.dtype}; it must hold real numbers")
+    return np.asarray(table, np.float64)

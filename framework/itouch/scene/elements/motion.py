@@ -32,7 +32,9 @@ class ObjectMotion:
     """How an object moves from its initial pose; the velocity of its surface is felt."""
 
     TAG: ClassVar[str] = "motion"
-    file: str = file(default="", doc="table of t x y z, or t x y z qw qx qy qz, in SI: .csv with a header, or .npy")
+    file: str = file(
+        default="", doc="table of t x y z, or t x y z qw qx qy qz, in SI: .csv (a header may name units), or .npy"
+    )
     repeat: bool = flag(default=False, doc="whether it starts again; it must end where it starts")
     keys: tuple[Key, ...] = children(Key, doc="one after the other")
 
