@@ -126,3 +126,30 @@ def test_what_cannot_be_a_body_is_told(write: Write, objects: str, code: str) ->
     (problem,) = [p for p in caught.value.problems if p.severity == "error"]
     assert problem.code == code
     assert problem.place is not None
+
+
+FLAT = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
+
+
+@pytest.mark.parametrize(
+    ("objects", "sentence"),
+    [
+        (body(more=' inertia="1 1 9 kg*m^2"'), "'cube' cannot be a rigid body: none of its three moments of inertia"),
+        (body().replace("40 40 40 mm", "0.01 0.01 0.01 mm"), "'cube' cannot be a rigid body: it is so small or light"),
+        (
+            '<mesh name="sheet" file="flat.obj" scale="0.1" material="m"><dynamics mass="1 kg"/></mesh>',
+            "'sheet' cannot be a rigid body: its mesh is flat",
+        ),
+        (
+            body() + '<mesh name="sheet" file="flat.obj" scale="0.1" material="m"/>',
+            "'sheet' cannot be met by rigid bodies: its mesh is flat",
+        ),
+    ],
+)
+def test_why_it_cannot_be_a_body_is_told_in_words_of_the_scene(write: Write, objects: str, sentence: str) -> None:
+    write("flat.obj", FLAT)
+    with pytest.raises(SceneError) as caught:
+        build(write, objects)
+    (problem,) = [p for p in caught.value.problems if p.severity == "error"]
+    assert problem.sentence.startswith(f"object {sentence}")
+    assert "Element" not in problem.sentence and "mjMINVAL" not in problem.sentence

@@ -76,7 +76,7 @@ def build_bodies(bodies: Sequence[Body], gravity: tuple[float, float, float], pe
     try:
         model = spec.compile()
     except ValueError as error:
-        raise BodyError(_which(str(error), bodies), " ".join(str(error).split())) from None
+        raise BodyError(_which(str(error), bodies), _reason(str(error))) from None
     return Bodies(model, tuple(bodies))
 
 
@@ -89,6 +89,21 @@ def _which(message: str, bodies: Sequence[Body]) -> int:
     named = [i for i in range(len(bodies)) if f"'o{i}'" in message or f"'m{i}'" in message]
     free = [i for i, body in enumerate(bodies) if body.kind == FREE]
     return (named or free or [0])[0]
+
+
+#: What MuJoCo's compiler complains of, and what that means here.
+_REASONS = {
+    "coplanar": "its mesh is flat, of which MuJoCo makes no convex hull; a thin box can be one",
+    "volume": "its mesh encloses too little for MuJoCo; a box or another primitive can be one",
+    "mjMINVAL": "it is so small or light that MuJoCo takes its inertia for none; say its inertia, or make it larger",
+    "A + B >= C": "none of its three moments of inertia can exceed the sum of the other two",
+}
+
+
+def _reason(message: str) -> str:
+    """Return in our own words what MuJoCo's compiler says, or its message where we have none."""
+    known = (sentence for word, sentence in _REASONS.items() if word in message)
+    return next(known, " ".join(message.split()))
 
 
 def _add(mujoco: Any, spec: Any, index: int, body: Body, meshes: dict[int, str]) -> None:

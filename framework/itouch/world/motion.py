@@ -129,7 +129,8 @@ def _bodies(scene: Scene, rows: Floats, shapes: Sequence[Shape], problems: list[
         return build_bodies(bodies, scene.world.gravity, 1.0 / scene.rates.servo)
     except BodyError as error:
         element = scene.objects[error.index]
-        sentence = f"object '{element.name}' cannot be a rigid body: {error}"
+        what = "be a rigid body" if element.dynamics is not None else "be met by rigid bodies"
+        sentence = f"object '{element.name}' cannot {what}: {error}"
         problems.append(Problem("dynamics", sentence, scene.places.of(element.dynamics or element)))
         return None
 
