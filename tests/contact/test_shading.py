@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from probing import box_mesh, mesh, random_pose
 
-from itouch.contact import Proxy, Surface
+from itouch.contact import Box, Capsule, Cylinder, Proxy, Shape, Sphere, Surface
 from itouch.contact.shading import vertex_normals
 from itouch_evidence.contact.workload import icosphere
 
@@ -97,3 +97,23 @@ def test_shading_turns_with_the_object() -> None:
             )
         found.append(turn.T @ result[at.RESULT_NORMAL : at.RESULT_NORMAL + 3])
     np.testing.assert_allclose(found[0], found[1], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [Box((0.02, 0.03, 0.01)), Sphere(0.02), Capsule(0.01, 0.02), Cylinder(0.02, 0.01)],
+    ids=lambda s: type(s).__name__,
+)
+def test_a_primitive_beside_a_mesh_is_not_shaded(shape: Shape) -> None:
+    """It has no vertex normals: the code of its face, edge or vertex is the number of no triangle."""
+    far = Surface(icosphere(2)[0] + 5.0, icosphere(2)[1])
+    shaded, plain = (Proxy([shape, far], radius=0.005, shading=shading) for shading in (True, False))
+    ways = [np.array(way, float) for way in np.ndindex(3, 3, 3) if way != (1, 1, 1)]
+    for way in ways:
+        start = (way - 1.0) * 0.05
+        for proxy in (shaded, plain):
+            proxy.reset(start)
+        for share in (0.6, 0.3, 0.1):
+            np.testing.assert_array_equal(shaded.step(share * start), plain.step(share * start))
+            np.testing.assert_array_equal(shaded.normal, plain.normal)
+        assert plain.in_contact

@@ -111,7 +111,6 @@ class Geometry:
             world[i, layout.WORLD_BOUND] = shape.bound()
             world[i, layout.WORLD_STATIC_FRICTION] = surface.static
             world[i, layout.WORLD_DYNAMIC_FRICTION] = surface.dynamic
-            world[i, layout.WORLD_SHADING] = surface.shading
             world[i, layout.WORLD_SIDES] = layout.SOLID
             if isinstance(shape, Mesh):
                 if surface.two_sided or shape.surface.two_sided:
@@ -119,6 +118,7 @@ class Geometry:
                 elif not shape.surface.is_solid:
                     world[i, layout.WORLD_SIDES] = layout.ONE_SIDED
                 world[i, layout.WORLD_SKIN] = shape.surface.skin
+                world[i, layout.WORLD_SHADING] = surface.shading  # of a primitive it would take features for triangles
         roots, mesh = join_tables([shape.surface for shape in shapes if isinstance(shape, Mesh)])
         if mesh is not None and world[:, layout.WORLD_SHADING].any():
             mesh = (np.hstack([mesh[0], vertex_normals(mesh[0], mesh[1])]), mesh[1], mesh[2])
