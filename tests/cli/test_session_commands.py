@@ -290,3 +290,29 @@ def test_a_run_in_real_time_reports_though_it_could_not_be_saved(tmp_path: Path)
     assert "cannot save" in done.stderr
     assert "0 faults" in done.stdout
     assert json.loads((tmp_path / "r.json").read_text())["simulated_s"] == pytest.approx(0.3)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need rights on Windows")
+def test_what_is_recovered_goes_where_a_link_points_and_nothing_is_left_of_what_fails(
+    kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "disk").mkdir()
+    link = tmp_path / "whole.mcap"
+    link.symlink_to("disk/w.mcap")
+    words = ["recover", str(kept / "r.mcap"), "-o", str(link)]
+
+    def fail(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("itouch.recording.writer.McapWriter.finish", fail)
+        assert main(words) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == f"cannot write '{link}': No space left on device"
+    assert sorted(one.name for one in tmp_path.rglob("*")) == ["disk", "whole.mcap"]
+    assert main(words) == 0
+    assert link.is_symlink() and itouch.read(link).whole
+    link.unlink()
+    link.symlink_to("/dev/null")
+    assert main(words) == 2
+    assert "it is a pipe or a device, not a file" in capsys.readouterr().err
+    assert link.is_symlink() and Path("/dev/null").is_char_device()

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
+import stat
 import tempfile
 from collections.abc import Callable
+
+from itouch.platforms import NO_WAIT, OPEN_FLAGS
 
 #: How much is written at once [bytes]; the process may die between two blocks without any loss.
 BLOCK = 16384
@@ -20,10 +23,12 @@ def _nothing(where: str) -> None:
 def write_whole(path: str, data: bytes, *, step: Step = _nothing) -> None:
     """Write a file so that at every instant either the old or the new one is there, whole.
 
+    A device or a pipe, such as ``/dev/stdout``, is never replaced: it is written into.
+
     Parameters
     ----------
     path
-        The file.
+        The file; of a link, the file that it points to.
     data
         Its whole content.
     step
@@ -32,8 +37,13 @@ def write_whole(path: str, data: bytes, *, step: Step = _nothing) -> None:
     Raises
     ------
     OSError
-        If the disk refuses; an earlier file at ``path`` is untouched, and nothing is left beside it.
+        If the disk refuses; an earlier file at ``path`` is untouched, and nothing is left beside it.  If it is a pipe
+        that nobody reads.
     """
+    if not is_replaceable(path):
+        _write_into(path, data)
+        return
+    path = os.path.realpath(path) if os.path.islink(path) else path
     folder = os.path.dirname(path) or "."
     os.makedirs(folder, exist_ok=True)
     step("begin")
@@ -56,6 +66,25 @@ def write_whole(path: str, data: bytes, *, step: Step = _nothing) -> None:
     step("folder")
     sync_folder(folder)
     step("done")
+
+
+def is_replaceable(path: str) -> bool:
+    """Tell whether another file may be moved to a path: it, or what a link there points to, is a file or nothing."""
+    try:
+        return stat.S_ISREG(os.stat(path).st_mode)
+    except OSError:
+        return True
+
+
+def _write_into(path: str, data: bytes) -> None:
+    """Write into a device or a pipe, as far as one can; a pipe without a reader is not waited for."""
+    handle = os.open(path, os.O_WRONLY | NO_WAIT | OPEN_FLAGS)
+    try:
+        if hasattr(os, "set_blocking"):
+            os.set_blocking(handle, True)
+        _write(handle, data, _nothing)
+    finally:
+        os.close(handle)
 
 
 def _write(handle: int, data: bytes, step: Step) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -66,22 +68,31 @@ def recover(path: str, target: str) -> Recovered:
     from itouch.recording.reader import read_content
     from itouch.recording.sink import Sink
     from itouch.recording.writer import McapWriter
+    from itouch.schema.durable import is_replaceable
 
     content = read_content(path, chunks=True)
     tracks: Sequence[Track] = list(content.tracks.values())
     period, start = float(content.session["period"]), int(content.session["start_ns"])
-    part = target + ".part"
+    place = os.path.realpath(target)  # a link to it stays one
+    part = place + ".part"
     try:
-        sink = Sink(part)
+        if not is_replaceable(target):
+            raise OSError(errno.EINVAL, "it is a pipe or a device, not a file")
         try:
-            writer = McapWriter(sink, tracks, start_ns=start, period=period)
-            writer.start({n: ("application/octet-stream", d) for n, d in content.attachments.items()})
-            for rows, letters in content.chunks:
-                writer.chunk(rows, letters)
-            writer.finish()
-        finally:
-            sink.close()
-        os.replace(part, target)
+            sink = Sink(part)
+            try:
+                writer = McapWriter(sink, tracks, start_ns=start, period=period)
+                writer.start({n: ("application/octet-stream", d) for n, d in content.attachments.items()})
+                for rows, letters in content.chunks:
+                    writer.chunk(rows, letters)
+                writer.finish()
+            finally:
+                sink.close()
+            os.replace(part, place)
+        except BaseException:  # also of Ctrl-C: half a recording is of no use beside its damaged source
+            with contextlib.suppress(OSError):
+                os.unlink(part)
+            raise
     except OSError as error:
         raise RecordingError(f"cannot write '{target}': {error.strerror or error}") from error
     ticks = [len(rows) for name, rows in content.rows.items() if content.tracks[name].replay]
