@@ -250,6 +250,37 @@ def test_a_fault_ends() -> None:
     assert seen == [False, True, True, False, False]
 
 
+class Seldom(Steady):
+    """A twin whose readings come over a wire: a new one in every third tick."""
+
+    calls = -1
+
+    def read(self, state: Record, reading: Record) -> bool | None:
+        self.calls += 1
+        return super().read(state, reading) if self.calls % 3 == 0 else False
+
+
+@pytest.mark.parametrize("kind", [k for k in Kind if k not in (Kind.NONE, Kind.DISCONNECT)], ids=lambda k: k.label)
+def test_a_reading_that_has_not_come_is_not_falsified(kind: Kind) -> None:
+    bent = Bent(PLATE, kind, begin=4)
+    bent.inner.__class__ = Seldom
+    before = bent.reading.tobytes()
+    for _ in range(60):
+        new = bent.tick(1.0)
+        assert bent.reading.tobytes() == before or new is not False
+        before = bent.reading.tobytes()
+
+
+def test_late_readings_over_a_wire_are_ten_of_them_late() -> None:
+    late = Bent(TABLE, Kind.DELAY, channel="pose")
+    late.inner.__class__ = Seldom
+    seen = []
+    for n in range(90):
+        late.tick((0.001 * n, 0, 0, 1, 0, 0, 0))
+        seen.append(late.reading["pose"][0])
+    assert seen[87] == pytest.approx(0.001 * (87 - 1 - 3 * 10 - 10))  # of commands that are ten late
+
+
 def faulty(write: Write, *faults: str) -> Path:
     text = FIRST.read_text(encoding="utf-8").replace("</itouch>", "\n".join(["", *faults, "</itouch>"]))
     return write("s.xml", text)

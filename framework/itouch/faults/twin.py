@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from itouch.faults.kinds import AMOUNTS, DROPPED, LATE, SPIKES, UNITS, Injection, Kind
 from itouch.plugin import RETRACT, Bound, Channel, DeviceError, Field, Record, Role, Twin, TwinInputs
 from itouch.plugin.bound import bound_by
+from itouch.plugin.device import is_new
 from itouch.plugin.noise import random_word, uniform
 from itouch.plugin.stamps import Stamped
 
@@ -154,11 +155,14 @@ class FaultyTwin(Twin, Stamped):
         values = reading.numbers
         before = values.copy() if active else values
         new = self._read(state, reading)
+        for slot, _ in active:
+            if not state["fault.started"][slot]:
+                self._start(state, slot, values)
+        if not is_new(new):  # what has not come over the wire can't be wrong, nor late
+            return new
         state["fault.taken"][...] = state["fault.taken"].item() + 1
         for slot, kind in active:
             chosen = self._chosen(state, slot)
-            if not state["fault.started"][slot]:
-                self._start(state, slot, values)
             if kind is Kind.DROP and uniform(state, _WORD) < DROPPED:
                 values[:] = before
                 return False

@@ -456,10 +456,11 @@ class Gate:
     def _take(self) -> bool:
         """Read the twin or the device, and tell whether there was a new reading; whatever goes wrong is a trip."""
         try:
-            if self.twin is not None:
-                return is_new(self.twin.read(self.twin_state, self.reading))
-            if self.device is not None:
-                return self._take_whole(self.device)
+            twin, device = self.twin, self.device
+            if twin is not None:
+                return self._take_whole(lambda filled: twin.read(self.twin_state, filled))
+            if device is not None:
+                return self._take_whole(device.read)
         except DeviceError as error:
             raise TripError(Trip.DEVICE_ERROR, f"failed: {spoken(error)}") from error
         except KeyboardInterrupt:
@@ -468,11 +469,11 @@ class Gate:
             raise TripError(Trip.DEVICE_ERROR, f"failed in {failed_in(self.device, 'read')}: {said(error)}") from error
         return False
 
-    def _take_whole(self, device: Device) -> bool:
-        """Read hardware; nobody sees what a driver has filled in without telling that there is a new reading."""
+    def _take_whole(self, read: Callable[[Record], object]) -> bool:
+        """Read; nobody sees what a driver or a twin has filled in without telling that there is a new reading."""
         filled = self._filled
         filled.raw[:] = self.reading.raw
-        new = is_new(device.read(filled))
+        new = is_new(read(filled))
         if new:
             self.reading.raw[:] = filled.raw
         return new
