@@ -316,3 +316,11 @@ def test_what_is_recovered_goes_where_a_link_points_and_nothing_is_left_of_what_
     assert main(words) == 2
     assert "it is a pipe or a device, not a file" in capsys.readouterr().err
     assert link.is_symlink() and Path("/dev/null").is_char_device()
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs a disk that is always full")
+def test_of_report_and_session_each_that_cannot_be_written_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    words = [str(SCENES / "first_touch.xml"), "--headless", "--for", "10ms", "--quiet"]
+    assert main([*words, "--report", "/dev/full", "--save", "/dev/full"]) == 2
+    told = capsys.readouterr().err.splitlines()
+    assert told[-2:] == [f"cannot {what} '/dev/full': No space left on device" for what in ("write", "save")]

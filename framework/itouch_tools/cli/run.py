@@ -175,9 +175,23 @@ def _run(session: Session, options: argparse.Namespace, show: Callable[[], None]
 
 
 def _write(session: Session, options: argparse.Namespace, report: dict[str, Any]) -> None:
+    """Write report and session; one that cannot be written takes the other not with it, and each is told.
+
+    Raises
+    ------
+    ItouchError
+        Naming each file that can't be written.
+    """
+    failed: list[ItouchError] = []
     try:
         write_report(options.report, lambda: report)
-    finally:  # a report that cannot be written takes no session with it
-        if options.save:
+    except ItouchError as error:
+        failed.append(error)
+    if options.save:
+        try:
             session.save(options.save)
             did(f"saved {options.save}")
+        except ItouchError as error:
+            failed.append(error)
+    if failed:
+        raise ItouchError("\n".join(str(error) for error in failed)) from failed[0]
