@@ -53,3 +53,29 @@ def test_a_link_stays_one_and_its_file_is_replaced_whole(there: bool, tmp_path: 
     write_whole(str(link), b"new")
     assert link.is_symlink() and file.read_bytes() == b"new"
     assert sorted(one.name for one in tmp_path.rglob("*")) == ["disk", "latest.itouch", "s.itouch"]
+
+
+@pytest.mark.parametrize(("mask", "rights"), [(0o077, 0o600), (0o002, 0o664)])
+def test_a_new_file_has_the_rights_that_the_user_gives_to_new_files(tmp_path: Path, mask: int, rights: int) -> None:
+    """A session has what a participant has felt: a laboratory's umask says who may read it."""
+    before = os.umask(mask)
+    try:
+        write_whole(str(tmp_path / "s.itouch"), b"new")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "s.itouch").stat().st_mode) == rights
+
+
+@pytest.mark.parametrize("rights", [0o600, 0o664])
+def test_a_file_keeps_its_rights(tmp_path: Path, rights: int) -> None:
+    seen: list[int] = []
+
+    def look(where: str) -> None:
+        seen.extend(stat.S_IMODE(one.stat().st_mode) for one in tmp_path.glob(".itouch-*.part"))
+
+    path = tmp_path / "s.itouch"
+    path.write_bytes(b"old")
+    path.chmod(rights)
+    write_whole(str(path), b"new", step=look)
+    assert path.read_bytes() == b"new" and stat.S_IMODE(path.stat().st_mode) == rights
+    assert seen and not any(each & ~rights for each in seen)  # nor may anybody else read it while it is written

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
 import stat
-import tempfile
 from collections.abc import Callable
 
 from itouch.platforms import NO_WAIT, OPEN_FLAGS
 
+#: The rights that a new file gets, without those that the user's umask takes away.
+NEW = 0o666
 #: How much is written at once [bytes]; the process may die between two blocks without any loss.
 BLOCK = 16384
 
@@ -23,7 +25,8 @@ def _nothing(where: str) -> None:
 def write_whole(path: str, data: bytes, *, step: Step = _nothing) -> None:
     """Write a file so that at every instant either the old or the new one is there, whole.
 
-    A device or a pipe, such as ``/dev/stdout``, is never replaced: it is written into.
+    A device or a pipe, such as ``/dev/stdout``, is never replaced: it is written into.  A file keeps the rights of the
+    one that it replaces; a new one has those of the user's new files (``umask``).
 
     Parameters
     ----------
@@ -47,7 +50,8 @@ def write_whole(path: str, data: bytes, *, step: Step = _nothing) -> None:
     folder = os.path.dirname(path) or "."
     os.makedirs(folder, exist_ok=True)
     step("begin")
-    handle, temporary = tempfile.mkstemp(prefix=".itouch-", suffix=".part", dir=folder)
+    rights = _rights(path)
+    handle, temporary = _begin(folder, NEW if rights is None else rights)
     try:
         try:
             _write(handle, data, step)
@@ -56,7 +60,8 @@ def write_whole(path: str, data: bytes, *, step: Step = _nothing) -> None:
         finally:
             os.close(handle)
         step("chmod")
-        os.chmod(temporary, 0o644)
+        if rights is not None:  # the umask may have taken some away
+            os.chmod(temporary, rights)
         step("rename")
         os.replace(temporary, path)
     except BaseException:
@@ -66,6 +71,22 @@ def write_whole(path: str, data: bytes, *, step: Step = _nothing) -> None:
     step("folder")
     sync_folder(folder)
     step("done")
+
+
+def _rights(path: str) -> int | None:
+    """Return the rights of a file, None if there is none."""
+    try:
+        return stat.S_IMODE(os.stat(path).st_mode)
+    except OSError:
+        return None
+
+
+def _begin(folder: str, rights: int) -> tuple[int, str]:
+    """Return a new file in a folder, open, with at most these rights from its first instant, and its path."""
+    while True:
+        path = os.path.join(folder, f".itouch-{secrets.token_hex(4)}.part")
+        with contextlib.suppress(FileExistsError):
+            return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN_FLAGS, rights), path
 
 
 def is_replaceable(path: str) -> bool:
