@@ -19,6 +19,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.recording import RecordingError, read
 from itouch.world import make_state
 from itouch_tools.cli import main
+from itouch_tools.study import scene_switching
 from itouch_tools.study.reading import load_study
 from itouch_tools.study.rig_session import each_level_once
 from itouch_tools.study.scene_switching import Room
@@ -174,6 +175,19 @@ def test_scenes_whose_states_have_other_fields_share_a_recording(tmp_path: Path,
         assert sum(event["kind"] == "BEGIN" for event in recording.events) == len(spans[kept])
         with pytest.raises(RecordingError, match="its scene changed from trial to trial"):
             itouch.replay(tmp_path / f"{name}.mcap")
+
+
+def test_few_recordings_are_open_at_a_time(tmp_path: Path, room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each has a process and its memory; what is needed again after its end begins another file."""
+    monkeypatch.setattr(scene_switching, "OPEN", 1)
+    spans = [touch(room, kept) for kept in ("few", "many", "few")]
+    room.close()
+    names = ("P1-1", "P1-1.2", "P1-1.3")
+    assert sorted(path.stem for path in tmp_path.glob("*.mcap")) == sorted(names)
+    for name, (first, last) in zip(names, spans, strict=True):
+        recording = read(tmp_path / f"{name}.mcap")
+        assert recording.whole
+        assert {first, last} <= set(recording.ticks.tolist())
 
 
 def test_samples_that_are_lost_between_two_scenes_are_told(tmp_path: Path, room: Room) -> None:

@@ -38,6 +38,9 @@ STOPPED = "stopped"
 #: How long [s] work beside the loop may hold the interpreter at a time.
 SHARE = 5e-4
 
+#: How many recordings stay open at a time, each with a process that writes it.
+OPEN = 8
+
 #: Fields that go on besides the devices' own.
 _GOES_ON = ("tick", "seed", "ready", "hold", "events.count", "events.table", "marks.count", "marks.table")
 
@@ -63,8 +66,9 @@ class Room:
     def __init__(
         self, file: StudyFile, catalog: Catalog, *, seed: int, clock: Clock | None = None, record: Path | None = None
     ) -> None:
-        #: The recordings, by the layout of State.
-        self._record, self._recorders = record, dict[str, Recorder]()
+        #: The recordings that are open, by the layout of State, the one that was used last at the end; and how many
+        #: there were.
+        self._record, self._recorders, self._begun = record, dict[str, Recorder](), 0
         #: Called between two ticks if somebody else runs the loop; an exception that it raises ends the session.
         self.look: Callable[[], None] | None = None
         #: Called again and again while no tick runs because some work must be finished.
@@ -290,15 +294,18 @@ class Room:
         if self._record is None or self.losses:
             return None
         layout = layout_of(session)
-        if (recorder := self._recorders.get(layout)) is None:
-            path = self._record.with_name(f"{self._record.stem}.{len(self._recorders) + 1}.mcap")
-            recorder = self._recorders[layout] = session.open_recording(path)
+        if (recorder := self._recorders.pop(layout, None)) is None:
+            if len(self._recorders) == OPEN:  # the first is not the present session's, which was used last
+                self._recorders.pop(next(iter(self._recorders))).close()
+            self._begun += 1
+            recorder = session.open_recording(self._record.with_name(f"{self._record.stem}.{self._begun}.mcap"))
+        self._recorders[layout] = recorder
         return recorder, recorder.onwards(session)
 
     def _begin_recording(self, session: Session) -> None:
         """Record the first session."""
-        if self._record is not None and not self._recorders:
-            self._recorders[layout_of(session)] = session.record(self._record)
+        if self._record is not None and not self._begun:
+            self._recorders[layout_of(session)], self._begun = session.record(self._record), 1
 
     def _end_recordings(self) -> None:
         """End all recordings, also those in which no session is going on.
