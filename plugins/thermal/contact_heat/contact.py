@@ -10,6 +10,9 @@ from contact_heat import casefile
 from contact_heat.layers import Probe, Side, SideName, check_choice
 from contact_heat.resistance import DEFAULT_RESISTANCE, check_resistance
 
+#: Names of the columns that every solved contact has.
+COLUMNS = ("t", "j", "T_skin", "T_object", "Q")
+
 
 @dataclass(frozen=True, slots=True)
 class Contact:
@@ -24,7 +27,14 @@ class Contact:
 
     def __post_init__(self) -> None:
         check_resistance(self.resistance)
+        columns = list(COLUMNS)
         for probe in self.probes:
+            if probe.name in columns:
+                raise ValueError(
+                    f"probes.name = {probe.name!r} is taken: each column of the result has its own name, and "
+                    f"{', '.join(COLUMNS)} are those of the contact"
+                )
+            columns.append(probe.name)
             if probe.depth > self.side(probe.side).depth:
                 raise ValueError(
                     f"probes.depth = {probe.depth!r} is out of range: 0 to {self.side(probe.side).depth:g} m "

@@ -172,6 +172,18 @@ class Side:
             raise ValueError("back: missing; a finite side needs temperature, convection or insulated")
         if self.arterial is None and any(layer.perfusion > 0.0 for layer in self.layers):
             raise ValueError("arterial: missing; a perfused layer needs the arterial temperature")
+        if self.initial.kind == "steady" and self.initial.surface is None and self.initial.coefficient == 0.0:
+            self._check_held()
+
+    def _check_held(self) -> None:
+        """Check that a temperature is held behind a surface that no film cools, so that there is one steady field."""
+        back = self.back
+        held = back is not None and (back.kind == "temperature" or (back.coefficient or 0.0) > 0.0)
+        if not held and not any(layer.perfusion > 0.0 for layer in self.layers):
+            raise ValueError(
+                "initial: with a film of 0 any temperature is steady, as neither back nor blood holds one; give "
+                "'surface', a film above 0, or a uniform start"
+            )
 
     @property
     def semi_infinite(self) -> bool:
@@ -196,6 +208,10 @@ class Probe:
     def __post_init__(self) -> None:
         check_choice("probes.side", self.side, ("finger", "object"))
         check_choice("probes.what", self.what, ("T", "j"))
+        if not self.name or not self.name.isprintable() or set(self.name) & set(',"'):
+            raise ValueError(
+                f"probes.name = {self.name!r} can't head a column: characters other than , and \" are needed"
+            )
         if not (isinstance(self.depth, (int, float)) and 0.0 <= self.depth < float("inf")):
             raise ValueError(f"probes.depth = {self.depth!r} is out of range: 0 m to the depth of the side")
 

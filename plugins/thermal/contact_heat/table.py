@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from contact_heat.casefile import CELSIUS
-from contact_heat.contact import Contact
+from contact_heat.contact import COLUMNS, Contact
 from contact_heat.stack import Array
 
 if TYPE_CHECKING:
@@ -35,13 +35,8 @@ def solution_table(contact: Contact, times: Sequence[float], method: Literal["ex
     from contact_heat.exact import solve
 
     found = solve(contact, times) if method == "exact" else solve(contact, times, method="paper")
-    columns = {
-        "t": found.times,
-        "j": found.flux,
-        "T_skin": found.skin_temperature - CELSIUS,
-        "T_object": found.object_temperature - CELSIUS,
-        "Q": found.heat,
-    }
+    skin, touched = found.skin_temperature - CELSIUS, found.object_temperature - CELSIUS
+    columns = dict(zip(COLUMNS, (found.times, found.flux, skin, touched, found.heat), strict=True))
     for probe in contact.probes:
         if probe.what == "j":
             columns[probe.name] = found.flux_at(probe.side, probe.depth)
@@ -69,7 +64,7 @@ def live_table(contact: Contact, times: Sequence[float], period: float) -> Table
         rows.append([*row, stepper.heat, *(_probed(stepper, contact))])
     if not rows:
         raise ValueError(f"times: none reaches the first step at {period:g} s")
-    names = ["t", "j", "T_skin", "T_object", "Q", *(probe.name for probe in contact.probes)]
+    names = [*COLUMNS, *(probe.name for probe in contact.probes)]
     return Table(dict(zip(names, np.array(rows).T, strict=True)), _fluxes(contact))
 
 

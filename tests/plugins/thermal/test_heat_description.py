@@ -34,6 +34,15 @@ def test_a_contact_is_what_its_case_file_states(name):
     ]
 
 
+PROBE = {"side": "finger", "depth": 1e-4, "name": "deep"}
+STILL_AIR = {"type": "steady", "T_amb": 20.0, "h": 0.0}
+ENDLESS_IN_STILL_AIR = {
+    "layers": [{"L": None, "k": 1.0, "rho": 2500.0, "c": 800.0}],
+    "back": None,
+    "initial": STILL_AIR,
+}
+INSULATED_IN_STILL_AIR = {"back": {"type": "insulated"}, "initial": STILL_AIR}
+
 BAD = [
     (lambda c: c.update(foo=1), "unknown key 'foo'"),
     (lambda c: c["finger"].update(foo=1), "finger: unknown key 'foo'"),
@@ -60,6 +69,11 @@ BAD = [
     (lambda c: c["object"].update(back={"type": "convection", "T": 3}), "needs 'coefficient'"),
     (lambda c: c.update(probes=[{"side": "finger", "depth": 1}]), "probes.depth = 1.0 is out of range"),
     (lambda c: c.update(finger=[]), "finger: expected an object"),
+    (lambda c: c.update(probes=[PROBE, {**PROBE, "depth": 0}]), "probes.name = 'deep' is taken: each column"),
+    (lambda c: c.update(probes=[{**PROBE, "name": "T_skin"}]), "probes.name = 'T_skin' is taken"),
+    (lambda c: c.update(probes=[{**PROBE, "name": "a,b"}]), r"probes\[0\]: probes.name = 'a,b' can't head a column"),
+    (lambda c: c["object"].update(ENDLESS_IN_STILL_AIR), "object: initial: with a film of 0 any temperature is steady"),
+    (lambda c: c["object"].update(INSULATED_IN_STILL_AIR), "object: initial: with a film of 0 any temperature"),
 ]
 
 
