@@ -322,6 +322,7 @@ def test_a_file_that_is_no_touch_is_named(raw, tmp_path, capsys):
         ("# skin [degC]: 33", "# skin [degC]: 306.15", "skin [degC] is 306.15, out of range"),
         ("# lag [s]: 0.05", "# lag [s]: soon", "no number 'lag [s]'"),
         ("\n0.0040,", "\n0.0040\n0.0041,", "row 2 has 1 cells; a time and a flux are needed"),
+        (",23,0.5\n0.0060,", ",23\n0.0060,", "row 2 has 3 cells, and the heading 4: the file was cut off"),
         ("\n0.0040,", "\n" + "9" * 200_000 + ",", "is not a raw touch: field larger"),
         ("# what: wood", "# what: \udcff", "it is not UTF-8 text"),
     ],
@@ -333,6 +334,31 @@ def test_a_broken_raw_file_is_one_message(old, new, said, raw, tmp_path, capsys)
     assert estimate.main([str(tmp_path / "b.csv")]) == 2
     error = capsys.readouterr().err
     assert error.startswith("error: ") and "b.csv" in error and said in error
+
+
+def test_a_hole_in_the_readings_is_told_with_its_times(raw, tmp_path, capsys):
+    lines = (raw / "touch0.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    (tmp_path / "b.csv").write_text("".join(lines[:600] + lines[900:]), encoding="utf-8")
+    assert estimate.main([str(tmp_path / "b.csv")]) == 2
+    assert "there is no reading from 1.184 to 1.786 s" in capsys.readouterr().err
+
+
+def test_a_touch_that_is_given_twice_does_not_narrow_the_intervals(raw, tmp_path, capsys):
+    (tmp_path / "again.csv").write_bytes((raw / "touch1.csv").read_bytes())
+    assert estimate.main([str(raw), str(tmp_path / "again.csv")]) == 2
+    assert "touch1.csv' and '" in (said := capsys.readouterr().err) and "again.csv' have the same readings" in said
+
+
+def test_the_touch_that_is_too_short_is_named(raw, tmp_path, capsys):
+    lines = (raw / "touch0.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    (tmp_path / "short.csv").write_text("".join(lines[:100]), encoding="utf-8")
+    assert estimate.main([str(raw / "touch1.csv"), str(tmp_path / "short.csv")]) == 2
+    assert "short.csv' does; 1.60 s are needed" in capsys.readouterr().err
+
+
+def test_a_raw_file_may_begin_with_a_byte_order_mark(raw, tmp_path):
+    (tmp_path / "b.csv").write_bytes(b"\xef\xbb\xbf" + (raw / "touch0.csv").read_bytes())
+    assert load([tmp_path / "b.csv"]).what == "wood"
 
 
 def test_touches_of_two_people_are_not_taken_for_one(raw, tmp_path, capsys):

@@ -18,6 +18,8 @@ from itouch_thermal.identify.forward import Known
 DEPTH, FEWEST, LARGEST = 0.02, 50, 32 << 20
 #: After this many time constants of the skin's flattening, a touch looks like one that began later.
 _SETTLED = 16.0
+#: Steps between two readings that are a hole: longer than both this many usual ones and this part of the time.
+_HOLE = (10.0, 0.05)
 #: Entries that a header must have, and that it may have, with their plausible ranges.
 _HEAD = {
     "skin [degC]": (0.0, 50.0), "room [degC]": (-20.0, 60.0), "force [N]": (0.01, 1000.0),
@@ -37,6 +39,8 @@ class Loaded:
     who: str
     what: str
     lag: float | None = None
+    #: Name of the file that ends first.
+    shortest: str = ""
 
 
 def load(paths: list[Path]) -> Loaded:
@@ -45,7 +49,7 @@ def load(paths: list[Path]) -> Loaded:
     Raises
     ------
     ValueError
-        If a file is wrong; the message names it and what is wrong.
+        If a file is wrong, or holds the touch of another one; the message names it and what is wrong.
     """
     files = [file for path in paths for file in (sorted(path.glob("*.csv")) if path.is_dir() else [path])]
     if not files:
@@ -54,7 +58,7 @@ def load(paths: list[Path]) -> Loaded:
         )
     found = [_one(file) for file in files]
     period = min(float(np.median(np.diff(times))) for _, times, _ in found)
-    last = min(float(times[-1]) for _, times, _ in found)
+    last, shortest = min((float(times[-1]), str(file)) for file, (_, times, _) in zip(files, found, strict=True))
     times: Array = np.arange(1, int(last / period) + 1, dtype=np.float64) * period
     readings = np.stack([np.interp(times, own, rows) for _, own, rows in found])
     heads = [head for head, _, _ in found]
@@ -64,6 +68,7 @@ def load(paths: list[Path]) -> Loaded:
     people = sorted({head.get("who", "") for head in heads} - {""})
     if len(people) > 1:
         raise ValueError(f"these touches are of several people ({', '.join(people)}): give those of one")
+    _check_each_once(files, [rows for _, _, rows in found])
     middle = {key: float(np.mean([float(head[key]) for head in heads])) for key in _HEAD}
     film = None
     if middle["capacity [J/m2K]"] > 0.0:
@@ -73,7 +78,17 @@ def load(paths: list[Path]) -> Loaded:
         middle["skin [degC]"] + 273.15, middle["room [degC]"] + 273.15, film,
         tuple(float(head["force [N]"]) for head in heads), DEPTH,
     )  # fmt: skip
-    return Loaded(known, times, readings, str(heads[0].get("who", "")), whats.pop(), _mean_of(heads, _LAG))
+    return Loaded(known, times, readings, str(heads[0].get("who", "")), whats.pop(), _mean_of(heads, _LAG), shortest)
+
+
+def _check_each_once(files: list[Path], readings: list[Array]) -> None:
+    """Check that no touch is given twice: its noise would count as if it were independent of itself."""
+    before: dict[bytes, Path] = {}
+    for file, rows in zip(files, readings, strict=True):
+        other = before.setdefault(rows.tobytes(), file)
+        if other is not file:
+            raise ValueError(f"'{other}' and '{file}' have the same readings: give each touch once, as the intervals "
+                             f"would be too narrow")  # fmt: skip
 
 
 def _mean_of(heads: list[dict[str, str]], key: str) -> float | None:
@@ -88,7 +103,7 @@ def _one(file: Path) -> tuple[dict[str, str], Array, Array]:
     if file.stat().st_size > LARGEST:
         raise ValueError(f"'{file}' is larger than {LARGEST >> 20} MiB")
     try:
-        lines = file.read_text(encoding="utf-8").splitlines()
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
         raise ValueError(f"'{file}' is not a raw touch: it is not UTF-8 text") from error
     pairs = (line[2:].partition(": ") for line in lines if line.startswith("# "))
@@ -117,13 +132,31 @@ def _rows(file: Path, lines: list[str]) -> tuple[Array, Array]:
     for number, row in enumerate(rows[1:], 1):
         if len(row) < 2:
             raise ValueError(f"'{file}': row {number} has {len(row)} cells; a time and a flux are needed")
+        if len(row) != len(rows[0]):
+            raise ValueError(
+                f"'{file}': row {number} has {len(row)} cells, and the heading {len(rows[0])}: the file was cut off or "
+                f"damaged; copy it again, or remove the row"
+            )
     try:
         values = np.array([[float(cell) for cell in row[:2]] for row in rows[1:]])
     except ValueError as error:
         raise ValueError(f"'{file}': {error}") from error
     if not np.isfinite(values).all() or not np.all(np.diff(values[:, 0]) > 0.0):
         raise ValueError(f"'{file}': times must ascend, and all numbers be finite")
+    _check_holes(file, values[:, 0])
     return values[:, 0].copy(), values[:, 1].copy()
+
+
+def _check_holes(file: Path, times: Array) -> None:
+    """Check that readings at times [s] are so dense that a line between two of them is the flux."""
+    steps = np.diff(times)
+    hole = steps > np.maximum(_HOLE[0] * np.median(steps), _HOLE[1] * times[1:])
+    if hole.any():
+        first = int(np.argmax(hole))
+        raise ValueError(
+            f"'{file}': there is no reading from {times[first]:g} to {times[first + 1]:g} s: leave this touch out, or "
+            f"measure it again"
+        )
 
 
 def problem_of(loaded: Loaded, sample: str, *, press: float, noise: float) -> Problem:
@@ -142,7 +175,8 @@ def problem_of(loaded: Loaded, sample: str, *, press: float, noise: float) -> Pr
     first = max(0.05, _SETTLED * press)
     if loaded.times[-1] < 2.0 * first:
         raise ValueError(
-            f"the touches last {loaded.times[-1]:.2f} s; {2.0 * first:.2f} s are needed, or a smaller --press"
+            f"the touches last {loaded.times[-1]:.2f} s, as '{loaded.shortest}' does; {2.0 * first:.2f} s are needed, "
+            f"or a smaller --press"
         )
     known = replace(loaded.known, sample=layer, delay=press)
     return Problem(known, loaded.times, loaded.readings, noise, edges_for(loaded.times, first=first), loaded.lag)
