@@ -14,8 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from contact_heat.declared import HOTTEST
 from contact_heat.layers import Back, Film, Initial, Layer, Probe, Side
 
+#: Greatest number of times in a case file, less one.
+MOST_TIMES = 1_000_000
 #: 0 degC in kelvin.
 CELSIUS = 273.15
 
@@ -49,9 +52,27 @@ def read_file(path: str | Path) -> Any:
     if not Path(path).is_file() and Path(path).exists():
         raise ValueError(f"{path}: a folder, a pipe, a device or a socket, not a file")
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        return json.loads(Path(path).read_text(encoding="utf-8-sig"), object_pairs_hook=_once)
+    except _TwiceError as error:
+        raise ValueError(f"{path}: {error}") from None
+    except ValueError as error:
         raise ValueError(f"{path}: not JSON: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{path}: its lists or objects are too deeply nested for a contact case") from None
+
+
+class _TwiceError(ValueError):
+    """A key that occurs twice in one object."""
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of JSON; without this, the last of several equal keys would count, and the others be lost."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise _TwiceError(f"key '{twice}' occurs twice in one object: remove one of them")
+    return found
 
 
 def fields_of(data: Any) -> dict[str, Any]:
@@ -103,7 +124,7 @@ def _side(where: str, data: Any) -> Side:
             layers=tuple(_value(f"{where}.layers[{n}]", Layer, layer, _LAYER) for n, layer in enumerate(layers)),
             initial=_value(f"{where}.initial", Initial, side["initial"], _INITIAL),
             back=_value(f"{where}.back", Back, side["back"], _BACK) if side.get("back") is not None else None,
-            arterial=_number(f"{where}.T_art", side["T_art"]) + CELSIUS if "T_art" in side else None,
+            arterial=_kelvin(f"{where}.T_art", _number(f"{where}.T_art", side["T_art"])) if "T_art" in side else None,
             air=_value(f"{where}.air", Film, side["air"], _AIR) if side.get("air") is not None else None,
         )
     except ValueError as error:
@@ -121,7 +142,7 @@ def _value(where: str, cls: type, data: Any, keys: Mapping[str, str]) -> Any:
             fields[keys[key]] = item
         elif not (key == "L" and item is None):
             number = _number(f"{where}.{key}", item)
-            fields[keys[key]] = number + CELSIUS if key.startswith("T") else number
+            fields[keys[key]] = _kelvin(f"{where}.{key}", number) if key.startswith("T") else number
     missing = [key for key in ("k", "rho", "c") if cls is Layer and key not in given]
     missing += [key for key in ("type",) if "type" in keys and key not in given]
     missing += [key for key in ("h", "T_amb") if cls is Film and key not in given]
@@ -131,6 +152,13 @@ def _value(where: str, cls: type, data: Any, keys: Mapping[str, str]) -> Any:
         return cls(**fields)
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from None
+
+
+def _kelvin(where: str, celsius: float) -> float:
+    """Return a temperature [K], checked here so that the message has the file's scale."""
+    if not -CELSIUS <= celsius <= HOTTEST - CELSIUS:
+        raise ValueError(f"{where} = {celsius!r} is out of range: {-CELSIUS:g} to {HOTTEST - CELSIUS:g} degC")
+    return celsius + CELSIUS
 
 
 def _probe(where: str, data: Any) -> Probe:
@@ -162,7 +190,9 @@ def _times(data: Any) -> tuple[float, ...]:
         raise ValueError(f"times.from = {first!r} is out of range: more than 0 s and below 'to' ({last!r})")
     if not 1.0 <= count <= 1e4:
         raise ValueError(f"times.per_decade = {count!r} is out of range: 1 to 10000")
-    steps = round(math.log10(last / first) * count)
+    steps = round((math.log10(last) - math.log10(first)) * count)
+    if steps > MOST_TIMES:
+        raise ValueError(f"times: {steps + 1} times from {first!r} to {last!r} s; there may be up to {MOST_TIMES + 1}")
     return tuple(first * 10.0 ** (n / count) for n in range(steps + 1))
 
 
@@ -185,6 +215,9 @@ def _list(where: str, data: Any) -> list[Any]:
 
 
 def _number(where: str, data: Any) -> float:
-    if isinstance(data, bool) or not isinstance(data, (int, float)) or not math.isfinite(data):
-        raise ValueError(f"{where} = {data!r} is not a finite number")
-    return float(data)
+    try:
+        if not isinstance(data, bool) and isinstance(data, (int, float)) and math.isfinite(data):
+            return float(data)
+    except OverflowError:
+        raise ValueError(f"{where}: a whole number of so many digits is out of range") from None
+    raise ValueError(f"{where} = {data!r} is not a finite number")

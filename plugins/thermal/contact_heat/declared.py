@@ -12,6 +12,9 @@ import math
 from dataclasses import MISSING
 from typing import Any
 
+#: Greatest temperature of anything [K].
+HOTTEST = 3000.0
+
 
 def _field(default: Any, **declared: Any) -> Any:
     return dataclasses.field(default=default, metadata=declared, kw_only=True)
@@ -22,7 +25,7 @@ def quantity(unit: str, *, low: float, high: float, default: Any = MISSING, doc:
     return _field(default, kind="quantity", unit=unit, low=low, high=high, doc=doc)
 
 
-def temperature(*, low: float = 0.0, high: float = 3000.0, default: Any = MISSING, doc: str = "") -> Any:
+def temperature(*, low: float = 0.0, high: float = HOTTEST, default: Any = MISSING, doc: str = "") -> Any:
     """Declare an absolute temperature [K]."""
     return _field(default, kind="quantity", unit="K", low=low, high=high, absolute=True, doc=doc)
 

@@ -96,7 +96,7 @@ class Back:
     kind: Literal["temperature", "convection", "insulated"] = declared.choice(
         "temperature", "convection", "insulated", doc="held temperature, convection or insulation"
     )
-    temperature: float | None = declared.temperature(default=None, high=3000.0, doc="held or ambient temperature")
+    temperature: float | None = declared.temperature(default=None, doc="held or ambient temperature")
     coefficient: float | None = declared.quantity(
         "W/(m^2*K)", low=0.0, high=1e9, default=None, doc="convection coefficient"
     )
@@ -115,13 +115,13 @@ class Initial:
     TAG: ClassVar[str] = "initial"
 
     kind: Literal["uniform", "steady"] = declared.choice("uniform", "steady", doc="uniform or steady profile")
-    temperature: float | None = declared.temperature(default=None, high=3000.0, doc="of a uniform start")
+    temperature: float | None = declared.temperature(default=None, doc="of a uniform start")
     coefficient: float | None = declared.quantity(
         "W/(m^2*K)", low=0.0, high=1e9, default=None, doc="film on the surface before the touch"
     )
-    ambient: float | None = declared.temperature(default=None, high=3000.0, doc="of the air before the touch")
+    ambient: float | None = declared.temperature(default=None, doc="of the air before the touch")
     surface: float | None = declared.temperature(
-        default=None, high=3000.0, doc="surface temperature before the touch; then the film does not matter"
+        default=None, doc="surface temperature before the touch; then the film does not matter"
     )
 
     def __post_init__(self) -> None:
@@ -142,7 +142,7 @@ class Film:
     TAG: ClassVar[str] = "air"
 
     coefficient: float = declared.quantity("W/(m^2*K)", low=0.0, high=1e9, doc="film coefficient")
-    ambient: float = declared.temperature(high=3000.0, doc="air temperature")
+    ambient: float = declared.temperature(doc="air temperature")
 
     def __post_init__(self) -> None:
         declared.validate(self)
@@ -155,7 +155,7 @@ class Side:
     layers: tuple[Layer, ...] = declared.children(Layer)
     initial: Initial = declared.child(Initial)
     back: Back | None = declared.child(Back)
-    arterial: float | None = declared.temperature(default=None, high=3000.0, doc="arterial temperature")
+    arterial: float | None = declared.temperature(default=None, doc="arterial temperature")
     air: Film | None = declared.child(Film)
 
     def __post_init__(self) -> None:

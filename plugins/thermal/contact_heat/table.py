@@ -15,6 +15,9 @@ from contact_heat.stack import Array
 if TYPE_CHECKING:
     from contact_heat.stepper import Stepper
 
+#: Number of steps that are taken at once.
+_PART = 1_000_000
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
@@ -58,8 +61,10 @@ def live_table(contact: Contact, times: Sequence[float], period: float) -> Table
     stepper = Stepper(contact, period)
     rows, done = [], 0
     for step in sorted({round(time / period) for time in times if round(time / period) >= 1}):
-        flux = stepper.advance(contact.resistance, step - done)[-1]
-        done = step
+        while done < step:  # in parts, as all fluxes of an hour in microseconds fit in no memory
+            part = min(step - done, _PART)
+            flux = stepper.advance(contact.resistance, part)[-1]
+            done += part
         row = [step * period, flux, stepper.skin_temperature - CELSIUS, stepper.object_temperature - CELSIUS]
         rows.append([*row, stepper.heat, *(_probed(stepper, contact))])
     if not rows:

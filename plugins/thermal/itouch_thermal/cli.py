@@ -15,6 +15,7 @@ from itouch_thermal.cli_display import add_commands, add_display
 
 #: Units of a duration in seconds; without a unit it is in seconds.
 _UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0}
+_UNIT_NAMES = ", ".join(filter(None, _UNITS))
 
 if TYPE_CHECKING:
     from contact_heat.contact import Contact
@@ -113,29 +114,49 @@ def _times(options: argparse.Namespace, contact: Contact) -> list[float]:
 
 
 def _read_times(path: Path) -> list[float]:
-    """Read the first column of a text file; a first line that is not a number is a heading."""
+    """Read the first column of a text file; a first line that is not a number is a heading, with a unit in brackets."""
     if not path.is_file() and path.exists():
         raise ValueError(f"times: '{path}' is a folder, a pipe, a device or a socket, not a file")
-    words = [
-        line.replace(",", " ").split()[0] for line in path.read_text(encoding="utf-8").splitlines() if line.strip()
-    ]
-    times = []
-    for n, word in enumerate(words):
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: not text: byte {error.start} is not UTF-8") from None
+    times: list[float] = []
+    factor, headed = 1.0, False
+    for number, line in enumerate(lines, 1):
+        cell = re.split(r"[,;\t]", line.strip())[0].strip()
+        if not line.strip() or cell.startswith("#"):
+            continue
         try:
-            times.append(float(word))
+            times.append(float(cell.partition(" ")[0]) * factor)
         except ValueError:
-            if n > 0:
-                raise ValueError(f"{path}: line {n + 1}: '{word}' is not a number") from None
+            if times or headed:
+                raise ValueError(f"{path}: line {number}: '{cell}' is not a number") from None
+            factor, headed = _heading(path, number, cell), True
     if not times:
         raise ValueError(f"{path}: no times")
     return times
 
 
+def _heading(path: Path, number: int, cell: str) -> float:
+    """Return the factor to seconds of the unit in the heading of a column of times."""
+    if re.match(r"[\d.+-]", cell):
+        raise ValueError(
+            f"{path}: line {number}: '{cell}' is not a number; a unit belongs into the heading, as in t [ms]"
+        )
+    unit = re.fullmatch(r"[^\[(]*[\[(]\s*(.*?)\s*[\])]", cell)
+    if unit is None:
+        return 1.0
+    if not unit.group(1) or unit.group(1) not in _UNITS:
+        raise ValueError(f"{path}: line {number}: '{unit.group(1)}' is no unit of times; use one of {_UNIT_NAMES}")
+    return _UNITS[unit.group(1)]
+
+
 def _seconds(text: str) -> float:
     """Read a duration such as 1ms or 0.5."""
-    found = re.fullmatch(r"([0-9.]+(?:[eE][+-]?[0-9]+)?) *([a-zµ]*)", text.strip())
+    found = re.fullmatch(r"((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?) *([a-zµ]*)", text.strip())
     if found is None or found.group(2) not in _UNITS:
-        raise ValueError(f"'{text.strip()}' is not a time; write for example 1ms, with one of {', '.join(_UNITS)[2:]}")
+        raise ValueError(f"'{text.strip()}' is not a time; write for example 1ms, with one of {_UNIT_NAMES}")
     return float(found.group(1)) * _UNITS[found.group(2)]
 
 

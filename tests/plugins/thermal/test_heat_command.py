@@ -7,6 +7,8 @@ import heat_cases
 import numpy as np
 import pytest
 
+from contact_heat import table
+from contact_heat.stepper import Stepper
 from itouch_thermal import bench, cli
 
 CASE = str(heat_cases.FOLDER / "c_al_R1e-4_sensor37um.json")
@@ -43,6 +45,48 @@ def test_times_from_a_file(tmp_path, capsys):
     assert rows(capsys.readouterr().out)[1][:, 0].tolist() == [0.001, 0.5]
 
 
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"t [ms],j [W/m^2]\n1,2\n500,3\n",
+        b"\xef\xbb\xbf0.001\n0.5\n",
+        b"# of a recording\n\n0.001 7\n0.5 8\n",
+        b",\n0.001;7\n0.5;8\n",
+    ],
+)
+def test_times_of_a_file_keep_their_unit_and_the_first_one(data, tmp_path, capsys):
+    (tmp_path / "times.csv").write_bytes(data)
+    assert cli.main(["solve", CASE, "--times", str(tmp_path / "times.csv")]) == 0
+    assert rows(capsys.readouterr().out)[1][:, 0].tolist() == [0.001, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"1ms\n2ms\n", "line 1: '1ms' is not a number; a unit belongs into the heading, as in t [ms]"),
+        (b"t [days]\n1\n", "line 1: 'days' is no unit of times; use one of s, ms"),
+        (b"time\nsoon\n", "line 2: 'soon' is not a number"),
+        (b"\xff\xfe1\n", "times.csv: not text: byte 0 is not UTF-8"),
+    ],
+)
+def test_times_that_are_none_are_told_with_their_line(data, message, tmp_path, capsys):
+    (tmp_path / "times.csv").write_bytes(data)
+    assert cli.main(["solve", CASE, "--times", str(tmp_path / "times.csv")]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_steps_are_taken_in_parts_of_what_fits_in_memory(tmp_path, capsys, monkeypatch):
+    words = ["solve", CASE, "--live", "--at", "1ms,37ms,1s"]
+    assert cli.main(words) == 0
+    whole = capsys.readouterr().out
+    asked = []
+    advance = Stepper.advance
+    monkeypatch.setattr(Stepper, "advance", lambda self, r, n: asked.append(n) or advance(self, r, n))
+    monkeypatch.setattr(table, "_PART", 10)
+    assert cli.main(words) == 0
+    assert capsys.readouterr().out == whole and max(asked) == 10
+
+
 def test_times_from_a_pipe_are_refused_at_once(tmp_path, capsys):
     os.mkfifo(tmp_path / "times.csv")
     assert cli.main(["solve", CASE, "--times", str(tmp_path / "times.csv")]) == 2
@@ -61,6 +105,7 @@ def test_a_plot_is_a_picture(tmp_path):
     [
         (["solve", "nothing.json"], "nothing.json: No such file"),
         (["solve", CASE, "--at", "1q"], "'1q' is not a time"),
+        (["solve", CASE, "--at", "1.2.3"], "'1.2.3' is not a time; write for example 1ms"),
         (["solve", CASE, "--at", "2s,1s"], "times[1]"),
         (["solve", CASE, "-o", "out.pdf"], "must end in .csv or .png"),
         (["solve", CASE, "--live", "--method", "paper"], "--live"),

@@ -92,6 +92,35 @@ def test_a_broken_file_is_named(tmp_path):
         Contact.from_json(path)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"Rth": 0.0', '"Rth": 0.0, "Rth": 1.0', "key 'Rth' occurs twice in one object"),
+        ('"Rth": 0.0', '"Rth": ' + "9" * 400, "Rth: a whole number of so many digits is out of range"),
+        ('"Rth": 0.0', '"Rth": ' + "9" * 5000, "not JSON"),
+        ('"Rth": 0.0', '"Rth": ' + "[" * 100_000, "too deeply nested for a contact case"),
+        ('"Rth": 0.0', '"Rth": 0.0, "times": {"from": 1e-300, "to": 1e300, "per_decade": 1e4}', "there may be up to"),
+        ('"T_art": 37.0', '"T_art": -300.0', "finger.T_art = -300.0 is out of range: -273.15 to 2726.85 degC"),
+    ],
+    ids=["twice", "400 digits", "5000 digits", "nested", "times", "too cold"],
+)
+def test_a_damaged_case_file_is_one_message(old, new, message, tmp_path):
+    case, _ = heat_cases.solved("b_wood_R0")
+    case.pop("times", None)
+    text = json.dumps(case | {"Rth": 0.0, "finger": case["finger"] | {"T_art": 37.0}})
+    assert text.count(old) == 1
+    (tmp_path / "case.json").write_text(text.replace(old, new))
+    with pytest.raises(ValueError, match=r"case\.json: ") as raised:
+        Contact.from_json(tmp_path / "case.json")
+    assert message in str(raised.value)
+
+
+def test_a_case_file_may_begin_with_a_byte_order_mark(tmp_path):
+    path = heat_cases.FOLDER / "b_wood_R0.json"
+    (tmp_path / "case.json").write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert Contact.from_json(tmp_path / "case.json") == Contact.from_json(path)
+
+
 def test_only_the_last_layer_may_be_endless():
     endless = Layer(conductivity=1, density=1000, specific_heat=1000)
     thin = Layer(thickness=1e-3, conductivity=1, density=1000, specific_heat=1000)
