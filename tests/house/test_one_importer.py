@@ -39,7 +39,6 @@ REASONS = {
     "itouch_thermal.plot": "loaded only where a plot is asked for",
     "itouch_thermal.rendering.plantfile": "reading a plant from a file is another idea than measuring how well it renders",
     "contact_heat.analytic": "closed forms of the paper, which stand in the Python reference",
-    "contact_heat.declared": "how fields are declared is another idea than what a layer is",
     "contact_heat.energy": "where the heat goes is a result of the solver, and stands in the Python reference",
     "contact_heat.peers": "what the solver is measured against shares nothing with it",
     "contact_heat.stated": "published contacts belong to the solver, not to the plugin that measures it",
