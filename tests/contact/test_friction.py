@@ -58,6 +58,38 @@ def test_a_free_hip_beside_the_object_feels_nothing(kind: str) -> None:
     assert not probe.force.any()
 
 
+@pytest.mark.parametrize("radius", [0.0, 0.002, 0.008])
+@pytest.mark.parametrize("depth", [0.001, 0.012, 0.035])
+@pytest.mark.parametrize("speed", [2e-4, 1e-3])
+def test_a_mesh_of_a_box_lets_go_where_the_box_does(radius: float, depth: float, speed: float) -> None:
+    half = np.array((0.03, 0.025, 0.02))
+    above = half[2] + radius
+    down = np.append(np.arange(above + 0.002, above - depth, -speed), above - depth)
+    aside = np.arange(speed, 0.08, speed)
+    hips = np.full((len(down) + len(aside), 3), (0.00413, 0.00307, down[-1]))
+    hips[: len(down), 2] = down
+    hips[len(down) :, :2] += np.outer(aside, (0.9, 0.4))
+    held = []
+    for shape in (Box((0.03, 0.025, 0.02)), mesh(*box_mesh(*half), 1.0)):
+        probe = Probe(shape, radius=radius, friction=(0.8, 0.8), stiffness=1000.0)
+        forces = [(probe(hip), probe.force)[1].copy() for hip in hips]
+        held.append(np.linalg.norm(forces, axis=1) > 1e-3)  # a mesh holds a point off by its skin
+    outside = np.linalg.norm(np.maximum(np.abs(hips) - half, 0.0), axis=1) > radius + 1e-6
+    assert held[0].any()
+    np.testing.assert_array_equal(held[1], held[0])
+    assert not held[1][outside & (np.abs(hips[:, 2]) < half[2])].any()
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.004])
+def test_a_finger_beside_a_sheet_that_it_was_pressed_through_feels_nothing(radius: float) -> None:
+    probe = Probe(mesh(*grid(4, 0.04), 1.0, two_sided=True), radius=radius, friction=(2.0, 2.0), stiffness=1000.0)
+    probe([0.0, 0.0, 0.02])
+    probe([0.0, 0.0, -0.03])
+    for x in np.linspace(0.0, 0.03, 31):
+        probe([x, 0.0, -0.03])
+    assert not probe.force.any()
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_the_force_is_always_in_the_cone_on_a_rough_mesh(seed: int) -> None:
     rng = np.random.default_rng(seed)

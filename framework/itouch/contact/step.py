@@ -13,10 +13,10 @@ from itouch.contact.halfspaces import nearest_inside
 from itouch.contact.layout import ZERO
 from itouch.contact.meshcast import mesh_cast, place_then
 from itouch.contact.outcome import clear, report, report_near
-from itouch.contact.reset import nearest_free
+from itouch.contact.reset import mesh_overlap, nearest_free
 from itouch.contact.scratch import Mesh, add_seed, empty_site, put_near_objects, put_object, put_plane, site_rows
 from itouch.contact.slide import slide
-from itouch.contact.triangle import nearest_of, pierced
+from itouch.contact.triangle import beneath, nearest_of, pierced
 from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, put, sub, vector
 
 _PUSH_ROUNDS = 12
@@ -53,10 +53,26 @@ def recall(site: Floats, mesh: Mesh | None, memory: Floats) -> None:
 
 
 @inner
+def _behind(site: Floats, mesh: Mesh, k: int, t: int, q: Vector) -> bool:
+    """Whether a place that the straight way from the proxy reaches through a triangle cannot be reached round it.
+
+    That the way leads through a triangle is not enough: a HIP that was pressed deep and left sideways is in free
+    space, and a proxy that slid without friction would come to it over the edge.  A place straight behind the triangle
+    is below the proxy wherever it slides, and one inside a solid is not free.
+
+    ``site`` (rows, SITE_WIDTH), whose row ``k`` is the mesh's; ``q`` [m], mesh's frame.
+    """
+    if beneath(mesh[0], mesh[1], t, q):
+        return True
+    return bool(site[k, at.FRAME_SIDES] == at.SOLID and mesh_overlap(site, mesh, k, q)[0] < 0.0)
+
+
+@inner
 def is_covered(site: Floats, mesh: Mesh | None, p: Vector, hip: Vector) -> bool:
     """Whether the HIP is certainly not free, for a proxy at ``p``.
 
-    That is: inside a primitive, nearer than the radius to a triangle in view, or straight behind one.
+    That is: inside a primitive, nearer than the radius to a triangle in view, or on the other side of one that the way
+    from the proxy leads through, where there is no way round it (`_behind`).
 
     ``site`` (rows, SITE_WIDTH); ``p`` and ``hip`` [m], world frame.
     """
@@ -72,7 +88,7 @@ def is_covered(site: Floats, mesh: Mesh | None, p: Vector, hip: Vector) -> bool:
             foot = nearest_of(mesh[0], mesh[1], t, q)
             if norm(sub(q, foot)) < site[k, at.FRAME_REACH]:
                 return True
-            if pierced(mesh[0], mesh[1], t, to_local(site, k, p), q):
+            if pierced(mesh[0], mesh[1], t, to_local(site, k, p), q) and _behind(site, mesh, k, t, q):
                 return True
     return False
 

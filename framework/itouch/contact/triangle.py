@@ -92,6 +92,21 @@ def height(vertices: Floats, triangles: Ints32, t: int, p: Vector) -> float:
 
 
 @inner
+def beneath(vertices: Floats, triangles: Ints32, t: int, q: Vector) -> bool:
+    """Whether ``q`` is straight behind a triangle: behind its plane, with its foot on the plane inside the triangle.
+
+    ``vertices`` (v, 3) [m], ``triangles`` (n, TRIANGLE_WIDTH); ``q`` [m], mesh's frame.
+    """
+    a, b, c = (corner(vertices, triangles[t, 0]), corner(vertices, triangles[t, 1]), corner(vertices, triangles[t, 2]))
+    n = cross(sub(b, a), sub(c, a))
+    if dot(n, sub(q, a)) >= 0.0:
+        return False
+    if dot(cross(sub(b, a), sub(q, a)), n) < 0.0 or dot(cross(sub(c, b), sub(q, b)), n) < 0.0:
+        return False
+    return bool(dot(cross(sub(a, c), sub(q, c)), n) >= 0.0)
+
+
+@inner
 def pierced(vertices: Floats, triangles: Ints32, t: int, p: Vector, q: Vector) -> bool:
     """Whether the straight way from ``p``, in front of a triangle, to ``q`` leads through the triangle to its back.
 
