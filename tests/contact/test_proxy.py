@@ -75,6 +75,19 @@ def test_an_unknown_surface_in_any_place_and_scale(scale: float, rng: np.random.
     assert not felt[right == 0].any()
 
 
+@pytest.mark.parametrize("radius", [0.0, 0.002, 0.008])
+@pytest.mark.parametrize("way", [(0.02, 0.0, -0.004), (0.015, 0.012, -0.002)])
+def test_over_the_edge_of_a_mesh_it_goes_as_over_that_of_the_box(
+    radius: float, way: tuple[float, float, float]
+) -> None:
+    half = (0.03, 0.025, 0.02)
+    start = np.array((0.02, 0.016, half[2] + radius - 0.001))
+    for steps in (11, 23, 70, 230):
+        hips = np.vstack([start + (0.0, 0.0, 0.005), start + np.outer(np.linspace(0.0, 1.0, steps), way)])
+        box, mesh = (Proxy(shape, radius=radius).follow(hips) for shape in (Box(half), Surface(*box_mesh(*half))))
+        np.testing.assert_allclose(mesh, box, atol=1e-3)  # a point stays off a mesh by its skin
+
+
 def test_follow_is_step_after_step_and_goes_on_from_where_it_is() -> None:
     work = standard("hf", "10k", 600, 1.0, 0.02)
     surface = Surface(work.vertices, work.faces)

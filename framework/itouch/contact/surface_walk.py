@@ -101,7 +101,7 @@ def walk_surface(site: Floats, mesh: Mesh, lead: int, start: Vector, goal_at: Ve
         if dot(inward, sub(along(goal, -fall, m), x)) <= 0.0:
             line = sub(b, a)
             s = dot(line, sub(goal, a)) / dot(line, line)
-            if fall >= reach or not 0.0 <= s <= 1.0:
+            if fall >= reach or not 0.0 <= s <= 1.0 or dot(cross(n, m), line) > 0.0:  # a ridge: the goal is in front
                 return False, start
             end = along(along(a, s, line), reach, _mitre(n, m))
             if not _tried(site, mesh, k, p, end):
