@@ -113,14 +113,41 @@ def test_a_push_at_the_centre_of_mass_turns_nothing_wherever_the_frame_is() -> N
     np.testing.assert_allclose(world.twists[0], (*(push * T / 0.2 * np.exp(-1.0)), 0, 0, 0), rtol=0.01, atol=1e-6)
 
 
+SLENDER = (0.02, 0.005, 0.09)  # long along its last axis: its greatest moment is not the first
+
+
+def slender_mesh(middle: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Mesh:
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * SLENDER + middle
+    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    return Mesh(Surface(corners, [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]))
+
+
+@pytest.mark.parametrize("inertia", [None, (1e-4, 2e-4, 1.5e-4)])
+def test_a_mesh_moves_alike_and_keeps_its_momentum_wherever_the_origin_of_its_file_is(
+    inertia: tuple[float, float, float] | None,
+) -> None:
+    push, turn = np.array((3.0, -1.0, 2.0)), np.array((0.01, 0.02, -0.015))
+    tracks = []
+    for middle in ((0.0, 0.0, 0.0), (0.5, -0.2, 0.3)):
+        world = World(free(slender_mesh(middle), tuple(-np.array(middle)), inertia=inertia), gravity=(0, 0, 0))
+        track = []
+        for i in range(300):
+            w, u = world.poses[0, 3], world.poses[0, 4:]
+            arm = middle + 2 * np.cross(u, np.cross(u, middle) + w * np.array(middle))
+            spin = world.twists[0, 3:]
+            track.append((*(world.poses[0, :3] + arm), *(world.twists[0, :3] + np.cross(spin, arm)), *spin))
+            world.forces[0] = (*push, *(turn + np.cross(arm, push))) if i < 20 else (0.0,) * 6
+            world.run(1)
+        tracks.append(np.array(track))
+        np.testing.assert_allclose(tracks[-1][21:, 3:6], np.tile(push * 20 * T / 0.2, (279, 1)), rtol=1e-5)
+        assert np.abs(tracks[-1][21:, 6:]).max(axis=0).min() > 1.0
+    np.testing.assert_allclose(tracks[1], tracks[0], rtol=1e-4, atol=1e-5)
+
+
 @pytest.mark.parametrize("axis", range(3))
 def test_the_turning_of_a_mesh_is_damped_as_that_of_the_box_which_it_is(axis: int) -> None:
-    half = np.array((0.02, 0.005, 0.09))  # long along its last axis: its greatest moment is not the first
-    corners = half * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
     starts = []
-    for shape in (Box(tuple(half)), Mesh(Surface(corners, faces))):
+    for shape in (Box(SLENDER), slender_mesh()):
         world = World(free(shape, damping=5.0), gravity=(0, 0, 0))
         world.forces[0, 3 + axis] = 1e-4
         world.run(1)

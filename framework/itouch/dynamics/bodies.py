@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -36,8 +36,9 @@ class BodyError(ValueError):
 class Body:
     """One object: its shape and initial pose, whether it is STILL, MOVED or FREE, and, if it is free, its physics.
 
-    ``mass`` [kg]; ``inertia`` about its own axes [kg m2], None: that of the shape at uniform density; ``friction``
-    is the coefficient against others, ``damping`` the rate at which its motion decays [1/s].
+    ``mass`` [kg], its centre where that of the shape is at uniform density; ``inertia`` about this centre, along the
+    axes of the object's frame [kg m2], None: that of the shape at uniform density; ``friction`` is the coefficient
+    against others, ``damping`` the rate at which its motion decays [1/s].
     """
 
     shape: Shape
@@ -65,6 +66,30 @@ def build_bodies(bodies: Sequence[Body], gravity: tuple[float, float, float], pe
     import mujoco
 
     mujoco.set_mju_user_warning(_ignore)  # otherwise MuJoCo writes a file to the working folder
+    # MuJoCo knows the middle of a mesh when it has made its hull. A step keeps the momentum only of a body whose frame
+    # is at its centre of mass, so that then a second model is made with the frames there.
+    even = [replace(body, mass=1.0, inertia=None) if body.inertia is not None else body for body in bodies]
+    centres = np.zeros((len(bodies), 3))
+    model = _compiled(mujoco, even, centres, gravity, period)
+    free = [i for i, body in enumerate(bodies) if body.kind == FREE]
+    ids = np.array([model.body(f"o{i}").id for i in free], np.intp)
+    ease = np.ones(len(bodies))
+    for i, body, shape in zip(free, ids, _inertias(mujoco, model, ids), strict=True):
+        if isinstance(bodies[i].shape, Mesh):
+            centres[i] = model.body_ipos[body]
+        given = bodies[i].inertia
+        if given is not None:
+            half = np.linalg.inv(np.linalg.cholesky(shape * bodies[i].mass))
+            ease[i] = np.linalg.eigvalsh(half @ np.diag(given) @ half.T)[0]
+    if centres.any() or any(body.inertia is not None for body in bodies):
+        model = _compiled(mujoco, bodies, centres, gravity, period)
+    return Bodies(model, tuple(bodies), centres, tuple(ease.tolist()))
+
+
+def _compiled(
+    mujoco: Any, bodies: Sequence[Body], centres: Floats, gravity: tuple[float, float, float], period: float
+) -> Any:
+    """Return MuJoCo's model of bodies with these centres of mass in their frames (n, 3) [m]."""
     spec = mujoco.MjSpec()
     spec.option.timestep, spec.option.gravity = period, gravity
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -72,12 +97,11 @@ def build_bodies(bodies: Sequence[Body], gravity: tuple[float, float, float], pe
     spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
     meshes: dict[int, str] = {}
     for index, body in enumerate(bodies):
-        _add(mujoco, spec, index, body, meshes)
+        _add(mujoco, spec, index, body, centres[index], meshes)
     try:
-        model = spec.compile()
+        return spec.compile()
     except ValueError as error:
         raise BodyError(_which(str(error), bodies), _reason(str(error))) from None
-    return Bodies(model, tuple(bodies))
 
 
 def _ignore(message: str) -> None:
@@ -106,14 +130,18 @@ def _reason(message: str) -> str:
     return next(known, " ".join(message.split()))
 
 
-def _add(mujoco: Any, spec: Any, index: int, body: Body, meshes: dict[int, str]) -> None:
+def _add(mujoco: Any, spec: Any, index: int, body: Body, centre: Floats, meshes: dict[int, str]) -> None:
     if body.kind == FREE and isinstance(body.shape, Plane):
         raise BodyError(index, "a plane has no end and cannot be a free body")
     parent = spec.worldbody
-    place = {"pos": body.pose[:3], "quat": body.pose[3:]}
+    place: dict[str, Any] = {"pos": body.pose[:3], "quat": body.pose[3:]}
     if body.kind != STILL:
+        if centre.any():
+            arm = np.empty(3)
+            mujoco.mju_rotVecQuat(arm, centre, np.array(body.pose[3:]))
+            place["pos"] = place["pos"] + arm
         parent = spec.worldbody.add_body(name=f"o{index}", mocap=body.kind == MOVED, **place)
-        place = {}
+        place = {"pos": -centre} if centre.any() else {}
     form = _form(mujoco, spec, index, body, meshes)
     geom = parent.add_geom(name=f"{'s' if body.kind == STILL else 'o'}{index}", **form, **place)
     geom.friction = (body.friction, 0.005, 0.0001)
@@ -153,14 +181,18 @@ def _form(mujoco: Any, spec: Any, index: int, body: Body, meshes: dict[int, str]
 
 
 class Bodies:
-    """The compiled bodies; ``make`` returns a `Physics` to step them."""
+    """The compiled bodies; ``make`` returns a `Physics` to step them.
 
-    __slots__ = ("_model", "bodies", "free", "moved", "state_size")
+    ``centres`` (n, 3) are their centres of mass in the objects' frames [m]; ``ease`` says of each what share of its
+    shape's inertia at uniform density its own is, at least, about any axis (1 where none is given).
+    """
 
-    def __init__(self, model: Any, bodies: tuple[Body, ...]) -> None:
+    __slots__ = ("_model", "bodies", "centres", "ease", "free", "moved", "state_size")
+
+    def __init__(self, model: Any, bodies: tuple[Body, ...], centres: Floats, ease: tuple[float, ...]) -> None:
         import mujoco
 
-        self._model, self.bodies = model, bodies
+        self._model, self.bodies, self.centres, self.ease = model, bodies, centres, ease
         self.free = tuple(i for i, body in enumerate(bodies) if body.kind == FREE)
         self.moved = tuple(i for i, body in enumerate(bodies) if body.kind == MOVED)
         self.state_size = int(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
@@ -195,8 +227,9 @@ class Physics:
         names = [model.body(f"o{i}").id for i in bodies.free]
         self._ids = np.array(names, np.intp)
         self._slots = np.array([model.body_mocapid[model.body(f"o{i}").id] for i in bodies.moved], np.intp)
+        self._centres = np.ascontiguousarray(bodies.centres[self._free])
         self._physics = (
-            self._free, self._ids, np.ascontiguousarray(model.body_ipos[self._ids]), model.body_mass[self._ids],
+            self._free, self._ids, self._centres, model.body_mass[self._ids],
             _inertias(mujoco, model, self._ids), np.array([bodies.bodies[i].damping for i in bodies.free]),
         )  # fmt: skip
         self._places = self._data.qpos.reshape(-1, 7)
@@ -228,4 +261,4 @@ class Physics:
         apply_forces(*self._physics, poses, self._rates, forces, self._push)
         mujoco.mj_step(self._model, data)
         mujoco.mj_getState(self._model, data, state, self._kind)
-        read_back(self._free, self._places, self._rates, poses, twists)
+        read_back(self._free, self._centres, self._places, self._rates, poses, twists)

@@ -5,7 +5,7 @@ from typing import Any
 from itouch.contact import layout as at
 from itouch.contact.compiling import entry, inner
 from itouch.contact.rotations import to_space
-from itouch.contact.vectors import Floats, Vector, add, along, cross, dot, place_of, sub, vector
+from itouch.contact.vectors import Floats, Vector, along, cross, dot, place_of, sub, vector
 
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -69,7 +69,7 @@ def apply_forces(
         (k, 3) centres of mass in the object's frame [m], (k,) [kg], (k, 3, 3) about the centres of mass, along the
         frame's axes [kg m2], and (k,) [1/s].
     poses, rates
-        (n, 7) of all objects; (k, 6) of the free ones: velocity of the frame's origin in the world's frame, angular
+        (n, 7) of all objects; (k, 6) of the free ones: velocity of the centre of mass in the world's frame, angular
         velocity in the body's frame.
     forces, push
         (n, 6) force and torque about the frames' origins; written: those about the centres of mass [N, N m].
@@ -77,7 +77,7 @@ def apply_forces(
     for i in range(free.shape[0]):
         obj, row = int(free[i]), int(ids[i])
         arm = to_space(poses, obj, (centres[i, 0], centres[i, 1], centres[i, 2]))
-        speed = add((rates[i, 0], rates[i, 1], rates[i, 2]), cross(_spin(poses, obj, rates, i), arm))
+        speed = (rates[i, 0], rates[i, 1], rates[i, 2])
         force = (forces[obj, 0], forces[obj, 1], forces[obj, 2])
         torque = sub((forces[obj, 3], forces[obj, 4], forces[obj, 5]), cross(arm, force))
         local = _times(inertias, i, (rates[i, 3], rates[i, 4], rates[i, 5]))
@@ -88,17 +88,20 @@ def apply_forces(
 
 
 @entry
-def read_back(free: Any, places: Floats, rates: Floats, poses: Floats, twists: Floats) -> None:
+def read_back(free: Any, centres: Floats, places: Floats, rates: Floats, poses: Floats, twists: Floats) -> None:
     """Write poses and twists of the free objects from MuJoCo's coordinates (k, 7) and rates (k, 6).
 
-    ``free`` (k,) indices of the objects; positions [m], velocities [m/s, rad/s]; ``poses`` (n, 7) and ``twists``
-    (n, 6) of all objects.
+    MuJoCo's are those of the centres of mass, ``centres`` (k, 3) in the objects' frames [m].  ``free`` (k,) indices of
+    the objects; positions [m], velocities [m/s, rad/s]; ``poses`` (n, 7) and ``twists`` (n, 6) of all objects.
     """
     for i in range(free.shape[0]):
         obj = int(free[i])
         for c in range(7):
             poses[obj, c] = places[i, c]
         spin = _spin(poses, obj, rates, i)
+        arm = to_space(poses, obj, (centres[i, 0], centres[i, 1], centres[i, 2]))
+        around = cross(spin, arm)
         for c in range(3):
-            twists[obj, c] = rates[i, c]
+            poses[obj, c] -= arm[c]
+            twists[obj, c] = rates[i, c] - around[c]
             twists[obj, 3 + c] = spin[c]

@@ -47,7 +47,7 @@ class Dynamics:
     mass: float = quantity("kg", low=1e-3, high=100, doc="its mass")
     inertia: tuple[float, ...] | None = quantity(
         "kg*m^2", size=3, low=1e-12, high=1e3, default=None,
-        doc="about its own x, y and z axes; default: that of its shape at even density",
+        doc="about its centre of mass, along its own x, y and z axes; default: that of its shape at even density",
     )  # fmt: skip
     friction: float | None = quantity(
         "",
