@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from probing import box_mesh, grid
 
-from itouch.contact import Box, Proxy, Sphere, Surface
+from itouch.contact import Box, Capsule, Friction, Mesh, Proxy, Sphere, Surface
 from itouch_evidence.contact.workload import icosphere
 
 
@@ -114,6 +114,12 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "fractions": (lambda: Surface(np.eye(3), [[0.0, 1.0, 2.0]]), "whole numbers"),
     "a vertex that is not there": (lambda: Surface(np.eye(3), [[0, 1, 3]]), "faces names vertex 3"),
     "a vertex from behind": (lambda: Surface(np.eye(3), [[0, 1, -1]]), "faces names vertex -1"),
+    "a box of one number": (lambda: Box(1), "half_extents is 1; it needs 3 numbers"),  # type: ignore[arg-type]
+    "a box of words": (lambda: Box("abc"), r"half_extents\[0\] is 'a'"),  # type: ignore[arg-type]
+    "a ball of a word": (lambda: Sphere("a"), "radius is 'a'; it must be a positive finite number"),  # type: ignore[arg-type]
+    "a capsule of None": (lambda: Capsule(0.01, None), "half_length is None"),  # type: ignore[arg-type]
+    "friction as a word": (lambda: Friction("a"), "static is 'a'; it must be a finite number"),  # type: ignore[arg-type]
+    "a mesh of a word": (lambda: Mesh("a"), "surface is of type str; it must be a Surface"),  # type: ignore[arg-type]
     "no surface": (lambda: Proxy([]), "surfaces is empty"),
     "None": (lambda: Proxy(None), "surfaces is None"),  # type: ignore[arg-type]
     "arrays": (lambda: Proxy([TRIANGLE]), r"surfaces\[0\] is of type tuple"),  # type: ignore[list-item]

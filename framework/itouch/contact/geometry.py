@@ -31,7 +31,11 @@ class Friction:
 
     def __post_init__(self) -> None:
         for name, value in (("static", self.static), ("dynamic", self.dynamic)):
-            if not (math.isfinite(value) and value >= 0.0):
+            try:
+                good = math.isfinite(value) and value >= 0.0
+            except TypeError:
+                good = False
+            if not good:
                 raise ValueError(f"Friction: {name} is {value!r}; it must be a finite number >= 0")
         if self.dynamic > self.static:
             raise ValueError(f"Friction: dynamic is {self.dynamic!r}; it must not exceed static, {self.static!r}")

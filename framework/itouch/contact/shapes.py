@@ -2,17 +2,19 @@
 
 import math
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from itouch.contact import layout
-
-if TYPE_CHECKING:
-    from itouch.contact.surface import Surface
+from itouch.contact.surface import Surface
 
 
 def _check_lengths(shape: object, values: tuple[float, ...], names: tuple[str, ...]) -> None:
     for name, value in zip(names, values, strict=True):
-        if not (math.isfinite(value) and value > 0.0):
+        try:
+            good = math.isfinite(value) and value > 0.0
+        except TypeError:
+            good = False
+        if not good:
             kind = type(shape).__name__
             raise ValueError(f"{kind}: {name} is {value!r}; it must be a positive finite number of metres")
 
@@ -59,8 +61,12 @@ class Box:
     kind: ClassVar[int] = layout.KIND_BOX
 
     def __post_init__(self) -> None:
-        if len(self.half_extents) != 3:
-            raise ValueError(f"Box: half_extents has {len(self.half_extents)} numbers; it needs 3")
+        try:
+            count = len(self.half_extents)
+        except TypeError:
+            raise ValueError(f"Box: half_extents is {self.half_extents!r}; it needs 3 numbers") from None
+        if count != 3:
+            raise ValueError(f"Box: half_extents has {count} numbers; it needs 3")
         _check_lengths(self, tuple(self.half_extents), ("half_extents[0]", "half_extents[1]", "half_extents[2]"))
 
     def sizes(self) -> tuple[float, float, float]:
@@ -116,8 +122,12 @@ class Cylinder:
 class Mesh:
     """Triangles; several objects may share one surface."""
 
-    surface: "Surface"
+    surface: Surface
     kind: ClassVar[int] = layout.KIND_MESH
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.surface, Surface):
+            raise ValueError(f"Mesh: surface is of type {type(self.surface).__name__}; it must be a Surface")
 
     def sizes(self) -> tuple[float, float, float]:
         """Three numbers for the world table."""

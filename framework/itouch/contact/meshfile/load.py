@@ -88,7 +88,11 @@ def load_source(
     MeshError
         If it is no mesh that can be touched.
     """
-    if not (math.isfinite(scale) and scale > 0.0):
+    try:
+        good = math.isfinite(scale) and scale > 0.0
+    except TypeError:
+        good = False
+    if not good:
         raise MeshError("out-of-range", f"scale is {scale!r}; it must be a finite number above 0")
     if sides not in (None, "one", "two"):
         raise MeshError("bad-value", f"sides is {sides!r}; it must be 'one' or 'two'")
