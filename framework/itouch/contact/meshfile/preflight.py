@@ -236,9 +236,8 @@ def _plain_obj(data: bytes, shown: str) -> bytes:
             wrong = next((word for word in words if not word.removeprefix(b"-").isdigit() or not int(word)), None)
             if wrong is not None:
                 named = wrong[:20].decode(errors="replace")
-                raise _not(
-                    "OBJ", shown, data, f"line {number}: a face names its corner '{named}', which is not a number"
-                )
+                fault = "and an OBJ counts corners from 1" if wrong.isdigit() else "which is not a number"
+                raise _not("OBJ", shown, data, f"line {number}: a face names its corner '{named}', {fault}")
             corners = [c if c > 0 else count + 1 + c for c in map(int, words)]
             if corners and min(corners) < 1:
                 raise _not("OBJ", shown, data, f"line {number}: a face names a corner before the first one")

@@ -130,8 +130,10 @@ def read_inside(path: str, root: str, shown: str, most: int) -> bytes:
     Raises
     ------
     MeshError
-        If it is missing, elsewhere, no regular file, or larger.
+        If it is missing, elsewhere, an address of the network, no regular file, or larger.
     """
+    if "://" in shown:
+        raise MeshError("outside-folder", f"'{shown}' is an address, not a file", "meshes are read from files only")
     try:
         real = os.path.realpath(path)
         if real != root and not real.startswith(root.rstrip(os.sep) + os.sep):
@@ -148,8 +150,7 @@ def read_inside(path: str, root: str, shown: str, most: int) -> bytes:
             raise
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         advice = "paths are relative to the file that names them"
-        advice = "meshes are read from files only" if "://" in shown else reading_advice(error, advice)
-        raise MeshError("no-such-file", f"cannot read '{shown}': {reason}", advice) from None
+        raise MeshError("no-such-file", f"cannot read '{shown}': {reason}", reading_advice(error, advice)) from None
     if size > most:
         sentence = f"'{shown}' is larger than {most / (1 << 20):.4g} MiB, the most that it may take"
         raise MeshError("mesh-too-large", sentence, "make it smaller, or save it in a binary format")
