@@ -91,6 +91,15 @@ def test_a_light_body_gets_a_softer_coupling_and_stays_calm(write: Write) -> Non
     assert max(speeds) < 0.5
 
 
+def test_a_body_that_turns_too_easily_gets_a_softer_coupling_and_stays_calm(write: Write) -> None:
+    small = body("100 g").replace('mass="100 g"', 'mass="100 g" inertia="2e-9 2e-9 2e-9 kg*m^2"')
+    engine = build(write, small.replace("0 0 20 mm", "0 12 20 mm"), ' gravity="0 0 0 m/s^2"')
+    assert any("'cube' has too small an inertia for its material" in notice for notice in engine.notices)
+    turns: list[float] = []
+    engine.run(each=lambda: turns.append(float(np.abs(engine.state["objects.twist"][0, 3:]).max())))
+    assert 0.0 < max(turns) < 1e3
+
+
 def test_a_scripted_wall_pushes_a_body(write: Write) -> None:
     wall = '<box name="wall" size="10 100 60 mm" pos="60 0 31 mm" material="m"><motion><to pos="30 60 31 mm" in="0.01 s"/><to pos="-20 60 31 mm" in="1 s"/></motion></box>'
     engine = build(write, GROUND + wall + body().replace('pos="0 0 20 mm"', 'pos="0 80 20 mm"'))

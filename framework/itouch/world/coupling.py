@@ -70,20 +70,26 @@ BODY_STIFFNESS, BODY_DAMPING = 0.2, 0.1
 
 
 def on_bodies(
-    coupling: Sequence[Coupling], objects: Sequence[Any], period: float, notices: list[str]
+    coupling: Sequence[Coupling], objects: Sequence[Any], ease: Sequence[float], period: float, notices: list[str]
 ) -> tuple[Coupling, ...]:
-    """Return the couplings, lowered for light rigid bodies to what the time step of their motion allows."""
+    """Return the couplings, lowered for light rigid bodies to what the time step of their motion allows.
+
+    ``ease`` says of each object what share of its shape's inertia its own is: a body that turns the more easily gives
+    way at its edge like a lighter one.
+    """
     found = []
-    for own, element in zip(coupling, objects, strict=True):
+    for own, element, share in zip(coupling, objects, ease, strict=True):
         if element.dynamics is None:
             found.append(own)
             continue
         mass = element.dynamics.mass
-        stiffness = min(own.stiffness, BODY_STIFFNESS * mass / period**2)
-        lowered = Coupling(stiffness, min(own.damping, BODY_DAMPING * mass / period))
+        felt = mass * min(share, 1.0)
+        stiffness = min(own.stiffness, BODY_STIFFNESS * felt / period**2)
+        lowered = Coupling(stiffness, min(own.damping, BODY_DAMPING * felt / period))
         if lowered != own:
+            why = f"is too light, {mass * 1e3:g} g," if share >= 1.0 else "has too small an inertia"
             notice = (
-                f"object '{element.name}' is too light, {mass * 1e3:g} g, for its material at {1 / period:g} Hz; "
+                f"object '{element.name}' {why} for its material at {1 / period:g} Hz; "
                 f"rendering {lowered.stiffness:g} N/m and {lowered.damping:g} N s/m"
             )
             if notice not in notices:

@@ -174,7 +174,8 @@ def _compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[P
     effects = build_effects(scene, reader, problems, notices)
     poses = _poses(scene, problems)
     motions = build_motions(scene, poses, shapes, devices, reader, problems)
-    probes = _probes(scene, devices, effects, notices, reader, problems)
+    ease = motions.bodies.ease if motions.bodies is not None else (1.0,) * len(shapes)
+    probes = _probes(scene, devices, effects, ease, notices, reader, problems)
     period = 1.0 / scene.rates.servo
     presented = surfaces_of(scene, devices, {probe.name: probe.operator for probe in probes})
     whole = not any(problem.severity == "error" for problem in problems)
@@ -252,8 +253,8 @@ def _poses(scene: Scene, problems: list[Problem]) -> NDArray[np.float64]:
 
 
 def _probes(
-    scene: Scene, devices: Mapping[str, DeviceModel], effects: Sequence[Effects], notices: list[str],
-    reader: SceneFiles, problems: list[Problem],
+    scene: Scene, devices: Mapping[str, DeviceModel], effects: Sequence[Effects], ease: Sequence[float],
+    notices: list[str], reader: SceneFiles, problems: list[Problem],
 ) -> list[ProbeModel]:  # fmt: skip
     found = []
     for index, probe in enumerate(scene.probes):
@@ -262,7 +263,7 @@ def _probes(
         materials = [contact_of(scene, element, []) for element in scene.objects]
         names = [element.material for element in scene.objects]
         coupling = couplings(probe, arm, materials, names, 1.0 / scene.rates.servo, notices)
-        coupling = on_bodies(coupling, scene.objects, 1.0 / scene.rates.servo, notices)
+        coupling = on_bodies(coupling, scene.objects, ease, 1.0 / scene.rates.servo, notices)
         face = face_of(probe.surface_to, devices)
         own = stable_effects(probe, arm, effects, coupling, names, 1.0 / scene.rates.servo, notices)
         recorded = recorded_motion(scene, operator, reader, problems)
