@@ -241,6 +241,23 @@ class Physics:
         self._mujoco.mj_resetData(self._model, self._data)
         self._mujoco.mj_getState(self._model, self._data, state, self._kind)
 
+    def take_over(self, state: Floats, poses: Floats) -> None:
+        """Put centres of mass to where they are in a State that an earlier program has stored.
+
+        That had the origins of the objects' frames in their place.  ``state`` (state_size,), rewritten if it is such a
+        one; ``poses`` (n, 7) of all objects [m; quaternion].
+        """
+        mujoco, data, arm, spin = self._mujoco, self._data, np.empty(3), np.empty(3)
+        mujoco.mj_setState(self._model, data, state, self._kind)
+        for index, centre, place, rates in zip(self._free, self._centres, self._places, self._rates, strict=True):
+            if not centre.any() or (place[:3] != poses[index, :3]).any():  # `read_back` makes them differ by the arm
+                continue
+            mujoco.mju_rotVecQuat(arm, centre, place[3:])
+            mujoco.mju_rotVecQuat(spin, rates[3:], place[3:])
+            place[:3] += arm
+            rates[:3] += np.cross(spin, arm)
+            mujoco.mj_getState(self._model, data, state, self._kind)
+
     def step(self, state: Floats, forces: Floats, poses: Floats, twists: Floats) -> None:
         """Advance by one period.
 

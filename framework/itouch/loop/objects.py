@@ -51,8 +51,10 @@ class Objects:
             self._physics.start(self._body_state)
 
     def restore(self) -> None:
-        """Forget the frames of devices, so that they are found anew."""
+        """Forget the frames of devices, so that they are found anew, and take over bodies as State has them."""
         self._placed.clear()
+        if self._physics is not None:
+            self._physics.take_over(self._body_state, self._poses)
 
     def _warm_up(self) -> None:
         """Compile the kernels now, not in the first tick."""
