@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
@@ -316,3 +317,20 @@ def test_in_step_the_method_that_has_failed_is_named(
         every.write(_command(1.0))
         every.read(_reading())
     assert failed_in(every, "read") == method
+
+
+def test_an_error_that_comes_up_in_every_tick_does_not_grow(device: _Slow) -> None:
+    """A safe sequence reads on for half a second; it took 10 s, as each time all lines of the times before were told."""
+    threaded, reading = ThreadedDevice(device, patience=10.0), _reading()
+    threaded.open()
+    device.failure = ValueError("no such register")
+    _until(lambda: len(device.calls) == 2)
+    threaded.read(reading)
+    lines = []
+    for _ in range(5):
+        with pytest.raises(ValueError, match="no such register") as caught:
+            threaded.read(reading)
+        lines.append(len(traceback.extract_tb(caught.value.__traceback__)))
+    assert len(set(lines)) == 1
+    assert traceback.extract_tb(caught.value.__traceback__)[-1].name == "read"  # where the driver has raised it
+    threaded.close()

@@ -10,6 +10,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +68,7 @@ class ThreadedDevice(Exchanged):
         self._told: Sent = None
         self._stamps = Stamps([channel.name for channel in self._reads])
         self._waits, self._woken = type(device).waits, threading.Event()
-        self._error: Exception | None = None
+        self._error: Raised | None = None
         self._ending = threading.Event()
         self._thread: threading.Thread | None = None
         #: Number of exchanges, and duration of the longest [s].
@@ -89,7 +90,7 @@ class ThreadedDevice(Exchanged):
 
     def _raise(self) -> None:
         if self._error is not None:
-            raise self._error
+            raise again(self._error)
 
     def read(self, reading: Record) -> bool | None:
         """Take the newest reading; return False if there is no new one since the last call."""
@@ -254,7 +255,7 @@ class ServedEmulator:
         self._reading, self._command = reading.copy(), command.copy()
         self._shown: tuple[float, bytes] = 0.0, reading.tobytes()
         self._asked: tuple[bool, bytes] = False, command.tobytes()
-        self._error: Exception | None = None
+        self._error: Raised | None = None
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._serve, name=f"itouch-{type(emulator).__name__}", daemon=True)
         self._thread.start()
@@ -272,7 +273,7 @@ class ServedEmulator:
             The exception that the emulator has raised, if any.
         """
         if self._error is not None:
-            raise self._error
+            raise again(self._error)
         driven, asked = self._asked
         command.raw.data[:] = asked
         return driven
@@ -296,9 +297,24 @@ class ServedEmulator:
             self._error = told(error)
 
 
-def told(error: BaseException) -> Exception:
+#: An error in a thread, and where it was raised there.
+Raised = tuple[Exception, TracebackType | None]
+
+
+def told(error: BaseException) -> Raised:
     """Return the exception for the loop to raise: a driver that tries to end the program has failed like any other."""
-    return error if isinstance(error, Exception) else DeviceError(f"has tried to end the program: {named(error)}")
+    if isinstance(error, Exception):
+        return error, error.__traceback__
+    return DeviceError(f"has tried to end the program: {named(error)}"), None
+
+
+def again(error: Raised) -> Exception:
+    """Return an error to be raised once more, where it was raised first.
+
+    The loop meets it in every tick of a safe sequence.  Raised as it is, it would keep the lines of all times before:
+    its words would take longer from tick to tick, and the sequence with them.
+    """
+    return Exception.with_traceback(*error)
 
 
 def keep_up() -> None:

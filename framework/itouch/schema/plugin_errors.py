@@ -6,6 +6,7 @@ import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import PurePath
 from types import FrameType, TracebackType
 
@@ -43,9 +44,15 @@ def _where(raised: TracebackType | None) -> str:
     """
     frames = [(frame.f_code.co_filename, line, _package(frame)) for frame, line in traceback.walk_tb(raised)]
     frames = [one for one in frames if one[0] != ending.__file__]
-    frames = [one for one in frames if _CORE not in PurePath(one[0]).parents] or frames
+    frames = [one for one in frames if not _is_core(one[0])] or frames
     frames = [one for one in frames if one[2] not in _LIBRARIES] or frames
     return f" ({PurePath(frames[-1][0]).name}, line {frames[-1][1]})" if frames else ""
+
+
+@cache
+def _is_core(file: str) -> bool:
+    """Tell whether a file is one of the core's: what fails is told in every tick of a safe sequence."""
+    return _CORE in PurePath(file).parents
 
 
 def _package(frame: FrameType) -> str:
