@@ -52,16 +52,21 @@ def sentences(tree: ast.AST) -> Iterator[str]:
 
 def _values(tree: ast.AST) -> Iterator[ast.AST]:
     """Yield the nodes of a tree in the order of the text, no docstring, and nothing inside a formatted text's parts."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.Expr) and _is_text(node.value):
+    left = [iter([tree])]
+    while left:
+        node = next(left[-1], None)
+        if node is None:
+            left.pop()
             continue
-        yield node
+        if len(left) > 1:
+            if isinstance(node, ast.Expr) and _is_text(node.value):
+                continue
+            yield node
         if isinstance(node, ast.JoinedStr):
-            for part in node.values:
-                if isinstance(part, ast.FormattedValue):
-                    yield from _values(part.value)
+            parts = [part.value for part in node.values if isinstance(part, ast.FormattedValue)]
+            left += [ast.iter_child_nodes(part) for part in reversed(parts)]
         else:
-            yield from _values(node)
+            left.append(ast.iter_child_nodes(node))
 
 
 def _is_text(node: ast.AST) -> bool:

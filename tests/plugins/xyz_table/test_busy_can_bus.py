@@ -53,23 +53,25 @@ class Crowded:
 
 
 class Narrow:
-    """A bus behind an adaptor with room for few frames, which leave it one by one, or not any more."""
+    """A bus behind an adaptor with room for few frames, of which one leaves while another is refused, or none any more.
+
+    It counts refusals instead of seconds: a busy machine sends so slowly that no queue of a real bus would ever fill.
+    """
 
     def __init__(self, bus: Any, room: int) -> None:
         self.bus, self.room, self.full, self.stuck = bus, room, 0, False
-        self._left = list[float]()
+        self._queued = 0
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.bus, name)
 
     def send(self, message: can.Message) -> None:
         """Send, or say as Linux does that there is no room."""
-        now = time.monotonic()
-        self._left = [when for when in self._left if when > now or self.stuck]
-        if len(self._left) >= self.room:
+        if self._queued >= self.room:
             self.full += 1
+            self._queued -= not self.stuck
             raise can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS)
-        self._left.append(max([now, *self._left]) + 133e-6)
+        self._queued += 1
         self.bus.send(message)
 
 
