@@ -51,6 +51,7 @@ UNCOMPILED = (
     "test_moteus", "test_falcon_matrix", "test_falcon_faults", "test_falcon_usb", "test_blind_legs", "test_serialport",
     "test_sweep_benches", "test_pages", "test_bounded_memory", "test_mutation", "test_gltf_oracle", "test_bench_wire",
     "test_sweep_store", "test_module_with_habits", "test_servos_with_habits", "test_falcon_stranger", "test_plans",
+    "test_parameters", "test_dataclasses", "test_one_importer", "test_one_home", "test_plugins_import",
 )  # fmt: skip
 
 #: The files that take longest, longest first, as a worker that began one of them last would be waited for; between them

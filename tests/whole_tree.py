@@ -42,6 +42,7 @@ from typing import Any
 
 import pytest
 from mutants import COMPILING, HERE, PAGE, ROOMS, TREE, Changed, Mutant, is_compiled
+from syntax import syntax
 
 #: How pytest is asked; a whole run of the short form leaves out more.
 OPTIONS = ("-q", "-p", "no:cacheprovider", "--no-header", "--tb=no", "-o", "filterwarnings=ignore", "-m", "not long")
@@ -71,9 +72,8 @@ class Place:
     compiled: bool
 
 
-@cache
 def _parsed(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
+    return syntax(path.read_text(encoding="utf-8"))
 
 
 def _own_lines(node: ast.stmt) -> range:

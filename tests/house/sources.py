@@ -11,8 +11,10 @@ import re
 import tokenize
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
+
+from syntax import syntax
 
 ROOT = Path(__file__).parents[2]
 #: The import packages of the wheel, and where they lie.
@@ -46,10 +48,10 @@ class Module:
     path: Path
     text: str = field(repr=False)
 
-    @cached_property
+    @property
     def tree(self) -> ast.Module:
         """Return the syntax tree of the file."""
-        return ast.parse(self.text)
+        return syntax(self.text)
 
     @property
     def is_package(self) -> bool:

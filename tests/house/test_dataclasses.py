@@ -9,6 +9,7 @@ from functools import cache
 
 import pytest
 from sources import ROOT
+from syntax import syntax
 
 #: Classes of which another library decides, that keep what they have computed once (`cached_property`), or whose fields
 #: only tests change, to make an instrument another one.
@@ -38,11 +39,10 @@ def stored(tree: ast.Module) -> set[str]:
 
 def wrong(sources: dict[str, str]) -> Iterator[str]:
     """Yield the dataclasses that lack slots, or that could be frozen and are not."""
-    parsed = cache(lambda file: ast.parse(sources[file]))  # only what is asked for: it takes long
-    assigned = cache(lambda file: stored(parsed(file)))
+    assigned = cache(lambda file: stored(syntax(sources[file])))
     words = {file: set(re.findall(r"\w+", text)) for file, text in sources.items()}
     for file in (file for file in sources if "dataclass" in words[file]):
-        tree, stem = parsed(file), file.rpartition("/")[2].removesuffix(".py")
+        tree, stem = syntax(sources[file]), file.rpartition("/")[2].removesuffix(".py")
         for node in (node for node in ast.walk(tree) if isinstance(node, ast.ClassDef) and node.name not in OTHERS):
             for said in filter(lambda one: one is not None, map(flags, node.decorator_list)):
                 if "slots" not in said:

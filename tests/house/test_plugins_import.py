@@ -9,6 +9,7 @@ from importlib.util import find_spec, resolve_name
 
 import pytest
 from sources import PACKAGES, ROOT, SHELVES
+from syntax import syntax
 
 CONFIGURATION = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 #: Packages that give devices, modalities, carriers or monitors, by their entry points.
@@ -48,7 +49,7 @@ def reached(text: str, package: str) -> Iterator[tuple[int, str]]:
     Imports anywhere, also for types alone; modules that are imported by a text; and a text that is put together so that
     nobody can see what it names.
     """
-    for node in ast.walk(ast.parse(text)):
+    for node in ast.walk(syntax(text)):
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names if _framework(alias.name))
         elif isinstance(node, ast.ImportFrom) and not node.level and node.module:
