@@ -61,7 +61,6 @@ def test_who_comes_second_is_refused(
     (tmp_path / "scene.xml").write_text(SCENE.format(tmp_path / "by-id"), "utf-8")
     record, report = tmp_path / "r.mcap", tmp_path / "report.json"
     for words in (
-        [str(rig), "--headless", "--for", "1s"],
         [str(tmp_path / "scene.xml"), "--headless", "--record", str(record), "--report", str(report)],
         ["doctor", "--rig", str(rig), "--for", "1s"],
         ["thermal", "display", str(tmp_path / "by-id"), "--seconds", "1"],
