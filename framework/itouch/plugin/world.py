@@ -116,12 +116,14 @@ def no_file(file: str, most: int) -> bytes:
 class World:
     """What a modality may know of the scene when it is compiled.
 
-    ``ambient`` is the room's temperature [K], ``skin_temperature`` [K] that of the operator's twin, if there is one;
+    ``ambient`` is the room's temperature [K], ``skin_temperature`` [K] that of the first operator's twin, if there is
+    one; `skin_of` has that of each finger, and `devices_at` the devices at it, for a scene may have several fingers;
     ``period`` [s] is that of the modality's own updates, ``servo_period`` [s] that of a tick.  ``read`` takes the name
     of a file, relative to the scene's folder, and the greatest size [bytes], and returns its content or raises
     ValueError; the content is stored with sessions.  ``probes`` has the radius [m] of each finger, ``surfaces`` the
     surface of each finger that one is brought to, ``near`` how far from each finger objects are looked for [m].
     ``geometry`` has the shapes of the objects, for the functions of `itouch.plugin.geometry`; None: there is no scene.
+    ``skins`` and ``at_finger`` are what `skin_of` and `devices_at` look up.
     """
 
     objects: tuple[WorldObject, ...]
@@ -136,3 +138,16 @@ class World:
     surfaces: Mapping[str, WorldSurface] = field(default_factory=dict)
     near: Mapping[str, float] = field(default_factory=dict)
     geometry: Geometry | None = None
+    skins: Mapping[str, float] = field(default_factory=dict)
+    at_finger: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def skin_of(self, probe: str) -> float:
+        """Return the skin temperature [K] of a probe's finger at the start."""
+        return self.skins.get(probe, self.skin_temperature)
+
+    def devices_at(self, probe: str) -> list[WorldDevice]:
+        """Return the devices at a probe's finger, then those at no finger, none that are at another finger.
+
+        What the finger touches comes first, then what is on the devices that track, push or meet it.
+        """
+        return [self.devices[name] for name in self.at_finger.get(probe, tuple(self.devices)) if name in self.devices]

@@ -32,7 +32,8 @@ from itouch.world.answers import texts_of
 from itouch.world.fields import declared_by
 from itouch.world.files import SceneFiles
 from itouch.world.presented_surfaces import check_alone, check_carried, check_touched
-from itouch.world.rig import DeviceModel
+from itouch.world.rig import DeviceModel, skins_of
+from itouch.world.skin import Finger, devices_at
 from itouch.world.surfaces import contact_of
 
 Declaration = TypeVar("Declaration", Carries, Touches)
@@ -71,10 +72,11 @@ def build_modalities(
     geometry: Geometry,
     reader: SceneFiles,
     period: float,
+    probes: Sequence[Finger],
     problems: list[Problem],
 ) -> list[ModalityModel]:
     """Return the modalities in the order of their updates; faulty ones are left out, with problems."""
-    world = replace(_world(scene, devices, surfaces, reader, period), geometry=geometry)
+    world = replace(_world(scene, devices, surfaces, reader, period, probes), geometry=geometry)
     rates = dict(scene.rates.modalities)
     found: list[ModalityModel] = []
     for part in _ordered(scene, problems):
@@ -287,9 +289,10 @@ def _visit(
 
 def _world(
     scene: Scene, devices: Mapping[str, DeviceModel], surfaces: Mapping[str, WorldSurface], reader: SceneFiles,
-    period: float,
+    period: float, probes: Sequence[Finger],
 ) -> World:  # fmt: skip
-    skin = next((operator.skin_temperature for operator in scene.operators), Operator(probe="x").skin_temperature)
+    usual = Operator(probe="x").skin_temperature
+    skin = next((operator.skin_temperature for operator in scene.operators), usual)
     return World(
         objects=(),
         devices={
@@ -307,6 +310,8 @@ def _world(
         read=reader.read,
         surfaces=surfaces,
         near={probe.name: probe.near for probe in scene.probes},
+        skins={name: usual if own is None else own for name, own in skins_of(scene).items()},
+        at_finger={probe.name: tuple(one.name for one in devices_at(probe, probes, devices)) for probe in probes},
     )
 
 

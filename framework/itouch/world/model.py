@@ -180,7 +180,7 @@ def _compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[P
     presented = surfaces_of(scene, devices, {probe.name: probe.operator for probe in probes})
     whole = not any(problem.severity == "error" for problem in problems)
     geometry = Geometry.build(shapes, surfaces) if whole else Geometry.build([Plane()] * len(shapes))
-    modalities = build_modalities(scene, catalog, devices, presented, geometry, reader, period, problems)
+    modalities = build_modalities(scene, catalog, devices, presented, geometry, reader, period, probes, problems)
     notices += notices_of(modalities)
     notices += [
         f"device '{name}' is only read, it can't be enabled: {why}" for name, why in blind(scene, devices).items()

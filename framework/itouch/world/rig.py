@@ -269,12 +269,42 @@ def _build(
     model = DeviceModel(
         element.name, element.plugin, cls, params, reads, commands, mount, element.mount.mount_error, element.mount.on,
         limits, bool(element.twin), element.optional, touch_off, scene.world.temperature,
-        next((operator.skin_temperature for operator in scene.operators), None), 1.0 / scene.rates.servo,
+        _skin_at(scene, element), 1.0 / scene.rates.servo,
         element.twin == "remote", injections(scene, element, (*reads, *commands), problems), bound,
         monitors, place,
     )  # fmt: skip
     _ = model.duration, model.face  # what is wrong with them is told now, and not when they are needed
     return model
+
+
+def skins_of(scene: Scene) -> dict[str, float | None]:
+    """Return the skin temperature [K] of each probe's finger: that of its operator; None: that finger has none.
+
+    A finger is what one device tracks, however many probes it has.
+    """
+    trackers = {probe.name: probe.pose_from for probe in scene.probes}
+    own = {one.probe: one.skin_temperature for one in reversed(scene.operators)}
+    found: dict[str, float | None] = {}
+    for name, tracker in trackers.items():
+        same = (own[other] for other in (name, *trackers) if trackers[other] == tracker and other in own)
+        found[name] = next(same, None)
+    return found
+
+
+def _skin_at(scene: Scene, element: DeviceElement) -> float | None:
+    """Return the skin temperature [K] of the finger that a device is at; None: no operator has that finger.
+
+    A device is at a finger if that finger's probe is bound to it, or to what carries it.  At no finger it is at that of
+    the first operator.
+    """
+    on, mine = {one.name: one.mount.on for one in scene.devices}, [element.name]
+    while (carrier := on.get(mine[-1])) and carrier not in mine:
+        mine.append(carrier)
+    skins = skins_of(scene)
+    at = [skins[p.name] for p in scene.probes if {p.pose_from, p.force_to, p.surface_to} & set(mine)]
+    if at:
+        return next((skin for skin in at if skin is not None), None)
+    return next((operator.skin_temperature for operator in scene.operators), None)
 
 
 def _clash(reads: tuple[Channel, ...], commands: tuple[Channel, ...]) -> str:

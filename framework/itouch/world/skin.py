@@ -79,7 +79,7 @@ def is_back(skin: float, baseline: float, within: float) -> bool:
 
 def sensed_skin(model: Rigged, probe: Finger) -> SkinSource | None:
     """Return the reading of the skin of a probe's finger; None: no device measures it."""
-    for device in _near(model, probe):
+    for device in devices_at(probe, model.probes, model.devices):
         if field := device.field(Role.SKIN_TEMPERATURE):
             return SkinSource(field, device.field(Role.SKIN_VALID))
     return None
@@ -93,7 +93,7 @@ def skin_of(model: Rigged, probe: Finger) -> SkinSource | None:
     leader = next((one for one in model.probes if _same(one, probe) and model.worn(one)), None)
     if leader is not None:
         return SkinSource(f"{leader.name}.skin", sensed=False)
-    for device in _near(model, probe):
+    for device in devices_at(probe, model.probes, model.devices):
         own = device.twin_fields() if device.twin else ()
         if field := next((one.name for one in own if one.role is Role.SKIN_TEMPERATURE), ""):
             return SkinSource(f"{device.name}.twin.{field}", sensed=False)
@@ -119,15 +119,15 @@ def _same(one: Finger, other: Finger) -> bool:
     return one.scene.pose_from == other.scene.pose_from
 
 
-def _near(model: Rigged, probe: Finger) -> list[DeviceModel]:
+def devices_at(probe: Finger, probes: Sequence[Finger], devices: Mapping[str, DeviceModel]) -> list[DeviceModel]:
     """Return the devices at a probe's finger: its plate, those on its devices, then those at no other finger."""
-    mine = {name for one in model.probes if _same(one, probe) for name in _bound(one)}
-    others = {name for one in model.probes if not _same(one, probe) for name in _bound(one)} - mine
-    carriers = {name: {name, *_carriers(model, device)} for name, device in model.devices.items()}
-    on_it = [name for name in model.devices if carriers[name] & mine]
-    free = [name for name in model.devices if not carriers[name] & (mine | others)]
-    listed = [name for name in (probe.face, *on_it, *free) if name in model.devices]
-    return [model.devices[name] for name in dict.fromkeys(listed)]
+    mine = {name for one in probes if _same(one, probe) for name in _bound(one)}
+    others = {name for one in probes if not _same(one, probe) for name in _bound(one)} - mine
+    carriers = {name: {name, *_carriers(devices, device)} for name, device in devices.items()}
+    on_it = [name for name in devices if carriers[name] & mine]
+    free = [name for name in devices if not carriers[name] & (mine | others)]
+    listed = [name for name in (probe.face, *on_it, *free) if name in devices]
+    return [devices[name] for name in dict.fromkeys(listed)]
 
 
 def _bound(probe: Finger) -> tuple[str, ...]:
@@ -135,10 +135,10 @@ def _bound(probe: Finger) -> tuple[str, ...]:
     return tuple(name for name in named if name)
 
 
-def _carriers(model: Rigged, device: DeviceModel) -> Iterator[str]:
-    while device.carrier and device.carrier in model.devices:
+def _carriers(devices: Mapping[str, DeviceModel], device: DeviceModel) -> Iterator[str]:
+    while device.carrier and device.carrier in devices:
         yield device.carrier
-        device = model.devices[device.carrier]
+        device = devices[device.carrier]
 
 
 def window_ticks(period: float) -> tuple[int, int, int]:

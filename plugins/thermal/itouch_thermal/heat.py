@@ -80,7 +80,10 @@ class HeatParams:
     )
     object_depth: float = schema.quantity("m", low=1e-4, high=1.0, default=0.02, doc="depth of the virtual objects")
     skin_from: str = schema.ref(
-        "device", reads=(Role.SKIN_TEMPERATURE,), default="", doc="device that measures the skin"
+        "device",
+        reads=(Role.SKIN_TEMPERATURE,),
+        default="",
+        doc="device that measures the skin; default: the one at this finger that can",
     )
     press: float = schema.quantity(
         "s",
@@ -182,7 +185,7 @@ class Heat(Modality):
         """Build the modes of finger and objects."""
         from contact_heat import live
 
-        finger = finger_side(params.layers or FINGER, params.arterial, world.skin_temperature, world.ambient)
+        finger = finger_side(params.layers or FINGER, params.arterial, world.skin_of(params.probe), world.ambient)
         period = world.period
         bodies: list[Array | None] = []
         starts: list[Array | None] = []
@@ -212,7 +215,7 @@ class Heat(Modality):
             playing=playing,
             exchange=Exchange(live, packed, tuple(bodies), playing),
             period=period,
-            real=_is_real(world),
+            real=_is_real(params.probe, world),
         )
 
     def fields(self, model: HeatModel) -> tuple[Field, ...]:
@@ -407,17 +410,22 @@ def table_of(bodies: Sequence[Array | None]) -> Array:
 
 
 def _skin_source(params: HeatParams, world: World) -> tuple[str, str]:
-    """Return the State fields of the infrared reading and of its validity; empty if there is no sensor."""
-    for device in world.devices.values():
-        if params.skin_from in ("", device.name) and (skin := device.read_field(Role.SKIN_TEMPERATURE)):
+    """Return the State fields of the infrared reading and of its validity; empty if there is no sensor.
+
+    Without ``skin_from`` it is a sensor at this finger: one at another finger sees another skin.
+    """
+    named = world.devices.get(params.skin_from)
+    for device in world.devices_at(params.probe) if named is None else [named]:
+        if skin := device.read_field(Role.SKIN_TEMPERATURE):
             return skin, device.read_field(Role.SKIN_VALID)
     return "", ""
 
 
-def _is_real(world: World) -> bool:
+def _is_real(probe: str, world: World) -> bool:
     """Tell whether the finger goes on without ticks, since it is a real one on real hardware."""
-    displays = [device for device in world.devices.values() if device.reading(Role.HEAT_FLUX) is not None]
-    return any(not device.twin for device in displays or world.devices.values())
+    near = world.devices_at(probe)
+    displays = [device for device in near if device.reading(Role.HEAT_FLUX) is not None]
+    return any(not device.twin for device in displays or near)
 
 
 def finger_side(layers: Sequence[Layer], arterial: float, skin: float, ambient: float) -> Side:

@@ -48,7 +48,7 @@ class FluxControlParams:
         "device",
         reads=(Role.CONTACT_FORCE,),
         default="",
-        doc="device that measures the force on the plate; default: the one that can",
+        doc="device that measures the force on the plate; default: the one at this finger that can",
     )
     equalise: bool = schema.flag(
         default=False,

@@ -167,11 +167,11 @@ def preview(heat: HeatParams, world: World, law: ModelLaw) -> Preview:
     """Build the preview of a scene for a controller."""
     trial = Trial(law)
     layers = heat.layers or FINGER
-    side = finger_side(layers, heat.arterial, world.skin_temperature, world.ambient)
+    side = finger_side(layers, heat.arterial, world.skin_of(heat.probe), world.ambient)
     sides = [object_side(o.material, o.temperature, heat.object_depth) for o in world.objects]
     bodies = tuple(None if s is None else live.side_model(s, world.servo_period, finger=False) for s in sides)
     finger = live.side_model(side, world.servo_period, finger=True)
-    skins = [world.skin_temperature + step for step in (-SKIN_STEP, 0.0, SKIN_STEP)]
+    skins = [world.skin_of(heat.probe) + step for step in (-SKIN_STEP, 0.0, SKIN_STEP)]
     starts: list[tuple[float, float, float] | None] = []
     known: dict[Side, tuple[float, float, float]] = {}
     for body in sides:
@@ -180,7 +180,7 @@ def preview(heat: HeatParams, world: World, law: ModelLaw) -> Preview:
         starts.append(None if body is None else known[body])
     widest = max((ROOM_FOR, *(live.state_size(body) for body in bodies if body is not None)))
     into = conversion(side, layers, heat.arterial, world.servo_period)
-    return Preview(finger, bodies, widest, heat.expected_resistance, into, world.skin_temperature, tuple(starts))
+    return Preview(finger, bodies, widest, heat.expected_resistance, into, world.skin_of(heat.probe), tuple(starts))
 
 
 def conversion(side: Side, layers: tuple[Layer, ...], core: float, period: float) -> Array:

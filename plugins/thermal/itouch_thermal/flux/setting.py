@@ -137,7 +137,7 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         read = replace(display, labjack=None) if device.twin and display.flux_samples > 1 else display
         law, course = _model(name, read, heat, world, band, ceiling, _wire(device, display))
     starts = _starts(params, heat, display, world, curves, law, course)
-    reads = [channel.role for channel in device.reads]
+    reads, force = [channel.role for channel in device.reads], _force(params, heat.probe, world)
     wire = law is not None and _wire(device, display)
     hold = 1 if wire else max(1, round(world.period / world.servo_period))
     return FluxModel(
@@ -157,11 +157,11 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         dew=dew,
         current=ceiling,
         ambient=world.ambient,
-        skin=world.skin_temperature,
+        skin=world.skin_of(heat.probe),
         skin_from=_skin_from(device, display),
         skin_valid=device.read_field(Role.SKIN_VALID),
-        force_from=_force(params, world)[0],
-        force_at=_force(params, world)[1:],
+        force_from=force[0],
+        force_at=force[1:],
         truth=device.twin,
         wire=wire,
         at=(reads.index(Role.HEAT_FLUX), reads.index(Role.SKIN_CONTACT_TEMPERATURE)) if wire else (0, 0),
@@ -175,7 +175,7 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         preset_noise=params.preset_noise if display.command == "current" else 0.0,
         again=max(1, round(AGAIN / (world.servo_period * hold))) * hold,
         finger=column(
-            heat.layers or FINGER, heat.arterial, world.skin_temperature, display.plate, world.servo_period * hold,
+            heat.layers or FINGER, heat.arterial, world.skin_of(heat.probe), display.plate, world.servo_period * hold,
             REACH / 1e-3,
         ),
         lead=display.delay + (max(DEADBEAT, 1.5 * world.servo_period * hold) if law is not None else APPROACH),
@@ -238,13 +238,14 @@ def _limits(device: WorldDevice, display: DisplayParams) -> tuple[tuple[float, f
     return band if isinstance(band, tuple) else BAND, limit if isinstance(limit, float) else display.max_current
 
 
-def _force(params: FluxControlParams, world: World) -> tuple[str, str, int]:
+def _force(params: FluxControlParams, probe: str, world: World) -> tuple[str, str, int]:
     """Return the State field of the measured force on the plate, and field and index of when it was measured.
 
-    Both fields are empty if nothing measures the force.
+    Both fields are empty if nothing at this probe's finger measures the force, unless ``force_from`` says what does.
     """
-    for device in world.devices.values():
-        if params.force_from in ("", device.name) and (channel := device.reading(Role.CONTACT_FORCE)):
+    named = world.devices.get(params.force_from)
+    for device in world.devices_at(probe) if named is None else [named]:
+        if channel := device.reading(Role.CONTACT_FORCE):
             return f"{device.name}.{channel.name}", f"{device.name}.measured", device.reads.index(channel)
     return "", "", 0
 
@@ -255,7 +256,7 @@ def _model(
 ) -> tuple[ModelLaw, Preview]:  # fmt: skip
     """Build law and preview of `model`; the currents on their way are always known from what was sent."""
     law = ModelLaw(
-        display, heat.layers or FINGER, heat.arterial, world.skin_temperature, max(heat.expected_resistance, LEAST),
+        display, heat.layers or FINGER, heat.arterial, world.skin_of(heat.probe), max(heat.expected_resistance, LEAST),
         world.ambient, world.servo_period, band=band, ceiling=ceiling, prefix=f"{name}.",
         longest=round(LONGEST / world.servo_period) if wire else 0,
         wait=round(WAIT / world.servo_period) if wire else 0,
@@ -273,7 +274,7 @@ def _starts(
     course: Preview | None,
 ) -> tuple[Starts | None, ...]:
     """Return the start temperatures [K] per object: by the curve, by the model, or by equation 3; None: unknown."""
-    skins = [world.skin_temperature + away for away in (-SKIN_STEP, 0.0, SKIN_STEP)]
+    skins = [world.skin_of(heat.probe) + away for away in (-SKIN_STEP, 0.0, SKIN_STEP)]
     found: list[Starts | None] = []
     for element, curve in zip(world.objects, curves, strict=True):
         start: Any = None
