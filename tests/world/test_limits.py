@@ -66,3 +66,27 @@ def test_only_axes_that_turn_and_that_there_are_have_a_torque() -> None:
     assert ceilings((), (one,))["torque"][0] == 0.05
     assert ceilings((), (replace(one, locked=(3,)),))["torque"][0] == 0.03
     assert "torque" not in ceilings((), (replace(one, locked=(3, 4, 5)),))
+
+
+def test_bands_of_scene_and_device_that_allow_no_temperature_together_are_refused(scenes: Path) -> None:
+    rig, path = scenes / "rigs" / "twin.xml", scenes / "four_materials.xml"
+    rig.write_text(rig.read_text().replace('temperature="15 40 degC"', 'temperature="25 40 degC"'))
+    path.write_text(path.read_text().replace('<safety force="3 N"/>', '<safety temperature="16 20 degC"/>'))
+    with pytest.raises(itouch.SceneError) as refused:
+        itouch.build(path)
+    (problem,) = refused.value.problems
+    assert problem.code == "bad-value" and problem.place is not None and problem.place.file.endswith("twin.xml")
+    assert "25 to 40 degC (<limits>) and 16 to 20 degC (<safety>)" in problem.sentence
+    ((other, _),) = problem.related
+    assert other.file.endswith("four_materials.xml") and other.text.strip() == '<safety temperature="16 20 degC"/>'
+    path.write_text(path.read_text().replace("16 20 degC", "16 30 degC"))
+    assert in_force(path)["peltier"]["temperature"] == pytest.approx((298.15, 303.15))
+
+
+@pytest.mark.parametrize(("most", "told"), [("2 min", "1"), ("30 s", "0.25")])
+def test_a_dose_is_told_before_it_trips(scenes: Path, most: str, told: str) -> None:
+    path = scenes / "four_materials.xml"
+    path.write_text(path.read_text().replace('<safety force="3 N"/>', f'<safety dose="{most}"/>'))
+    engine = itouch.build(path)
+    (rule,) = (rule for one in engine.model.devices["peltier"].monitors for rule in one.rules() if rule.number == "T3")
+    assert rule.limit == f"told at {told} CEM43"

@@ -89,7 +89,7 @@ def _dose(engine: Running, name: str) -> dict[str, Any]:
         return {}
     dose = sum(float(post.state["dose"]) for post in runner.gate.heats)
     most = runner.model.limits.dose or limits.DOSE
-    much = dose > min(limits.DOSE_WARNING, 0.5 * most)
+    much = dose > limits.told_from(most)
     told = f"has given {dose / 60.0:.2f} of at most {most / 60.0:g} CEM43 in this session" if much else None
     return {"dose_cem43_min": dose / 60.0, "dose_warning": told}
 

@@ -250,12 +250,11 @@ class Heat(Monitor):
         """Return those of T1 to T9 that apply to this device."""
         by, (low, high), (least, most) = self.device.source, self._limits, self._trip
         what = self.plate.replace("_", " ")
-        dose = f"{self._dose / 60:.3g} CEM43"
+        dose, told = f"{self._dose / 60:.3g} CEM43", f"told at {default.told_from(self._dose) / 60:.3g} CEM43"
         found = [
             Rule("T1", f"{what}, high", _c(high), _c(most), _c(default.PLATE_ABSOLUTE[1]), by("temperature")),
             Rule("T2", f"{what}, low", _c(low), _c(least), _c(default.PLATE_ABSOLUTE[0]), by("temperature")),
-            Rule("T3", f"thermal dose of a session by {what}", f"told at {default.DOSE_WARNING / 60:g} CEM43", dose,
-                 dose, by("dose")),
+            Rule("T3", f"thermal dose of a session by {what}", told, dose, dose, by("dose")),
             Rule("T4c", f"time in contact below {_c(default.COLD_FROM)} in a session", "", f"{self._cold:g} s",
                  f"{default.COLD_TIME:g} s", by("cold_time")),
             Rule("T5", f"rate of {what} in contact, mean of 0.5 s", f"{self._rate:g} K/s", f"{2 * self._rate:g} K/s",

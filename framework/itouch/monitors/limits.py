@@ -66,6 +66,11 @@ HOLD = 0.080
 DEFAULT, CEILING = "the default", "the device's ceiling"
 
 
+def told_from(dose: float) -> float:
+    """Return the thermal dose [s] from which it is told, of the most that a session may have [s]: never only after."""
+    return min(DOSE_WARNING, 0.5 * dose)
+
+
 @dataclass(frozen=True, slots=True)
 class DeviceLimits:
     """The limits in force for one device, SI; None where the device has nothing to limit.

@@ -53,6 +53,7 @@ from itouch.monitors.limits import (
     WATCHDOG,
     WATCHDOG_OTHER,
     DeviceLimits,
+    told_from,
 )  # fmt: skip
 from itouch.plugin import HURTING, Channel, Role
 from itouch.plugin.channel import ROTATIONS
@@ -68,7 +69,7 @@ __all__ = [
     "PLATE_ABSOLUTE", "PLATE_FORCE", "PLATE_FORCE_ABSOLUTE", "PLATE_FORCE_TRIP", "PLATE_RATE", "PLATE_TEMPERATURE",
     "PLATE_TRIP", "RAMP", "REARMS", "SINK", "SINK_ABSOLUTE", "SINK_TRIP", "SPEED", "SPEED_NEAR", "SPEED_NEAR_TRIP",
     "SPEED_TRIP", "TORQUE", "TRACKING", "TRACKING_TIME", "TRACKING_TRIP", "WATCHDOG", "WATCHDOG_OTHER", "DeviceLimits",
-    "ceilings", "check_safety", "resolve",
+    "ceilings", "check_safety", "resolve", "told_from",
 ]  # fmt: skip
 
 Ceiling = tuple[Any, str]
@@ -154,6 +155,8 @@ def resolve(
     values["finger_torque"], sources["finger_torque"] = _tightened((TORQUE, DEFAULT), of_all)
     values["ramp"], sources["ramp"] = _ramp(scene, device)
     problems = list(device_problems(scene, device, before, commands))
+    if "temperature" in before:
+        problems += _none_left(scene, device, before["temperature"], values["temperature"])
     return DeviceLimits(**values, sources=sources), problems
 
 
@@ -283,6 +286,24 @@ def _temperature(scene: Scene, element: Any, what: str, allowed: tuple[float, fl
         low_c, high_c = (value - 273.15 for value in allowed)
         sentence = f"{what}: the temperatures go beyond the default of {low_c:g} to {high_c:g} degC"
         yield _loose(scene, element, "temperature", sentence)
+
+
+def _none_left(
+    scene: Scene, device: DeviceElement, ceiling: tuple[Any, str], band: tuple[float, float]
+) -> Iterator[Problem]:
+    """Find limits of the temperature that are right one by one, but together allow none."""
+    given = [one for one in (device.limits, scene.safety) if one.temperature is not None]
+    bands = [(*one.temperature, f"<{one.TAG}>") for one in given if one.temperature is not None]
+    (least, most), source = ceiling
+    if band[0] < band[1] or any(low >= high or low < least or high > most for low, high, _ in bands[:2]):
+        return  # nothing is wrong, or it is told of the one that is
+    if len(bands) < 2:
+        bands.append((least, most, source))
+    told = " and ".join(f"{low - 273.15:.4g} to {high - 273.15:.4g} degC ({by})" for low, high, by in bands)
+    places = [place for one in given if (place := scene.places.of(one, "temperature"))]
+    related = tuple((place, "the other") for place in places[1:])
+    sentence = f"device '{device.name}': no temperature is within both {told}"
+    yield Problem("bad-value", sentence, next(iter(places), None), "let them overlap", related)
 
 
 def _loose(scene: Scene, element: Any, name: str, sentence: str) -> Problem:
