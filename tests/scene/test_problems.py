@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import itouch
 from itouch.plugin.discovery import Catalog
 from itouch.scene import binding
 from itouch.scene.elements.rates import Rates
@@ -341,3 +342,25 @@ def test_a_modality_may_be_as_fast_as_the_fastest_loop(rate: str, says: str) -> 
             parse_value(Rates.OPEN_SPEC, rate)
     else:
         assert parse_value(Rates.OPEN_SPEC, rate) == pytest.approx(4000.0 if "k" in rate else 1e-3)
+
+
+@pytest.mark.parametrize(("room", "thing"), [("-20", "-100"), ("50", "400")])
+def test_the_ends_of_a_range_of_temperatures_are_allowed_as_the_message_names_them(
+    tmp_path: Path, room: str, thing: str
+) -> None:
+    path = tmp_path / "cold.xml"
+
+    def write(warmth: str, own: str) -> Path:
+        path.write_text(
+            f'<itouch version="1.0"><materials><material name="m"><contact stiffness="1 N/mm"/></material></materials>'
+            f'<world temperature="{warmth} degC"><box name="b" size="1 1 1 cm" material="m" temperature="{own} degC"/>'
+            "</world></itouch>",
+            encoding="utf-8",
+        )
+        return path
+
+    world = itouch.load(write(room, thing)).world
+    assert world.temperature == pytest.approx(float(room) + 273.15, abs=1e-9)
+    beyond = 1e-6 if float(thing) > 0 else -1e-6
+    with pytest.raises(itouch.SceneError, match="out of range"):
+        itouch.load(write(room, f"{float(thing) + beyond:.6f}"))

@@ -33,6 +33,8 @@ REQUIRED = MISSING
 PLUGIN_NAMESPACE = "urn:itouch:plugin:"
 
 _KEY = "itouch"
+#: By how much rounding may take a temperature that is written in degC past the end of its range [K].
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +73,12 @@ class Spec:
         return ""
 
     def admits(self, value: float) -> bool:
-        """Tell whether a number is in the range."""
-        return (value > self.low if self.open_low else value >= self.low) and value <= self.high
+        """Tell whether a number is in the range.
+
+        An end of a range of temperatures belongs to it however it was written: -20 degC are 253.14999999999998 K.
+        """
+        slack = ROUNDING if self.absolute else 0.0
+        return (value > self.low if self.open_low else value >= self.low - slack) and value <= self.high + slack
 
 
 def _make(spec: Spec, default: Any) -> Any:
