@@ -120,6 +120,32 @@ def test_csv_has_units_and_degrees_celsius(tmp_path: Path) -> None:
     assert frame["plate_temperature"].tolist() == kelvin.tolist()
 
 
+def test_one_table_has_the_channels_that_a_scene_chose_at_servo_rate(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    chosen = '<record to="r.mcap" channels="finger.velocity"><channels of="arm.felt" rate="250 Hz"/></record></itouch>'
+    scene = (SCENES / "first_touch.xml").read_text(encoding="utf-8").replace("</itouch>", chosen)
+    (tmp_path / "s.xml").write_text(scene, encoding="utf-8")
+    made = [str(tmp_path / "s.xml"), "--headless", "--for", "0.3s", "--record", str(tmp_path / "r.mcap")]
+    assert main(made) == 0
+    words = ["--csv", str(tmp_path / "r.csv"), "--parquet", str(tmp_path / "r.parquet")]
+    assert main(["export", str(tmp_path / "r.mcap"), *words]) == 0
+    told = capsys.readouterr().err
+    assert "other rates: chosen/arm/250Hz.felt; " in told
+    assert "velocity" not in told
+    speed = itouch.read(tmp_path / "r.mcap")["chosen/finger/1000Hz"]["velocity"]
+    assert np.ptp(speed[:, 2]) > 0.01
+    with open(tmp_path / "r.csv", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [float(row["chosen/finger/1000Hz.velocity.z [m/s]"]) for row in rows] == speed[:, 2].tolist()
+    said = (tmp_path / "r.columns.csv").read_text(encoding="utf-8")
+    assert 'chosen/finger/1000Hz.velocity.z,m/s,"its velocity' in said
+    import pyarrow.parquet
+
+    table = pyarrow.parquet.read_table(tmp_path / "r.parquet")
+    assert table["chosen/finger/1000Hz.velocity.x"].to_pylist() == speed[:, 0].tolist()
+
+
 @pytest.mark.parametrize("option", [["--seed", "5"], ["--twin", "all"]])
 def test_a_session_has_its_own_seed_and_devices(
     kept: Path, option: list[str], capsys: pytest.CaptureFixture[str]

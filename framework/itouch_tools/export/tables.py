@@ -50,16 +50,16 @@ def meanings_of(track: Track, *, prefix: str = "") -> dict[str, str]:
 def _all_meanings(recording: Recording) -> dict[str, str]:
     found: dict[str, str] = {}
     for track in recording.tracks.values():
-        if track.replay:
+        if track.every == 1:
             found |= meanings_of(track, prefix=track.name + ".")
     return found
 
 
 def joined(recording: Recording, *, celsius: bool) -> Columns:
-    """Return the tracks at servo rate side by side, as columns named ``TRACK.channel``."""
+    """Return the tracks at servo rate, chosen ones included, side by side, as columns named ``TRACK.channel``."""
     found: Columns = {}
     for track in recording.tracks.values():
-        if track.replay:
+        if track.every == 1:
             found |= columns_of(recording, track, celsius=celsius, prefix=track.name + ".")
     return found
 
@@ -68,7 +68,7 @@ def left_out(recording: Recording) -> list[str]:
     """Return the channels that are missing in a table at servo rate because they were recorded at other rates."""
     return [
         f"{track.name}.{label}"
-        for track in recording.tracks.values() if not track.replay
+        for track in recording.tracks.values() if track.every != 1
         for column in track.columns for label in column.labels
     ]  # fmt: skip
 
