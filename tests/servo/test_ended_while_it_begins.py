@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import os
+import signal
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
+from shipped import SCENES
 
 from itouch.servo import ServoError, launching
+from itouch_tools.cli import main
 
 SLOW = """
 import time
@@ -73,3 +79,47 @@ def test_a_process_that_does_not_know_yet_what_to_build_ends_too() -> None:
         handle.await_ready()
     assert not handle.built
     handle.close()
+
+
+STALLED = """
+import time
+from pathlib import Path
+
+from itouch.servo import realtime
+from itouch.servo.serve import serve as really
+
+def serve(segment, outbox, config):
+    def stalled():
+        Path(config["place"], "begun").touch()
+        time.sleep(600.0)
+
+    realtime.be_punctual = stalled
+    return really(segment, outbox, config)
+"""
+
+
+def test_a_signal_in_the_last_moment_of_the_start_is_told_as_one_during_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The session has been built then, but is not ready: its exit code was 1, and it replaced the saved one."""
+    (tmp_path / "stalled_start.py").write_text(STALLED, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    known = launching.configured
+    more = {"serves": "stalled_start:serve", "place": str(tmp_path)}
+    monkeypatch.setattr(launching, "configured", lambda *words, **named: {**known(*words, **named), **more})
+
+    def interrupt() -> None:
+        until = time.monotonic() + 300.0
+        while not (tmp_path / "begun").exists() and time.monotonic() < until:
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    saved, told = tmp_path / "s.itouch", tmp_path / "r.json"
+    saved.write_bytes(b"of an earlier run")
+    threading.Thread(target=interrupt, daemon=True).start()
+    words = ["run", str(SCENES / "first_touch.xml"), "--headless", "--pace", "real"]
+    assert main([*words, "--save", str(saved), "--report", str(told)]) == 130
+    assert capsys.readouterr().err == "stopped by SIGINT during the start; nothing was enabled\n"
+    report = json.loads(told.read_text(encoding="utf-8"))
+    assert (report["stopped_by"], report["simulated_s"]) == ("SIGINT", 0.0)
+    assert saved.read_bytes() == b"of an earlier run"

@@ -69,6 +69,8 @@ def serve(
         report, error = _serve(segment, outbox, config)
     except BaseException as raised:
         error = raised
+    if isinstance(error, _EndedEarly):  # nothing has run that could be reported
+        report = None
     segment.words[at.PHASE] = at.ENDED  # if devices could not be made safe, it is still armed: the guardian acts
     outbox.finish({"report": report, "error": _told(error)})
     code = 1 if error is not None else 0

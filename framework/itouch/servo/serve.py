@@ -158,8 +158,11 @@ class Servo:
         if harmed and error is None and self.session.runners:
             error = changed_python(self.session.model, self.session.ticks, harmed)
             self.session.make_safe(error)
+        begun = self.words[at.PHASE] >= at.READY
         self.words[at.PHASE] = at.ENDING
-        for act in (self._park, self._release, self._finish, self._save, self._publish_last):
+        # a session that was ended before it was ready replaces no saved one
+        last = (self._save, self._publish_last) if begun else (self._publish_last,)
+        for act in (self._park, self._release, self._finish, *last):
             try:
                 act()
             except BaseException as raised:
