@@ -8,6 +8,7 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from shipped import SCENES
 
 import itouch
 from itouch_tools.cli import main
+from itouch_tools.export import bids, tables
 
 
 @pytest.fixture(scope="module")
@@ -144,6 +146,36 @@ def test_one_table_has_the_channels_that_a_scene_chose_at_servo_rate(
 
     table = pyarrow.parquet.read_table(tmp_path / "r.parquet")
     assert table["chosen/finger/1000Hz.velocity.x"].to_pylist() == speed[:, 0].tolist()
+
+
+@pytest.mark.parametrize("words", [["--csv", "t.csv"], ["--csv", "t"], ["--parquet", "t.parquet"], ["--bids", "t"]])
+def test_an_export_that_is_interrupted_leaves_the_tables_of_the_one_before(
+    kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str]
+) -> None:
+    """Half a table looks like a whole one of a shorter recording."""
+    import pyarrow.parquet
+
+    monkeypatch.chdir(tmp_path)
+    command = ["export", str(kept / "r.mcap"), *words]
+    assert main(command) == 0
+
+    def found() -> dict[Path, bytes]:
+        return {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+
+    def lines(*_: object) -> Iterator[str]:
+        yield "0.0,0\n"
+        raise KeyboardInterrupt
+
+    def write_table(_: object, path: str) -> None:
+        Path(path).write_bytes(b"PAR1")
+        raise KeyboardInterrupt
+
+    before = found()
+    for module in (tables, bids):
+        monkeypatch.setattr(module, "lines", lines)
+    monkeypatch.setattr(pyarrow.parquet, "write_table", write_table)
+    assert main(command) == 130
+    assert found() == before
 
 
 @pytest.mark.parametrize("option", [["--seed", "5"], ["--twin", "all"]])

@@ -6,7 +6,7 @@ import contextlib
 import os
 import secrets
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from itouch.platforms import NO_WAIT, OPEN_FLAGS
 
@@ -71,6 +71,47 @@ def write_whole(path: str, data: bytes, *, step: Step = _nothing) -> None:
     step("folder")
     sync_folder(folder)
     step("done")
+
+
+@contextlib.contextmanager
+def replacing(path: str) -> Iterator[str]:
+    """Give the path of a file to write instead of ``path``, which replaces it, whole, when the block ends in order.
+
+    A device or a pipe is never replaced: then it is ``path`` itself.  Rights and links are as of ``write_whole``.
+
+    Raises
+    ------
+    OSError
+        If the disk refuses; an earlier file at ``path`` is untouched then, and nothing is left beside it.
+    """
+    if not is_replaceable(path):
+        yield path
+        return
+    place = os.path.realpath(path)
+    rights = _rights(place)
+    try:
+        handle, temporary = _begin(os.path.dirname(place), NEW if rights is None else rights)
+    except OSError as error:
+        error.filename = path  # nobody knows the other one
+        raise
+    os.close(handle)
+    try:
+        yield temporary
+        handle = os.open(temporary, os.O_RDWR | OPEN_FLAGS)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+        if rights is not None:
+            os.chmod(temporary, rights)
+        os.replace(temporary, place)
+    except BaseException as error:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        if isinstance(error, OSError) and error.filename == temporary:
+            error.filename = path
+        raise
+    sync_folder(os.path.dirname(place))
 
 
 def _rights(path: str) -> int | None:

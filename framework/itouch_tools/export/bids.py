@@ -18,6 +18,7 @@ from typing import Any
 from itouch.plugin import Role
 from itouch.recording.recording import Recording
 from itouch.recording.tracks import Column, Track
+from itouch.schema.durable import replacing
 from itouch_tools.export.contacts import contacts_of
 from itouch_tools.export.tables import columns_of, lines, meanings_of, safe_name
 
@@ -104,7 +105,7 @@ def export_bids(
 
 
 def _json(path: str, content: dict[str, Any]) -> None:
-    with open(path, "w", encoding="utf-8") as stream:
+    with replacing(path) as new, open(new, "w", encoding="utf-8") as stream:
         json.dump(content, stream, indent=2)
         stream.write("\n")
 
@@ -127,7 +128,8 @@ def _continuous(recording: Recording, track: str, stem: str, task: str) -> list[
         sidecar[name] = {"Units": unit or "1", **said}
     _json(stem + ".json", sidecar)
     with (
-        open(stem + ".tsv.gz", "wb") as file,
+        replacing(stem + ".tsv.gz") as new,
+        open(new, "wb") as file,
         gzip.GzipFile("", "wb", mtime=0, fileobj=file) as packed,  # no name in its head: it could reveal a user's name
         io.TextIOWrapper(packed, encoding="utf-8", newline="") as stream,
     ):
@@ -161,9 +163,9 @@ def _motion(recording: Recording, track: Track, poses: list[Column], stem: str, 
         **{f"{kind}ChannelCount": 0 for kind in _UNUSED},
         "Description": f"poses of {track.name} {frame}", "EpochLength": 0,
     })  # fmt: skip
-    with open(stem + "_motion.tsv", "w", encoding="utf-8", newline="") as stream:
+    with replacing(stem + "_motion.tsv") as new, open(new, "w", encoding="utf-8", newline="") as stream:
         stream.writelines("\t".join(map(repr, row)) + "\n" for row in zip(*numbers, strict=True))
-    with open(stem + "_channels.tsv", "w", encoding="utf-8", newline="") as stream:
+    with replacing(stem + "_channels.tsv") as new, open(new, "w", encoding="utf-8", newline="") as stream:
         stream.writelines(line + "\n" for line in channels)
     return [f"{stem}_motion.json", f"{stem}_motion.tsv", f"{stem}_channels.tsv"]
 
@@ -175,7 +177,7 @@ def _events(recording: Recording, stem: str, task: str) -> list[str]:
         rows.append((contact.begin, duration, "contact", contact.object))
     rows += [(mark["time"], 0.0, "mark", f"{mark['name']} {mark['payload']}".strip()) for mark in recording.marks]
     rows += [(fault["time"], 0.0, "fault", str(fault.get("cause", ""))) for fault in recording.faults]
-    with open(stem + ".tsv", "w", encoding="utf-8") as stream:
+    with replacing(stem + ".tsv") as new, open(new, "w", encoding="utf-8") as stream:
         stream.write("onset\tduration\ttrial_type\tvalue\n")
         for onset, duration, kind, value in sorted(rows, key=lambda row: row[0]):
             text = value.replace("\t", " ").replace("\n", " ") or "n/a"

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from itouch.recording.errors import RecordingError
 from itouch.recording.recording import Recording, flat
 from itouch.recording.tracks import Track
+from itouch.schema.durable import replacing
 from itouch.schema.units import CELSIUS_OFFSET
 
 _BLOCK = 4096
@@ -99,7 +100,7 @@ def export_csv(recording: Recording, target: str) -> list[str]:
     """
     if target.endswith(".csv"):
         columns = joined(recording, celsius=True)
-        with open(target, "w", encoding="utf-8") as stream:
+        with replacing(target) as new, open(new, "w", encoding="utf-8") as stream:
             write_csv(stream, columns)
         return [
             target,
@@ -111,20 +112,20 @@ def export_csv(recording: Recording, target: str) -> list[str]:
     meanings: dict[str, str] = {}
     for track in recording.tracks.values():
         written.append(os.path.join(target, f"{safe_name(track.name)}.csv"))
-        with open(written[-1], "w", encoding="utf-8") as stream:
+        with replacing(written[-1]) as new, open(new, "w", encoding="utf-8") as stream:
             write_csv(stream, columns_of(recording, track, celsius=True))
         described |= columns_of(recording, track, celsius=True, prefix=track.name + ".")
         meanings |= meanings_of(track, prefix=track.name + ".")
     for name, rows in (("events", recording.events), ("marks", recording.marks), ("faults", recording.faults)):
         written.append(os.path.join(target, f"{name}.csv"))
-        with open(written[-1], "w", encoding="utf-8") as stream:
+        with replacing(written[-1]) as new, open(new, "w", encoding="utf-8") as stream:
             _write_letters(stream, rows)
     return [*written, _write_meanings(os.path.join(target, "columns.csv"), described, meanings)]
 
 
 def _write_meanings(path: str, columns: Columns, meanings: Mapping[str, str]) -> str:
     """Write the unit and meaning of each column as a table, and return its path."""
-    with open(path, "w", encoding="utf-8") as stream:
+    with replacing(path) as new, open(new, "w", encoding="utf-8") as stream:
         stream.write("column,unit,meaning\n")
         for name, (unit, _) in columns.items():
             stream.write(",".join(_quoted(word) for word in (name, unit, meanings.get(name, ""))) + "\n")
@@ -177,7 +178,8 @@ def export_parquet(recording: Recording, target: str) -> list[str]:
         ]
         arrays = [pyarrow.array(np.ascontiguousarray(values[:count])) for _, values in columns.values()]
         schema = pyarrow.schema(fields, metadata={"meanings": json.dumps(meanings)})
-        pyarrow.parquet.write_table(pyarrow.Table.from_arrays(arrays, schema=schema), path)
+        with replacing(path) as new:
+            pyarrow.parquet.write_table(pyarrow.Table.from_arrays(arrays, schema=schema), new)
 
     if target.endswith(".parquet"):
         put(target, joined(recording, celsius=False), _all_meanings(recording))
