@@ -16,7 +16,7 @@ from shipped import SCENES
 import itouch
 from itouch.plugin import commands
 from itouch.schema import ItouchError
-from itouch_tools.cli import COMMANDS, listed
+from itouch_tools.cli import COMMANDS, listed, main
 from itouch_tools.cli.arguments import Parser
 from itouch_tools.cli.completion import _parser_of
 from itouch_tools.cli.output_files import Output, output_folder
@@ -191,6 +191,28 @@ def _inner(name: str, parser: argparse.ArgumentParser) -> Iterator[tuple[str, ar
         if isinstance(action, argparse._SubParsersAction):
             for word, inner in action.choices.items():
                 yield from _inner(f"{name} {word}", inner)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["a.xml", "--headless", "--report", ""], ["a.xml", "--headless", "--save", ""],
+        ["a.xml", "--headless", "--trace", ""], ["a.xml", "--headless", "--trigger", ""],
+        ["check", "a.xml", "-o", ""], ["new-scene", "more", "-o", ""], ["export", "r.mcap", "--bids", ""],
+    ],
+)  # fmt: skip
+def test_an_empty_name_is_refused(
+    words: list[str], files: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A script whose variable is not set lost its report or its session, and was told that all went well."""
+    monkeypatch.chdir(files)
+    before = sorted(os.listdir(files))
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 2
+    assert words[-2] in (said := capsys.readouterr().err)
+    assert "the name is empty; name " in said
+    assert sorted(os.listdir(files)) == before
 
 
 def test_every_argument_that_names_a_file_is_an_output_or_known_to_be_read() -> None:

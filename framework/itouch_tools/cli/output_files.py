@@ -12,6 +12,11 @@ from pathlib import Path
 
 def output_folder(text: str) -> str:
     """Check, before anything runs, that a folder can be made or written into where it is asked for."""
+    _named(text)
+    return _folder(text)
+
+
+def _folder(text: str) -> str:
     if os.path.exists(text) and not os.path.isdir(text):
         raise argparse.ArgumentTypeError(f"'{text}' is a file; name a folder")
     there = text
@@ -55,7 +60,8 @@ class Output:
         """Check, before anything runs, that a file can be written where it is asked for."""
         named = not self.endings or text.lower().endswith(self.endings)
         if self.folder and not named:
-            return output_folder(text)
+            return _folder(text)  # empty: the option stands without a name, which has a default
+        _named(text)
         _writable(text)
         if not named and (os.path.isfile(text) or not os.path.exists(text)):  # a terminal or a pipe has any name
             raise argparse.ArgumentTypeError(f"'{text}': a {self.noun}'s name ends in {' or '.join(self.endings)}")
@@ -78,6 +84,12 @@ output_file = Output()
 picture_file = Output("picture", (".png",))
 session_file = Output("session", kind="session")
 recording_file = Output("recording", (".mcap",), kind="recording")
+
+
+def _named(text: str) -> None:
+    """Refuse an empty name: a script's variable that is not set would be taken as that nothing is to be written."""
+    if not text:
+        raise argparse.ArgumentTypeError("the name is empty; name what is to be written")
 
 
 def _writable(text: str) -> None:

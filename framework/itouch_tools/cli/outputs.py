@@ -26,12 +26,19 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--save-every", type=seconds, metavar="10s",
                        help="save to the file of --save again and again while it runs")  # fmt: skip
     group.add_argument("--lsl", action="store_true", help="Lab Streaming Layer: offer readings, give and take marks")
-    group.add_argument("--trigger", metavar="PORT",
+    group.add_argument("--trigger", type=_port, metavar="PORT",
                        help="put codes of marks and contacts on a serial trigger box or /dev/parport0")  # fmt: skip
     group.add_argument("--code", action="append", default=[], type=_code, metavar="NAME=N",
                        help="code 1 to 255 of marks of this name; a payload may bring its own 'code'")  # fmt: skip
     group.add_argument("--contact-code", action="append", default=[], type=_contact, metavar="KIND=N",
                        help="code of contacts: begin=N, end=N, or of one object begin:NAME=N")  # fmt: skip
+
+
+def _port(text: str) -> str:
+    """Refuse an empty name, with which no code would be sent."""
+    if not text:
+        raise argparse.ArgumentTypeError("the name is empty; name a serial port, or /dev/parport0")
+    return text
 
 
 def _contact(text: str) -> tuple[str, int]:
