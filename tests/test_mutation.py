@@ -15,7 +15,6 @@ import mutation
 import pytest
 import whole_tree
 from shipped import REPOSITORY
-from syntax import syntax
 
 HERE = Path(__file__).parent
 
@@ -154,7 +153,7 @@ def test_every_decorator_that_compiles_is_known() -> None:
         text = path.read_text(encoding="utf-8")
         if not any(f"from {module} import" in text for module in made_in):
             continue
-        tree = syntax(text)
+        tree = ast.parse(text)
         imported = {
             name.asname or name.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module in made_in
             for name in node.names

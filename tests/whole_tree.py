@@ -42,7 +42,6 @@ from typing import Any
 
 import pytest
 from mutants import COMPILING, HERE, PAGE, ROOMS, TREE, Changed, Mutant, is_compiled
-from syntax import syntax
 
 #: How pytest is asked; a whole run of the short form leaves out more.
 OPTIONS = ("-q", "-p", "no:cacheprovider", "--no-header", "--tb=no", "-o", "filterwarnings=ignore", "-m", "not long")
@@ -72,8 +71,9 @@ class Place:
     compiled: bool
 
 
+@cache
 def _parsed(path: Path) -> ast.Module:
-    return syntax(path.read_text(encoding="utf-8"))
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 def _own_lines(node: ast.stmt) -> range:

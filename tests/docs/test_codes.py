@@ -9,7 +9,6 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from syntax import syntax
 
 from itouch.contact.meshfile import findings
 from itouch.safety import Trip
@@ -54,7 +53,7 @@ def _made() -> Iterator[tuple[str, str]]:
         for path in folder.rglob("*.py"):
             if {"testing", "doctor", "identify"} & set(path.parts):  # findings, and problems, of another kind
                 continue
-            for node in ast.walk(syntax(path.read_text(encoding="utf-8"))):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if not isinstance(node, ast.Call):
                     continue
                 name = getattr(node.func, "id", "") or getattr(node.func, "attr", "")

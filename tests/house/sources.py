@@ -14,8 +14,6 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from syntax import syntax
-
 ROOT = Path(__file__).parents[2]
 #: The import packages of the wheel, and where they lie.
 PACKAGES = {
@@ -38,6 +36,12 @@ _NOT_CODE = {
     tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENCODING,
     tokenize.ENDMARKER,
 }  # fmt: skip
+
+
+@cache
+def syntax(text: str) -> ast.Module:
+    """Return the syntax tree of a file's text, which is for reading only: parsing takes longer than what is looked for."""
+    return ast.parse(text)
 
 
 @dataclass(frozen=True)

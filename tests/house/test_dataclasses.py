@@ -8,8 +8,7 @@ from collections.abc import Iterator
 from functools import cache
 
 import pytest
-from sources import ROOT
-from syntax import syntax
+from sources import ROOT, syntax
 
 #: Classes of which another library decides, that keep what they have computed once (`cached_property`), or whose fields
 #: only tests change, to make an instrument another one.

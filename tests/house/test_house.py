@@ -18,8 +18,7 @@ import pytest
 import rooms
 import sentence_page
 from counts import counts, longest
-from sources import ROOT, Module, circles, imports, modules, shelf
-from syntax import syntax
+from sources import ROOT, Module, circles, imports, modules, shelf, syntax
 
 DECISIONS = sorted((ROOT / "docs" / "explanation" / "decisions").glob("*.md"))
 QUIZ = tomllib.loads((Path(__file__).parent / "quiz.toml").read_text(encoding="utf-8"))["change"]

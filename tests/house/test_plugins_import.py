@@ -8,8 +8,7 @@ from collections.abc import Iterator
 from importlib.util import find_spec, resolve_name
 
 import pytest
-from sources import PACKAGES, ROOT, SHELVES
-from syntax import syntax
+from sources import PACKAGES, ROOT, SHELVES, syntax
 
 CONFIGURATION = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 #: Packages that give devices, modalities, carriers or monitors, by their entry points.

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from syntax import syntax
 
 import itouch
 import itouch_evidence
@@ -70,7 +69,7 @@ def declared(folder: Path) -> set[str]:
     found = set()
     for file in folder.rglob("*.py"):
         source = file.read_text(encoding="utf-8")
-        for node in ast.walk(syntax(source)) if "Field(" in source or "Channel(" in source else ():
+        for node in ast.walk(ast.parse(source)) if "Field(" in source or "Channel(" in source else ():
             if isinstance(node, ast.Call) and _last(node.func) in ("Field", "Channel"):
                 found.add(_first(node))
     return found - {""}
@@ -143,7 +142,7 @@ def test_no_name_decides(room: str) -> None:
     for file in ROOMS[room]:
         short = str(file.relative_to(FRAMEWORK))
         if not short.startswith(OWN) and short not in MEANT:
-            found[short] = list(decisions(syntax(file.read_text(encoding="utf-8"))))
+            found[short] = list(decisions(ast.parse(file.read_text(encoding="utf-8"))))
     found = {file: places for file, places in found.items() if places}
     assert not found, f"find the channel by its role (itouch.plugin.Role): {found}"
 
