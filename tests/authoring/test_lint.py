@@ -81,6 +81,30 @@ def test_a_loop_that_is_slow_for_a_plate_is_noted_at_its_rate(tmp_path: Path, ra
     assert not [code for code, _ in codes(str(path)) if code == "slow-servo"], "an arm alone has nobody to change with"
 
 
+@pytest.mark.parametrize(
+    ("room", "safety", "stops"),
+    [
+        ("23 degC", "", False), ("13 degC", "", False), ("10 degC", "", True), ("43 degC", "", True),
+        ("23 degC", '<safety temperature="30 35 degC"/>', True),
+        ("28 degC", '<safety temperature="30 35 degC"/>', False),
+    ],
+)  # fmt: skip
+def test_a_plate_that_would_trip_in_the_room_where_it_begins_is_told(
+    tmp_path: Path, room: str, safety: str, stops: bool
+) -> None:
+    path = Path(scene(tmp_path, BLOCK.replace("/>", ' temperature="32 degC"/>'), motion=DOWN))
+    path.write_text(path.read_text().replace("<world>", f'{safety}<world temperature="{room}">'))
+    found = [one for one in examined(str(path), None, None)[1] if one.code == "out-of-band"]
+    assert [(one.severity, one.place and one.place.line) for one in found] == [("warning", 4)] * stops
+    assert all(one.place and one.place.text[one.place.column - 1 :].startswith("temperature=") for one in found)
+    engine = itouch.build(path)
+    if not stops:
+        engine.run(0.01)
+    else:
+        with pytest.raises(itouch.DeviceError, match="past its trip"):
+            engine.run(0.01)
+
+
 def test_strict_counts_what_is_odd_as_wrong(tmp_path: Path) -> None:
     path = scene(tmp_path, BLOCK, motion=to("0 0 60 mm", "0 0 30 mm"))
     relaxed, strict = run("check", path), run("check", path, "--strict")

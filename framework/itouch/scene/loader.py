@@ -233,8 +233,7 @@ class _Assembly:
     def scene(self, source: str) -> Scene:
         world = self.single.get("world", elements.WorldElement())
         complete = replace(world, objects=tuple(self.objects))
-        if (place := self.places.of(world)) is not None:
-            self.places.put(complete, place, {})
+        self.places.succeed(complete, world)
         scene = Scene(
             world=complete,
             materials=tuple(self.materials),

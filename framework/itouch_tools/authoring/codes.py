@@ -171,7 +171,7 @@ ODD = (
     Code("overlap", "solids of different materials overlap", "move one of them, or make it smaller"),
     Code("clipped-stiffness", "a material is stiffer than what the arm can render stably",
          "write the stiffness that is rendered, or lower the damping"),
-    Code("out-of-band", "an object's temperature is outside the plate's range",
+    Code("out-of-band", "the temperature of an object or of the room is outside the plate's range",
          "give it a temperature within that range"),
     Code("untouched", "the scripted operator never comes near any object", "lower a `<to>` of its motion"),
     Code("two-heights", "the finger rests over two tops, and the plate has one height", "move it over one of them"),

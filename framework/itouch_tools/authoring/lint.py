@@ -32,6 +32,7 @@ def odd(model: Model) -> Iterator[Problem]:
     yield from _overlaps(model, boxes)
     yield from _clipped(model)
     yield from _outside_band(model)
+    yield from _trips_at_rest(model)
     yield from _slow(model)
     if not model.moving:
         for probe in model.probes:
@@ -106,6 +107,24 @@ def _outside_band(model: Model) -> Iterator[Problem]:
             place = model.scene.places.of(element, "temperature")
             advice = "give it a temperature within this range, or take the difference into account"
             yield Problem("out-of-band", sentence, place, advice, severity="note")
+
+
+def _trips_at_rest(model: Model) -> Iterator[Problem]:
+    """Find plates that begin at a room temperature at which they trip: such a scene stops before it has begun."""
+    room = model.scene.world.temperature
+    for device in model.devices.values():
+        if device.reading(Role.SKIN_CONTACT_TEMPERATURE) is None or device.limits.temperature is None:
+            continue
+        low, high = device.limits.temperature_trip
+        if low <= room <= high:
+            continue
+        sentence = (
+            f"the room is at {room - 273.15:.4g} degC, and '{device.name}', which begins at that temperature, trips "
+            f"below {low - 273.15:.4g} and above {high - 273.15:.4g} degC: it could not be enabled"
+        )
+        place = model.scene.places.of(model.scene.world, "temperature") or device.place
+        advice = "write a room temperature between these, or allow the plate the temperature of the room"
+        yield Problem("out-of-band", sentence, place, advice, severity="warning")
 
 
 def _touches(model: Model, probe: ProbeModel, boxes: dict[str, Any]) -> Iterator[Problem]:
