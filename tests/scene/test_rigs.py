@@ -85,6 +85,23 @@ def test_a_limit_that_other_hardware_keeps_by_itself_is_left_out(scenes: Path) -
     assert any("'peltier' with this rig: current none, it was 6 A" in notice for notice in told)
 
 
+@pytest.mark.parametrize("safety", [False, True])
+def test_a_rig_whose_band_has_nothing_in_common_with_the_scenes_is_refused(write: Write, safety: bool) -> None:
+    def bands(band: str) -> str:
+        return xml(more=f'<safety temperature="{band}"/>') if safety else xml(pad=f'temperature="{band}"')
+
+    scene, rig = write("s.xml", bands("16 20 degC")), write("rig.xml", bands("25 40 degC"))
+    with pytest.raises(itouch.SceneError) as caught:
+        itouch.build(scene, rig=rig)
+    (problem,) = caught.value.problems
+    who = "<safety>" if safety else "device 'pad'"
+    wanted = f"{who}: the scene allows 16 to 20 degC and the rig 25 to 40 degC, and no temperature is within both"
+    assert problem.sentence == wanted
+    assert problem.place is not None and problem.place.file.endswith("rig.xml")
+    ((other, _),) = problem.related
+    assert other.file.endswith("s.xml") and "16 20 degC" in other.text
+
+
 _FORCE, _CURRENT = st.floats(0.01, 3.0), st.floats(0.1, 6.0)
 
 

@@ -224,10 +224,15 @@ class _Assembly:
         self.swapped = Swapped(tuple(self.devices), own_safety)
         if other.devices:
             own = {device.name: device for device in self.devices}
+            for device in other.devices:
+                if device.name in own:
+                    who = f"device '{device.name}'"
+                    self.problems += rigs.apart(own[device.name].limits, device.limits, who, self.places)
             self.devices = [rigs.limited(device, own.get(device.name), self.places) for device in other.devices]
             self.names = self.names.without("devices").joined(other.names)
         if "safety" in other.single:
             self.problems += rigs.looser(own_safety, other.single["safety"], self.places)
+            self.problems += rigs.apart(own_safety, other.single["safety"], "<safety>", self.places)
             self.single["safety"] = rigs.tightened(own_safety, other.single["safety"], self.places)
 
     def scene(self, source: str) -> Scene:

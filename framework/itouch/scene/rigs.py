@@ -15,6 +15,7 @@ from itouch.scene.elements import DeviceElement, Limits, Safety
 from itouch.scene.places import Places
 from itouch.schema.diagnostics import Problem, did_you_mean
 from itouch.schema.fields import specs
+from itouch.schema.units import CELSIUS_OFFSET
 
 Element = TypeVar("Element", Limits, Safety)
 #: Sections of a rig file that have an effect; files that it includes are checked by themselves.
@@ -88,6 +89,19 @@ def looser(own: Safety, other: Safety, places: Places) -> Iterator[Problem]:
         yield Problem("loosened-limit", sentence, place, "say in one of the two who takes part")
 
 
+def apart(own: Limits | Safety, other: Limits | Safety, who: str, places: Places) -> Iterator[Problem]:
+    """Find bands of temperature of scene and rig that have nothing in common; ``who``: what they are of."""
+    mine, theirs = own.temperature, other.temperature
+    if mine is None or theirs is None or mine[0] >= mine[1] or theirs[0] >= theirs[1]:
+        return  # an end that is not below the other one is told by itself
+    if max(mine[0], theirs[0]) >= min(mine[1], theirs[1]):
+        bands = [f"{low - CELSIUS_OFFSET:.4g} to {high - CELSIUS_OFFSET:.4g} degC" for low, high in (mine, theirs)]
+        sentence = f"{who}: the scene allows {bands[0]} and the rig {bands[1]}, and no temperature is within both"
+        place = places.of(own, "temperature")
+        related = ((place, "the scene's"),) if place else ()
+        yield Problem("rig", sentence, places.of(other, "temperature"), "let the rig's overlap the scene's", related)
+
+
 def _merged(own: Element, other: Element, places: Places) -> Element:
     """Return the tighter of two elements, limit by limit; each limit keeps the place where it was written."""
     values: dict[str, Any] = {}
@@ -111,5 +125,6 @@ def _tighter(first: Any, second: Any) -> Any:
     if first is None or second is None:
         return second if first is None else first
     if isinstance(first, tuple):
-        return (max(first[0], second[0]), min(first[1], second[1]))
+        low, high = max(first[0], second[0]), min(first[1], second[1])
+        return (low, high) if low < high else first  # if they have nothing in common, that is told of both
     return min(first, second)
