@@ -28,10 +28,10 @@ OWNERS = {
 
 _HEAD = """# Channels
 
-Everything that changes in a session is *State*: one record of named fields. Any of them can be recorded
-(`<record channels="...">`), plotted, exported, and read in Python as `engine.state["NAME"]`, a view that is always
-current. `itouch-py inspect SCENE` lists those of a scene. Generated from the shipped scenes; shapes with a number that
-depends on the scene are those of `four_materials.xml`.
+Everything that changes in a session is *State*: one record of named fields. Any of them but the two tables (their
+events and marks are in every recording) can be recorded (`<record channels="...">`), plotted, exported, and read in
+Python as `engine.state["NAME"]`, a view that is always current. `itouch-py inspect SCENE` lists those of a scene.
+Generated from the shipped scenes; shapes with a number that depends on the scene are those of `four_materials.xml`.
 
 Unit and meaning are what program and plugins declare (`itouch.plugin.Quantity`); numbers without a unit are plain ones,
 `tick` counts ticks of the servo, `mixed` holds numbers in different units, which only their owner uses.

@@ -157,6 +157,25 @@ def test_what_a_scene_may_not_ask_for(scenes: Path, attributes: str, code: str) 
     assert caught.value.problems[0].place is not None
 
 
+@pytest.mark.parametrize(
+    ("channel", "said"),
+    [
+        ("events.table", "'events.table' cannot be chosen: it is a table"),
+        ("marks.tab*", "'marks.table' cannot be chosen: it is a table"),
+        ("Finger.Force", "did you mean 'finger.force'?"), ("finger.velocty", "did you mean 'finger.velocity'?"),
+        ("fingr.*", "`itouch-py inspect SCENE` lists them"),
+    ],
+)  # fmt: skip
+def test_a_channel_that_cannot_be_chosen_is_told_with_what_can(scenes: Path, channel: str, said: str) -> None:
+    """A table is listed among the channels of the reference: that there is none of this name was not so."""
+    path = scenes / "first_touch.xml"
+    asked = f'<record to="x.mcap" channels="{channel}"/></itouch>'
+    path.write_text(path.read_text(encoding="utf-8").replace("</itouch>", asked), encoding="utf-8")
+    with pytest.raises(itouch.SceneError, match="unknown-channel") as caught:
+        itouch.build(path).run(0.1)
+    assert said in str(caught.value)
+
+
 def test_marks_are_in_state_and_recording(tmp_path: Path) -> None:
     session = itouch.build(SCENES / "first_touch.xml")
     session.record(tmp_path / "r.mcap")

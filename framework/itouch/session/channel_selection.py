@@ -13,7 +13,8 @@ from itouch.recording.tracks import Track
 from itouch.scene.elements import RecordElement
 from itouch.scene.elements.record import RecordChannels
 from itouch.schema import Problem, SceneError
-from itouch.session.row_layout import Wish, chosen_tracks, real_device_of, replay_tracks
+from itouch.schema.diagnostics import nearest
+from itouch.session.row_layout import Wish, chosen_tracks, real_device_of, recordable, replay_tracks
 from itouch.world import Model, declared, make_state
 
 
@@ -41,19 +42,26 @@ def _wrong(model: Model, state: Record, element: RecordElement) -> Iterator[Prob
         *((more, "of", more.of, more.rate) for more in element.more),
     ]
     servo, places = model.scene.rates.servo, model.scene.places
-    listed = "channels are names of State, such as arm.pose or finger.*; `itouch-py inspect SCENE` lists them"
     for owner, attribute, text, rate in groups:
         # a rate is tried without a pattern, a pattern with the servo's rate, so that each problem has its own place
         tries: list[tuple[str, Wish, str]] = []
         if rate and text.split():
             tries.append(("rate", ([], rate), "write the rate that the message gives"))
-        tries += [(attribute, ([pattern], servo), listed) for pattern in text.split()]
+        tries += [(attribute, ([pattern], servo), "") for pattern in text.split()]
         for name, wish, advice in tries:
             try:
                 chosen_tracks(model, state, [wish])
             except ValueError as error:
                 place = places.of(owner, name) or places.of(owner) or places.of(element)
-                yield Problem("unknown-channel", f"<{owner.TAG}>: {error}", place, advice)
+                yield Problem("unknown-channel", f"<{owner.TAG}>: {error}", place, advice or _advice(state, *wish[0]))
+
+
+def _advice(state: Record, pattern: str) -> str:
+    """Advise the channel that was meant, or where all of them are listed."""
+    plain = "*" not in pattern and pattern not in state
+    if plain and (close := nearest(pattern, (name for name in state if recordable(state, name)))):
+        return f"did you mean '{close}'?"
+    return "channels are names of State, such as arm.pose or finger.*; `itouch-py inspect SCENE` lists them"
 
 
 def recording_problems(model: Model) -> list[Problem]:

@@ -19,6 +19,8 @@ _INPUTS = ("hold", "ready")
 _PROBE = ("hip", "force", "penetration", "object")
 #: Gaps of up to this many bytes between fields are copied along: another copy would cost more.
 _GAP = 512
+#: How many numbers a field may have to be recorded as a channel.
+_MOST = 4096
 
 #: A wish for channels: patterns of names, and the rate [Hz].
 Wish = tuple[Sequence[str], float]
@@ -48,8 +50,8 @@ def chosen_tracks(model: Model, state: Record, wishes: Iterable[Wish]) -> list[T
     Raises
     ------
     ValueError
-        If a pattern matches nothing, not even what a real device would have as a twin, or a rate does not divide the
-        servo rate.
+        If a pattern matches nothing, not even what a real device would have as a twin, or only what a track cannot
+        hold, or a rate does not divide the servo rate.
     """
     known, found = declared(model), dict[tuple[str, int], dict[str, Column]]()
     for patterns, rate in wishes:
@@ -57,6 +59,11 @@ def chosen_tracks(model: Model, state: Record, wishes: Iterable[Wish]) -> list[T
         for pattern in patterns:
             names = fnmatch.filter([name for name in state if recordable(state, name)], pattern)
             if not names and not real_device_of(model, pattern):
+                if held := fnmatch.filter(list(state), pattern):
+                    raise ValueError(
+                        f"'{held[0]}' cannot be chosen: it is a table, or has more than {_MOST} numbers; "
+                        "each event and mark is in every recording anyway"
+                    )
                 raise ValueError(f"no channel is named '{pattern}'")
             for name in names:
                 owner, _, short = name.partition(".") if "." in name else ("session", "", name)
@@ -97,7 +104,7 @@ def _every(rate: float, period: float) -> int:
 def recordable(state: Record, name: str) -> bool:
     """Tell whether a field consists of numbers that a track can hold."""
     base = state[name].dtype
-    return base.names is None and base.str[1:] in KINDS and 0 < state[name].size <= 4096
+    return base.names is None and base.str[1:] in KINDS and 0 < state[name].size <= _MOST
 
 
 def _column(state: Record, known: Mapping[str, Field], field: str, name: str) -> Column:
