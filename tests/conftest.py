@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import gc
+import importlib.util
 import os
 import shutil
 import signal
@@ -160,11 +161,13 @@ def _wait_for_most(place: Path) -> None:
 def pytest_make_collect_report(
     collector: pytest.Collector,
 ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
-    """Let every other worker go through the folders from the last: what one has read of a file, the other finds kept."""
+    """Let each worker begin with other folders: what one has read and rewritten of a file, the others find kept."""
     report = yield
-    number = getattr(collector.config, "workerinput", {}).get("workerid", "gw0").removeprefix("gw")
-    if isinstance(collector, pytest.Directory) and int(number) % 2:
-        report.result = list(report.result or ())[::-1]
+    given = getattr(collector.config, "workerinput", {})
+    if isinstance(collector, pytest.Directory) and given:
+        found = list(report.result or ())
+        begin = len(found) * int(given["workerid"].removeprefix("gw")) // given["workercount"]
+        report.result = found[begin:] + found[:begin]
     return report
 
 
@@ -192,6 +195,20 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         with open(Path(place, "most"), "ab") as held:
             fcntl.flock(held, fcntl.LOCK_EX)
             _compiling.append(subprocess.Popen([sys.executable, "-c", MOST], cwd=SCENES, pass_fds=[held.fileno()]))
+        _read_libraries()
+
+
+#: Libraries that the files of tests import; of those that a plugin of pytest or ``MOST`` imports nothing is said.
+LIBRARIES = ("pandas", "scipy.stats", "pyarrow", "xmlschema", "viser", "mujoco", "pint", "mpmath", "rosbags", "pyglet")
+
+
+def _read_libraries() -> None:
+    """Import what tests need once, in a new environment: its workers would all translate the same files at once."""
+    found = importlib.util.find_spec("scipy")
+    if sys.dont_write_bytecode or found is None or found.cached is None or Path(found.cached).exists():
+        return
+    words = "import contextlib, importlib, sys\nfor name in sys.argv[1:]:\n with contextlib.suppress(ImportError): importlib.import_module(name)"
+    subprocess.run([sys.executable, "-W", "ignore", "-c", words, *LIBRARIES], check=False, timeout=300.0)
 
 
 def _end_compiling() -> None:
