@@ -75,9 +75,11 @@ def test_what_the_controller_expects_follows_the_measured_force(scenes: Path) ->
     force = abs(float(engine.state["table.wrench"][2]))
     (control,) = [m.model for m in engine.model.modalities if m.name == "flux-control"]
     assert not control.steady
-    scale = PressureLaw().law().at(force) / control.expected
+    scale = PressureLaw().law().at(force) / control.contact.expected
     true = float(engine.state["peltier.twin.true_skin"] - engine.state["peltier.twin.true_plate"])
-    assert true / float(engine.state["peltier.twin.true_flux"]) == pytest.approx(scale * control.expected, rel=0.02)
+    assert true / float(engine.state["peltier.twin.true_flux"]) == pytest.approx(
+        scale * control.contact.expected, rel=0.02
+    )
     learnt = float(engine.state["flux-control.theta"][0])
     assert abs(learnt) < 0.05  # the force has explained the resistance, nothing is left to be learnt
 

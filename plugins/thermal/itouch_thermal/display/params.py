@@ -164,17 +164,17 @@ class DisplayParams:
         low=1e-5,
         high=1.0,
         default=DEFAULT_RESISTANCE,
-        doc="of the twin: contact resistance between skin and film at full force",
+        doc="contact resistance between skin and film at full force",
     )
     full_force: float = schema.quantity(
         "N",
         low=0.0,
         high=20.0,
         default=0.0,
-        doc="of the twin: force below which 1/R falls with the force; 0: R is constant",
+        doc="force below which 1/R falls with the force; 0: R is constant",
     )
     press: float = schema.quantity(
-        "s", low=0.0, high=10.0, default=0.0, doc="of the twin: time constant with which its skin flattens; 0: at once"
+        "s", low=0.0, high=10.0, default=0.0, doc="time constant with which the skin flattens on the film; 0: at once"
     )
     core: float = schema.temperature(
         low=283.15, high=315.15, default=310.15, doc="of the twin: temperature of the finger's core and its blood"
@@ -183,7 +183,9 @@ class DisplayParams:
         low=273.15, high=318.15, default=306.15, doc="of the twin: skin temperature of the finger at rest in air"
     )
     humidity: float = schema.quantity("", low=0.0, high=1.0, default=0.5, doc="relative humidity of the room")
-    laws: tuple[ForceLaw, ...] = schema.children(KINDS, doc="of the twin: resistance as a function of the force")
+    laws: tuple[ForceLaw, ...] = schema.children(
+        KINDS, doc="resistance between skin and film as a function of the force"
+    )
     tissue: tuple[Layer, ...] = schema.children(Layer, tag="tissue", doc="the twin's finger from the skin inwards")
     mismatch: Mismatch = schema.child(Mismatch, default=Mismatch())
     datasheet: Datasheet | None = schema.child(Datasheet, default=None, doc="of the module")

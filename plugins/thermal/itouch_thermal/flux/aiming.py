@@ -112,7 +112,7 @@ def aim_for_skin(scene: Any, own: Any, given: Any, figures: Any) -> None:
     own.approached[0] = -1
     wanted = neutral(
         own.calm, own.looked, own.covered, given.cover, figures.resting, scene.skin[0] if seen else math.nan,
-        figures.rest, pressed(scene, figures.heat), figures.expected, figures.update, figures.lead,
+        figures.rest, pressed(scene, figures.heat), figures.on_plate, figures.update, figures.lead,
     )  # fmt: skip
     aim_at(own.start_temperature, own.plate_limited, wanted, figures.low, figures.high)
 

@@ -11,7 +11,6 @@ from itouch_thermal.flux.curve import Curve
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.preview import rising
 from itouch_thermal.flux.start import Touched, Trial, start_temperature
-from itouch_thermal.heat import HeatParams
 from itouch_thermal.laws import press_factor
 
 
@@ -30,11 +29,14 @@ def skin_under(column: Column, finger: Array, flux: Array) -> Array:
     return found
 
 
-def start_for_curve(law: ModelLaw, heat: HeatParams, curve: Curve, skin: float) -> float:
-    """Return the start temperature [K] from which a curve can be followed, for a skin temperature [K]."""
+def start_for_curve(law: ModelLaw, press: float, curve: Curve, skin: float) -> float:
+    """Return the start temperature [K] from which a curve can be followed, for a skin temperature [K].
+
+    ``press`` [s] is the time constant with which a finger is set down on the plate.
+    """
     trial, finger, coarse = Trial(law), rising(law.fine, skin), law.coarse_ticks
     flux = curve.at(law.period * np.arange(1, trial.needed * coarse + 1))
     every = slice(coarse - 1, None, coarse)
-    press = np.array([press_factor((i + 1) * law.step, heat.press) for i in range(trial.needed)])
-    touched = Touched(flux[every], skin_under(law.fine, finger, flux)[every], press, math.inf)
+    factor = np.array([press_factor((i + 1) * law.step, press) for i in range(trial.needed)])
+    touched = Touched(flux[every], skin_under(law.fine, finger, flux)[every], factor, math.inf)
     return start_temperature(trial, finger, touched)

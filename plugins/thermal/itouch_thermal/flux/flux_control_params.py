@@ -50,6 +50,13 @@ class FluxControlParams:
         default="",
         doc="device that measures the force on the plate; default: the one at this finger that can",
     )
+    contact_resistance: float = schema.quantity(
+        "m^2*K/W",
+        low=0.0,
+        high=1.0,
+        default=0.0,
+        doc="of finger and plate, from which `model` begins to learn; 0: that which the display states",
+    )
     equalise: bool = schema.flag(
         default=False,
         doc="whether the plate is ready after the same time for every material, so that the wait does not reveal it",
@@ -88,6 +95,8 @@ class FluxControlParams:
             raise ValueError('preset-time goes with equalise="yes"')
         if self.preset_noise and not self.equalise:
             raise ValueError('preset-noise goes with equalise="yes"')
+        if self.contact_resistance and self.controller != "model":
+            raise ValueError('contact-resistance goes with controller="model": the others know none')
         materials = [curve.material for curve in self.curves]
         twice = next((name for name in materials if materials.count(name) > 1), "")
         if twice:

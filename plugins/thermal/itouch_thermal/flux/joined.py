@@ -184,17 +184,20 @@ def _curves(curves: Sequence[Curve | None]) -> tuple[Any, Any, Any]:
 
 
 def _models(model: FluxModel, law: ModelLaw, course: Preview) -> views.Models:
-    return views.Models(law.fixed, course.finger, model.numbers, course.into, law.fine.rise)
+    return views.Models(
+        law.fixed, course.finger, model.numbers, np.array(model.contact.law.numbers), course.into, law.fine.rise
+    )
 
 
 def _figures(model: FluxModel) -> views.Figures:
     (low, high), law, course = model.band, model.law, model.preview
-    nothing = Bounds(1, 0.0, 0.0, 0.0)
+    nothing, contact = Bounds(1, 0.0, 0.0, 0.0), model.contact
     update = model.hold * model.period
     return views.Figures(
         law.bounds if law else nothing, law.delay if law else 0, law.ahead if law else 0, model.again, model.steady,
-        bool(model.heat), float(model.expected), float(course.resistance) if course else 0.0, float(model.press),
-        float(model.period), float(model.dew), float(model.skin), float(model.preset_time), float(low), float(high),
+        bool(model.heat), float(contact.expected), float(contact.at), float(contact.full), float(contact.press),
+        contact.steady, float(course.resistance) if course else 0.0, float(model.press), float(model.period),
+        float(model.dew), float(model.skin), float(model.preset_time), float(low), float(high),
         float(update / (PRESS_FILTER + update)), float(model.finger.resting_flux), float(model.lead),
         float(model.preset_noise), float(model.current), model.hold, float(model.period * model.hold),
         model.finger_number, first_steps(law.ahead, model.period) if law else 0, model.maybe_blind, model.estimates,

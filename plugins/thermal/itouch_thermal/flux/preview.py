@@ -163,8 +163,11 @@ class Preview:
     starts: tuple[tuple[float, float, float] | None, ...]
 
 
-def preview(heat: HeatParams, world: World, law: ModelLaw) -> Preview:
-    """Build the preview of a scene for a controller."""
+def preview(heat: HeatParams, world: World, law: ModelLaw, press: float) -> Preview:
+    """Build the preview of a scene for a controller; ``press`` [s]: the time constant with which a finger is set down.
+
+    It is that of the plate; the virtual objects have their own, and their own contact resistance, in ``heat``.
+    """
     trial = Trial(law)
     layers = heat.layers or FINGER
     side = finger_side(layers, heat.arterial, world.skin_of(heat.probe), world.ambient)
@@ -176,7 +179,7 @@ def preview(heat: HeatParams, world: World, law: ModelLaw) -> Preview:
     known: dict[Side, tuple[float, float, float]] = {}
     for body in sides:
         if body is not None and body not in known:
-            known[body] = _starts(layers, heat, body, skins, law, trial)
+            known[body] = _starts(layers, heat, body, skins, law, trial, press)
         starts.append(None if body is None else known[body])
     widest = max((ROOM_FOR, *(live.state_size(body) for body in bodies if body is not None)))
     into = conversion(side, layers, heat.arterial, world.servo_period)
@@ -205,35 +208,36 @@ def _fits(arrays: tuple[Array, ...], shape: tuple[int, ...]) -> Array:
 
 
 def _starts(
-    layers: tuple[Layer, ...], heat: HeatParams, body: Side, skins: list[float], law: ModelLaw, trial: Trial
-) -> tuple[float, float, float]:
+    layers: tuple[Layer, ...], heat: HeatParams, body: Side, skins: list[float], law: ModelLaw, trial: Trial,
+    press: float,
+) -> tuple[float, float, float]:  # fmt: skip
     """Return the start temperatures [K] for three skin temperatures [K]; they are found by trials."""
 
     def make() -> Array:
-        middle = _start(layers, heat, body, skins[1], law, trial)
+        middle = _start(layers, heat, body, skins[1], law, trial, press)
         gap = skins[1] - (body.initial.temperature or 0.0)
         share = 1.0 - (skins[1] - middle) / gap if abs(gap) > SKIN_STEP else 0.5
         low, high = (
-            _start(layers, heat, body, skin, law, trial, middle + share * (skin - skins[1]))
+            _start(layers, heat, body, skin, law, trial, press, middle + share * (skin - skins[1]))
             for skin in (skins[0], skins[2])
         )
         return np.array([low, middle, high])
 
-    given = (layers, heat, body, skins, law.display, law.given, law.period, law.band.tolist(), law.ceiling)
+    given = (layers, heat, body, skins, law.display, law.given, law.period, law.band.tolist(), law.ceiling, press)
     low, middle, high = kept(("starts", given), make, lambda a: (a,), lambda a: _fits(a, (3,))).tolist()
     return low, middle, high
 
 
 def _start(
-    layers: tuple[Layer, ...], heat: HeatParams, body: Side, skin: float, law: ModelLaw, trial: Trial,
+    layers: tuple[Layer, ...], heat: HeatParams, body: Side, skin: float, law: ModelLaw, trial: Trial, press: float,
     near: float | None = None,
 ) -> float:  # fmt: skip
     side, coarse = finger_side(layers, heat.arterial, skin, skin), law.coarse_ticks
     count = trial.needed * coarse
     flux, warmth = contact_course(side, body, heat.expected_resistance, law.period, count, heat.press)
     every = slice(coarse - 1, None, coarse)
-    press = np.array([press_factor((i + 1) * law.step, heat.press) for i in range(trial.needed)])
-    touched = Touched(flux[every], warmth[every], press, outer_effusivity(body.layers))
+    factor = np.array([press_factor((i + 1) * law.step, press) for i in range(trial.needed)])
+    touched = Touched(flux[every], warmth[every], factor, outer_effusivity(body.layers))
     return start_temperature(trial, rising(law.fine, skin), touched, near)
 
 

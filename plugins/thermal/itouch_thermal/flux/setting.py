@@ -24,6 +24,7 @@ from itouch_thermal.flux.onset import SKIN_STEP
 from itouch_thermal.flux.preview import Preview, preview
 from itouch_thermal.flux.start import equation_three, outer_effusivity, within
 from itouch_thermal.heat import FINGER, HeatParams, ThermalMaterial
+from itouch_thermal.laws import law_of
 
 #: Least contact resistance [K m2/W] that is expected between finger and plate.
 LEAST = 1e-5
@@ -40,14 +41,36 @@ Starts = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
+class PlateContact:
+    """How finger and plate are expected to meet, which is a matter of these two, not of the virtual object.
+
+    ``law`` gives the contact resistance [K m2/W] by the force, below ``full`` [N] it grows as the force falls besides,
+    and it falls with the time constant ``press`` [s] when the finger is set down.  At the force of a usual touch it is
+    ``expected``; the controller begins at ``at``, which is the same unless the scene says otherwise.
+    """
+
+    law: ResistanceLaw
+    expected: float
+    at: float
+    full: float
+    press: float
+
+    @property
+    def steady(self) -> bool:
+        """Whether it is the same at any force and time."""
+        return self.press == 0.0 and self.full == 0.0 and isinstance(self.law, ConstantResistance)
+
+
+@dataclass(frozen=True, slots=True)
 class FluxModel:
     """What the modality knows of the scene.
 
     ``heat`` is the modality that computes the desired flux, empty where recorded curves give all of it.  Per object
     there are ``starts`` (start temperatures [K] at three skin temperatures), ``temperatures`` [K] before anything was
     touched, ``curves``, and the names ``objects`` and ``materials``.  ``dew`` [K] is the room's dew point.  ``steady``
-    says that the contact resistance is the same at any force and time.  ``preset_time`` [s] is how long ``equalise``
-    makes every approach take, 0 without it; ``preset_noise`` [A] is the noise on the current before a touch.
+    says that the contact resistance of the virtual objects, ``resistance``, is the same at any force and time;
+    ``contact`` is that of the plate.  ``preset_time`` [s] is how long ``equalise`` makes every approach take, 0 without
+    it; ``preset_noise`` [A] is the noise on the current before a touch.
     ``wire`` says that readings and currents are late, ``at`` which of the display's readings are those of flux and
     plate.  ``finger`` is the column of the finger at rest, in steps of an update; ``finger_number`` is the probe's
     number.  ``lead`` [s] is how long the plate takes to reach its target.  ``hold`` is how many servo periods an update
@@ -81,9 +104,9 @@ class FluxModel:
     period: float
     hold: int
     resistance: ResistanceLaw
-    expected: float
     press: float
     steady: bool
+    contact: PlateContact
     preset_time: float
     preset_noise: float
     again: int
@@ -130,13 +153,13 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
     band, ceiling = _limits(device, display)
     if params.condensation == "avoid":
         band = driest(band, dew)
-    curves = curves_of(params, world)
+    curves, contact = curves_of(params, world), _contact(params, heat, device)
     law, course = None, None
     if params.controller == "model":
         # A twin without its wire reads single samples.
         read = replace(display, labjack=None) if device.twin and display.flux_samples > 1 else display
-        law, course = _model(name, read, heat, world, band, ceiling, _wire(device, display))
-    starts = _starts(params, heat, display, world, curves, law, course)
+        law, course = _model(name, read, heat, world, band, ceiling, _wire(device, display), contact)
+    starts = _starts(params, heat, display, world, curves, law, course, contact.press)
     reads, force = [channel.role for channel in device.reads], _force(params, heat.probe, world)
     wire = law is not None and _wire(device, display)
     hold = 1 if wire else max(1, round(world.period / world.servo_period))
@@ -168,7 +191,7 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         period=world.servo_period,
         hold=hold,
         resistance=heat.law(),
-        expected=max(heat.expected_resistance, LEAST),
+        contact=contact,
         press=heat.press,
         steady=heat.press == 0.0 and isinstance(heat.law(), ConstantResistance),
         preset_time=_preset_time(params, display, ceiling, starts, band),
@@ -252,16 +275,29 @@ def _force(params: FluxControlParams, probe: str, world: World) -> tuple[str, st
 
 def _model(
     name: str, display: DisplayParams, heat: HeatParams, world: World, band: tuple[float, float], ceiling: float,
-    wire: bool,
+    wire: bool, contact: PlateContact,
 ) -> tuple[ModelLaw, Preview]:  # fmt: skip
     """Build law and preview of `model`; the currents on their way are always known from what was sent."""
     law = ModelLaw(
-        display, heat.layers or FINGER, heat.arterial, world.skin_of(heat.probe), max(heat.expected_resistance, LEAST),
-        world.ambient, world.servo_period, band=band, ceiling=ceiling, prefix=f"{name}.",
+        display, heat.layers or FINGER, heat.arterial, world.skin_of(heat.probe), contact.at, world.ambient,
+        world.servo_period, band=band, ceiling=ceiling, prefix=f"{name}.",
         longest=round(LONGEST / world.servo_period) if wire else 0,
         wait=round(WAIT / world.servo_period) if wire else 0,
     )  # fmt: skip
-    return law, preview(heat, world, law)
+    return law, preview(heat, world, law, contact.press)
+
+
+def _contact(params: FluxControlParams, heat: HeatParams, device: WorldDevice) -> PlateContact:
+    """Return how finger and plate are expected to meet: as the display states it; of another device, as the objects."""
+    display, force = device.params, heat.expected_force
+    if isinstance(display, DisplayParams):
+        law, full, press = law_of(display.laws, display.contact_resistance), display.full_force, display.press
+    else:
+        law, full, press = heat.law(), 0.0, heat.press
+    expected = max(law.at(force) * max(1.0, full / force), LEAST)
+    return PlateContact(
+        law, expected, max(params.contact_resistance, LEAST) if params.contact_resistance else expected, full, press
+    )
 
 
 def _starts(
@@ -272,6 +308,7 @@ def _starts(
     curves: tuple[Curve | None, ...],
     law: ModelLaw | None,
     course: Preview | None,
+    press: float,
 ) -> tuple[Starts | None, ...]:
     """Return the start temperatures [K] per object: by the curve, by the model, or by equation 3; None: unknown."""
     skins = [world.skin_of(heat.probe) + away for away in (-SKIN_STEP, 0.0, SKIN_STEP)]
@@ -281,7 +318,7 @@ def _starts(
         if course is not None and law is not None:
             start = course.starts[element.index]
             if curve is not None:
-                start = tuple(start_for_curve(law, heat, curve, skin) for skin in skins)
+                start = tuple(start_for_curve(law, press, curve, skin) for skin in skins)
         elif isinstance(element.material, ThermalMaterial):
             beta, tissue = element.material.effusivity, outer_effusivity(heat.layers or FINGER)
             plate = display.plate[-1].effusivity

@@ -39,9 +39,14 @@ _resistance_at, _press_factor = kernel(resistance_at), kernel(press_factor)
 
 
 @kernel
-def scale_of(law: Any, force: float, expected: float, time: float, press: float) -> float:
-    """Return the contact resistance at a force [N], ``time`` [s] after the start, as a multiple of the expected one."""
+def scale_of(law: Any, force: float, full: float, expected: float, time: float, press: float) -> float:
+    """Return the contact resistance at a force [N], ``time`` [s] after the start, as a multiple of the expected one.
+
+    Below the force ``full`` [N] it grows as the force falls, besides what the law says.
+    """
     found = _resistance_at(law, force) / expected * _press_factor(time, press)
+    if force < full:
+        found = found * full / force if force > 0.0 else SCALE[1]
     return float(min(SCALE[1], max(SCALE[0], found)))
 
 
@@ -154,7 +159,7 @@ def prepare(
     if own.touching[0] != 0:
         memory.memory[observer.M_PART] = observer.seen(given.pad, _force(scene))
         taken.unclear[0] = int(not aiming.pressed(scene, figures.heat))
-        if not figures.steady:
+        if not figures.plate_steady:
             scale = _scale(scene, own, models, figures, _NOTHING)
             now = math.log(scale)
             taken.scale[0] = scale
@@ -213,7 +218,7 @@ def _force(scene: Any) -> float:
 def _scale(scene: Any, own: Any, models: Any, figures: Any, later: int) -> float:
     """Return the resistance that the force explains ``later`` periods from now, as a multiple of the expected one."""
     time = (scene.tick[0] - own.begun[0] + later + 1) * figures.period
-    return float(scale_of(models.law, _force(scene), figures.expected, time, figures.press))
+    return float(scale_of(models.plate, _force(scene), figures.plate_full, figures.expected, time, figures.plate_press))
 
 
 @kernel
@@ -303,7 +308,7 @@ def feel_between(
     scene: Scene, own: Own, figures: Figures, models: Models, taken: Taken
 ) -> int:  # fmt: skip
     """Return 1 if the finger is on the plate in the tick in which its touch begins, and what that means for the law."""
-    taken.scale[0] = 1.0 if figures.steady else _scale(scene, own, models, figures, _NOTHING)
+    taken.scale[0] = 1.0 if figures.plate_steady else _scale(scene, own, models, figures, _NOTHING)
     return int(aiming.pressed(scene, figures.heat))
 
 
@@ -349,7 +354,7 @@ def command(
                 memory.wanted[k] = flux_at(given.times, given.fluxes, first, end, time)
         else:
             look_ahead(memory.future, ticks, offsets, leaving.wait, own.desired[0], memory.wanted)
-        if not figures.steady:
+        if not figures.plate_steady:
             scale = _scale(scene, own, models, figures, figures.delay + leaving.wait)
         doubt = 0.0 if figures.believes else memory.cover[observer.RESISTANCE, observer.RESISTANCE]
         current, flux = laws._follow(  # noqa: SLF001

@@ -117,19 +117,24 @@ class Given(NamedTuple):
 class Models(NamedTuple):
     """Arrays that never change, of the controller `model`: those of its law (``fixed``) and of its preview.
 
-    ``finger`` is the preview's, ``law`` that from force to contact resistance, ``into`` converts the model finger to
-    the law's, and ``rise`` is the law's finger at rest per kelvin of its skin.
+    ``finger`` is the preview's, ``law`` that from force to contact resistance of the virtual objects, ``plate`` that of
+    the plate, ``into`` converts the model finger to the law's, and ``rise`` is the law's finger at rest per kelvin of
+    its skin.
     """
 
     fixed: Fixed
     finger: Floats
     law: Floats
+    plate: Floats
     into: Floats
     rise: Floats
 
 
 class Figures(NamedTuple):
     """Numbers that never change: the law's (``bounds``), sizes in periods, and what is known of skin and room, in SI.
+
+    Of the contact resistance of the virtual objects ``steady``, ``alone`` and ``press`` are known, of that of the plate
+    ``plate_steady``, ``expected``, ``on_plate``, ``plate_full`` and ``plate_press``; see `PlateContact`.
 
     An update stands for ``hold`` servo periods, which are ``update`` [s] together.  ``probe`` is the number of the
     finger, ``first`` how many steps a contact is run ahead in the tick in which it begins.  ``doubts`` says that only
@@ -144,6 +149,10 @@ class Figures(NamedTuple):
     steady: bool
     heat: bool
     expected: float
+    on_plate: float
+    plate_full: float
+    plate_press: float
+    plate_steady: bool
     alone: float
     press: float
     period: float
