@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
 import re
+import subprocess
+import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -119,6 +123,24 @@ def test_a_run_that_hangs_is_ended(tmp_path: Path, runners: None, monkeypatch: p
     monkeypatch.setattr(worker, "TRIES_MACHINE", 1)
     (row,) = work_on(found, runs[:1]).rows
     assert (row["status"], row["reason"]) == ("hung", "took longer than 1 s")
+
+
+def test_a_runner_leaves_no_folder_however_it_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each holds a copy of the scene's folder: a thousand sweeps would fill a disk."""
+    found, runs = work(tmp_path / "a", SEEDS, BROKEN)
+    place = tmp_path / "temporary"
+    place.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(place))
+    killed = subprocess.Popen([sys.executable, "-c", ""])
+    killed.wait()
+    left, own = (place / f"{worker.FOLDER}{number}-abc" for number in (killed.pid, os.getpid()))
+    for folder in (left, own):
+        (folder / "scene").mkdir(parents=True)
+    work_on(found, [runs[3], runs[0]])  # the first one ends its process
+    assert not left.exists()  # of a worker that was killed, with its runner
+    assert len(list(place.iterdir())) == 2  # own, and that of the runner that is kept for the next task
+    close_runners()
+    assert list(place.iterdir()) == [own]
 
 
 def test_another_version_is_refused_by_name(tmp_path: Path, runners: None) -> None:

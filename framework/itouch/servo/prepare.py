@@ -123,11 +123,14 @@ class _Companion:
             shutil.rmtree(self._folder, ignore_errors=True)
 
 
-def sweep() -> None:
-    """Remove folders in which starts that have been killed said what they compiled."""
+def sweep(kind: str = _FOLDER) -> None:
+    """Remove temporary folders ``kind`` + process number + "-..." of processes that are no more, as they were killed.
+
+    By default they are those in which starts say what they compile.
+    """
     with contextlib.suppress(OSError):
-        for place in Path(tempfile.gettempdir()).glob(f"{_FOLDER}*-*"):
-            owner = place.name.removeprefix(_FOLDER).partition("-")[0]
+        for place in Path(tempfile.gettempdir()).glob(f"{kind}*-*"):
+            owner = place.name.removeprefix(kind).partition("-")[0]
             if owner.isdecimal() and not lives(int(owner)) and _is_own(place):
                 shutil.rmtree(place, ignore_errors=True)
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 import ctypes
 import os
 import pickle
+import shutil
 import signal
 import sys
-import tempfile
 import time
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -20,13 +20,16 @@ _PR_SET_PDEATHSIG = 1
 
 
 def main() -> int:
-    """Run what comes on standard input until it ends."""
+    """Run what comes on standard input until it ends, in the folder that is given, which goes with the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the client may end a sweep, not Ctrl-C at the terminal
     _end_with_parent()
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what plugins print must not get among the answers
-    with tempfile.TemporaryDirectory(prefix="itouch-sweep-") as folder:
-        serve(sys.stdin.buffer, answers, Path(folder))
+    folder = Path(sys.argv[1])
+    try:
+        serve(sys.stdin.buffer, answers, folder)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
     return 0
 
 

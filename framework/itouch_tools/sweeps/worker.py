@@ -6,16 +6,19 @@ import contextlib
 import json
 import os
 import pickle
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, BinaryIO, cast
 
 from itouch import platforms
+from itouch.servo.prepare import sweep
 from itouch_tools.sweeps.plan import Run
 from itouch_tools.sweeps.provenance import cpu_model
 from itouch_tools.sweeps.work import Work
@@ -24,6 +27,8 @@ from itouch_tools.sweeps.work import Work
 TRIES_MACHINE, TRIES_CRASH = 3, 2
 #: Seconds that a runner may take to begin: it may have to compile.
 BEGINS = 1800.0
+#: How the names of the folders of runners begin; the process number of the worker follows.
+FOLDER = "itouch-runner-"
 #: Signals by which a machine ends a process: for lack of memory, or because somebody wants it to end.
 _FROM_OUTSIDE = tuple(platforms.signals("SIGKILL", "SIGTERM", "SIGHUP"))
 
@@ -52,15 +57,32 @@ class Runner:
 
     def __init__(self, work: Work) -> None:
         self.digest, self._patience = work.digest, float(work.rule["patience"])
-        command = [sys.executable, "-m", "itouch_tools.sweeps.runner"]
-        self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
-        )
-        self._send(("work", work))
-        kind, what, _ = self._receive(BEGINS)
-        self.refused = str(what) if kind == "refused" else ""
-        if kind == "machine":
-            raise DeadError("machine", str(what), outside=True)
+        sweep(FOLDER)
+        try:
+            self._folder = tempfile.mkdtemp(prefix=f"{FOLDER}{os.getpid()}-")
+        except OSError as error:
+            raise DeadError("machine", f"{type(error).__name__}: {error}", outside=True) from None
+        command = [sys.executable, "-m", "itouch_tools.sweeps.runner", self._folder]
+        try:
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+        except BaseException:
+            shutil.rmtree(self._folder, ignore_errors=True)
+            raise
+        try:
+            self._send(("work", work))
+            kind, what, _ = self._receive(BEGINS)
+            self.refused = str(what) if kind == "refused" else ""
+            if kind == "machine":
+                raise DeadError("machine", str(what), outside=True)
+        except BaseException:
+            self.close()  # nobody else has it
+            raise
 
     def run(self, run: Run) -> tuple[str, Any, float]:
         """Return ("row", row, seconds), or ("machine", why, seconds).
@@ -85,7 +107,7 @@ class Runner:
         return self._receive(self._patience)
 
     def close(self) -> None:
-        """End the process."""
+        """End the process, and remove its folder: what is killed leaves it."""
         with contextlib.suppress(OSError):
             self._process.kill()
         self._process.wait()
@@ -93,6 +115,7 @@ class Runner:
             if stream is not None:
                 with contextlib.suppress(OSError):
                     stream.close()
+        shutil.rmtree(self._folder, ignore_errors=True)
 
     def _send(self, what: Any) -> None:
         stream = cast("BinaryIO", self._process.stdin)
