@@ -110,6 +110,7 @@ def test_a_hang_is_a_fault_of_the_device_and_holds_no_tick(catalog: Catalog) -> 
         engine.close()
 
 
+@pytest.mark.punctual  # each word holds for 80 ms
 def test_an_error_in_write_is_told_as_one_in_write(catalog: Catalog, monkeypatch: pytest.MonkeyPatch) -> None:
     """It comes up where the loop reads, as the thread writes between two readings."""
 

@@ -17,6 +17,9 @@ from itouch_evidence.faults.behind_wires import Pair, run
 
 PERIOD = 1e-3
 
+#: A loop in real time minds by the machine's own clock, too, whether it was put to sleep.
+pytestmark = pytest.mark.punctual
+
 
 class Late:
     """The clock of a machine that is held up: as the wall's, but nothing else takes time."""
