@@ -24,6 +24,8 @@ STEP = 2e-3
 FLAT = 5e-4
 #: Longest tick [s] of a loop in which no change between arm and plate steps by more than 0.1 N (``bench surface``).
 SLOWEST = 1.0001e-3
+#: How near to its trip [K] a plate can't rest: its monitor extrapolates noisy readings, and trips at the limit itself.
+AT_REST = 0.1
 
 
 def odd(model: Model) -> Iterator[Problem]:
@@ -110,17 +112,18 @@ def _outside_band(model: Model) -> Iterator[Problem]:
 
 
 def _trips_at_rest(model: Model) -> Iterator[Problem]:
-    """Find plates that begin at a room temperature at which they trip: such a scene stops before it has begun."""
+    """Find plates that begin at a room temperature at or next to which they trip: such a scene stops as it begins."""
     room = model.scene.world.temperature
     for device in model.devices.values():
         if device.reading(Role.SKIN_CONTACT_TEMPERATURE) is None or device.limits.temperature is None:
             continue
         low, high = device.limits.temperature_trip
-        if low <= room <= high:
+        if low + AT_REST <= room <= high - AT_REST:
             continue
         sentence = (
             f"the room is at {room - 273.15:.4g} degC, and '{device.name}', which begins at that temperature, trips "
-            f"below {low - 273.15:.4g} and above {high - 273.15:.4g} degC: it could not be enabled"
+            f"at {low - 273.15:.4g} and at {high - 273.15:.4g} degC: the session would stop at once, or by the least "
+            "noise of its sensor"
         )
         place = model.scene.places.of(model.scene.world, "temperature") or device.place
         advice = "write a room temperature between these, or allow the plate the temperature of the room"
