@@ -79,6 +79,22 @@ def test_an_object_above_what_the_table_reaches_is_told_with_its_height_and_the_
     )
 
 
+def test_what_renders_an_object_out_of_reach_is_said_of_the_finger_whose_table_it_is() -> None:
+    """Another finger's table may reach it, and a finger without an arm is given nothing at all."""
+    target = SimpleNamespace(low=(-0.05, -0.05, 0.0), high=(0.05, 0.05, 0.05))
+    near, far = (device(name, command=lambda role: target if role is Role.SURFACE_POSE else None) for name in "ab")
+    far.mount = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    block = Box(name="block", size=(0.02, 0.02, 0.02), pos=(0.0, 0.0, 0.01), material="wood")
+    thumb = Probe(name="thumb", radius=0.008, pose_from="arm", force_to="arm", surface_to="a")
+    index = Probe(name="index", radius=0.008, pose_from="arm", force_to="arm", surface_to="b")
+    bare = Probe(name="bare", radius=0.008, pose_from="arm", surface_to="b")
+    world: Any = SimpleNamespace(places=PLACES, objects=(block,), probes=(thumb, index, bare))
+    assert [problem.advice for problem in check_reach(world, {"a": near, "b": far})] == [
+        "only the arm renders the contacts of probe 'index' with it, without heat",
+        "nothing renders the contacts of probe 'bare' with it",
+    ]
+
+
 def test_places_speeds_and_forces_have_three_numbers() -> None:
     """Whoever reads State, a recording or an export takes them for x, y and z."""
     for field in probe_fields(2):

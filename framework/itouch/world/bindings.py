@@ -234,7 +234,10 @@ def check_reach(
                     else f"at height {top * 1e3:g} mm, outside {low[2] * 1e3:g} to {high[2] * 1e3:g} mm of"
                 )
                 sentence = f"the top of object '{element.name}' is {where} what '{table.name}' can reach"
-                advice = "only the arm renders its contacts, without heat"
+                # Of this probe alone: another one's table may reach the object.
+                touched = f"the contacts of probe '{probe.name}' with it"
+                arm = f"only the arm renders {touched}, without heat"
+                advice = arm if probe.force_to else f"nothing renders {touched}"
                 yield Problem("out-of-reach", sentence, scene.places.of(element), advice, severity="warning")
 
 
