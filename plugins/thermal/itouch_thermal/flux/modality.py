@@ -79,9 +79,14 @@ class FluxControl(Modality):
         return setting(name, params, world)
 
     def notices(self, model: FluxModel) -> tuple[str, ...]:
-        """Warn of water on the plate."""
-        found = condensation.warning(model.band, model.dew, model.ambient, model.display.humidity)
-        return (found,) if found else ()
+        """Warn of water on the plate, and of a display that another finger touches than the one that is followed."""
+        found = [condensation.warning(model.band, model.dew, model.ambient, model.display.humidity)]
+        if model.astray:
+            found.append(
+                f"'{model.params.display}' is at another finger than that of probe '{model.probe}', whose heat it "
+                "shows: flux and skin in the report are not those of this probe's finger"
+            )
+        return tuple(sentence for sentence in found if sentence)
 
     def fields(self, model: FluxModel) -> tuple[Field, ...]:
         """Return the controller's memory and the account of the contact."""

@@ -73,8 +73,9 @@ class FluxModel:
     it; ``preset_noise`` [A] is the noise on the current before a touch.
     ``wire`` says that readings and currents are late, ``at`` which of the display's readings are those of flux and
     plate.  ``finger`` is the column of the finger at rest, in steps of an update; ``finger_number`` is the probe's
-    number.  ``lead`` [s] is how long the plate takes to reach its target.  ``hold`` is how many servo periods an update
-    stands for, ``again`` after how many of them the start temperature is found anew.
+    number, ``astray`` says that the display is at the finger of another probe.  ``lead`` [s] is how long the plate
+    takes to reach its target.  ``hold`` is how many servo periods an update stands for, ``again`` after how many of
+    them the start temperature is found anew.
     """
 
     name: str
@@ -98,6 +99,7 @@ class FluxModel:
     skin_valid: str
     force_from: str
     force_at: tuple[str, int]
+    astray: bool
     truth: bool
     wire: bool
     at: tuple[int, int]
@@ -185,6 +187,7 @@ def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
         skin_valid=device.read_field(Role.SKIN_VALID),
         force_from=force[0],
         force_at=force[1:],
+        astray=device not in world.devices_at(heat.probe),
         truth=device.twin,
         wire=wire,
         at=(reads.index(Role.HEAT_FLUX), reads.index(Role.SKIN_CONTACT_TEMPERATURE)) if wire else (0, 0),
