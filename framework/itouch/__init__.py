@@ -13,6 +13,7 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from itouch.garbage import seldom
 from itouch.moved import MOVED
 
 # Kernels shipped with the program are compiled for one kind of processor, which Numba reads from the environment when
@@ -102,7 +103,8 @@ def __getattr__(name: str) -> Any:
     if home is None:
         raise AttributeError(f"module 'itouch' has no attribute '{name}'")
     module, _, attribute = home.partition(":")
-    return getattr(import_module(module), attribute or name)
+    with seldom():
+        return getattr(import_module(module), attribute or name)
 
 
 def __dir__() -> list[str]:

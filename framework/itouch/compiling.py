@@ -14,7 +14,6 @@ them.  Kernels that are not in the cache are looked for among those that were sh
 from __future__ import annotations
 
 import contextlib
-import gc
 import glob
 import hashlib
 import math
@@ -30,7 +29,7 @@ from inspect import CO_VARARGS
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar, cast
 
-from itouch import caches, platforms, shipped
+from itouch import caches, garbage, platforms, shipped
 from itouch.fingerprint import fingerprint, made_of
 
 shipped.choose_processor()
@@ -39,11 +38,12 @@ shipped.confirm_processor()
 import numba  # noqa: E402  - it reads the kind of processor when it is imported
 import numpy as np  # noqa: E402
 from numba import njit  # noqa: E402
-from numba.core import cgutils, event, targetconfig  # noqa: E402
+from numba.core import cgutils, event  # noqa: E402
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator  # noqa: E402
 from numba.extending import intrinsic, register_jitable  # noqa: E402
 from numba.np.arrayobj import populate_array  # noqa: E402
 
+from itouch import numba_shortcuts  # noqa: E402
 from itouch.borrowing import Borrowing, know  # noqa: E402
 from itouch.linking import Linked  # noqa: E402
 
@@ -78,63 +78,28 @@ _NEEDED = "needed"
 _claimed: dict[str, str] = {}
 
 
-class _Seldom(event.Listener):
-    """Makes garbage collection rare while Numba compiles, as nearly all objects of the compiler are still in use then.
-
-    Scanning them again and again takes a good part of a first start.  One thread compiles at a time.
-    """
-
-    #: Thresholds of the garbage collector while compiling, as for ``gc.set_threshold``.
-    SELDOM = (50_000, 20, 100)
+class _UnderWay(event.Listener):
+    """Knows what is being compiled, and lets garbage be looked for seldom meanwhile.  One thread compiles at a time."""
 
     def __init__(self) -> None:
-        self._depth = 0
-        self._before = gc.get_threshold()
         #: The functions that are being compiled now, the one that all others are for first.
-        self.under_way: list[str] = []
+        self.functions: list[str] = []
 
     def on_start(self, event: Any) -> None:
-        """Raise the thresholds when compiling begins; compilations may be nested."""
-        self.under_way.append(_called(event.data["dispatcher"].py_func))
-        if self._depth == 0:
-            self._before = gc.get_threshold()
-            if self._before[0]:  # 0: collection is switched off
-                gc.set_threshold(*map(max, self._before, self.SELDOM))
-        self._depth += 1
+        """Note what begins; compilations may be nested."""
+        self.functions.append(_called(event.data["dispatcher"].py_func))
+        garbage.begin_seldom()
 
     def on_end(self, event: Any) -> None:
-        """Restore the thresholds, also when compiling has failed."""
-        self._depth -= 1
-        self.under_way.pop()
-        if self._depth == 0:
-            gc.set_threshold(*self._before)
+        """Forget it, also when compiling has failed."""
+        garbage.end_seldom()
+        self.functions.pop()
 
 
-_seldom = _Seldom()
-event.register("numba:compile", _seldom)
+_under_way = _UnderWay()
+event.register("numba:compile", _under_way)
 
-
-def _compare_quickly(options: Any) -> None:
-    """Let options of compilations be compared by what is set in them: all others have their defaults in both.
-
-    Numba compares them for each overload of each call that it types; looking at all of them, defaults included, took a
-    twelfth of a first start.  Its hash is that of their names, and so the same for all.
-    """
-    by_all = options.__eq__
-
-    def equal(self: Any, other: Any) -> Any:
-        if type(self) is not type(other):
-            return by_all(self, other)
-        one, two = self._values, other._values
-        return one == two or all(getattr(self, name) == getattr(other, name) for name in one.keys() | two.keys())
-
-    def digest(self: Any) -> int:
-        return len(self.options)
-
-    options.__eq__, options.__hash__ = equal, digest
-
-
-_compare_quickly(targetconfig.TargetConfig)
+numba_shortcuts.take()
 
 
 def compile_together(place: Path | None) -> None:
@@ -165,7 +130,7 @@ def progress() -> tuple[int, int | None, str]:
 
     None: it is not known yet how many are needed.
     """
-    under_way = list(_seldom.under_way)
+    under_way = list(_under_way.functions)
     done, needed = set(KernelCache.begun), set[str]()
     if (place := _together) is not None:
         with contextlib.suppress(OSError):

@@ -15,6 +15,7 @@ import time
 
 import numpy as np
 
+from itouch.garbage import seldom_for_good
 from itouch.platforms import Ended, Memory, signals
 from itouch.recording.chunking import MOST_ROWS, SPEC, ChunkBuilder
 from itouch.recording.ring import ControlWord, Phase, Ring, Shape
@@ -99,4 +100,5 @@ def _tuples(described: list[list[object]]) -> list[tuple[object, ...]]:
 
 
 if __name__ == "__main__":
+    seldom_for_good()
     sys.exit(main(sys.argv[1:]))

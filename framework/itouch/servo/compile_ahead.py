@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from itouch.garbage import seldom_for_good
 from itouch.servo.parent_process import end_with
 
 
@@ -73,4 +74,5 @@ def main(argv: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
+    seldom_for_good()
     sys.exit(main(sys.argv[1:]))

@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from itouch.garbage import seldom_for_good
 from itouch.servo import control_block as at
 from itouch.servo import realtime, wire
 from itouch.servo.guardian_link import OWN
@@ -323,4 +324,5 @@ def main(argv: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
+    seldom_for_good()
     sys.exit(main(sys.argv[1:]))

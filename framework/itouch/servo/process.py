@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from itouch.ending import end_in_order, end_soon
+from itouch.garbage import seldom_for_good
 from itouch.platforms import lives, signals
 from itouch.servo import control_block as at
 from itouch.servo.launcher_pipe import Outbox, messages
@@ -143,5 +144,6 @@ def _end_on_signals(segment: SharedMemory) -> None:
 
 
 if __name__ == "__main__":
+    seldom_for_good()
     code = main(sys.argv[1:])
     end_in_order(code)

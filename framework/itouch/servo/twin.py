@@ -11,6 +11,7 @@ import socket
 import sys
 from collections.abc import Callable, Sequence
 
+from itouch.garbage import seldom_for_good
 from itouch.servo.parent_process import end_with
 
 
@@ -30,4 +31,5 @@ def main(argv: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
+    seldom_for_good()
     sys.exit(main(sys.argv[1:]))

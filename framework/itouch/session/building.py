@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 
+from itouch.garbage import seldom
 from itouch.loop import Clock
 from itouch.plugin.bases import Bases, keeping
 from itouch.plugin.discovery import Catalog
@@ -82,6 +83,7 @@ def choose_twins(scene: Scene, twin: str) -> Scene:
     return replace(scene, devices=tuple(devices))
 
 
+@seldom()
 def build(
     scene: str | os.PathLike[str] | Scene,
     *,
@@ -121,6 +123,7 @@ def build(
     return Session.of(description, catalog=plugins, seed=seed, clock=clock)
 
 
+@seldom()
 def restore(
     path: str | os.PathLike[str], *, clock: Clock | None = None, catalog: Catalog | None = None, opens: bool = True
 ) -> Session:

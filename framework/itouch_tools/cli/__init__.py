@@ -13,6 +13,8 @@ from importlib import import_module
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from itouch.garbage import seldom_for_good
+
 if TYPE_CHECKING:
     from itouch.plugin.discovery import Found
 
@@ -73,6 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit code: 0 done, 1 a fault while running, 2 wrong input."""
     if argv is None:
         _note_interrupts()
+        seldom_for_good()
     try:
         return _main(argv)
     except KeyboardInterrupt:  # before a command began, or after it

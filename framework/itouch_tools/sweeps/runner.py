@@ -16,6 +16,8 @@ import time
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from itouch.garbage import seldom_for_good
+
 _PR_SET_PDEATHSIG = 1
 
 
@@ -95,4 +97,5 @@ def _end_with_parent() -> None:
 
 
 if __name__ == "__main__":
+    seldom_for_good()
     sys.exit(main())

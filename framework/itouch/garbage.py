@@ -1,0 +1,55 @@
+"""How seldom garbage is looked for while a program starts or compiles: nearly all that is made then is still in use.
+
+Modules, machine code and what describes a scene come to some hundred thousand objects that stay.  Python looks through
+them again and again while they are made: a sixth of a start, and a good part of a first one, which compiles.
+"""
+
+from __future__ import annotations
+
+import gc
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
+
+#: Thresholds meanwhile, as for ``gc.set_threshold``.
+SELDOM = (50_000, 20, 100)
+
+_lock = threading.Lock()
+_depth = 0
+_before = gc.get_threshold()
+
+
+def begin_seldom() -> None:
+    """Raise the thresholds until ``end_seldom`` has been called as often; collection that is switched off stays off."""
+    global _depth, _before
+    with _lock:
+        if _depth == 0:
+            _before = gc.get_threshold()
+            seldom_for_good()
+        _depth += 1
+
+
+def end_seldom() -> None:
+    """Restore the thresholds where this is the last one that was begun."""
+    global _depth
+    with _lock:
+        _depth -= 1
+        if _depth == 0:
+            gc.set_threshold(*_before)
+
+
+@contextmanager
+def seldom() -> Generator[None]:
+    """Raise the thresholds within, also where several threads do so, or one does so in turn."""
+    begin_seldom()
+    try:
+        yield
+    finally:
+        end_seldom()
+
+
+def seldom_for_good() -> None:
+    """Raise the thresholds, for a process that is this program's alone."""
+    now = gc.get_threshold()
+    if now[0]:  # 0: collection is switched off
+        gc.set_threshold(*map(max, now, SELDOM))

@@ -1,0 +1,76 @@
+"""Garbage is looked for seldom while a program starts or compiles, and as often as before afterwards."""
+
+from __future__ import annotations
+
+import gc
+import threading
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+from shipped import SCENES
+
+import itouch
+from itouch import garbage
+
+USUAL = (600, 9, 8)
+
+
+@pytest.fixture(autouse=True)
+def usual() -> Generator[None]:
+    before = gc.get_threshold()
+    gc.set_threshold(*USUAL)
+    yield
+    gc.set_threshold(*before)
+
+
+def test_the_last_that_ends_brings_back_what_was_before_the_first_that_began() -> None:
+    with garbage.seldom():
+        begun, end = threading.Event(), threading.Event()
+
+        def other() -> None:
+            with garbage.seldom():
+                begun.set()
+                end.wait(60)
+
+        thread = threading.Thread(target=other)
+        thread.start()
+        assert begun.wait(60)
+    assert gc.get_threshold() == garbage.SELDOM  # the other one is still at it
+    end.set()
+    thread.join()
+    assert gc.get_threshold() == USUAL
+
+
+def test_who_looks_more_seldom_or_not_at_all_goes_on_so() -> None:
+    gc.set_threshold(900_000, 3, 100)
+    with garbage.seldom():
+        assert gc.get_threshold() == (900_000, *garbage.SELDOM[1:])
+    assert gc.get_threshold() == (900_000, 3, 100)
+    gc.set_threshold(0)
+    with pytest.raises(KeyError), garbage.seldom():
+        assert gc.get_threshold()[0] == 0
+        raise KeyError
+    assert gc.get_threshold()[0] == 0
+
+
+def test_building_a_session_looks_seldom_and_leaves_it_as_it_was(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    seen = list[tuple[int, int, int]]()
+    from itouch.session import Session, SessionError
+    from itouch.world import Model
+
+    def look(*args: object, **named: object) -> Model:
+        seen.append(gc.get_threshold())
+        raise ValueError
+
+    monkeypatch.setattr(Model, "of", look)
+    with pytest.raises(ValueError):
+        itouch.build(SCENES / "materials.xml")
+    assert seen == [garbage.SELDOM]
+    assert gc.get_threshold() == USUAL
+    with pytest.raises(SessionError):
+        itouch.restore(tmp_path / "none.itouch")
+    assert gc.get_threshold() == USUAL
+    assert Session is itouch.Session
