@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kernels_in_python import kernel_of
 from shipped import SCENES
 
 from itouch.loop import render
@@ -15,6 +16,8 @@ from itouch.loop.surface import force, memory
 from itouch_evidence.surface.course import Course, Floats, follow
 from itouch_evidence.surface.edges import edge, rim
 from itouch_evidence.surface.scenes import Slope
+
+_part, _within, _lead = map(kernel_of, (force._part, force._within, force._lead))
 
 #: How many ticks apart the virtual force and what is felt may do the same.
 APART = 3
@@ -66,7 +69,7 @@ def part(share: float, normal: float, pressed: float = 0.0, *, renders: bool = F
     figures = np.zeros(render.FIGURES)
     figures[render.NORMAL + 2] = 1.0
     kept[memory.SHARE], kept[memory.RENDERS] = share, float(renders)
-    force._part(c, figures, kept, normal, pressed, True)
+    _part(c, figures, kept, normal, pressed, True)
     return float(kept[memory.SHARE])
 
 
@@ -90,16 +93,16 @@ def test_an_arm_gives_what_a_plate_leaves_of_the_limit(left: float, before: floa
     """``before``: what it was cut by a tick ago [N]; the limit of 3 N comes back in small steps."""
     c, kept, given = np.zeros(render.CONSTANTS), np.zeros(memory.MEMORY), np.array([3.0, 4.0, 0.0])
     c[render.FORCE_LIMIT], kept[memory.CUT] = 3.0, before
-    force._within(c, kept, given, left, np.inf)
+    _within(c, kept, given, left, np.inf)
     assert given == pytest.approx([0.6 * most, 0.8 * most, 0.0])
 
 
 def test_what_an_arm_is_cut_by_grows_in_steps_where_the_plates_force_is_a_guess() -> None:
     c, kept, given = np.zeros(render.CONSTANTS), np.zeros(memory.MEMORY), np.array([0.0, 0.0, 3.0])
     c[render.FORCE_LIMIT], kept[memory.CUT] = 3.0, 0.5
-    force._within(c, kept, given, 1.0, force.HAND_STEP)
+    _within(c, kept, given, 1.0, force.HAND_STEP)
     assert given[2] == pytest.approx(2.5 - force.HAND_STEP)
-    force._within(c, kept, given, 2.49, force.HAND_STEP)
+    _within(c, kept, given, 2.49, force.HAND_STEP)
     assert kept[memory.CUT] == pytest.approx(0.51)  # no farther than it must be
 
 
@@ -113,7 +116,7 @@ def test_an_arm_itself_changes_by_no_more_than_it_may(wanted: float, rise: float
     c, asked = np.zeros(render.CONSTANTS), np.array([0.0, 0.0, wanted])
     for frame in (render.ARM, render.TABLE):
         c[frame + 3 : frame + 12] = np.eye(3).ravel()
-    led = force._lead(c, np.array([0.0, 0.0, 1.0]), asked, rise, 0.065, most)
+    led = _lead(c, np.array([0.0, 0.0, 1.0]), asked, rise, 0.065, most)
     assert asked[2] == pytest.approx(given)
     assert led is (given != wanted)
 
@@ -124,8 +127,8 @@ def test_a_force_along_any_axis_follows_from_the_one_sent_along_it() -> None:
     c[render.ARM + 3 : render.ARM + 12], c[render.TABLE + 3 : render.TABLE + 12] = turn.ravel(), np.eye(3).ravel()
     before, step = turn @ sent, 0.065
     asked = before + (0.5, -1.0, 2.0)
-    assert force._lead(c, sent, asked, 0.0, step, np.inf)
+    assert _lead(c, sent, asked, 0.0, step, np.inf)
     assert asked == pytest.approx(before + np.array((0.5, -1.0, 2.0)) * step / np.sqrt(5.25))
     near = before + (0.01, -0.02, 0.03)
-    assert not force._lead(c, sent, near, 0.0, step, np.inf)
+    assert not _lead(c, sent, near, 0.0, step, np.inf)
     assert near == pytest.approx(before + (0.01, -0.02, 0.03))

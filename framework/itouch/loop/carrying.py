@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel
+from itouch.compiling import kernel, linked
 from itouch.contact.distance_queries import beside
 from itouch.joining import SKIP
 from itouch.loop import render
@@ -157,7 +157,7 @@ def look_below(
     return 0
 
 
-@kernel
+@linked
 def _load(load: Floats, presses: Floats) -> float:
     """Return the force on a surface along its device's third axis [N], as is said (1,), or else as is read (6,)."""
     return float(-presses[0] if presses[0] >= 0.0 else load[2])

@@ -103,7 +103,7 @@ def happens(seen: Any, kept: Any, event: Any, probe: int, moving: bool, moves: b
     return _tell(seen, kept, event, probe, moving, kind, index, kind != NEAR and primary == index)
 
 
-@kernel
+@linked
 def _goes_on(seen: Any, kept: Any, patience: int) -> bool:
     """Tell whether the contact with an object goes on."""
     nearest, primary, current = seen.nearest[0], seen.primary[0], kept.current[0]
@@ -115,7 +115,7 @@ def _goes_on(seen: Any, kept: Any, patience: int) -> bool:
     return bool(primary < 0 and kept.separated[0] < patience)
 
 
-@kernel
+@linked
 def _touches(result: Any, index: int) -> bool:
     for row in range(int(result[at.RESULT_COUNT])):
         if result[at.RESULT_CONTACTS + row * at.CONTACT_WIDTH + at.CONTACT_OBJECT] == index:
@@ -123,7 +123,7 @@ def _touches(result: Any, index: int) -> bool:
     return False
 
 
-@kernel
+@linked
 def _tell(
     seen: Any, kept: Any, event: Any, probe: int, moving: bool, kind: int, index: int, touching: bool
 ) -> int:  # fmt: skip

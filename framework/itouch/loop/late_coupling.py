@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel
+from itouch.compiling import kernel, linked
 from itouch.plugin import Record
 from itouch.safety.latch import ENABLED
 from itouch.world import Model
@@ -45,7 +45,7 @@ class Late(NamedTuple):
     lost_object: Any
 
 
-@kernel
+@linked
 def allowed(stiffness: float, damping: float, relied: float, late: float) -> tuple[float, float]:
     """Return the stiffness [N/m] and damping [N s/m] that are passive at a delay; damping is lowered before stiffness.
 

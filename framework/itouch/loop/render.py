@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.blocks import Block, places, width
-from itouch.compiling import kernel
+from itouch.compiling import linked
 from itouch.contact import layout as at
 from itouch.twin.frame_rotation import FRAME, turned_out
 from itouch.world import fields
@@ -44,7 +44,7 @@ PLATE_COSINE = _constants.part()  # of the steepest slope that a plate renders [
 CONSTANTS = _constants.width
 
 
-@kernel
+@linked
 def follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
     """Take the tracker's position as the HIP, and filter its velocity; ``first``: the velocity stays as it is.
 
@@ -60,7 +60,7 @@ def follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
         figures[HIP + i] = place[i]
 
 
-@kernel
+@linked
 def _push(c: Floats, damping: Floats, figures: Floats, result: Floats) -> None:
     """Write the contact force: the spring's, with damping along the normal, which may weaken it but never make it pull.
 
@@ -90,7 +90,7 @@ def _push(c: Floats, damping: Floats, figures: Floats, result: Floats) -> None:
     figures[PENETRATION] = result[at.RESULT_PENETRATION]
 
 
-@kernel
+@linked
 def _approach(figures: Floats, result: Floats, poses: Floats, twists: Floats) -> None:
     """Write the distance to the nearest object, and the time to contact by the speed relative to its surface."""
     figures[NEAR_DISTANCE] = figures[TIME_TO_CONTACT] = np.inf
@@ -115,7 +115,7 @@ def _approach(figures: Floats, result: Floats, poses: Floats, twists: Floats) ->
         figures[TIME_TO_CONTACT] = distance / speed
 
 
-@kernel
+@linked
 def touch(
     c: Floats, poses: Floats, twists: Floats, damping: Floats, figures: Floats, result: Floats
 ) -> tuple[int, int]:  # fmt: skip

@@ -102,7 +102,7 @@ class Reach(NamedTuple):
     period: float
 
 
-@kernel
+@linked
 def _lead(c: Floats, search: Any, reach: Any) -> None:
     """Lead the operator twin's hand down to where the plate can reach it, if its path begins higher."""
     r, z = render.TABLE + 3, reach.z + reach.high
@@ -125,7 +125,7 @@ def _at_zero_force(sums: Floats) -> float:
     return float((h - slope * f) / n)
 
 
-@kernel
+@linked
 def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: float) -> int:
     """Bring the plate below the finger; the sums' `_COUNT` is of the ticks in which it is felt and can go no lower."""
     target = search.target[0]
@@ -169,7 +169,7 @@ def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, for
     return 0
 
 
-@kernel
+@linked
 def _release(search: Any, pose: Floats, fixed: Any) -> None:
     """Let the plate drop, then go to the next point, or after the last one write the table's height."""
     if abs(pose[2] - search.target[0]) > _ARRIVED:

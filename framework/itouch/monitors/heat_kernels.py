@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel
+from itouch.compiling import kernel, linked
 from itouch.monitors import history_kernels, runaway_kernels
 from itouch.monitors.limits import COLD_FROM, SINK, SINK_TRIP
 from itouch.monitors.thresholds import (
@@ -125,13 +125,13 @@ def check(
     return float(found if found != 0.0 else share)
 
 
-@kernel
+@linked
 def left(beyond: float, room: float) -> float:
     """Return the share of the drive that is left at ``beyond`` past a limit, whose trip is ``room`` past it."""
     return 1.0 if beyond <= 0.0 else max(0.0, 1.0 - beyond / room)
 
 
-@kernel
+@linked
 def drive(plate: Any, sent: Floats, temperature: float) -> float:
     """Return how strongly the plate is driven: -1 (heating) to 1 (cooling), as a part of the limit in force.
 
@@ -151,7 +151,7 @@ def drive(plate: Any, sent: Floats, temperature: float) -> float:
     return found
 
 
-@kernel
+@linked
 def near_temperature(allowed: Any, memory: Any, temperature: float) -> float:
     """Return the share of the drive that the plate's temperature, extrapolated a little, allows (T1, T2)."""
     ahead = temperature
@@ -166,7 +166,7 @@ def near_temperature(allowed: Any, memory: Any, temperature: float) -> float:
     return float(min(cold, hot))
 
 
-@kernel
+@linked
 def near_rate(allowed: Any, memory: Any, temperature: float, touched: bool) -> float:
     """Return the share that the plate's rate in contact, a mean over half a second, allows (T5)."""
     if not touched:
@@ -183,7 +183,7 @@ def near_rate(allowed: Any, memory: Any, temperature: float, touched: bool) -> f
     return float(left(rate - allowed.rate, allowed.rate))
 
 
-@kernel
+@linked
 def near_flux(allowed: Any, memory: Any) -> float:
     """Return the share that the mean of |flux| over a second allows (T6)."""
     mean, limit = history_kernels.mean_flux(memory.past, MEAN), allowed.flux
@@ -193,7 +193,7 @@ def near_flux(allowed: Any, memory: Any) -> float:
     return float(left(mean - limit, limit / 3.0))
 
 
-@kernel
+@linked
 def count(allowed: Any, memory: Any, temperature: float, look: Any) -> float:
     """Add to the thermal dose, in seconds at 43 degC (T3), and to the time in the cold; return a trip or 0."""
     if not look.touched:
@@ -210,7 +210,7 @@ def count(allowed: Any, memory: Any, temperature: float, look: Any) -> float:
     return 0.0
 
 
-@kernel
+@linked
 def jump(allowed: Any, memory: Any) -> float:
     """Trip on a step of the plate's sensor that no plate can make (T8)."""
     step = history_kernels.step(memory.past, SHORT, DOUBLE)

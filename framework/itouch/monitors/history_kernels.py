@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel
+from itouch.compiling import linked
 from itouch.monitors.thresholds import AREA, FLUX, READINGS, SAME, TIME, VALUE
 
 Floats = NDArray[np.float64]
@@ -29,7 +29,7 @@ class Past(NamedTuple):
     windows: Floats
 
 
-@kernel
+@linked
 def add(past: Any, time: float, value: float, flux: float) -> bool:
     """Add a reading: time [s], temperature [K] and |flux| [W/m2]; tell whether it is a new one."""
     count, area, mean = past.samples[0], 0.0, 0.0
@@ -47,14 +47,14 @@ def add(past: Any, time: float, value: float, flux: float) -> bool:
     return True
 
 
-@kernel
+@linked
 def newest(past: Any) -> float:
     """Return when the newest reading was measured [s]; 0 before the first one."""
     count = past.samples[0]
     return float(past.rows[(count - 1) % READINGS, TIME]) if count > 0 else 0.0
 
 
-@kernel
+@linked
 def at(past: Any, time: float, window: int, column: int) -> tuple[bool, float]:
     """Return whether a column is known at a time [s], and its value, interpolated linearly between two readings."""
     count, rows = past.samples[0], past.rows
@@ -71,21 +71,21 @@ def at(past: Any, time: float, window: int, column: int) -> tuple[bool, float]:
     return True, float(first[column] + (second[column] - first[column]) * part / wide)
 
 
-@kernel
+@linked
 def before(past: Any, window: int) -> tuple[bool, float]:
     """Return whether the temperature one window ago is known, and what it was [K]."""
     known, value = at(past, newest(past) - past.windows[window], window, VALUE)
     return known, value
 
 
-@kernel
+@linked
 def value_at(past: Any, time: float, window: int) -> float:
     """Return the temperature at a time [K], or the oldest one that is known."""
     known, value = at(past, time, window, VALUE)
     return float(value if known else past.rows[max(0, past.samples[0] - READINGS) % READINGS, VALUE])
 
 
-@kernel
+@linked
 def mean_flux(past: Any, window: int) -> float:
     """Return the mean of |flux| over a window [W/m2]; 0 before one has passed."""
     known, value = at(past, newest(past) - past.windows[window], window, FLUX)
@@ -94,7 +94,7 @@ def mean_flux(past: Any, window: int) -> float:
     return float((past.rows[(past.samples[0] - 1) % READINGS, FLUX] - value) / past.windows[window])
 
 
-@kernel
+@linked
 def step(past: Any, window: int, double: int) -> float:
     """Return the mean temperature over the last window minus that over the one before [K]; 0 until both have passed."""
     now = newest(past)

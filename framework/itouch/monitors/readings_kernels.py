@@ -50,7 +50,7 @@ class Memory(NamedTuple):
     figure: Floats
 
 
-@kernel
+@linked
 def _found(able: Any, memory: Any, values: Floats) -> float:
     """Note the first number that is out of range or not finite, and return minus its trip."""
     for i in range(len(values)):
@@ -69,7 +69,7 @@ def squared_length(values: Floats, at: int) -> float:
     return w * w + x * x + y * y + z * z
 
 
-@kernel
+@linked
 def doubt(able: Any, memory: Any, values: Floats, seconds: float) -> float:
     """Return 1, or minus the trip of a reading (n,) that cannot be believed.
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel
+from itouch.compiling import kernel, linked
 from itouch.monitors.thresholds import (
     COLDEST_TARGET,
     DRIFT,
@@ -86,7 +86,7 @@ def drive_of(target: bool, sent: float, temperature: float, ceiling: float) -> f
     return sent / ceiling
 
 
-@kernel
+@linked
 def check(
     trust: Any, memory: Any, temperature: float, sink: float, drive: float, look: Any, news: bool
 ) -> float:  # fmt: skip
@@ -105,7 +105,7 @@ def check(
     return float(found)
 
 
-@kernel
+@linked
 def still(trust: Any, memory: Any, temperature: float, drive: float, look: Any) -> float:
     """Trip on a sensor that reads exactly the same although the drive changes, or the plate must move on (T8)."""
     passed = max(0.0, look.time - memory.frozen_at[0])
@@ -133,7 +133,7 @@ def still(trust: Any, memory: Any, temperature: float, drive: float, look: Any) 
     return 0.0
 
 
-@kernel
+@linked
 def stopped(trust: Any, memory: Any, drive: float, same: float) -> bool:
     """Tell whether a plate whose temperature moved under a steady drive seems to have stopped abruptly."""
     slope = abs(memory.frozen_slope[0])
@@ -144,7 +144,7 @@ def stopped(trust: Any, memory: Any, drive: float, same: float) -> bool:
     return bool((driven or fast) and same <= STOPPED_WITHIN and slope * same > STOPPED)
 
 
-@kernel
+@linked
 def against(trust: Any, memory: Any, temperature: float, drive: float, look: Any) -> float:
     """Trip if the plate does not follow a strong drive, or goes the wrong way (T9)."""
     passed = memory.driven_for[0]
@@ -165,7 +165,7 @@ def against(trust: Any, memory: Any, temperature: float, drive: float, look: Any
     return 0.0
 
 
-@kernel
+@linked
 def extremes(memory: Any, temperature: float, now: float, begin: float) -> tuple[float, float]:
     """Note a temperature; return least and greatest of the last two seconds [K], without those before ``begin`` [s]."""
     if now < begin:
@@ -182,7 +182,7 @@ def extremes(memory: Any, temperature: float, now: float, begin: float) -> tuple
     return least, most
 
 
-@kernel
+@linked
 def odd(trust: Any, memory: Any, temperature: float, sink: float, drive: float, look: Any) -> float:
     """Trip if an untouched plate has long been where its drive cannot have brought it: its sensor has drifted (T8)."""
     beyond = (temperature - sink) * math.copysign(1.0, drive)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel
+from itouch.compiling import kernel, linked
 from itouch.monitors.limits import (
     NEAR,
     SPEED_NEAR_TRIP,
@@ -213,7 +213,7 @@ def check(allowed: Any, memory: Any, load: Any, pose: Floats, finger: Any, seen:
     return float(found if found != 0.0 else 1.0)
 
 
-@kernel
+@linked
 def _astray(memory: Any, seen: Any) -> bool:
     """Tell whether the surface has been away from its command for too long (K6)."""
     if not seen.strayed > TRACKING_TRIP:
@@ -223,7 +223,7 @@ def _astray(memory: Any, seen: Any) -> bool:
     return bool(memory.strayed_for[0] > TRACKING_TIME + 1e-9)
 
 
-@kernel
+@linked
 def moves(allowed: Any, memory: Any, pose: Floats, finger: Any, seen: Any, touched: bool) -> float:
     """Return minus the trip of a mean speed over 50 ms that no command can have requested (K5), or 0.
 
@@ -259,7 +259,7 @@ def moves(allowed: Any, memory: Any, pose: Floats, finger: Any, seen: Any, touch
     return 0.0
 
 
-@kernel
+@linked
 def _before(memory: Any, pose: Floats, finger: Any, time: float) -> int:
     """Note where surface and finger are; return the row of where they were 50 ms or more ago, -1: not known."""
     count, track = memory.places[0], memory.track
@@ -280,7 +280,7 @@ def _before(memory: Any, pose: Floats, finger: Any, time: float) -> int:
     return -1
 
 
-@kernel
+@linked
 def doubt(allowed: Any, memory: Any, pressed: float, passed: float, seen: Any) -> float:
     """Return minus the trip of a force [N] where no finger is, so that sensor and tracking disagree (T8), or 0."""
     far = seen.gap > (DOUBT_GAP if seen.calibrated else DOUBT_GAP_UNCALIBRATED)

@@ -50,7 +50,7 @@ def encoded(pose: Any, step: float, turns: bool, shown: Any, switch: Any) -> int
     return 0
 
 
-@kernel
+@linked
 def _uniform(words: Any) -> float:
     """Draw a number from 0 to 1, 1 excluded, advancing a one-word generator: SplitMix64 (Steele, Lea, Flood 2014)."""
     words[0] += np.uint64(0x9E3779B97F4A7C15)

@@ -94,7 +94,7 @@ def _slew(bounds: Any, values: Floats, last: Floats, period: float) -> int:
     return clamped
 
 
-@kernel
+@linked
 def _wrench(bounds: Any, moving: Any, values: Floats, last: Floats, share: float, growth: float) -> int:
     """Limit a force together with those of the device's channels before it: all push no harder than one alone may."""
     size = math.sqrt(values[0] * values[0] + values[1] * values[1] + values[2] * values[2])
@@ -121,7 +121,7 @@ def _wrench(bounds: Any, moving: Any, values: Floats, last: Floats, share: float
     return clamped
 
 
-@kernel
+@linked
 def _torque(bounds: Any, moving: Any, values: Floats, last: Floats, share: float, growth: float) -> int:
     """Limit a torque: about each axis to what the device can give, then its magnitude, also by the force that is left.
 
@@ -146,7 +146,7 @@ def _torque(bounds: Any, moving: Any, values: Floats, last: Floats, share: float
     return clamped
 
 
-@kernel
+@linked
 def _pose(bounds: Any, values: Floats, last: Floats, share: float, period: float, closing: float) -> int:
     clamped = _into_box(bounds, values)
     if share < 1.0:
@@ -163,7 +163,7 @@ def _pose(bounds: Any, values: Floats, last: Floats, share: float, period: float
     return clamped
 
 
-@kernel
+@linked
 def _drive(bounds: Any, values: Floats, last: Floats, share: float, period: float) -> int:
     """Limit a drive to its range, then to the share of its ceiling that is let through, then in its slew."""
     clamped = _into_box(bounds, values)
@@ -176,7 +176,7 @@ def _drive(bounds: Any, values: Floats, last: Floats, share: float, period: floa
     return clamped | _slew(bounds, values, last, period)
 
 
-@kernel
+@linked
 def _temperature(bounds: Any, values: Floats, last: Floats, share: float, period: float) -> int:
     """Limit a temperature target: to its range, nearer to the middle of that for a share below 1, and in its slew.
 
@@ -204,7 +204,7 @@ def _temperature(bounds: Any, values: Floats, last: Floats, share: float, period
     return clamped
 
 
-@kernel
+@linked
 def finite(values: Floats) -> bool:
     """Tell whether numbers (n,), in any unit, and their sum are finite."""
     total = 0.0

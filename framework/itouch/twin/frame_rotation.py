@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel, linked
+from itouch.compiling import linked
 from itouch.plugin.carried_surfaces import STEEPEST
 
 Floats = NDArray[np.float64]
@@ -36,7 +36,7 @@ def turned_in(frames: Floats, at: int, x: float, y: float, z: float) -> tuple[fl
     )
 
 
-@kernel
+@linked
 def beside(radius: float, cosine: float) -> float:
     """Return how much higher [m] the lowest point of a touching finger is than the plate directly below that point.
 

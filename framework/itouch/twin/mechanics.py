@@ -96,7 +96,7 @@ class Touched(NamedTuple):
     load: Floats
 
 
-@kernel
+@linked
 def plate_force(constants: Floats, finger: Floats, table: Floats, figures: Floats) -> float:
     """Write force, top and distance of the plate below a finger (3,) [m]; return the gap between them [m]."""
     px, py, pz = table[0] + constants[OFFSET], table[1] + constants[OFFSET + 1], table[2] + constants[OFFSET + 2]

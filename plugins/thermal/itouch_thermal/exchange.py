@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from contact_heat.live import air_step, contact_step, shift_surface, surface_temperature
 from contact_heat.resistance import contact_area, resistance_at
 from itouch.plugin import Contact as Kind
-from itouch.plugin.kernels import kernel
+from itouch.plugin.kernels import kernel, linked
 from itouch_thermal.boundary import beyond
 from itouch_thermal.laws import press_factor
 
@@ -99,13 +99,13 @@ _resistance_at, _press_factor, _contact_area = kernel(resistance_at), kernel(pre
 _beyond = kernel(beyond)
 
 
-@kernel
+@linked
 def knows(given: Given, index: int) -> bool:
     """Tell whether an object's heat is known; -1 is no object."""
     return bool(index >= 0 and (given.known[index] != 0 or given.played[index] != 0))
 
 
-@kernel
+@linked
 def overlaps(given: Given, kept: Kept, contact: Contact) -> bool:
     """Tell whether a part of the contact disc lies on a second object, and the heat of one of the two is known."""
     force, beside = contact.felt[0], contact.beside[0]
@@ -114,7 +114,7 @@ def overlaps(given: Given, kept: Kept, contact: Contact) -> bool:
     return bool(_beyond(contact.distance[0], _contact_area(force, given.area[0], given.area[1])) > 0.0)
 
 
-@kernel
+@linked
 def watch(given: Given, kept: Kept, skin: Skin) -> None:
     """Add a valid infrared reading to the mean of its difference from the model finger.
 
@@ -128,7 +128,7 @@ def watch(given: Given, kept: Kept, skin: Skin) -> None:
     skin.change[0] += (beside - skin.change[0]) / min(float(skin.seen[0]), max(1.0, SKIN_WINDOW / given.times[1]))
 
 
-@kernel
+@linked
 def resist(given: Given, kept: Kept, force: float) -> float:
     """Count a tick of contact; return the contact resistance at its end [K m2/W] under a force [N]."""
     law: Any = given.law
@@ -139,7 +139,7 @@ def resist(given: Given, kept: Kept, force: float) -> float:
     return float(found)
 
 
-@kernel
+@linked
 def settle(given: Given, kept: Kept, own: int, force: float, flux: float, resistance: float) -> None:
     """Let the objects that have been touched cool, all but ``own``, and write the outputs of the tick."""
     for other in range(given.known.shape[0]):
@@ -174,7 +174,7 @@ def exchange(given: Given, kept: Kept, skin: Skin, contact: Contact) -> int:
     return 0
 
 
-@kernel
+@linked
 def start(finger: Floats, kept: Floats, skin: Any) -> None:
     """Bring the model finger to the skin temperature that infrared has measured.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from itouch.plugin.carried_surfaces import ABOUT, HIGH, LOW, TOUCH
-from itouch.plugin.kernels import kernel
+from itouch.plugin.kernels import linked
 from itouch_encountered.own import FREE, LOST, TAKES, UNASKED, UNFELT
 
 #: A surface is missed (too low) if the finger seems deeper in it than the force explains by more than this [m], while
@@ -37,7 +37,7 @@ FAR, FAR_UNCALIBRATED = 0.004, 0.015
 HOVER_GAP, HOVER_FORCE, HOVER_TIME = 4e-3, 0.5, 0.05
 
 
-@kernel
+@linked
 def along(frame: Any, normal: Any) -> float:
     """Return the cosine of the angle between a normal (3,) in the world and the surface's normal.
 
@@ -49,7 +49,7 @@ def along(frame: Any, normal: Any) -> float:
     return cosine
 
 
-@kernel
+@linked
 def choose(c: Any, own: Any, upright: float, touching: bool, withdrawn: bool) -> None:
     """Decide whether surface or arm renders the contact, with hysteresis: a contact that has begun changes hands late.
 
@@ -71,7 +71,7 @@ def choose(c: Any, own: Any, upright: float, touching: bool, withdrawn: bool) ->
         own[TAKES] = 0.0
 
 
-@kernel
+@linked
 def doubt(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> None:
     """Note that the surface is not where its height says: not felt where it should be (LOW), or felt below that (HIGH).
 
@@ -104,7 +104,7 @@ def doubt(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> Non
         own[UNASKED] = 0.0
 
 
-@kernel
+@linked
 def touches_unasked(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> None:
     """Note that the surface is too high (HIGH) because a finger feels it that touches nothing virtual.
 

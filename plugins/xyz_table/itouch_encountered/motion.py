@@ -177,7 +177,7 @@ class Seen(NamedTuple):
     ready: Any
 
 
-@kernel
+@linked
 def _beside(c: Any, frame: Any) -> float:
     """Return how much higher than the face straight below it the finger's lowest point is when they touch [m].
 
@@ -186,7 +186,7 @@ def _beside(c: Any, frame: Any) -> float:
     return float(c.radius * (1.0 / max(STEEPEST, frame[UPRIGHT]) - 1.0))
 
 
-@kernel
+@linked
 def _top(c: Any, frame: Any, pose: Any) -> float:
     """Return the height in the world [m] of the lowest point of a finger on the face, for a pose (7,) of the device."""
     x, y, z = pose[0] + c.x, pose[1] + c.y, pose[2] + c.z
@@ -194,7 +194,7 @@ def _top(c: Any, frame: Any, pose: Any) -> float:
     return float(up + frame[ORIGIN_Z] + _beside(c, frame))
 
 
-@kernel
+@linked
 def _come(
     c: Any, own: Any, goal: float, climb: float, last: float, level: float, sink: float, depth: float, pressed: float,
     touching: bool, begins: bool,
@@ -223,7 +223,7 @@ def _come(
         own[ARRIVED] = 1.0
 
 
-@kernel
+@linked
 def _go(c: Any, own: Any, last: float, sink: float, pressed: float, touching: bool) -> None:
     """Take the surface away from the finger, to the clearance, or farther if it is too high and still felt there.
 
@@ -255,7 +255,7 @@ def _sink_below(c: Any, own: Any, surface: float, last: float, felt: bool) -> No
     own[PRESS] = min(own[PRESS], max(surface, lowest))
 
 
-@kernel
+@linked
 def _smoothed(c: Any, own: Any, before: float, bends: float) -> float:
     """Return an acceleration [m/s2] smoothed by the low-pass filter of a position control's feed-forward.
 
@@ -265,7 +265,7 @@ def _smoothed(c: Any, own: Any, before: float, bends: float) -> float:
     return float(before + (bends - before) * c.period / (2.0 * DAMPING_RATIO * math.sqrt(own[INERTIA]) + c.period))
 
 
-@kernel
+@linked
 def _bend(c: Any, own: Any, turns: float, hastens: float, goes_on: bool) -> float:
     """Follow the vertical acceleration of the virtual surface below the finger, in a contact that goes on.
 
@@ -293,7 +293,7 @@ def _bend(c: Any, own: Any, turns: float, hastens: float, goes_on: bool) -> floa
     return float(rounds * c.period * c.period)
 
 
-@kernel
+@linked
 def _watch(c: Any, own: Any, here: float, climb: float) -> None:
     """Follow how fast the surface rises by its own reading ``here`` [m], and how it accelerates.
 
@@ -310,7 +310,7 @@ def _watch(c: Any, own: Any, here: float, climb: float) -> None:
     own[HERE], own[SPEED] = here, speed
 
 
-@kernel
+@linked
 def _learn(c: Any, own: Any, last: float, here: float, pressed: float) -> None:
     """Learn by how much the device misses its command: its compliance, its lag and its inertia.
 
@@ -343,7 +343,7 @@ def _give_way(c: Any, own: Any, pressed: float) -> float:
     return float(own[YIELDS])
 
 
-@kernel
+@linked
 def _wanted(
     c: Any, own: Any, height: float, climb: float, level: float, sink: float, lowest: float, here: float, last: float,
     pressed: float, touching: bool, begins: bool,
@@ -416,7 +416,7 @@ def _bearable(c: Any, own: Any, rises: float, level: float, sink: float, off: fl
     return float(soon + off + c.most / c.stiffness)
 
 
-@kernel
+@linked
 def _command(c: Any, frame: Any, sent: Any, hip: Any, goal: Any, height: float, felt: bool) -> None:
     """Write the command (7,): the pose at which a finger on the face has its lowest point at ``height`` [m].
 
@@ -436,7 +436,7 @@ def _command(c: Any, frame: Any, sent: Any, hip: Any, goal: Any, height: float, 
             goal[i] = sent[i] + (goal[i] - sent[i]) * left / aside
 
 
-@kernel
+@linked
 def _there(own: Any, before: bool, depth: float, pressed: float) -> bool:
     """Tell whether the surface is at the finger, or about to be.
 
@@ -448,7 +448,7 @@ def _there(own: Any, before: bool, depth: float, pressed: float) -> bool:
     return bool(pressed > (LEFT if before else TOUCH))
 
 
-@kernel
+@linked
 def _even(c: Any, own: Any, height: float, climb: float, upright: float) -> float:
     """Return the height of the virtual surface [m]; of a steep face that this one may render, without an arm's steps.
 

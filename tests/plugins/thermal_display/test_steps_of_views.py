@@ -66,7 +66,7 @@ def test_a_virtual_rig_compares_an_estimate_only_when_it_is_new(monkeypatch: pyt
 @pytest.mark.parametrize(("load", "force"), [((0.0, 0.0, -1.5, 0.0, 0.0, 0.0), 1.5), ((), 2.5)])
 def test_the_force_on_the_plate_is_what_is_measured_else_the_virtual_one(load: tuple[float, ...], force: float) -> None:
     scene = SimpleNamespace(load=np.array(load), normal_force=np.array([2.5]))
-    assert usual._force.py_func(scene) == force
+    assert usual._force(scene) == force
 
 
 @pytest.mark.parametrize(
@@ -80,4 +80,4 @@ def test_a_finger_presses_by_its_resistance_where_there_is_heat_else_by_its_forc
     heat: bool, resistance: float, force: float, touches: bool
 ) -> None:
     scene = SimpleNamespace(resistance=np.array([resistance]), normal_force=np.array([force]))
-    assert aiming.in_contact.py_func(scene, heat) is touches
+    assert aiming.in_contact(scene, heat) is touches

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel, linked, scratch
+from itouch.compiling import linked, scratch
 from itouch.loop.render import (
     ARM,
     CONTACT_FORCE,
@@ -87,7 +87,7 @@ WAIT, BLEND = 0.080, 0.020
 LEAST = 1e-3
 
 
-@kernel
+@linked
 def _part(c: Floats, figures: Floats, memory: Floats, normal: float, pressed: float, touching: bool) -> float:
     """Return the arm's share of the normal force, 0 to 1: what the plate does not give, so that no force acts twice.
 
@@ -122,7 +122,7 @@ def _still_changes(c: Floats, memory: Floats, touching: bool) -> bool:
     return True
 
 
-@kernel
+@linked
 def _within(c: Floats, memory: Floats, force: Floats, most: float, step: float) -> None:
     """Cut a force (3,) to ``most`` [N], what the plate leaves of the limit; the limit comes back in small steps.
 
@@ -142,7 +142,7 @@ def _shorten(force: Floats, most: float) -> None:
             force[i] *= most / size
 
 
-@kernel
+@linked
 def _lead(c: Floats, sent: Floats, force: Floats, rise: float, step: float, most: float) -> bool:
     """Bring a force (3,) near enough to the one sent last that its sum with the plate's changes by at most a step [N].
 
@@ -169,7 +169,7 @@ def _lead(c: Floats, sent: Floats, force: Floats, rise: float, step: float, most
     return bool(square > step * step or own > most * most)
 
 
-@kernel
+@linked
 def _anew(memory: Floats, begin: int, force: Floats) -> float:
     """Store a force (3,) in the memory from index ``begin`` on, and return how much it has changed in this tick [N]."""
     square = 0.0
@@ -179,7 +179,7 @@ def _anew(memory: Floats, begin: int, force: Floats) -> float:
     return math.sqrt(square)
 
 
-@kernel
+@linked
 def push(
     c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Floats, load: float, touching: bool, guessed: bool
 ) -> None:  # fmt: skip
@@ -243,7 +243,7 @@ def push(
     wrench[0], wrench[1], wrench[2] = turned_in(c, ARM, force[0], force[1], force[2])
 
 
-@kernel
+@linked
 def feel(c: Floats, figures: Floats, memory: Floats, load: float, touching: bool) -> None:
     """Write with what force [N] the finger feels the contact: the plate's where the plate is present, else the virtual.
 
@@ -269,7 +269,7 @@ def feel(c: Floats, figures: Floats, memory: Floats, load: float, touching: bool
         memory[FELT_FORCE] = figures[NORMAL_FORCE]
 
 
-@kernel
+@linked
 def linger(c: Floats, memory: Floats, load: float, touching: bool, time: float) -> None:
     """Remember the longest time [s] for which the plate was felt after a virtual contact had ended, and when that was.
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel, linked
+from itouch.compiling import linked
 from itouch.contact.cast import sphere_cast
 from itouch.loop.render import (
     HIP,
@@ -39,7 +39,7 @@ STEEPEST = 0.3
 PAST = 1e-3
 
 
-@kernel
+@linked
 def find(
     c: Floats, world: Floats, mesh: Any, poses: Floats, twists: Floats, figures: Floats, memory: Floats, down: Floats,
     normal: Floats, start: Floats,
@@ -100,7 +100,7 @@ def find(
     return int(hit)
 
 
-@kernel
+@linked
 def _nothing(memory: Floats, hit: int) -> int:
     """Forget slope and speed of the surface: there is none, or one too steep for a plate; return what is hit."""
     memory[LIFTS] = memory[SLOPE] = memory[SLOPE + 1] = 0.0
@@ -145,7 +145,7 @@ def _past(figures: Floats, distance: float) -> float:
     return float(above) if above + distance > PAST else 0.0
 
 
-@kernel
+@linked
 def _rises(
     c: Floats, poses: Floats, twists: Floats, hit: int, figures: Floats, distance: float, normal: Floats
 ) -> float:  # fmt: skip
@@ -159,7 +159,7 @@ def _rises(
     return float(normal[0] * u + normal[1] * v + normal[2] * w)
 
 
-@kernel
+@linked
 def along_plate(c: Floats, normal: Floats) -> float:
     """Return the cosine of the angle between a normal (3,) in the world and the plate's.
 

@@ -51,7 +51,7 @@ LETS_GO = 25.0
 CLEAR_OF = 1.5e-3
 
 
-@kernel
+@linked
 def _smooth(c: Floats, memory: Floats, lowest: float) -> None:
     """Smooth the height of the finger's lowest point: an arm reads in steps, which the plate must not follow."""
     ahead = memory[LEVEL] + memory[SINK] * c[PERIOD]
@@ -92,7 +92,7 @@ def _yield(c: Floats, figures: Floats, pressed: float) -> float:
     return float(given)
 
 
-@kernel
+@linked
 def move(c: Floats, memory: Floats, before: float, now: float) -> None:
     """Follow how fast the plate goes up or down: as fast as the virtual surface that it renders.
 
@@ -105,7 +105,7 @@ def move(c: Floats, memory: Floats, before: float, now: float) -> None:
     memory[RISES] += c[PERIOD] / (SMOOTHLY + c[PERIOD]) * (speed - memory[RISES])
 
 
-@kernel
+@linked
 def rises(kept: Floats, measured: int, top: float, moved: float, period: float) -> float:
     """Return how fast a surface rises [m/s] whose readings come late, and not in every tick.
 
@@ -138,7 +138,7 @@ def _bearable(c: Floats, memory: Floats) -> float:
     return float(soon + memory[OFF] + max(0.0, most) / c[PAD_STIFFNESS])
 
 
-@kernel
+@linked
 def top(c: Floats, pose: Floats) -> float:
     """Return the height of the plate's top [m] in the world for a pose (7,) of its device.
 
@@ -165,7 +165,7 @@ def leave(c: Floats, memory: Floats, goal: Floats, sent: Floats, pressed: float)
     return float(goal[2] + min(0.0, most - top(c, goal)) / c[TABLE + 11])
 
 
-@kernel
+@linked
 def stray(figures: Floats, sent: Floats, table: Floats) -> None:
     """Write how far the device of a surface is from where it was sent [m].
 
@@ -177,7 +177,7 @@ def stray(figures: Floats, sent: Floats, table: Floats) -> None:
     figures[TRACKING] = math.sqrt(square)
 
 
-@kernel
+@linked
 def spare(c: Floats, figures: Floats, memory: Floats, goal: Floats, pressed: float, yields: float) -> None:
     """Lower the goal (7,) of a surface to where it presses no harder than it may (K4), whichever modality carries it.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel, linked
+from itouch.compiling import linked
 from itouch.loop.render import CLEARANCE, HIP, PLATE_TOP, RADIUS
 from itouch.loop.surface.memory import (
     CHANGING,
@@ -40,7 +40,7 @@ def _miss(memory: Floats, what: float, depth: float, pressed: float, touching: b
         memory[CHANGING] = LED
 
 
-@kernel
+@linked
 def miss(c: Floats, figures: Floats, memory: Floats, said: float, pressed: float, touching: bool, time: float) -> None:
     """Remember why a surface no longer renders, as its modality says; a withdrawal by safety (T4) overrules it.
 
@@ -65,7 +65,7 @@ def miss(c: Floats, figures: Floats, memory: Floats, said: float, pressed: float
     memory[MISSED] = why
 
 
-@kernel
+@linked
 def take_over(
     c: Floats, memory: Floats, renders: bool, present: bool, away: float, coming: float, touching: bool
 ) -> None:  # fmt: skip

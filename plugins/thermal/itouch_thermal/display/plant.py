@@ -81,7 +81,7 @@ class Held(NamedTuple):
     words: Any
 
 
-@kernel
+@linked
 def _counted(value: float, step: float) -> float:
     return math.floor(value / step + 0.5) * step if step > 0.0 else value
 
@@ -280,7 +280,7 @@ def _account(
     memory[ENERGY_ROOM] += dt * room
 
 
-@kernel
+@linked
 def _drive(c: Any, memory: Any, line: Any, command: float) -> float:
     """Pass the command through the delay line and the driver; return the current [A]."""
     size = int(c[C_SLOTS])
@@ -301,7 +301,7 @@ def _drive(c: Any, memory: Any, line: Any, command: float) -> float:
     return current
 
 
-@kernel
+@linked
 def _hold(c: Any, memory: Any, target: float) -> float:
     """Return the current of a driver that holds the plate at a temperature: a PI controller.
 
@@ -317,7 +317,7 @@ def _hold(c: Any, memory: Any, target: float) -> float:
     return float(current)
 
 
-@kernel
+@linked
 def _sense(c: Any, memory: Any, words: Any, seen: float, film: float, skin: float, gap: float) -> None:
     """Pass the true values through the sensors' models."""
     memory[FLUX_LAG] = c[C_FLUX_KEEP] * memory[FLUX_LAG] + (1.0 - c[C_FLUX_KEEP]) * seen

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from itouch.plugin import Field, Measured, Record, Role
-from itouch.plugin.kernels import kernel, linked
+from itouch.plugin.kernels import linked
 from itouch_thermal.flux import onset
 from itouch_thermal.flux.views import Floats
 
@@ -57,7 +57,7 @@ MEASURED: tuple[Measured, ...] = (
 )  # fmt: skip
 
 
-@kernel
+@linked
 def enter(account: Floats, flux: float, desired: float, skin: float, period: float) -> None:
     """Enter one tick into the account (9,): obtained and desired flux [W/m2], skin temperature [K] (NaN: unknown)."""
     ticks, first = account[onset.TICKS], account[onset.SKIN_BEGIN]
@@ -82,7 +82,7 @@ def scored(account: Floats, period: float) -> bool:
     return bool(account[onset.TICKS] * period >= SCORED_FROM)
 
 
-@kernel
+@linked
 def compare(beside: Floats, sensor: float, deviation: float, desired: float) -> None:
     """Take in, beside an estimate, the sensor's reading [W/m2] and the estimate's standard deviation [W/m2].
 

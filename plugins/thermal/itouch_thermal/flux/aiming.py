@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from itouch.plugin.kernels import inlined, kernel, linked
+from itouch.plugin.kernels import inlined, linked
 from itouch_thermal.display.column import F_BEGIN, F_DECAY, F_END, F_PORT
 from itouch_thermal.flux import onset
 from itouch_thermal.flux.start import MARGIN
@@ -26,7 +26,7 @@ COOL, USUAL, WARM, OWN = range(4)
 READY = 0.1
 
 
-@kernel
+@linked
 def pressed(scene: Any, heat: bool) -> bool:
     """Tell whether the finger is on the plate: by the measured force, else as the virtual contact says."""
     if scene.load.shape[0] > 0:
@@ -34,13 +34,13 @@ def pressed(scene: Any, heat: bool) -> bool:
     return bool(in_contact(scene, heat))
 
 
-@kernel
+@linked
 def in_contact(scene: Any, heat: bool) -> bool:
     """Tell whether the finger presses on a virtual object now."""
     return math.isfinite(scene.resistance[0]) if heat else bool(scene.normal_force[0] > 0.0)
 
 
-@kernel
+@linked
 def judged(error: float, passed: float) -> float:
     """Return the readiness, 0 to 1, of a plate that differs from its start temperature by an error [K].
 
@@ -117,7 +117,7 @@ def aim_for_skin(scene: Any, own: Any, given: Any, figures: Any) -> None:
     aim_at(own.start_temperature, own.plate_limited, wanted, figures.low, figures.high)
 
 
-@kernel
+@linked
 def coming(scene: Any) -> int:
     """Return the object that the plate will render, -1: none; it is the one below, even if a taller one is nearer."""
     near, below = scene.near_object[0], scene.below[0]
@@ -173,7 +173,7 @@ def look_near(scene: Any, own: Any, given: Any, figures: Any) -> None:
             aim_at(own.start_temperature, own.plate_limited, wanted, figures.low, figures.high)
 
 
-@kernel
+@linked
 def judge(scene: Any, own: Any, figures: Any, error: float) -> None:
     """Write the readiness of a plate that differs from its start temperature by an error [K]."""
     passed = 1.0

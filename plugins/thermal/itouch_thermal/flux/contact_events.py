@@ -17,7 +17,7 @@ PYTHON = 1
 _NEAR, _BEGIN, _END = int(Contact.NEAR), int(Contact.BEGIN), int(Contact.END)
 
 
-@kernel
+@linked
 def turns(scene: Any, own: Any, given: Any, index: int) -> bool:
     """Tell whether the plate begins, or ceases, to render the open contact with an object."""
     if given.starts[index] == 0 or scene.met[0] < 0:  # a finger lifts for a moment: no change
@@ -25,7 +25,7 @@ def turns(scene: Any, own: Any, given: Any, index: int) -> bool:
     return bool((own.touching[0] != 0) != (scene.plate[0] != 0))
 
 
-@kernel
+@linked
 def meet(scene: Any, own: Any) -> None:
     """Begin to render the open contact: what touches the finger is now the plate."""
     aimed = own.approached[0] == own.object[0]

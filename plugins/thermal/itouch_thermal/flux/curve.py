@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import QuantityError, parse_quantity
-from itouch.plugin.kernels import kernel
+from itouch.plugin.kernels import linked
 
 #: Limits of a file: its size [bytes], the greatest flux [W/m2] and the latest time [s].
 LARGEST_FILE, LARGEST_FLUX, LONGEST = 32 << 20, 1e6, 86400.0
@@ -67,7 +67,7 @@ class Curve:
         return np.asarray(np.interp(times, self.times, self.fluxes))
 
 
-@kernel
+@linked
 def flux_at(times: Array, fluxes: Array, first: int, end: int, time: float) -> float:
     """Return what `Curve.at` does, to the bit, of the curve in some rows of a table.
 

@@ -45,7 +45,7 @@ def remember(x: Any, theta: Any, memory: Any, past: Any, kept: Any, column: int)
     kept[DISTURBED] = disturbed
 
 
-@kernel
+@linked
 def expected(theta: Any, past: Any, kept: Any, back: int, first: int) -> Any:
     """Return the row of ``back`` periods ago, and the reading expected for then with the present parameters.
 
@@ -101,7 +101,7 @@ def recall(
         at.correct(x, theta, cover, gain, slopes, at.OFFSET, film - seen - theta[at.OFFSET], c[at.O_PLATE_NOISE])
 
 
-@kernel
+@linked
 def _follow(
     c: Any, plate: Any, x: Any, theta: Any, memory: Any, past: Any, kept: Any, back: int, film: float, column: int
 ) -> None:

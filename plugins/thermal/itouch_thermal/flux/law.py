@@ -216,7 +216,7 @@ def _begin(fixed: Any, own: Any, flux: float, scale: float, onset: float) -> Non
     own.kept[late.VALID] = 0.0  # what was measured before knows nothing of this finger
 
 
-@kernel
+@linked
 def _limits(band: Any, trace: Any, first: int, allowed: float, out: Any) -> None:
     """Fill the band (2, steps) of the face [K] at the ends of the horizon's steps, by the plate's band and its rate."""
     for i in range(out.shape[1]):
@@ -264,7 +264,7 @@ def _approach(basis: Any, own: Any, bounds: Any, leaving: Any, target: float, wi
     return min(ceiling, max(-ceiling, current)), flux, error
 
 
-@kernel
+@linked
 def _pumped(c: Any, theta: Any, current: float, back: float, hot: float) -> float:
     """Return the flux [W/m2] that is pumped at a current [A], as estimated; ``back`` of plate and ``hot`` sink [K]."""
     seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])

@@ -77,7 +77,7 @@ def seen(pad: Any, force: float) -> float:
     return float(min(1.0, min(pad[PAD_PLATE], area) / pad[PAD_SENSOR]))
 
 
-@kernel
+@linked
 def shifted(current: float, before: float, periods: float) -> Any:
     """Return mean current [A] and mean square [A2] of a period, if they act ``periods`` later than is assumed.
 
@@ -161,7 +161,7 @@ class Stepped(NamedTuple):
     lagging_film: float
 
 
-@kernel
+@linked
 def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, current: float, scale: float) -> None:
     """Advance column and derivatives by one period; docs/explanation/thermal-estimator.md derives the equations.
 
@@ -397,7 +397,7 @@ def _end_plate(plate: Any, row: Any, n: int, end: float, rest: float) -> tuple[f
     return face, back, film, heat
 
 
-@kernel
+@linked
 def correct(
     x: Any, theta: Any, cover: Any, gain: Any, slopes: Any, explicit: int, innovation: float, noise: float
 ) -> None:
@@ -465,7 +465,7 @@ def _gains(cover: Any, gain: Any, slopes: Any, explicit: int, held: int, innovat
     return float(max(total, innovation * innovation / 9.0))
 
 
-@kernel
+@linked
 def observe(
     basis: Any, learnt: Any, current: float, scale: float, press: float, flux: float, film: float, sink: float
 ) -> None:
@@ -510,7 +510,7 @@ def _disturbed(c: Any, x: Any, memory: Any, flux: float, o: int) -> bool:
     return False
 
 
-@kernel
+@linked
 def _resume(c: Any, plate: Any, x: Any, theta: Any, memory: Any, film: float, o: int) -> None:
     """Follow the readings without learning from them.
 
@@ -523,7 +523,7 @@ def _resume(c: Any, plate: Any, x: Any, theta: Any, memory: Any, film: float, o:
         memory[M_UNSEEN] = 0.0
 
 
-@kernel
+@linked
 def missed(k: int, film: float, theta: Any, expected: float) -> float:
     """Return the difference of a film reading from what row ``k`` expects; row 0 is the column, others derivatives."""
     if k == 0:
@@ -531,7 +531,7 @@ def missed(k: int, film: float, theta: Any, expected: float) -> float:
     return -expected - (1.0 if k - 1 == OFFSET else 0.0)
 
 
-@kernel
+@linked
 def follow(c: Any, plate: Any, row: Any, periods: float, miss: float, o: int) -> float:
     """Move plate and drift of a row towards a reading that differs by ``miss``; return by how much the plate moved.
 

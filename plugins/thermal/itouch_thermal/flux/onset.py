@@ -59,7 +59,7 @@ def converted(matrix: Floats, modes: Floats, out: Floats) -> None:
         out[i] = found
 
 
-@kernel
+@linked
 def _rest(row: Any, modes: Any, first: int) -> float:
     """Return the sum of the last two or three products, those from ``first`` on."""
     found = fused(row[first], modes[first], row[first + 1] * modes[first + 1])
@@ -68,7 +68,7 @@ def _rest(row: Any, modes: Any, first: int) -> float:
     return float(found)
 
 
-@kernel
+@linked
 def start_for(
     low: float, middle: float, high: float, scene_skin: float, temperature: float, goes_on: bool, skin: float,
     warmed: float,
@@ -103,7 +103,7 @@ def start_for(
     return float(start + warmed)
 
 
-@kernel
+@linked
 def warmth(body: Floats, modes: Floats, temperature: float) -> float:
     """Return by how much [K] an object is warmer than its temperature [K] before it was touched.
 
@@ -123,7 +123,7 @@ def grown_for(force: float, before: float) -> int:
     return min(LATE, max(1, int(force / grown + 0.5))) if grown > 0.0 else 1
 
 
-@kernel
+@linked
 def render(account: Floats, ready: bool, limited: bool, skin: float) -> bool:
     """Note that the plate begins to render the contact; tell whether it had already rendered part of it before.
 

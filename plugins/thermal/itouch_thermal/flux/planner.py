@@ -111,14 +111,14 @@ def ahead(
     return float(late)
 
 
-@kernel
+@linked
 def resistance(c: Any, theta: Any, scale: float) -> float:
     """Return the estimated contact resistance [K m2/W]; ``scale`` as in `observer.advance`."""
     pressing = scale - 1.0 if scale < 1.0 else (scale - 1.0) * math.exp(theta[at.PRESS])
     return float(c[at.O_CONTACT] * math.exp(theta[at.RESISTANCE]) * (1.0 + pressing))
 
 
-@kernel
+@linked
 def later(theta: Any) -> float:
     """Return by how much later [s] a command acts than the data sheets say, as estimated."""
     return float(theta[at.DELAY]) if theta.shape[0] > at.DELAY else 0.0
@@ -142,7 +142,7 @@ def respond(
             response[hat, i] = flux
 
 
-@kernel
+@linked
 def selves(tissue: Any, plate: Any) -> Any:
     """Return by how much the flux at the end of a step changes the temperature of each surface [K m2/W]."""
     tissue_self = plate_self = 0.0
@@ -153,7 +153,7 @@ def selves(tissue: Any, plate: Any) -> Any:
     return tissue_self, plate_self
 
 
-@kernel
+@linked
 def joined(basis: Any, theta: Any, scale: float, rest: float) -> Joint:
     """Return how finger and plate meet by the estimated parameters; ``scale`` as in `observer.advance`, rest [K]."""
     contact = resistance(basis.c, theta, scale)
@@ -162,7 +162,7 @@ def joined(basis: Any, theta: Any, scale: float, rest: float) -> Joint:
     return Joint(contact, gf, gp, tissue_self, plate_self, rest)
 
 
-@kernel
+@linked
 def arrive(
     basis: Any, theta: Any, hot: float, scale: float, currents: Any, above: Any, below: Any, flux: float, back: float,
     spill: float, before: float, step_time: float,
@@ -189,7 +189,7 @@ def arrive(
     return flux, back
 
 
-@kernel
+@linked
 def plan(
     basis: Any, theta: Any, scale: float, planned: Planned, above: Any, below: Any, flux: float, limit: float,
     age: float, step_time: float, spill: float, before: float,
@@ -247,7 +247,7 @@ def plan(
         last[a] = min(limit, max(-limit, last[a] + work[v + a]))
 
 
-@kernel
+@linked
 def _solve(work: Any) -> None:
     """Solve the normal equations in place."""
     v = HATS * HATS

@@ -13,7 +13,7 @@ from contact_heat import live
 from contact_heat.layers import Layer, Side
 from contact_heat.modes import layer_modes, side_modes
 from itouch.plugin import World, kept
-from itouch.plugin.kernels import kernel, linked
+from itouch.plugin.kernels import linked
 from itouch_thermal.display.column import REACH, Array, Column, tissue_side
 from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.onset import SKIN_STEP
@@ -63,7 +63,7 @@ class Ahead(NamedTuple):
     reached: Numbers
 
 
-@kernel
+@linked
 def go_on(ahead: Any, resistance: float, press: float, count: int) -> None:
     """Run ahead by ``count`` more steps; a resistance that is not finite is no contact, and nothing is done.
 
@@ -77,7 +77,7 @@ def go_on(ahead: Any, resistance: float, press: float, count: int) -> None:
         ahead.reached[0] = reached + count
 
 
-@kernel
+@linked
 def stay(ahead: Any, until: int) -> None:
     """Hold the last flux from where the contact has come up to tick ``until`` of the touch."""
     size, reached = ahead.future.shape[0], ahead.reached[0]
@@ -85,7 +85,7 @@ def stay(ahead: Any, until: int) -> None:
         ahead.future[k % size] = ahead.future[reached % size]
 
 
-@kernel
+@linked
 def begin_at(ahead: Any, finger: Any, below: Any, desired: float, ticks: int) -> None:
     """Begin anew with the modes of finger and object after step ``ticks``, in which the flux was ``desired`` [W/m2]."""
     for i in range(ahead.above.shape[0]):

@@ -38,7 +38,7 @@ EARLY = 50
 _resistance_at, _press_factor = kernel(resistance_at), kernel(press_factor)
 
 
-@kernel
+@linked
 def scale_of(law: Any, force: float, full: float, expected: float, time: float, press: float) -> float:
     """Return the contact resistance at a force [N], ``time`` [s] after the start, as a multiple of the expected one.
 
@@ -208,13 +208,13 @@ def press_anew(before: Floats, now: float) -> float:
     return float(press_on(before, now, 0.0))
 
 
-@kernel
+@linked
 def _force(scene: Any) -> float:
     """Return the force on the plate [N], measured or virtual."""
     return float(abs(scene.load[2]) if scene.load.shape[0] > 0 else scene.normal_force[0])
 
 
-@kernel
+@linked
 def _scale(scene: Any, own: Any, models: Any, figures: Any, later: int) -> float:
     """Return the resistance that the force explains ``later`` periods from now, as a multiple of the expected one."""
     time = (scene.tick[0] - own.begun[0] + later + 1) * figures.period
