@@ -260,9 +260,9 @@ def test_two_that_compile_at_once_never_take_a_kernel_for_another(tmp_path: Path
 def test_every_kernel_of_the_package_is_kept_with_its_fingerprint() -> None:
     from itouch.compiling import KernelCache, fingerprint
     from itouch.contact.step import step
-    from itouch_thermal.display.plant import plant_step
+    from itouch_thermal.flux.usual import prepare
 
-    for function in (plant_step, step):
+    for function in (prepare, step):
         compiled = function
         assert isinstance(compiled._cache, KernelCache)
         assert len(fingerprint(compiled.py_func)) == 64
