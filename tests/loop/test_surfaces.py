@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -162,3 +163,44 @@ def test_events_carry_all_that_is_known_of_a_contact(write: Write) -> None:
     )
     assert contact["peak_penetration_mm"] > 0.5
     assert contact["impact_speed_m_s"] == pytest.approx(begin["speed"])
+
+
+GROOVE = """<itouch version="1.0" xmlns:usb-arm="urn:itouch:plugin:usb-arm">
+  <materials>
+    <material name="damped"><contact stiffness="0.5 N/mm" damping="4 N*s/m"/></material>
+    <material name="bare"><contact stiffness="0.5 N/mm"/></material>
+  </materials>
+  <world>{walls}</world>
+  <devices><device name="arm" plugin="usb-arm"><usb-arm:hardware resolution="0 mm"/></device></devices>
+  <interaction>
+    <probe name="finger" radius="8 mm" pose-from="arm" force-to="arm" hand-damping="20 N*s/m"/>
+    <operator probe="finger"><motion>
+      <to pos="0 0 30 mm" in="0.1 s"/><to pos="0 0 5 mm" in="0.15 s"/><to pos="1 0 9 mm" in="0.1 s"/><to pos="-1 0 3 mm" in="0.1 s"/><to pos="1 0 9 mm" in="0.1 s"/>
+    </motion></operator>
+  </interaction>
+</itouch>"""
+LEFT = '<box name="left" size="60 60 20 mm" pos="-14.1421356 0 0 mm" rpy="0 45 0 deg" material="damped"/>'
+RIGHT = '<box name="right" size="60 60 20 mm" pos="14.1421356 0 0 mm" rpy="0 -45 0 deg" material="bare"/>'
+
+
+def test_in_a_groove_of_two_objects_each_damps_by_its_share_in_any_order_of_the_file(write: Write) -> None:
+    one, other = (
+        forces(write(f"{i}.xml", GROOVE.format(walls=walls)), 0.55)
+        for i, walls in enumerate((LEFT + RIGHT, RIGHT + LEFT))
+    )
+    assert np.abs(one[:, 2]).max() > 1.0
+    assert np.abs(one - other).max() < 1e-9
+
+
+def test_the_force_does_not_step_where_another_object_of_a_groove_bears_most(write: Write) -> None:
+    engine = itouch.build(write("scene.xml", GROOVE.format(walls=LEFT + RIGHT)))
+    found: list[tuple[int, np.ndarray]] = []
+    engine.run(
+        0.55,
+        each=lambda: found.append((int(engine.state["finger.object"]), np.array(engine.state["finger.contact_force"]))),
+    )
+    steps = [
+        float(np.linalg.norm(b - a)) for (k, a), (n, b) in itertools.pairwise(found) if k >= 0 and n >= 0 and k != n
+    ]
+    assert steps
+    assert max(steps) < 0.05  # the finger moves at up to 0.06 m/s

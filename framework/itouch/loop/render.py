@@ -61,8 +61,39 @@ def follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
 
 
 @linked
-def _push(c: Floats, damping: Floats, figures: Floats, result: Floats) -> None:
+def _spin(poses: Floats, twists: Floats, obj: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Velocity that an object's rotation gives its point at ``x``, ``y``, ``z`` [m], in [m/s].
+
+    ``poses`` (objects, 7) [m; quaternion], ``twists`` (objects, 6) [m/s, rad/s].
+    """
+    x, y, z = x - poses[obj, 0], y - poses[obj, 1], z - poses[obj, 2]
+    return (
+        twists[obj, 4] * z - twists[obj, 5] * y,
+        twists[obj, 5] * x - twists[obj, 3] * z,
+        twists[obj, 3] * y - twists[obj, 4] * x,
+    )
+
+
+@linked
+def _damped(damping: Floats, poses: Floats, twists: Floats, figures: Floats, result: Floats, row: int) -> float:
+    """Return what the object of a contact would take from the force if it bore all of it [N].
+
+    ``damping`` (objects,) [N s/m]; ``poses`` and ``twists`` (objects, 7 and 6); ``figures`` (FIGURES,) and ``result``
+    (RESULT_SIZE,), where the contact begins at ``row``.
+    """
+    obj, place, closing = int(result[row + at.CONTACT_OBJECT]), row + at.CONTACT_POINT, 0.0
+    spin = _spin(poses, twists, obj, result[place], result[place + 1], result[place + 2])
+    for i in range(3):
+        closing += (figures[VELOCITY + i] - twists[obj, i] - spin[i]) * result[at.RESULT_NORMAL + i]
+    return float(damping[obj] * closing)
+
+
+@linked
+def _push(c: Floats, poses: Floats, twists: Floats, damping: Floats, figures: Floats, result: Floats) -> None:
     """Write the contact force: the spring's, with damping along the normal, which may weaken it but never make it pull.
+
+    Where several objects bear the force, each damps it by its share: with the damping of the one that bears most the
+    force would step where two change places, and be the file's order's where both bear the same.
 
     The force of the surface's effects is added last; an attraction may pull, also without contact.
     """
@@ -78,7 +109,16 @@ def _push(c: Floats, damping: Floats, figures: Floats, result: Floats) -> None:
         n = result[at.RESULT_NORMAL + i]
         spring += result[at.RESULT_FORCE + i] * n
         closing += (figures[VELOCITY + i] - result[at.RESULT_SURFACE_VELOCITY + i]) * n
-    push = max(0.0, spring - damping[primary] * closing)
+    drag = damping[primary] * closing
+    for row in range(
+        at.RESULT_CONTACTS + at.CONTACT_WIDTH,
+        at.RESULT_CONTACTS + int(result[at.RESULT_COUNT]) * at.CONTACT_WIDTH,
+        at.CONTACT_WIDTH,
+    ):
+        if result[row + at.CONTACT_OBJECT] != primary:  # the same object is damped alike
+            other = _damped(damping, poses, twists, figures, result, row)
+            drag += result[row + at.CONTACT_SHARE] * (other - damping[primary] * closing)
+    push = max(0.0, spring - drag)
     for i in range(3):
         n = result[at.RESULT_NORMAL + i]
         figures[NORMAL + i] = n
@@ -97,14 +137,8 @@ def _approach(figures: Floats, result: Floats, poses: Floats, twists: Floats) ->
     if result[at.RESULT_NEAREST] < 0.0:
         return
     obj, distance, speed = int(result[at.RESULT_NEAREST]), result[at.RESULT_DISTANCE], 0.0
-    x = result[at.RESULT_NEAREST_POINT] - poses[obj, 0]
-    y = result[at.RESULT_NEAREST_POINT + 1] - poses[obj, 1]
-    z = result[at.RESULT_NEAREST_POINT + 2] - poses[obj, 2]
-    spin = (
-        twists[obj, 4] * z - twists[obj, 5] * y,
-        twists[obj, 5] * x - twists[obj, 3] * z,
-        twists[obj, 3] * y - twists[obj, 4] * x,
-    )
+    place = at.RESULT_NEAREST_POINT
+    spin = _spin(poses, twists, obj, result[place], result[place + 1], result[place + 2])
     for i in range(3):
         rate = figures[VELOCITY + i] - twists[obj, i] - spin[i]
         speed -= rate * result[at.RESULT_NEAREST_NORMAL + i]
@@ -139,6 +173,6 @@ def touch(
     """
     for i in range(3):
         figures[PROXY + i] = result[at.RESULT_PROXY + i]
-    _push(c, damping, figures, result)
+    _push(c, poses, twists, damping, figures, result)
     _approach(figures, result, poses, twists)
     return int(result[at.RESULT_PRIMARY]), int(result[at.RESULT_NEAREST])
