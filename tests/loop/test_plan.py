@@ -113,6 +113,36 @@ def test_a_plan_without_steps_is_said_in_a_sentence(capsys: pytest.CaptureFixtur
     assert "a tick has no steps, for the scene has no device and no modality" in capsys.readouterr().out
 
 
+WOOD = '<materials><material name="m"><contact stiffness="1 N/mm"/></material></materials>'
+LID = '<sphere name="lid" radius="5 mm" material="m"><motion><to pos="0 0 9 mm" in="1 s"/></motion></sphere>'
+
+
+def test_a_tick_of_one_step_is_timed_as_this_step(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    scene = tmp_path / "lid.xml"
+    scene.write_text(f'<itouch version="1.0">{WOOD}<world>{LID}</world></itouch>', encoding="utf-8")
+    session = itouch.build(scene)
+    session.run(1.0)
+    session.close()
+    assert session.times.split()["move objects"]["p50"]
+    assert main(["inspect", str(scene), "--plan"]) == 0
+    shown = capsys.readouterr().out
+    assert "the only step of a tick" in shown
+    assert " - " not in shown
+
+
+def test_the_plan_of_a_scene_that_stops_is_shown_with_what_stopped_it(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    scene = tmp_path / "stops.xml"
+    fault = '<fault device="arm" kind="disconnect" at="0.5 s"/>'
+    scene.write_text(f'<itouch version="1.0"><include file="itouch:first_touch.xml"/>{fault}</itouch>', "utf-8")
+    assert main(["inspect", str(scene), "--plan"]) == 0
+    shown = capsys.readouterr()
+    assert "\n  read arm " in shown.out
+    assert "until the scene stopped: device 'arm' failed: disconnected (an injected fault) at tick 500" in shown.out
+    assert not shown.err
+
+
 def test_joined_steps_do_what_they_do_alone(session: Session) -> None:
     assert any(len(names) > 1 for names in session.plan.pieces)  # some are one call from Python
     session.run(0.05)

@@ -112,7 +112,7 @@ _count_one = getattr(count, "py_func", count)
 def _count_tick(counts: Any, greatest: Any, stamps: Any, used: int) -> None:
     """Count a tick in row 1, and its parts in the rows after it if the parts were stamped."""
     count(counts, greatest, 1, stamps[used - 1] - stamps[0])
-    if used > 2:
+    if used == counts.shape[0] - 2:  # one more stamp than parts; lateness, the tick and the processor have rows, too
         for part in range(used - 1):
             count(counts, greatest, 2 + part, stamps[part + 1] - stamps[part])
 

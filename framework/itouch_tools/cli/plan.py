@@ -12,19 +12,24 @@ SECONDS = 3.0
 
 
 def plan_facts(path: str) -> dict[str, Any]:
-    """Return the plan of a scene, and what its steps cost on this machine [us].
+    """Return the plan of a scene, what its steps cost on this machine [us], and what stopped it meanwhile, if it was.
 
     Raises
     ------
     SceneError
         If the scene has problems.
     """
+    from itouch.loop import DeviceFaultError
     from itouch.session import build
 
     session = build(path, twin="all")
     session.records = False
     rows = [_row(session, step) for step in session.plan.steps]
-    session.run(SECONDS)
+    stopped = None
+    try:
+        session.run(SECONDS)
+    except DeviceFaultError as fault:  # its plan is as it was; a scene may be there to show a fault
+        stopped = str(fault)
     session.close()
     costs = session.times.split()
     for row in rows:
@@ -37,6 +42,7 @@ def plan_facts(path: str) -> dict[str, Any]:
         "writers": session.plan.writers,
         "ticks": session.times.ticks,
         "tick_us": session.times.summary(),
+        **({"stopped": stopped} if stopped else {}),
     }
 
 
@@ -58,7 +64,8 @@ def plan_text(facts: dict[str, Any]) -> list[str]:
     if not facts["steps"]:
         return [f"{facts['file']}: a tick has no steps, for the scene has no device and no modality"]
     wide = max(len(row["step"]) for row in facts["steps"])
-    lines = [f"{facts['file']}: the {len(facts['steps'])} steps of a tick, in order, on twins"]
+    count = len(facts["steps"])
+    lines = [f"{facts['file']}: {f'the {count} steps' if count > 1 else 'the only step'} of a tick, in order, on twins"]
     lines.append(f"  {'step':<{wide}}  {'Hz':>6}  {'code':<13}  p50 us  p99 us")
     for row in facts["steps"]:
         cost = "  ".join("     -" if us is None else f"{us:6.1f}" for us in row["cost_us"].values())
@@ -67,9 +74,12 @@ def plan_text(facts: dict[str, Any]) -> list[str]:
             lines += _wrapped(verb, row[verb])
         lines += _wrapped("amends", row.get("amends", []))
     whole = facts["tick_us"]
-    lines.append(
-        f"  a whole tick: p50 {whole['p50']:.1f} us, p99 {whole['p99']:.1f} us, of {facts['ticks']} on this machine"
-    )
+    if whole["p50"] is not None:
+        lines.append(
+            f"  a whole tick: p50 {whole['p50']:.1f} us, p99 {whole['p99']:.1f} us, of {facts['ticks']} on this machine"
+        )
+    if "stopped" in facts:
+        lines.append(f"  measured until the scene stopped: {facts['stopped']}")
     return lines
 
 
