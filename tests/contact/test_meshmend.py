@@ -158,6 +158,25 @@ def test_parts_that_reach_into_one_another_are_told() -> None:
     assert within.facts.overlapping == 1
 
 
+def test_bars_that_cross_have_no_corner_in_each_other_and_are_told() -> None:
+    along, across = box_mesh(0.06, 0.02, 0.02), box_mesh(0.02, 0.06, 0.02)
+    flush = load(*joined(along, across))
+    assert flush.facts.overlapping == 1
+    assert told(flush)["mesh-overlap"].severity == "warning"
+    sunk = load(*joined(along, (across[0] + (0.007, 0.003, 0.039), across[1])))
+    assert sunk.facts.overlapping == 1
+    lying = load(*joined(along, (across[0] + (0.007, 0.003, 0.04 - 1e-9), across[1])))
+    assert lying.facts.overlapping == 0
+
+
+def test_a_ball_in_a_cavity_reaches_into_nothing() -> None:
+    vertices, faces = BALL
+    rattle = load(*joined(BALL, (vertices * 0.8, faces[:, ::-1]), (vertices * 0.3, faces)))
+    assert (rattle.facts.closed_parts, rattle.facts.turned_parts, rattle.facts.overlapping) == (3, 0, 0)
+    stuck = load(*joined(BALL, (vertices * 0.8, faces[:, ::-1]), (vertices * 0.3 + 0.65 * vertices[0], faces)))
+    assert stuck.facts.overlapping == 1
+
+
 def test_an_open_surface_is_legitimate_and_a_hole_is_told() -> None:
     sheet = load(*grid(4))
     assert told(sheet)["mesh-open"].severity == "note"

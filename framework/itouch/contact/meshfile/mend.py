@@ -149,7 +149,7 @@ def _wound(vertices: Floats, faces: Ints, edges: Edges, facts: MeshFacts) -> tup
         facts, triangles=len(faces), parts=int(parts.max()) + 1, turned_faces=int(turned.sum()),
         turned_parts=int(inverted.sum()), one_sided=one_sided, edges=len(edges.first), open_edges=edges.open,
         open_length=_open_length(vertices, faces, edges), crowded_edges=edges.crowded, closed_parts=int(closed.sum()),
-        overlapping=overlapping_pairs(vertices, faces, parts, solid),
+        overlapping=overlapping_pairs(vertices, faces, parts, solid, closed & ~solid),
         low=tuple(corners.min(axis=(0, 1)).tolist()), high=tuple(corners.max(axis=(0, 1)).tolist()),
     )  # fmt: skip
 

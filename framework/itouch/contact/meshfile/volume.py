@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,9 @@ Flags = NDArray[np.bool_]
 _MOST_PARTS = 200  # greatest number of parts that are compared with one another
 _MOST_WORK = 20_000_000  # greatest number of triangles that are visited for this
 _SAMPLES = 12
+#: Places where two parts may both be, as shares of the sides of the box that they have in common; the middle is first.
+_PLACES = np.array(sorted(itertools.product((0.5, 1 / 6, 5 / 6), repeat=3), key=lambda at: sum(x != 0.5 for x in at)))
+_THIN = 1e-5  # parts whose boxes overlap by less than this share of the mesh's size only touch
 
 
 def signed_volumes(vertices: Floats, faces: Ints, parts: Ints) -> Floats:
@@ -45,27 +50,33 @@ def parts_to_turn(vertices: Floats, faces: Ints, parts: Ints, closed: Flags, vol
     return inverted
 
 
-def overlapping_pairs(vertices: Floats, faces: Ints, parts: Ints, solid: Flags) -> int:
-    """Count pairs of solid parts of which one has a sampled vertex inside the other; of very many, the largest only.
+def overlapping_pairs(vertices: Floats, faces: Ints, parts: Ints, solid: Flags, cavities: Flags) -> int:
+    """Count pairs of solid parts of which one has a sampled point inside the other; of very many, the largest only.
 
-    ``vertices`` (v, 3) [m], ``faces`` (n, 3), ``parts`` (n,) the part of each face, ``solid`` (parts,).
+    Sampled are vertices, and, as two bars that cross have none in each other, places in the box that both have in
+    common.  What lies in a cavity of a part is not inside it.
+
+    ``vertices`` (v, 3) [m], ``faces`` (n, 3), ``parts`` (n,) the part of each face, ``solid`` and ``cavities``
+    (parts,): parts that are bodies, and those that are walls of cavities in them.
     """
     if solid.sum() < 2:
         return 0
-    shells = _Shells(vertices, faces, parts, solid)
-    count = 0
-    for part in shells.numbers:
-        for other in shells.touching(part):
-            if other < part:
-                hit = shells.inside(other, shells.samples(part, _SAMPLES)).any()
-                count += bool(hit or shells.inside(part, shells.samples(other, _SAMPLES)).any())
-    return count
+    shells = _Shells(vertices, faces, parts, solid, cavities)
+    pairs = [(part, other) for part in shells.numbers for other in shells.touching(part) if other < part]
+    left = [
+        (part, other)
+        for part, other in pairs
+        if not shells.within(other, shells.samples(part, _SAMPLES)).any()
+        and not shells.within(part, shells.samples(other, _SAMPLES)).any()
+    ]
+    crossing = [(part, other) for part, other in left if shells.cross(part, other)]
+    return len(pairs) - len(left) + len(crossing)
 
 
 class _Shells:
     """The largest of the closed parts, to ask whether points are inside them."""
 
-    def __init__(self, vertices: Floats, faces: Ints, parts: Ints, which: Flags) -> None:
+    def __init__(self, vertices: Floats, faces: Ints, parts: Ints, which: Flags, cavities: Flags | None = None) -> None:
         self._order = np.argsort(parts, kind="stable")
         self._ends = np.searchsorted(parts[self._order], np.arange(int(parts.max()) + 2))
         self._vertices, self._all = vertices, faces
@@ -73,6 +84,8 @@ class _Shells:
         self._low = np.minimum.reduceat(corners.min(axis=1), self._ends[:-1])
         self._high = np.maximum.reduceat(corners.max(axis=1), self._ends[:-1])
         self.numbers = self.largest_first(which)[:_MOST_PARTS]
+        self._cavities = [] if cavities is None else self.largest_first(cavities)[:_MOST_PARTS]
+        self._thin = _THIN * float((self._high.max(axis=0) - self._low.min(axis=0)).max())
         self._work = _MOST_WORK
 
     def largest_first(self, which: Flags) -> list[int]:
@@ -118,3 +131,22 @@ class _Shells:
             turns = np.arctan2(volume, rest + np.einsum("ij,ij->i", c, a) * lb).sum() / (2.0 * np.pi)
             found[i] = abs(turns) > 0.75
         return found
+
+    def within(self, part: int, points: Floats) -> Flags:
+        """Whether points are inside a part, and in none of its cavities."""
+        found = self.inside(part, points)
+        for cavity in self._cavities:
+            if not found.any():
+                break
+            if (self._low[cavity] >= self._low[part]).all() and (self._high[cavity] <= self._high[part]).all():
+                found[found] = ~self.inside(cavity, points[found])
+        return found
+
+    def cross(self, part: int, other: int) -> bool:
+        """Whether one of some places in the box that two parts have in common is inside both."""
+        low = np.maximum(self._low[part], self._low[other])
+        size = np.minimum(self._high[part], self._high[other]) - low
+        if (size <= self._thin).any():
+            return False
+        points = low + _PLACES * size
+        return any(self.within(part, point).any() and self.within(other, point).any() for point in points[:, None])
