@@ -108,13 +108,17 @@ def film_of(side: Side, *, finger: bool) -> Film | None:
     return Film(coefficient=FINGER_FILM, ambient=ROOM) if finger else None
 
 
-def side_model(side: Side, period: float, *, finger: bool) -> Array:
-    """Return the packed model of a side; cached by content, except while a session may bring its own modes."""
-    return (_side_model if building() else cached_side_model)(side, period, finger)
+def side_model(side: Side, period: float, *, finger: bool, finest: float = 0.0) -> Array:
+    """Return the packed model of a side; cached by content, except while a session may bring its own modes.
+
+    ``finest`` [s]: its modes are those for steps of this length, so that a model for shorter steps can go on from its
+    states; 0: for steps of ``period`` [s].
+    """
+    return (_side_model if building() else cached_side_model)(side, period, finger, finest or period)
 
 
-def _side_model(side: Side, period: float, finger: bool) -> Array:
-    modes = side_modes(side, period)
+def _side_model(side: Side, period: float, finger: bool, finest: float) -> Array:
+    modes = side_modes(side, finest)
     return side_pack(modes, period, rest=start(side, modes)[1], film=film_of(side, finger=finger))
 
 
@@ -159,11 +163,11 @@ def state_size(model: Array) -> int:
     return int(model[SIZE])
 
 
-def initial_state(side: Side, period: float, *, finger: bool) -> Array:
-    """Return the state of a side before any touch, shape (state_size,)."""
-    model = side_model(side, period, finger=finger)
+def initial_state(side: Side, period: float, *, finger: bool, finest: float = 0.0) -> Array:
+    """Return the state of a side before any touch, shape (state_size,); ``finest`` [s] as in `side_model`."""
+    model = side_model(side, period, finger=finger, finest=finest)
     state = np.zeros(state_size(model))
-    coordinates, _ = start(side, side_modes(side, period))
+    coordinates, _ = start(side, side_modes(side, finest or period))
     state[: len(coordinates)] = coordinates
     return state
 

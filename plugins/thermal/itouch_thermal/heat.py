@@ -187,14 +187,18 @@ class Heat(Modality):
 
         finger = finger_side(params.layers or FINGER, params.arterial, world.skin_of(params.probe), world.ambient)
         period = world.period
+        finest = min(period, world.servo_period)  # in which steps a controller looks ahead from these states
         bodies: list[Array | None] = []
         starts: list[Array | None] = []
         for element in world.objects:
             side = object_side(element.material, element.temperature, params.object_depth)
-            bodies.append(None if side is None else live.side_model(side, period, finger=False))
-            starts.append(None if side is None else live.initial_state(side, period, finger=False))
+            bodies.append(None if side is None else live.side_model(side, period, finger=False, finest=finest))
+            starts.append(None if side is None else live.initial_state(side, period, finger=False, finest=finest))
         skin_from, valid = _skin_source(params, world)
-        packed, playing = live.side_model(finger, period, finger=True), Playing(played_curves(name, world), period)
+        packed, playing = (
+            live.side_model(finger, period, finger=True, finest=finest),
+            Playing(played_curves(name, world), period),
+        )
         return HeatModel(
             name=name,
             names=Names.of(name, params.probe),
@@ -202,7 +206,7 @@ class Heat(Modality):
             probe=params.probe,
             finger_number=list(world.probes).index(params.probe),
             finger=packed,
-            finger_start=live.initial_state(finger, period, finger=True),
+            finger_start=live.initial_state(finger, period, finger=True, finest=finest),
             bodies=tuple(bodies),
             body_starts=tuple(starts),
             widest=max((ROOM_FOR, *(len(start) for start in starts if start is not None))),

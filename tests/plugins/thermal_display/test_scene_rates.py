@@ -49,6 +49,27 @@ def test_every_touch_is_followed_at_every_rate(scenes: Path, hertz: str) -> None
     assert max(band) < 313.15
 
 
+def test_a_slower_model_finger_prepares_and_leads_a_touch_as_well(scenes: Path) -> None:
+    """The controller looks ahead in steps of the servo loop, from the states of a model finger with longer ones."""
+    shipped = (scenes / "thermal_display.xml").read_text(encoding="utf-8")
+    path = scenes / "slower.xml"
+    path.write_text(shipped.replace('flux-control="50 Hz"', 'heat="100 Hz"'), encoding="utf-8")
+    engine = itouch.build(path, seed=1)
+    engine.run(9.0)
+    assert engine.report()["contacts"][0]["flux_error_rms"] < 0.02
+
+
+@pytest.mark.parametrize("hertz", ["250 Hz", "100 Hz"])
+def test_the_rate_of_the_model_finger_hardly_changes_what_is_obtained(scenes: Path, hertz: str) -> None:
+    means = []
+    for rates in ("", f' heat="{hertz}"'):
+        engine = itouch.build(Display(left="pyrex", right="aluminium", rates=rates).write(scenes), seed=4)
+        engine.run()
+        means.append([entry["mean_flux_W_m2"] for entry in engine.report()["contacts"]])
+    assert len(means[0]) == 2
+    assert means[1] == pytest.approx(means[0], rel=0.01)
+
+
 @pytest.mark.parametrize("hertz", ["", "50 Hz"])
 def test_a_driver_that_holds_a_temperature_does_as_well(scenes: Path, hertz: str) -> None:
     path = Display(left="pyrex", right="wood", rates=rate(hertz), **HOLDS_TEMPERATURE).write(scenes)
