@@ -64,6 +64,8 @@ ONE_LINE = [
     ('<interaction><probe name="f" pose-from="arm" surface-to="arm"/></interaction>', "missing-channel", 46, "surface pose"),
     ('<interaction><probe name="f" pose-from="arm"/><probe name="g" pose-from="arm"/><operator probe="f"/><operator probe="g"/>'
      '</interaction>', "exclusive", 111, "would both move 'arm'"),
+    ('<interaction><probe name="f" pose-from="arm"/><thermal:heat probe="f"/><thermal:heat probe="f"/></interaction>',
+     "duplicate-name", 72, "modality 'heat' is defined twice"),
     ('<interaction><thermal:het probe="f"/></interaction>', "unknown-element", 14, "thermal:heat"),
     ('<interaction xmlns:q="urn:itouch:plugin:quux"><q:x/></interaction>', "unknown-plugin", 47, "quux"),
     ('<interaction><nope:x probe="f"/></interaction>', "unknown-prefix", 14, "urn:itouch:plugin:nope"),

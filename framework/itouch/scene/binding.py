@@ -245,12 +245,11 @@ class Binder:
         if part is None:
             return
         twin = parts.setdefault((part.plugin, part.local, part.name), part)
-        if twin is not part:
+        if twin is not part and host.tag != "interaction":  # of modalities, which have names, these are compared
             place = self.places.of(twin)
             related = ((place, "first here"),) if place else ()
-            advice = "give one of them another name" if host.tag == "interaction" else "remove one of them"
             sentence = f"<{node.written}> may appear only once here"
-            self.problems.append(Problem("duplicate-element", sentence, node.place, advice, related))
+            self.problems.append(Problem("duplicate-element", sentence, node.place, "remove one of them", related))
 
     def bind_part(self, host: Node, node: Node) -> PluginPart | None:
         """Bind an element of a plugin's namespace by the plugin's own dataclass."""

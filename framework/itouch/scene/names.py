@@ -94,7 +94,9 @@ def _duplicates(entries: list[Entry]) -> Iterator[Problem]:
             "is defined twice" if same else f"has the name of a{'n' if other.kind[0] in 'aeiou' else ''} {other.kind}"
         )
         sentence = f"{entry.kind} '{entry.name}' {what}"
-        advice = "rename one of them" if same else _HINT
+        advice = _HINT
+        if same:  # a modality may do without a name, and then has that of its element
+            advice = "give one of them a name of its own" if entry.kind == "modality" else "rename one of them"
         yield Problem("duplicate-name", sentence, entry.place, advice, ((other.place, "first defined here"),))
 
 
