@@ -30,8 +30,8 @@ class Finger:
         self.old: Floats | None = None
         self.stiffness, self.place, self.velocity = np.array([K]), np.zeros(3), np.zeros(3)
         self.render = Bound(
-            render_effects, self.table, self.samples, self.geometry.world, self.pose, self.stiffness, self.place,
-            self.velocity, PERIOD, self.memory, self.result, self.extra,
+            render_effects, self.table, self.samples, self.geometry.world, self.pose, np.zeros((1, 6)), self.stiffness,
+            self.place, self.velocity, PERIOD, self.memory, self.result, self.extra,
         )  # fmt: skip
 
     def __call__(self, hip: Floats) -> Floats:

@@ -167,7 +167,7 @@ def test_events_carry_all_that_is_known_of_a_contact(write: Write) -> None:
 
 GROOVE = """<itouch version="1.0" xmlns:usb-arm="urn:itouch:plugin:usb-arm">
   <materials>
-    <material name="damped"><contact stiffness="0.5 N/mm" damping="4 N*s/m"/></material>
+    <material name="damped"><contact stiffness="0.5 N/mm"{contact}/>{effects}</material>
     <material name="bare"><contact stiffness="0.5 N/mm"/></material>
   </materials>
   <world>{walls}</world>
@@ -175,7 +175,8 @@ GROOVE = """<itouch version="1.0" xmlns:usb-arm="urn:itouch:plugin:usb-arm">
   <interaction>
     <probe name="finger" radius="8 mm" pose-from="arm" force-to="arm" hand-damping="20 N*s/m"/>
     <operator probe="finger"><motion>
-      <to pos="0 0 30 mm" in="0.1 s"/><to pos="0 0 5 mm" in="0.15 s"/><to pos="1 0 9 mm" in="0.1 s"/><to pos="-1 0 3 mm" in="0.1 s"/><to pos="1 0 9 mm" in="0.1 s"/>
+      <to pos="0 0 30 mm" in="0.1 s"/><to pos="0 0 5 mm" in="0.15 s"/><to pos="0 9 5 mm" in="0.1 s"/><to pos="1 9 9 mm" in="0.1 s"/><to pos="-1 9 3 mm" in="0.1 s"/>
+      <to pos="1 9 9 mm" in="0.1 s"/>
     </motion></operator>
   </interaction>
 </itouch>"""
@@ -183,20 +184,37 @@ LEFT = '<box name="left" size="60 60 20 mm" pos="-14.1421356 0 0 mm" rpy="0 45 0
 RIGHT = '<box name="right" size="60 60 20 mm" pos="14.1421356 0 0 mm" rpy="0 -45 0 deg" material="bare"/>'
 
 
-def test_in_a_groove_of_two_objects_each_damps_by_its_share_in_any_order_of_the_file(write: Write) -> None:
+#: What one of the two walls has: damping, or drag along it.
+WALL = pytest.mark.parametrize(
+    "wall",
+    [
+        {"contact": ' damping="4 N*s/m"', "effects": ""},
+        {"contact": "", "effects": '<viscosity damping="8 N*s/m"/>'},
+    ],
+    ids=["damped", "viscous"],
+)
+
+
+@WALL
+def test_in_a_groove_of_two_objects_each_damps_by_its_share_in_any_order_of_the_file(
+    write: Write, wall: dict[str, str]
+) -> None:
     one, other = (
-        forces(write(f"{i}.xml", GROOVE.format(walls=walls)), 0.55)
+        forces(write(f"{i}.xml", GROOVE.format(walls=walls, **wall)), 0.65)
         for i, walls in enumerate((LEFT + RIGHT, RIGHT + LEFT))
     )
     assert np.abs(one[:, 2]).max() > 1.0
     assert np.abs(one - other).max() < 1e-9
 
 
-def test_the_force_does_not_step_where_another_object_of_a_groove_bears_most(write: Write) -> None:
-    engine = itouch.build(write("scene.xml", GROOVE.format(walls=LEFT + RIGHT)))
+@WALL
+def test_the_force_does_not_step_where_another_object_of_a_groove_bears_most(
+    write: Write, wall: dict[str, str]
+) -> None:
+    engine = itouch.build(write("scene.xml", GROOVE.format(walls=LEFT + RIGHT, **wall)))
     found: list[tuple[int, np.ndarray]] = []
     engine.run(
-        0.55,
+        0.65,
         each=lambda: found.append((int(engine.state["finger.object"]), np.array(engine.state["finger.contact_force"]))),
     )
     steps = [

@@ -11,7 +11,7 @@ the spring's force in the result (layers, texture), and writes the force to be a
   cone about the normal force that is left.
 * Stick-slip: a spring holds the HIP at a point of the surface up to a greatest force; beyond it, the spring lets go and
   takes hold at the point where the HIP is then.  It never holds with more than the normal force.
-* Viscosity: -b times the HIP's velocity along the surface, relative to it.
+* Viscosity: -b times the HIP's velocity along the surface, relative to it; of several objects each by its share.
 * Vibration: along the normal; a steady one while touched, and a decaying one after a tap, with an amplitude in
   proportion to the speed of impact (Okamura, Dennerlein and Howe 1998).  It never pulls the finger in.
 * Attraction: towards the nearest surface, F (1 - (g / range)^2)^2 at the gap g < range, F in contact.
@@ -22,6 +22,7 @@ import math
 from itouch.blocks import Block
 from itouch.contact import layout as at
 from itouch.contact.compiling import entry, inner
+from itouch.contact.outcome import surface_velocity
 from itouch.contact.rotations import to_body, to_space
 from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, place_of, put, sub, vector
 
@@ -198,9 +199,29 @@ def _vibration(table: Floats, obj: int, push: float, memory: Floats) -> float:
 
 
 @inner
-def _touch(
-    table: Floats, poses: Floats, velocity: Vector, hip: Vector, period: float, memory: Floats, result: Floats
+def _drag(
+    table: Floats, poses: Floats, twists: Floats, velocity: Vector, n: Vector, drag: Vector, result: Floats
 ) -> Vector:
+    """Return the drag [N] of all touched objects by their shares; ``drag`` is that of the one that bears most.
+
+    Alone it would step where two objects of a groove change places, and be the file's order's where both bear the same.
+    """
+    found, obj = drag, result[at.RESULT_PRIMARY]
+    for c in range(1, int(result[at.RESULT_COUNT])):
+        row = at.RESULT_CONTACTS + c * at.CONTACT_WIDTH
+        other, share = int(result[row + at.CONTACT_OBJECT]), result[row + at.CONTACT_SHARE]
+        if other != obj and share > 0.0:
+            relative = sub(velocity, surface_velocity(poses, twists, other, vector(result, row + at.CONTACT_POINT)))
+            own = along((0.0, 0.0, 0.0), -table[other, VISCOSITY], along(relative, -dot(relative, n), n))
+            found = along(found, share, sub(own, drag))
+    return found
+
+
+@inner
+def _touch(
+    table: Floats, poses: Floats, twists: Floats, velocity: Vector, hip: Vector, period: float, memory: Floats,
+    result: Floats,
+) -> Vector:  # fmt: skip
     """Return the force to be added to the spring's while an object is touched [N]."""
     obj, n = int(result[at.RESULT_PRIMARY]), vector(result, at.RESULT_NORMAL)
     relative = sub(velocity, vector(result, at.RESULT_SURFACE_VELOCITY))
@@ -211,6 +232,7 @@ def _touch(
         memory[SINCE] += period
     push = max(dot(vector(result, at.RESULT_FORCE), n), 0.0)
     extra = along((0.0, 0.0, 0.0), -table[obj, VISCOSITY], along(relative, closing, n))
+    extra = _drag(table, poses, twists, velocity, n, extra, result)
     if table[obj, SLIP_FORCE] > 0.0:
         extra = add(extra, _stick_slip(table, poses, obj, hip, n, push, memory))
     return along(extra, _vibration(table, obj, push, memory), n)
@@ -222,6 +244,7 @@ def render_effects(
     samples: Floats,
     world: Floats,
     poses: Floats,
+    twists: Floats,
     stiffness: Floats,
     hip_at: Floats,
     velocity_at: Floats,
@@ -236,7 +259,7 @@ def render_effects(
     ----------
     table, samples
         From ``itouch.contact.surfaces``: (n, EFFECTS_WIDTH), and the samples of all height maps.
-    world, poses, stiffness, hip_at
+    world, poses, twists, stiffness, hip_at
         As in ``step``.
     velocity_at
         Velocity of the HIP, (3,) [m/s].
@@ -252,7 +275,7 @@ def render_effects(
     hip, force = vector(hip_at, 0), (0.0, 0.0, 0.0)
     if result[at.RESULT_PRIMARY] >= 0.0:
         _spring(table, samples, world, poses, stiffness, hip, result)
-        force = _touch(table, poses, vector(velocity_at, 0), hip, period, memory, result)
+        force = _touch(table, poses, twists, vector(velocity_at, 0), hip, period, memory, result)
     else:
         memory[:] = 0.0
     near = int(result[at.RESULT_NEAREST])

@@ -150,7 +150,7 @@ class Toucher:
             calls = [searched]
         if (effects := effects_table(probe.effects)) is not None:
             effect = Bound(
-                render_effects, *effects, world, self._poses, stiffness, figures[:3],
+                render_effects, *effects, world, self._poses, self._twists, stiffness, figures[:3],
                 figures[render.VELOCITY : render.VELOCITY + 3], model.period, state[f"{probe.name}.effects"],
                 self.result, figures[render.EFFECT_FORCE : render.EFFECT_FORCE + 3],
             )  # fmt: skip
