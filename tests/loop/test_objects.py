@@ -207,6 +207,19 @@ def test_a_motion_from_a_file(write: Write, tmp_path: Path) -> None:
     np.testing.assert_allclose(again.state["objects.pose"][0, 0], 0.015, atol=1e-9)
 
 
+def test_a_table_that_repeats_goes_on_at_its_speed(write: Write, tmp_path: Path) -> None:
+    """At 3.63 s, what is left after eleven rounds of 0.33 s is a little below 0 in floating point."""
+    directions = np.repeat(np.exp(2j * np.pi * (np.arange(3) / 3 + 0.1)), 11)  # once round a triangle, at 0.1 m/s
+    places = 1e-3 * np.concatenate([[0.0], np.cumsum(directions)])
+    rows = [f"{0.01 * k:.2f},{at.real:.9f},{at.imag:.9f},0" for k, at in enumerate(places)]
+    (tmp_path / "m.csv").write_text("\n".join(["t,x,y,z", *rows]))
+    engine = build(write, box('<motion file="m.csv" repeat="yes"/>'))
+    engine.run(3.6)
+    speeds: list[float] = []
+    engine.run(0.06, each=lambda: speeds.append(float(np.linalg.norm(engine.state["objects.twist"][0, :2]))))
+    np.testing.assert_allclose(speeds, 0.1, rtol=1e-4)
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [

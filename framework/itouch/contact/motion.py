@@ -83,7 +83,7 @@ def move_scripted(scripts: Floats, pieces: Floats, time: float, poses: Floats, t
         duration = pieces[k, PIECE_TIME]
         x = (now - pieces[k, PIECE_START]) / duration
         share, rate = min(max(x, 0.0), 1.0), 0.0
-        if 0.0 <= x < 1.0:
+        if 0.0 <= x < 1.0 or scripts[s, SCRIPT_REPEAT] > 0.0:  # rounding may put ``now`` beside the period, not at rest
             rate = 1.0 / duration
         if pieces[k, PIECE_SMOOTH] > 0.0:
             rate *= 30.0 * share * share * (1.0 - share) * (1.0 - share)
