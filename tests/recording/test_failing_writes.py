@@ -118,3 +118,33 @@ def test_a_disk_that_fills_up_while_recording(tmp_path: Path) -> None:
     assert len(recording.ticks) >= 500
     assert np.array_equal(recording.ticks, np.arange(len(recording.ticks)))
     assert not recording.whole
+
+
+@pytest.mark.parametrize("replaced", [False, True])
+def test_a_file_that_is_removed_while_recording_is_a_loss_that_is_told(replaced: bool, tmp_path: Path) -> None:
+    """What is written from then on belongs to no name: all of it is gone when the file is closed."""
+    path = tmp_path / "r.mcap"
+    session = itouch.build(SCENES / "first_touch.xml")
+    session.record(path)
+    session.run(0.2)
+    path.unlink()
+    if replaced:
+        path.write_text("of somebody else")
+    deadline = time.monotonic() + 300.0
+    while not session.report()["faults"] and time.monotonic() < deadline:
+        session.run(0.2)
+        time.sleep(0.05)
+    fault = session.report()["faults"][0]
+    assert (fault["device"], fault["trip"]) == ("recorder", "recording")
+    assert fault["cause"] == f"cannot write '{path}': the file was removed or replaced while it was being written"
+    session.close()
+    assert path.exists() == replaced
+
+
+def test_a_file_that_is_removed_just_before_the_end_is_told_when_the_session_is_closed(tmp_path: Path) -> None:
+    session = itouch.build(SCENES / "first_touch.xml")
+    session.record(tmp_path / "r.mcap")
+    session.run(0.1)
+    (tmp_path / "r.mcap").unlink()
+    with pytest.raises(itouch.RecordingError, match=r"r\.mcap.*removed or replaced"):
+        session.close()

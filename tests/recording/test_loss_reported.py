@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 import itouch
+from itouch.recording.sink import GONE
 from itouch.servo import sessions
 from itouch_tools.report.screen import _fault
 from itouch_tools.viewer.fault_messages import outcome, told, what
@@ -93,6 +94,11 @@ def test_sentences_say_what_happened_and_only_that() -> None:
     assert told(lost).startswith("RECORDING LOST at 2.500 s: cannot write 'x': disk full\n  = help: ")
     assert "ends now" in told({**lost, "ends": True})
     assert "free the disk" in told({**lost, "trip": "saving"})
+    gone = {**lost, "cause": f"cannot write 'x': {GONE}"}
+    for ends, after in ((False, "nothing more is recorded"), (True, "the session ends now")):
+        assert "is gone, too" in told({**gone, "ends": ends})
+        assert after in told({**gone, "ends": ends})
+        assert "is whole" not in told({**gone, "ends": ends})
 
 
 def test_the_terminal_of_a_session_in_real_time_says_it_at_once(scene: Path) -> None:

@@ -11,6 +11,8 @@ from itouch.platforms import OPEN_FLAGS, claim
 
 #: Time between two syncs to the disk [s]: what a power failure may cost beyond what a kill costs.
 SYNC_EVERY = 1.0
+#: What is said of a file that has no name any more.
+GONE = "the file was removed or replaced while it was being written"
 
 
 class Sink:
@@ -24,6 +26,7 @@ class Sink:
         except OSError:
             os.close(self._handle)
             raise
+        self._named = os.fstat(self._handle).st_nlink > 0  # some file systems count no names at all
         self._synced = time.monotonic()
 
     def _claim(self) -> None:
@@ -64,8 +67,16 @@ class Sink:
         return os.write(self._handle, view)
 
     def sync(self) -> None:
-        """Wait until the file is on the disk, if it is one that can be synced."""
+        """Wait until the file is on the disk, if it is one that can be synced.
+
+        Raises
+        ------
+        OSError
+            If the disk refuses, or the file has been removed or replaced: what is written is gone when it is closed.
+        """
         self._synced = time.monotonic()
+        if self._named and os.fstat(self._handle).st_nlink == 0:
+            raise OSError(errno.ENOENT, GONE)
         try:
             os.fdatasync(self._handle)
         except OSError as error:

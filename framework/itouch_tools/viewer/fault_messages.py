@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from itouch.recording.sink import GONE
+
 #: Faults in keeping a session's data: no device has failed, and none is made safe because of them.
 LOSSES = frozenset({"recording", "saving"})
 
@@ -43,6 +45,11 @@ def outcome(fault: Mapping[str, Any]) -> list[str]:
 
 def advice(fault: Mapping[str, Any]) -> str:
     """Return what to do about a loss that has just happened."""
+    if GONE in what(fault):
+        kept = "what was recorded before is gone, too"
+        if fault.get("ends"):
+            return f"the session ends now, as its scene asks; {kept}"
+        return f"{kept}; nothing more is recorded: end the session (Ctrl-C, Esc) and start again, or go on without"
     if fault.get("ends"):
         return "the session ends now, as its scene asks; what was written before is whole"
     if fault.get("trip") == "saving":
