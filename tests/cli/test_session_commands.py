@@ -17,6 +17,7 @@ from program import program
 from shipped import SCENES
 
 import itouch
+from itouch.session.recorder import Recorder
 from itouch_tools.cli import main
 from itouch_tools.export import bids, tables
 
@@ -382,3 +383,23 @@ def test_of_report_and_session_each_that_cannot_be_written_is_told(capsys: pytes
     assert main([*words, "--report", "/dev/full", "--save", "/dev/full"]) == 2
     told = capsys.readouterr().err.splitlines()
     assert told[-2:] == [f"cannot {what} '/dev/full': No space left on device" for what in ("write", "save")]
+
+
+def test_a_recording_that_cannot_be_finished_takes_neither_report_nor_session_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record, report, saved = (tmp_path / name for name in ("r.mcap", "r.json", "s.itouch"))
+    finish = Recorder.close
+
+    def gone(recorder: Recorder) -> None:
+        record.unlink()  # as by another program, in the last moment
+        finish(recorder)
+
+    monkeypatch.setattr(Recorder, "close", gone)
+    words = [str(SCENES / "first_touch.xml"), "--headless", "--for", "1s", "--record", str(record)]
+    assert main([*words, "--report", str(report), "--save", str(saved)]) == 2
+    written = json.loads(report.read_text())
+    assert written["simulated_s"] == 1.0
+    assert [(fault["trip"], str(record) in fault["cause"]) for fault in written["faults"]] == [("recording", True)]
+    assert itouch.restore(saved).seconds == 1.0
+    assert f"cannot write '{record}': " in capsys.readouterr().err.splitlines()[-1]

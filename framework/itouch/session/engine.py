@@ -274,7 +274,11 @@ class Session(Shown, Engine):
         """
         recorder = self.hand_over()
         if recorder is not None:
-            recorder.close()
+            try:
+                recorder.close()
+            except RecordingError as error:
+                self.note_fault("recording", str(error))
+                raise
 
     def recording_failed(self, recorder: Recorder) -> None:
         """Note that recording has stopped; the session goes on, or ends after this tick, as the scene says."""

@@ -70,10 +70,10 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
     end = None if options.duration is None else session.seconds + options.duration
     with pictures.taking(session, options, end=end), sounds.keeping(session, options):
         with outputs.opened(session, options):
-            code = _run(session, options, stop.listened(screen.show), stop)
+            code, lost = _run(session, options, stop.listened(screen.show), stop)
         report = session.report()  # before pictures and sounds are finished: that may fail, and loses nothing then
         stop.listened(screen.finish)(report)
-        _write(session, options, report)
+        _write(session, options, report, lost)
     return code
 
 
@@ -135,7 +135,10 @@ def _prepare(options: argparse.Namespace) -> Session:
     return prepare(options.scene, seed=options.seed, twin=options.twin, rig=options.rig, opens=False)
 
 
-def _run(session: Session, options: argparse.Namespace, show: Callable[[], None], stop: Stopping) -> int:
+def _run(
+    session: Session, options: argparse.Namespace, show: Callable[[], None], stop: Stopping
+) -> tuple[int, ItouchError | None]:
+    """Run to the end; return the exit code, and the error if what the run keeps could not be finished."""
     from itouch.loop import DeviceFaultError, interpreter
     from itouch.loop.fault_attribution import changed_python, ended_by
 
@@ -169,20 +172,20 @@ def _run(session: Session, options: argparse.Namespace, show: Callable[[], None]
         session.close()
     except ItouchError as error:
         if fault is None:
-            raise
+            return 2, error
         print(f"{fault}\nthen: {error}", file=sys.stderr)
-    return 1 if fault is not None else stop.code(1 if session.failed else 0)
+    return (1 if fault is not None else stop.code(1 if session.failed else 0)), None
 
 
-def _write(session: Session, options: argparse.Namespace, report: dict[str, Any]) -> None:
+def _write(session: Session, options: argparse.Namespace, report: dict[str, Any], lost: ItouchError | None) -> None:
     """Write report and session; one that cannot be written takes the other not with it, and each is told.
 
     Raises
     ------
     ItouchError
-        Naming each file that can't be written.
+        Naming each file that can't be written, and what was ``lost`` before.
     """
-    failed: list[ItouchError] = []
+    failed = [lost] if lost is not None else []
     try:
         write_report(options.report, lambda: report)
     except ItouchError as error:
