@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 import itouch
-from itouch.recording.sink import GONE
+from itouch.schema.durable import GONE
 from itouch.servo import sessions
 from itouch_tools.report.screen import _fault
 from itouch_tools.viewer.fault_messages import outcome, told, what

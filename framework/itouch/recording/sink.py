@@ -8,11 +8,10 @@ import os
 import time
 
 from itouch.platforms import OPEN_FLAGS, claim
+from itouch.schema.durable import GONE
 
 #: Time between two syncs to the disk [s]: what a power failure may cost beyond what a kill costs.
 SYNC_EVERY = 1.0
-#: What is said of a file that has no name any more.
-GONE = "the file was removed or replaced while it was being written"
 
 
 class Sink:

@@ -14,6 +14,8 @@ from itouch.platforms import NO_WAIT, OPEN_FLAGS
 NEW = 0o666
 #: How much is written at once [bytes]; the process may die between two blocks without any loss.
 BLOCK = 16384
+#: What is said of a file that is written bit by bit and has no name any more.
+GONE = "the file was removed or replaced while it was being written"
 
 Step = Callable[[str], None]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from itouch.recording.sink import GONE
+from itouch.schema.durable import GONE
 
 #: Faults in keeping a session's data: no device has failed, and none is made safe because of them.
 LOSSES = frozenset({"recording", "saving"})
