@@ -20,6 +20,9 @@ from typing import Any
 
 #: How long [s] what plugins have left behind may take to end once all is done.
 LONGEST = 5.0
+#: For how long [s] after a signal further ones are the same wish to end: a terminal that is closed sends several, and a
+#: second one would break off what the first one has begun, such as removing half a file.
+AT_ONCE = 0.5
 #: Functions that end the process at once, with each module that has them.
 _ENDINGS = tuple(
     (module, name)

@@ -63,6 +63,87 @@ def test_an_error_without_an_interrupt_stays_one() -> None:
     assert "ImportError: a bug" in done.stderr
 
 
+#: What asks a command to end, besides Ctrl-C.
+ENDING = [name for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+HALF = """
+    from itouch.schema.durable import replacing
+    with replacing({path!r}) as part:
+        try:
+            os.kill(os.getpid(), signal.{name})
+        finally:
+            os.kill(os.getpid(), signal.{name})
+            open(part + ".seen", "w").close()
+"""
+
+
+@pytest.mark.parametrize("name", ["SIGINT", *ENDING])
+def test_a_command_that_is_asked_to_end_removes_what_is_half_written_even_if_it_is_asked_twice(
+    name: str, tmp_path: Path
+) -> None:
+    """A terminal that is closed sends SIGHUP, and its shell does, too; `timeout`, a cluster and systemd send SIGTERM."""
+    script = PROGRAM.format(part="_dispatch", what=HALF.format(path=str(tmp_path / "t.csv"), name=name))
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    by = "" if name == "SIGINT" else f" by {name}"
+    assert (done.returncode, done.stdout, done.stderr) == (128 + getattr(signal, name), "", f"interrupted{by}\n")
+    (seen,) = tmp_path.iterdir()
+    assert seen.suffix == ".seen"
+
+
+def test_a_command_that_ends_in_order_when_it_is_asked_to_says_by_what_it_was_ended() -> None:
+    what = """
+    try:
+        os.kill(os.getpid(), signal.{name})
+    except KeyboardInterrupt:
+        return 0
+    """
+    for name, code in (("SIGINT", 0), ("SIGTERM", 143)):
+        script = PROGRAM.format(part="_dispatch", what=what.format(name=name))
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+        assert (done.returncode, done.stderr) == (code, "")
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system forks no processes")
+def test_a_process_that_a_command_has_forked_is_ended_as_any_other() -> None:
+    what = """
+    child = os.fork()
+    if child == 0:
+        os.kill(os.getpid(), signal.SIGTERM)
+        os._exit(3)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGTERM
+    return 0
+    """
+    script = PROGRAM.format(part="_dispatch", what=what)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="this system has no SIGHUP")
+def test_nohup_keeps_a_command_from_ending_with_its_terminal() -> None:
+    script = PROGRAM.format(part="_dispatch", what="os.kill(os.getpid(), signal.SIGHUP); return 0")
+    ignoring = "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
+    done = subprocess.run([sys.executable, "-c", ignoring + script], capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_second_signal_during_the_start_does_not_take_the_report_of_the_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from itouch.servo import prepare
+    from itouch_tools.cli import shutdown
+
+    write = shutdown.write_report
+
+    def asked(*words: Any, **named: Any) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        write(*words, **named)
+
+    monkeypatch.setattr(prepare, "prepare", lambda *words, **named: os.kill(os.getpid(), signal.SIGINT))
+    monkeypatch.setattr(shutdown, "write_report", asked)
+    done = program(FIRST, "--headless", "--report", str(tmp_path / "r.json"))
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", STARTED)
+    assert json.loads((tmp_path / "r.json").read_text())["stopped_by"] == "SIGINT"
+
+
 def test_a_run_answers_signals_before_it_imports_what_takes_long(tmp_path: Path) -> None:
     script = (
         "import sys, itouch_tools.cli.run\nfrom itouch_tools.cli.shutdown import unstarted\n"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import math
 import os
 import signal
 import sys
@@ -13,6 +14,7 @@ from importlib import import_module
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from itouch.ending import AT_ONCE
 from itouch.garbage import seldom_for_good
 
 if TYPE_CHECKING:
@@ -67,7 +69,7 @@ commands:
 """
 
 
-#: SIGINTs that this process has got, where it runs as a program and no command answers them in a way of its own.
+#: Signals that asked this process to end, where it runs as a program and no command answers them in a way of its own.
 _interrupts: list[int] = []
 
 
@@ -83,19 +85,42 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _note_interrupts() -> None:
-    """Note each SIGINT that raises KeyboardInterrupt: a module that is being imported may make another error of it."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    """Let SIGTERM and SIGHUP end a command as Ctrl-C does, and note each: an import may make another error of it.
 
-        def note(number: int, frame: FrameType | None) -> None:
-            _interrupts.append(number)
-            raise KeyboardInterrupt
+    A command that was ended at once would leave half a file.  A SIGHUP that is ignored (``nohup``) stays ignored.
+    """
+    own, last = os.getpid(), [-math.inf]
 
-        signal.signal(signal.SIGINT, note)
+    def note(number: int, frame: FrameType | None) -> None:
+        if os.getpid() != own and number != signal.SIGINT:  # a process that was forked ends as any other
+            signal.signal(number, signal.SIG_DFL)
+            os.kill(os.getpid(), number)
+            return
+        begun, now = last[0], time.monotonic()
+        if now - begun < AT_ONCE:
+            return
+        last[0] = now
+        _interrupts.append(number)
+        raise KeyboardInterrupt
+
+    for name, usual in (
+        ("SIGINT", signal.default_int_handler),
+        ("SIGTERM", signal.SIG_DFL),
+        ("SIGHUP", signal.SIG_DFL),
+    ):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) == usual:
+            signal.signal(number, note)
 
 
 def _interrupted() -> int:
-    print("interrupted", file=sys.stderr)
-    return 130
+    from itouch_tools.cli.shutdown import code_of
+
+    number = _interrupts[-1] if _interrupts else signal.SIGINT
+    by = "" if number == signal.SIGINT else f" by {signal.Signals(number).name}"
+    with contextlib.suppress(OSError, ValueError):  # the terminal may have been closed
+        print(f"interrupted{by}", file=sys.stderr)
+    return code_of(number)
 
 
 def _main(argv: Sequence[str] | None) -> int:
@@ -129,12 +154,14 @@ def _guarded(words: list[str]) -> int:
     from itouch.schema.terminal import detail
     from itouch.schema.wait_notices import shown_by
     from itouch_tools.cli import progress
-    from itouch_tools.cli.shutdown import stop_writing
+    from itouch_tools.cli.shutdown import code_of, stop_writing
 
     begun = time.perf_counter()
     try:
         with shown_by(progress.shown):
             code = _dispatch(words)
+        if code == 0 and _interrupts and _interrupts[-1] != signal.SIGINT:  # to a command, Ctrl-C may be its usual end
+            code = code_of(_interrupts[-1])
         sys.stdout.flush()
         detail(f"{words[0] if words else 'itouch-py'}: {time.perf_counter() - begun:.2f} s")
         return code

@@ -6,6 +6,7 @@ import atexit
 import contextlib
 import errno
 import json
+import math
 import os
 import signal
 import stat
@@ -96,6 +97,7 @@ class Stopping:
     def __init__(self) -> None:
         self._stop: Callable[[], None] | None = None
         self._signal = 0
+        self._raised = -math.inf
         self._before: dict[int, Any] = {}
 
     def bind(self, stop: Callable[[], None]) -> None:
@@ -126,9 +128,13 @@ class Stopping:
 
     def _note(self, number: int, frame: object) -> None:
         self._signal = number
-        if self._stop is None:
+        if self._stop is not None:
+            self._stop()
+            return
+        before, now = self._raised, time.monotonic()
+        if now - before >= ending.AT_ONCE:  # else it would break off what the one before has begun: the report
+            self._raised = now
             raise Interrupted(number)
-        self._stop()
 
     def listened(self, show: Callable[Words, None]) -> Callable[Words, None]:
         """Return ``show``, wrapped: when nobody reads the output any more, the run is asked to end, as by a signal."""
