@@ -132,7 +132,10 @@ def test_a_folder_is_told_with_what_to_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [("run a.xml --for -3s", "argument --for: '-3s' is negative; write for example 30s"),
-     ("run a.xml --for -.5", "'-.5' is negative"), ("a.xml --seed x", "argument --seed: 'x' is not a whole number"),
+     ("run a.xml --for -.5", "'-.5' is negative"),
+     ("run a.xml --for 1e306s", "argument --for: '1e306s' is too long: at most 1e+09 s, which is 31 years"),
+     ("run a.xml --save-every 1e306s", "'1e306s' is too long"),
+     ("run a.xml --at 1e306s", "'1e306s' is too long"), ("a.xml --seed x", "argument --seed: 'x' is not a whole number"),
      ("study simulate s.xml -o d --observers many", "--observers: 'many' is not a whole number"),
      ("sync --limit 1ms", "argument --limit: '1ms' is not a number; write for example 2.5")],
 )  # fmt: skip

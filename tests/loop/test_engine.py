@@ -246,6 +246,19 @@ def test_running_without_a_motion_needs_a_time(write: Write) -> None:
     assert int(engine.state["tick"]) == 10
 
 
+@pytest.mark.parametrize("seconds", [-1.0, float("nan"), float("inf"), 1e300, 1e306])
+def test_a_time_that_no_session_lasts_is_refused(seconds: float, tmp_path: Path) -> None:
+    """Of 1e306 s there is no finite number of ticks; 1e300 s had no end."""
+    engine = itouch.build(SCENES / "first_touch.xml")
+    with pytest.raises(ValueError, match=r"seconds = .* is out of range: at least 0 s, at most 1e\+09 s"):
+        engine.run(seconds)
+    with pytest.raises(ValueError, match=r"seconds = .* is out of range"):
+        itouch.launch(SCENES / "first_touch.xml", seconds=seconds)
+    with engine.saving(tmp_path / "s.itouch", 1e306):  # not while it runs
+        engine.run(0.1)
+    assert not list(tmp_path.iterdir())
+
+
 def test_stiffness_is_lowered_to_what_is_stable_and_said(write: Write) -> None:
     text = FIRST.read_text().replace('stiffness="1.2 N/mm"', 'stiffness="20 N/mm"')
     engine = itouch.build(write("s.xml", text))

@@ -39,6 +39,7 @@ from itouch.plugin import Bound, DeviceError, Record
 from itouch.safety import Outcome, Trip
 from itouch.schema import ItouchError
 from itouch.schema.plugin_errors import failing
+from itouch.schema.quantities import checked_time
 from itouch.schema.seeds import checked_seed
 from itouch.world import Model, make_state
 from itouch.world.bindings import blind
@@ -547,8 +548,8 @@ class Engine:
             If there is no such slot, kind or channel, the kind has no amount, or the time is none of this session's.
         """
         for what, value in (("at", at), ("duration", duration)):
-            if value is not None and not 0.0 <= value < math.inf:
-                raise ValueError(f"{what} = {value!r} is out of range: at least 0 s, and finite")
+            if value is not None:
+                checked_time(what, value)
         rate = self.model.scene.rates.servo
         begin = self.ticks if at is None else round(at * rate)
         end = FOREVER if duration is None else begin + max(1, round(duration * rate))

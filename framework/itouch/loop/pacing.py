@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 from itouch.loop.clock import asleep, now, processor_time
@@ -12,6 +11,7 @@ from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import DeviceFaultError, Runner
 from itouch.platforms import waits
 from itouch.safety import Trip
+from itouch.schema.quantities import checked_time
 
 #: From how many periods on the loop is too late to catch up: with servo-overrun="stop" the run ends, else it goes on
 #: from now.
@@ -69,10 +69,10 @@ class Pacing:
         Raises
         ------
         ValueError
-            If the time is not a finite number of at least 0, or there is neither a time nor a scripted motion.
+            If the time is not a number from 0 to `LONGEST`, or there is neither a time nor a scripted motion.
         """
-        if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
-            raise ValueError(f"seconds = {seconds!r} must be a finite number, at least 0")
+        if seconds is not None:
+            checked_time("seconds", seconds)
         if seconds is None and until is None and not self._engine.scripted:
             raise ValueError("the scene has no scripted motion: say for how many seconds to run")
 

@@ -11,6 +11,8 @@ import re
 
 from itouch.schema import units
 
+#: The longest time [s] that a session may be asked to run, 31 years: a number of ticks still counts it exactly.
+LONGEST = 1e9
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?")
 _SEPARATOR = re.compile(r"\s*[\s,]\s*")
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
@@ -23,6 +25,19 @@ class QuantityError(ValueError):
     def __init__(self, sentence: str, advice: str = "") -> None:
         super().__init__(sentence)
         self.advice = advice
+
+
+def checked_time(name: str, seconds: float) -> float:
+    """Return a time in a session [s].
+
+    Raises
+    ------
+    ValueError
+        If it is no number, negative, or longer than any session.
+    """
+    if not 0.0 <= seconds <= LONGEST:  # false if it is not a number
+        raise ValueError(f"{name} = {seconds!r} is out of range: at least 0 s, at most {LONGEST:.0e} s")
+    return seconds
 
 
 def parse_number(text: str) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import math
 import os
 import socket
 import subprocess
@@ -16,6 +15,7 @@ from typing import Any
 from itouch.platforms import SERVO_PROCESS, keep_standard_numbers
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, write
+from itouch.schema.quantities import checked_time
 from itouch.servo.guardian_link import Guarded, child_environment
 from itouch.servo.handle import Handle
 from itouch.servo.shared_memory import ServoError, SharedMemory
@@ -97,8 +97,8 @@ def configured(
     ValueError
         If the time or the seed is out of range.
     """
-    if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
-        raise ValueError(f"seconds = {seconds!r} must be a finite number, at least 0")
+    if seconds is not None:
+        checked_time("seconds", seconds)
     if not 0 <= seed < 1 << 63:
         raise ValueError(f"seed = {seed!r} is out of range: 0 to 2^63 - 1")
     return _config(scene, twin) | {

@@ -21,6 +21,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene, loads, write
 from itouch.schema import SceneError
 from itouch.schema.durable import write_whole
+from itouch.schema.quantities import LONGEST
 from itouch.session.archive import ArchiveWriter, read_members
 from itouch.session.arrays import load_bases, npy_header, pack_bases, record_from, write_record
 from itouch.session.errors import ADVICE, SessionError, check_ledger, plainly
@@ -225,7 +226,7 @@ class Saving:
 
     def __init__(self, session: Running, pack: Pack, lost: Lost, path: str, every: float) -> None:
         self._session, self._pack, self._lost, self._path = session, pack, lost, path
-        self._ticks = max(1, round(every / session.model.period))
+        self._ticks = max(1, round(min(every, LONGEST) / session.model.period))
         self._work: queue.Queue[tuple[bytes, dict[str, Any]] | None] = queue.Queue(1)
         self._thread = threading.Thread(target=self._write, name="saving", daemon=True)
         self.failure = ""

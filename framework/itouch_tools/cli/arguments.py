@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from itouch.schema.quantities import QuantityError, parse_quantity
+from itouch.schema.quantities import LONGEST, QuantityError, parse_quantity
 from itouch_tools.cli.command_options import HELP
 from itouch_tools.cli.overwriting import refuse
 
@@ -72,6 +72,8 @@ def seconds(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{error}; write for example 30s") from None
     if value < 0:
         raise argparse.ArgumentTypeError(f"'{text}' is negative; write for example 30s")
+    if value > LONGEST:
+        raise argparse.ArgumentTypeError(f"'{text}' is too long: at most {LONGEST:.0e} s, which is 31 years")
     return value
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from itouch.schema.fields import child, children, choice, integer, name, quantity, text
+from itouch.schema.quantities import LONGEST
 from itouch.schema.terminal import number_of
 from itouch_tools.study.elements import split_levels, split_values
 
@@ -161,7 +162,7 @@ class RunRule:
     """When a run ends; the default is the end of the scripted motion."""
 
     TAG: ClassVar[str] = "run"
-    for_: float | None = quantity("s", positive=True, default=None, doc="simulated time")
+    for_: float | None = quantity("s", positive=True, high=LONGEST, default=None, doc="simulated time")
     patience: float = quantity(
         "s", low=1.0, high=1e6, default=600.0, doc="runs that take longer on the clock are ended"
     )
@@ -189,8 +190,10 @@ class FromField:
     reduce: str = choice(*REDUCTIONS, default="mean", doc="`above`: seconds above `level`; `integral`: over time")
     index: int = integer(low=0, high=10**6, default=0, doc="which number of the field, if it has several")
     level: float = quantity("", default=0.0, doc="for `above`, in SI")
-    begin: float = quantity("s", low=0.0, default=0.0, doc="simulated time from which it counts")
-    end: float | None = quantity("s", positive=True, default=None, doc="simulated time to which it counts")
+    begin: float = quantity("s", low=0.0, high=LONGEST, default=0.0, doc="simulated time from which it counts")
+    end: float | None = quantity(
+        "s", positive=True, high=LONGEST, default=None, doc="simulated time to which it counts"
+    )
 
 
 @dataclass(frozen=True, slots=True)
