@@ -13,6 +13,8 @@ import pytest
 from shipped import SCENES
 
 import itouch
+from itouch.session import archive
+from itouch.session import snapshot as snapshots
 
 
 @pytest.fixture
@@ -134,3 +136,55 @@ def test_what_ran_is_in_the_session(tmp_path: Path, scenes: Path) -> None:
     assert all(device.twin for device in again.scene.devices)
     assert again.report()["seed"] == 11
     assert again.scene == engine.scene
+
+
+def touched(times: int) -> itouch.Session:
+    """Return a session that has touched the block so often, as one of many hours has."""
+    session = itouch.build(SCENES / "first_touch.xml")
+    session.run(2.5)
+    entries = session.statistics.contacts
+    entries[:] = [{**entries[0], "begin_s": float(number)} for number in range(times)]
+    return session
+
+
+def test_a_session_with_more_contacts_than_a_snapshot_holds_is_saved_with_the_latest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At 64 MiB, which some hundred thousand contacts reach, what had been saved could not be read any more."""
+    for module in (archive, snapshots):
+        monkeypatch.setattr(module, "MAX_MEMBER", 1 << 16)
+    session = touched(500)
+    session.save(tmp_path / "s.itouch")
+    again = itouch.restore(tmp_path / "s.itouch")
+    assert again.state.tobytes() == session.state.tobytes()
+    kept = [contact["begin_s"] for contact in again.report()["contacts"]]
+    assert kept == [float(number) for number in range(500 - len(kept), 500)]
+    assert (1 << 16) / 800 < len(kept) < 500
+    said = f"the first {500 - len(kept)} contacts of the session are missing"
+    for told in (again.notices, again.report()["notices"]):
+        assert [said in notice for notice in told] == [True]
+    again.statistics.contacts.extend(again.statistics.contacts[-50:])
+    again.save(tmp_path / "t.itouch")
+    last = itouch.restore(tmp_path / "t.itouch")
+    assert last.statistics.left_out + len(last.statistics.contacts) == 550
+
+
+def test_a_ledger_is_put_together_in_pieces_that_do_not_grow_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A single call would keep the loop from running, where a session is saved while it runs in real time."""
+    dumps, longest = json.dumps, list[int]()
+
+    def noted(what: object) -> str:
+        text = dumps(what)
+        longest[-1] = max(longest[-1], len(text))
+        return text
+
+    for times in (10, 1000):
+        session = touched(times)
+        whole = dumps(session.statistics.dump()).encode()
+        longest.append(0)
+        monkeypatch.setattr(json, "dumps", noted)
+        packed = session.pack()
+        monkeypatch.setattr(json, "dumps", dumps)
+        with zipfile.ZipFile(io.BytesIO(packed)) as members:
+            assert members.read("ledger.json") == whole
+    assert longest[0] == pytest.approx(longest[1], abs=50)

@@ -107,7 +107,8 @@ class RunStatistics:
     """What happened, for the report; ``contacts`` holds the closed ones.
 
     ``settle`` adds the entry of a contact that has ended to ``closed``, if one has since it was last called; ``times``
-    is the Timing of this run, if there is one; ``earlier`` holds the histograms of the runs before a restore.
+    is the Timing of this run, if there is one; ``earlier`` holds the histograms of the runs before a restore, and
+    ``left_out`` counts the oldest contacts for which the stored session had no room.
     """
 
     closed: list[dict[str, Any]] = field(default_factory=list)
@@ -117,6 +118,7 @@ class RunStatistics:
     times: Timing | None = None
     earlier: dict[str, list[list[float]]] = field(default_factory=dict)
     settle: Callable[[], None] | None = None
+    left_out: int = 0
 
     @property
     def contacts(self) -> list[dict[str, Any]]:
@@ -130,6 +132,14 @@ class RunStatistics:
         """Greatest difference [m] between virtual surface and plate in a contact that the plate rendered."""
         worst: float = self.worst_height[0].item()
         return worst
+
+    def notices(self) -> tuple[str, ...]:
+        """Return what has to be said of what is missing."""
+        if not self.left_out:
+            return ()
+        return (
+            f"the first {self.left_out} contacts of the session are missing: a saved session has room for later ones",
+        )
 
     def histograms(self) -> dict[str, list[list[float]]]:
         """Return lateness and duration of all ticks, also of those before a restore, in bins [us, us, count]."""
@@ -147,10 +157,15 @@ class RunStatistics:
             "tracking": self.tracking.dump(),
             "height_error": self.height_error,
             "histograms_us": self.histograms(),
+            **({"left_out": self.left_out} if self.left_out else {}),
         }
 
     def load(self, data: dict[str, Any]) -> None:
         """Take over what ``dump`` returned."""
+        left_out = data.get("left_out", 0)
+        if not isinstance(left_out, int) or left_out < 0:
+            raise ValueError(f"{left_out!r} contacts can't be left out")
+        self.left_out = left_out
         self.contacts[:], self.faults = list(data["contacts"]), list(data["faults"])
         self.tracking.load(data["tracking"])
         self.worst_height[0] = float(data["height_error"])

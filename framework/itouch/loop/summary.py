@@ -70,6 +70,7 @@ def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -
         },
         "notices": [
             *model.notices,
+            *statistics.notices(),
             *missed_plates(model, engine.state),
             *lingering_plates(model, engine.state),
             *late_couplings(model, engine.state),

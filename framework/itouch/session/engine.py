@@ -464,7 +464,7 @@ class Session(Shown, Engine):
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             self.adopt(before)
             raise SessionError(f"the session can't be resumed: {plainly(error)}") from error
-        self.notes = (*told, *said)
+        self.notes = (*told, *said, *self.statistics.notices())
         here = self._snapshots().manifest(self.state)
         other = any(snapshot.manifest.get(key) not in (None, here[key]) for key in ("model", "contact"))
         if other or snapshot.edited:

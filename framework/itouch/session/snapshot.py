@@ -22,12 +22,14 @@ from itouch.scene import Scene, loads, write
 from itouch.schema import SceneError
 from itouch.schema.durable import write_whole
 from itouch.schema.quantities import LONGEST
-from itouch.session.archive import ArchiveWriter, read_members
+from itouch.session.archive import MAX_MEMBER, ArchiveWriter, read_members
 from itouch.session.arrays import load_bases, npy_header, pack_bases, record_from, write_record
 from itouch.session.errors import ADVICE, SessionError, check_ledger, plainly
 from itouch.session.manifest import FORMAT, constant_part, digest
 from itouch.world import Model
 
+#: Room [bytes] in a ledger for what joins its contacts with the rest, and how many were left out.
+_ROOM = 100
 #: Called at each loss of data: with its kind (``saving``), and why.
 Lost = Callable[[str, str], None]
 
@@ -89,9 +91,26 @@ class SnapshotWriter:
         members = {
             "state.npy": write_record(self._header, state),
             "manifest.json": json.dumps(self.manifest(state)).encode(),
-            "ledger.json": json.dumps(ledger).encode(),
+            "ledger.json": _ledger_bytes(ledger),
         }
         return self._archive.pack(members)
+
+
+def _ledger_bytes(ledger: Mapping[str, Any]) -> bytes:
+    """Return a ledger as JSON that a reader takes, without its oldest contacts if they are too many.
+
+    It is made entry by entry: hours of contacts in one call would keep the loop of a session that is saved while it
+    runs from running for tens of milliseconds.
+    """
+    rest = {key: value for key, value in ledger.items() if key not in ("contacts", "left_out")}
+    entries = [json.dumps(entry) for entry in ledger["contacts"]]
+    first, room = len(entries), MAX_MEMBER - _ROOM - len(json.dumps(rest))
+    while first and room >= len(entries[first - 1]) + 2:
+        first -= 1
+        room -= len(entries[first]) + 2
+    left_out = ledger.get("left_out", 0) + first
+    after = json.dumps({**rest, **({"left_out": left_out} if left_out else {})})[1:]
+    return f'{{"contacts": [{", ".join(entries[first:])}], {after}'.encode()
 
 
 def write_snapshot(
