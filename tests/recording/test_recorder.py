@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from shipped import SCENES
 
 import itouch
 from itouch.recording.ring import Ring, Shape
+from itouch.session import recorder
 
 
 @pytest.fixture(scope="module")
@@ -334,3 +336,47 @@ def test_ring_letters_wrap_and_refuse() -> None:
     assert len(sent) > 200
     assert not ring.post(1, bytes(300))
     ring.close()
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="this system stops no processes")
+def test_a_run_that_is_asked_to_end_does_not_wait_for_a_writing_process_that_hangs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On the virtual clock the loop waits for room in the ring; a disk may hang for hours, and Ctrl-C did nothing."""
+    monkeypatch.setattr(recorder, "_ENOUGH", 0.5)
+    session = itouch.build(SCENES / "first_touch.xml")
+    writer = session.record(tmp_path / "r.mcap").process_id
+    ended = threading.Event()
+    let_go = list[bool]()
+
+    def ask() -> None:
+        before = -1.0
+        while session.seconds > before or before < 5.0:  # until the ring is full
+            before = session.seconds
+            time.sleep(0.5)
+        session.stop()
+        let_go.append(not ended.wait(60.0))
+        os.kill(writer, signal.SIGCONT)
+
+    os.kill(writer, signal.SIGSTOP)
+    asking = threading.Thread(target=ask)
+    asking.start()
+    session.run(3000.0)
+    ended.set()
+    asking.join()
+    assert let_go == [False]
+    session.close()
+    assert itouch.read(tmp_path / "r.mcap").whole
+    assert session.seconds < 100.0
+
+
+def test_a_report_that_is_larger_than_the_ring_is_left_out_of_the_recording(tmp_path: Path) -> None:
+    session = itouch.build(SCENES / "first_touch.xml")
+    fault = {"device": "arm", "tick": 0, "time_s": 0.0, "trip": "not-a-number", "cause": "x" * 1000, "scene": None}
+    session.statistics.faults.extend([dict(fault) for _ in range(5000)])  # as after a campaign of re-armed trips
+    session.record(tmp_path / "r.mcap")
+    session.run(0.5)
+    session.close()
+    recording = itouch.read(tmp_path / "r.mcap")
+    assert recording.whole and len(recording.ticks) == 500
+    assert not recording.report

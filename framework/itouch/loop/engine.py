@@ -614,6 +614,11 @@ class Engine:
             self._park_hardware()
             raise
 
+    @property
+    def stopping(self) -> bool:
+        """Whether the run that is under way has been asked to end."""
+        return self._pacing.stopping
+
     def stop(self) -> None:
         """Ask the run that is under way to end after the current tick; may be called from a signal handler.
 

@@ -83,6 +83,10 @@ class Running(Protocol):
     def advance(self, most: int) -> None:
         """Advance by at least one servo period, and by up to ``most`` where nobody is told of each tick."""
 
+    @property
+    def stopping(self) -> bool:
+        """Whether the run that is under way has been asked to end."""
+
     def leave_out(self, seconds: float, *, running: bool = False) -> int:
         """Account for time that no tick stands for; return how many periods it is."""
 

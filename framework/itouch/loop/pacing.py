@@ -31,7 +31,8 @@ class Pacing:
 
     def __init__(self, engine: Running) -> None:
         self._engine = engine
-        self._stopping = False
+        #: Whether the run that is under way has been asked to end.
+        self.stopping = False
         #: For how long [s] the machine had been suspended by the last check.
         self._slept = asleep()
         #: Host time spent running [s].
@@ -39,7 +40,7 @@ class Pacing:
 
     def stop(self) -> None:
         """End the current run after its tick, or after those that run at once; may be called from a signal handler."""
-        self._stopping = True
+        self.stopping = True
 
     def run(
         self,
@@ -61,7 +62,7 @@ class Pacing:
             self._loop(last, until, each, every)
         finally:
             self.wall += now() - begin
-            self._stopping = False
+            self.stopping = False
 
     def check(self, seconds: float | None, until: Callable[[], bool] | None) -> None:
         """Check the arguments of a run.
@@ -82,7 +83,7 @@ class Pacing:
         engine = self._engine
         real, scripted = engine.clock.pace == "real", last is None and until is None
         tick, count, begin, waited = engine.ticks, 0, 0.0, 0
-        while not self._stopping and (last is None or tick < last):
+        while not self.stopping and (last is None or tick < last):
             if scripted and engine.done:
                 return
             late = engine.times.late = engine.clock.wait() if real else 0.0

@@ -40,6 +40,10 @@ STATE_EVERY, TIMING_EVERY = 10.0, 1.0
 _LOOK = 64
 #: How long [s] the writing process may take to begin, and to end.
 _BEGIN, _END = 20.0, 60.0
+#: How long [s] the loop waits on the virtual clock for a writing process that takes nothing.
+_PATIENCE = 3600.0
+#: How long [s] it waits for that process in all once the run has been asked to end.
+_ENOUGH = 10.0
 
 Tap = Callable[[int], None]
 #: For every row of the ring, pairs of where a piece of State goes to and where it comes from.
@@ -69,6 +73,8 @@ class Recorder:
     def __init__(self, session: Running, asked: Asked, path: str, tracks: Sequence[Track]) -> None:
         self.session, self._asked, self.path, self.tracks = session, asked, path, tuple(tracks)
         self.failure = ""
+        #: When a wait for the writing process first saw that the run was asked to end [s]; None: it made room since.
+        self._ended: float | None = None
         self._view = view_of(session.model, session.state)
         self._rows = Rows(session.state, tracks, self._view.fields)
         spec = self._spec()
@@ -129,6 +135,25 @@ class Recorder:
             time.sleep(0.002)
         return done()
 
+    def _await(self, done: Callable[[], bool]) -> bool:
+        """Wait, on the virtual clock, until the writing process has made room; tell whether it has.
+
+        It may hang, as with its disk: somebody who ends the run (Ctrl-C) waits for it only for ``_ENOUGH``.
+        """
+        found = False
+
+        def over() -> bool:
+            nonlocal found
+            found = done()
+            if not found and self._ended is None and self.session.stopping:
+                self._ended = time.monotonic()
+            return found or (self._ended is not None and time.monotonic() - self._ended > _ENOUGH)
+
+        self._wait(over, _PATIENCE)
+        if found:
+            self._ended = None
+        return found
+
     @property
     def process_id(self) -> int:
         """The process id of the writing process."""
@@ -188,7 +213,7 @@ class Recorder:
         """Wait for room on the virtual clock; count the sample as lost if none comes.  Return how far rows may go."""
         words, capacity = self._ring.words, self._ring.shape.rows
         if self.session.clock.pace != "real":
-            self._wait(lambda: bool(words[ControlWord.ROWS_OUT] + capacity > count or self._over), 3600.0)
+            self._await(lambda: bool(words[ControlWord.ROWS_OUT] + capacity > count or self._over))
         if words[ControlWord.ROWS_OUT] + capacity <= count:
             words[ControlWord.LOST] += 1
         return int(words[ControlWord.ROWS_OUT]) + capacity
@@ -224,7 +249,7 @@ class Recorder:
         data = tick.to_bytes(8, "little", signed=True) + topic.encode() + b"\n" + body
         if self._ring.post(kind, data) or self._over:
             return
-        if self.session.clock.pace != "real" and self._wait(lambda: self._ring.post(kind, data) or self._over, 3600.0):
+        if self.session.clock.pace != "real" and self._await(lambda: self._ring.post(kind, data) or self._over):
             return
         self._ring.words[ControlWord.LOST] += 1
 
@@ -273,11 +298,13 @@ class Recorder:
                   waiting=waiting, lateness=_filled(late), ticks=_filled(spent))  # fmt: skip
 
     def _tell_report(self) -> None:
-        """Record the report as it is now, without the contacts if it is too large: a replay gives them."""
+        """Record the report as it is now; if it is too large, without the contacts or not at all: a replay gives it."""
         report = self._asked.report()
         report["scene"] = without_folders(str(report["scene"]))
         if len(json.dumps(report)) > LETTERS // 2:
             report = {**report, "contacts": None}
+        if len(json.dumps(report)) > LETTERS // 2:  # by its faults, as of a campaign: the ring may never have room
+            return
         self.tell("/log/report", int(self.session.state["tick"]), report=report)
 
     def _tell_events(self, seen: int, count: int) -> None:
