@@ -6,6 +6,7 @@ import csv
 import gzip
 import json
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -403,3 +404,19 @@ def test_a_recording_that_cannot_be_finished_takes_neither_report_nor_session_wi
     assert [(fault["trip"], str(record) in fault["cause"]) for fault in written["faults"]] == [("recording", True)]
     assert itouch.restore(saved).seconds == 1.0
     assert f"cannot write '{record}': " in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_a_folder_that_is_removed_during_a_run_loses_neither_report_nor_session(tmp_path: Path) -> None:
+    report, saved = tmp_path / "o" / "r.json", tmp_path / "o" / "s.itouch"
+    report.parent.mkdir()
+    words = [sys.executable, "-m", "itouch_tools.cli", str(SCENES / "first_touch.xml"), "--headless", "--for", "1e6s"]
+    words += ["--report", str(report), "--save", str(saved)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert b"finger" in process.stdout.readline()  # it has touched: the run is under way
+        shutil.rmtree(report.parent)
+        process.send_signal(signal.SIGINT)
+        assert process.communicate()[1].endswith(b"stopped by SIGINT; the devices are safe\n")
+    assert process.returncode == 130
+    assert "ended_by" not in json.loads(report.read_text())
+    assert itouch.restore(saved).seconds > 0.0

@@ -231,4 +231,5 @@ def write_report(path: str | None, report: Callable[[], dict[str, Any]]) -> None
 def _may_be_replaced(path: str) -> bool:
     """Tell whether a file can be written under another name and moved here: it is no device, pipe or link."""
     regular = not os.path.lexists(path) or stat.S_ISREG(os.lstat(path).st_mode)
-    return regular and os.access(os.path.dirname(path) or ".", os.W_OK)
+    folder = os.path.dirname(path) or "."
+    return regular and (os.access(folder, os.W_OK) or not os.path.lexists(folder))  # one that was removed is made again
