@@ -187,4 +187,4 @@ def test_a_ledger_is_put_together_in_pieces_that_do_not_grow_with_it(monkeypatch
         monkeypatch.setattr(json, "dumps", dumps)
         with zipfile.ZipFile(io.BytesIO(packed)) as members:
             assert members.read("ledger.json") == whole
-    assert longest[0] == pytest.approx(longest[1], abs=50)
+    assert longest[1] < 2 * longest[0], "a hundred times as many contacts, pieces of the same size but for some digits"

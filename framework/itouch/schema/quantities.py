@@ -36,7 +36,7 @@ def checked_time(name: str, seconds: float) -> float:
         If it is no number, negative, or longer than any session.
     """
     if not 0.0 <= seconds <= LONGEST:  # false if it is not a number
-        raise ValueError(f"{name} = {seconds!r} is out of range: at least 0 s, at most {LONGEST:.0e} s")
+        raise ValueError(f"{name} = {seconds!r} must be a finite number, at least 0 s, at most {LONGEST:.0e} s")
     return seconds
 
 
