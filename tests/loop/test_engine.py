@@ -252,7 +252,7 @@ def test_a_time_that_no_session_lasts_is_refused(seconds: float, tmp_path: Path)
     engine = itouch.build(SCENES / "first_touch.xml")
     with pytest.raises(ValueError, match=r"seconds = .* must be a finite number, at least 0 s, at most 1e\+09 s"):
         engine.run(seconds)
-    with pytest.raises(ValueError, match=r"seconds = .* is out of range"):
+    with pytest.raises(ValueError, match=r"seconds = .* must be a finite number"):
         itouch.launch(SCENES / "first_touch.xml", seconds=seconds)
     with engine.saving(tmp_path / "s.itouch", 1e306):  # not while it runs
         engine.run(0.1)
