@@ -175,6 +175,24 @@ def test_what_is_no_seed_is_refused(seed: Any) -> None:
         itouch.build(FIRST, seed=seed)
 
 
+@pytest.mark.parametrize(
+    ("given", "kind", "says"),
+    [
+        ({"collect": None}, TypeError, "collect = None must be a function"),
+        ({"collect": "report"}, TypeError, "collect = 'report' must be a function"),
+        ({"until": True}, TypeError, "until = True must be a number of seconds"),
+        ({"until": "0.01"}, TypeError, "until = '0.01' must be a number of seconds"),
+        ({"workers": 0}, ValueError, "workers = 0 must be a whole number, at least 1"),
+        ({"workers": -2}, ValueError, "workers = -2 must be"), ({"workers": 1.5}, TypeError, "workers = 1.5 must be"),
+    ],
+)  # fmt: skip
+def test_what_no_session_can_be_run_with_is_refused_before_one_runs(
+    given: dict[str, Any], kind: type[Exception], says: str
+) -> None:
+    with pytest.raises(kind, match=says):
+        itouch.batch(SCENES / "absent.xml", seeds=[1, 2], **{"until": 0.01, **given})
+
+
 def test_a_fault_goes_whole_from_one_process_to_another() -> None:
     fault = pickle.loads(pickle.dumps(FAULT))
     assert str(fault) == str(FAULT)

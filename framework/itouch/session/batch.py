@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import multiprocessing
+import operator
 import os
 from collections.abc import Callable, Iterable
+from numbers import Real
 from typing import Any, TypeVar
 
 from itouch.loop import DeviceFaultError
@@ -96,14 +98,17 @@ def batch(
     SceneError
         With all problems of the scene.
     ValueError
-        If a device is not a twin, a seed is not valid, or there is neither a time nor a scripted motion.
+        If a device is not a twin, a seed is not valid, ``workers`` is below 1, or there is neither a time nor a
+        scripted motion.
     TypeError
-        If what is collected cannot be passed from one process to another.
+        If ``until``, ``collect`` or ``workers`` is not of its kind, or what is collected cannot be passed from one
+        process to another.
     SessionError
         If a process ends before its session does: it was killed, or the machine ran out of memory.
     BaseException
         What ``until`` or ``collect`` raises; the other sessions are then ended, too.
     """
+    _check(until, collect, workers)
     catalog = Catalog()
     if not isinstance(model, Model):
         model = Model.of(model if isinstance(model, Scene) else load_scene(model, catalog=catalog), catalog)
@@ -116,3 +121,18 @@ def batch(
         return [job.run(seed) for seed in wanted]
     Session(model, catalog=catalog).close()  # everything is compiled once, before the processes are forked
     return forked(job.run, wanted, count)
+
+
+def _check(until: Any, collect: Any, workers: Any) -> None:
+    """Raise an error for what would only fail when a session has run, or be taken for something else."""
+    if isinstance(until, bool) or not (until is None or callable(until) or isinstance(until, Real)):
+        raise TypeError(f"until = {until!r} must be a number of seconds, a function of the session, or None")
+    if not callable(collect):
+        raise TypeError(f"collect = {collect!r} must be a function of a session; left out, its report is collected")
+    if workers is not None:
+        try:
+            count = operator.index(workers)
+        except TypeError:
+            raise TypeError(f"workers = {workers!r} must be a whole number, at least 1") from None
+        if count < 1 or isinstance(workers, bool):
+            raise ValueError(f"workers = {workers!r} must be a whole number, at least 1")
