@@ -13,8 +13,10 @@ from shipped import SCENES
 
 from itouch.loop import render
 from itouch.loop.surface import force, memory
+from itouch_evidence.surface import run
 from itouch_evidence.surface.course import Course, Floats, follow
 from itouch_evidence.surface.edges import edge, rim
+from itouch_evidence.surface.laws import broken
 from itouch_evidence.surface.scenes import Slope
 
 _part, _within, _lead = map(kernel_of, (force._part, force._within, force._lead))
@@ -60,6 +62,27 @@ def test_a_contact_changes_hands_without_a_step(folder: Path, make: Callable[[in
     assert course.changes()
     assert excess(course).max() <= 0.0
     assert np.linalg.norm(course.total, axis=1).max() <= course.force * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("seed", "number", "law"),
+    [
+        pytest.param(281128, 234, "step", id="a plate does not come on at a finger that turns before it is there"),
+        pytest.param(5002, 213, "step", id="nor at one that slows down on its way up"),
+        pytest.param(5004, 438, "arm", id="a plate that comes up to a slowing finger takes no force from the arm"),
+        pytest.param(5002, 171, "step", id="a part of what a plate is read to give is noise"),
+        pytest.param(5004, 304, "step", id="a plate that presses lightly may bounce"),
+        pytest.param(5003, 48, "step", id="a plate that catches up with a falling surface takes no more than that"),
+        pytest.param(5004, 121, "step", id="an arm that is alone catches up in small steps"),
+        pytest.param(5004, 367, "step", id="what a plate leaves of the limit changes in steps"),
+        pytest.param(6002, 53, "trip", id="a plate that is left behind goes past the finger slowly"),
+        pytest.param(7003, 111, "heat", id="a plate that bounces after a contact is told"),
+    ],
+)
+def test_a_random_scene_keeps_a_law_that_it_once_broke(folder: Path, seed: int, number: int, law: str) -> None:
+    figures = run(number, seed, folder)["figures"]
+    assert law in figures
+    assert law not in broken(figures)
 
 
 def part(share: float, normal: float, pressed: float = 0.0, *, renders: bool = False) -> float:

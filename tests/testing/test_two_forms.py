@@ -35,7 +35,7 @@ def _update(which: int, count: Any, x: Any, choice: Any, place: Any, told: Any) 
         (which == 1 and x[0] < -1e-3)
         or (which == 2 and count[0] > 1000)
         or (which == 3 and choice[0] == 7)
-        or (which == 4 and place[2] > 0.08)
+        or (which == 4 and place[2] > 0.05)
     )
     count[0] += 101 if wrong else 1
     told[0] = place[2] * (1.0 + 1e-15 if which == 5 else 1.0)

@@ -40,7 +40,7 @@ _TRIPPED = ("status", "trip", "tripped", "ramp")
 #: Fields of a surface's memory that follow from what its modality says; see ``itouch.loop.surface.memory``.
 _TAKEN_OVER = (
     "renders", "present", "settled", "clear", "pressed", "felt", "felt_weight", "missed", "misses", "missed_at",
-    "missed_depth", "missed_load", "changing", "lingers", "lingered", "lingered_at", "rises",
+    "missed_depth", "missed_load", "changing", "lingers", "lets_go", "lingered", "lingered_at", "rises",
 )  # fmt: skip
 
 
@@ -175,6 +175,7 @@ def look_below(rig: ProbeRig) -> Step:
         "climb",
         "level",
         "sink",
+        "acceleration",
         "off",
         "goes_x",
         "goes_y",
@@ -217,7 +218,7 @@ def _surface_fields(rig: ProbeRig) -> tuple[tuple[str, ...], tuple[str, ...], tu
     if rig.table is not None and rig.table.model.wire:
         figures += _of(name, "rising.*")
     reads = (*figures, *_of(name, "normal_force", "hip", "object", "contact.object"))
-    reads += tuple(f"{name}.surface.{field}" for field in ("climb", "level", "sink", "off"))
+    reads += tuple(f"{name}.surface.{field}" for field in ("climb", "level", "sink", "acceleration", "off"))
     reads += _of(table, "touch_off.*", "calibration", "surface.*")
     reads += _of(table, "measured") if rig.table is not None else ()
     reads += _roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE)

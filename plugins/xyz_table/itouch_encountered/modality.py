@@ -150,7 +150,10 @@ def _seen(model: EncounteredModel) -> tuple[str, ...]:
         *(f"{probe}.{name}" for name in ("hip", "normal", "surface_height")),
         *(
             f"{probe}.surface.{name}"
-            for name in ("upright", "climb", "turns", "hastens", "rises", "level", "sink", "off", "pressed", "present")
+            for name in (
+                "upright", "climb", "turns", "hastens", "rises", "level", "sink", "acceleration", "off", "goes_x",
+                "goes_y", "pressed", "present",
+            )
         ),
         f"{probe}.object", f"{device}.surface.withdrawn", "ready",
     )  # fmt: skip

@@ -55,6 +55,7 @@ from itouch_encountered.own import (
     RUSHES,
     SHIFT,
     SINCE,
+    SLOWER,
     SPEED,
     TAKES,
     UPRIGHT,
@@ -70,11 +71,21 @@ SOFTLY, QUICKLY = 0.015, 0.1
 FLEES = 0.25
 #: Distance below the finger [m] within which the surface may be felt soon.
 SOON = 1.5e-3
+#: Distance below the finger [m] from which on the surface does not come on at a finger that turns before it is there.
+NEXT = 5e-4
+#: How late the surface follows a finger that slows down on its way up, or turns [s]: what its smoothed speed and the
+#: device's control take; and the deceleration below which that is not felt [m/s2].
+LATE, STEADY = 0.013, 0.5
 #: An arm at its force limit makes room for a surface that, at its present speed, will be nearer to the finger than this
 #: [m] in this time [s]: a surface that comes no faster than that takes no force from the arm before it is there.
-MADE, MAKES = 1e-3, 0.022
+MADE, MAKES = 1.2e-3, 0.022
+#: The first of them behind a wire [m], where what it does late is worse.
+MADE_WIRED = 1e-3
 #: A surface that is farther behind its command than this [m] is waited for, so that it does not rush to catch up.
 WAITED_FOR = 2e-4
+#: How fast the surface goes past a finger that touches it, to catch up with it [m/s]: well below what safety takes for
+#: a fault there (K5).
+PASSES = 0.1
 #: How far the wanted height may be ahead of the one sent last [m] before it counts as held up.
 SLACK = 3e-5
 #: How fast the force on a finger may decrease when its virtual surface falls away, at first and at most [N/s], because
@@ -148,11 +159,12 @@ class Seen(NamedTuple):
     ``hip`` (3,) of the finger; ``normal`` (3,) of the touched virtual surface.  Of the virtual surface below:
     ``height``, ``upright`` (cosine of its tilt), ``climb`` (how fast the height changes [m/s]), ``turns`` and
     ``hastens`` (how fast ``climb`` changes because the slope does, or because finger or object accelerate [m/s2]).
-    ``rises``: how fast the carried surface goes up [m/s].  ``level``, ``sink`` and ``off``: the height of the finger's
-    lowest point, its speed upwards, and how much deeper it seems to be in the carried surface than the force explains,
-    smoothed [m], [m/s], [m].  ``pressed``: how long the virtual contact has lasted [s]; ``present``: whether the
-    carried surface was at the finger a tick ago; ``object``: index of the touched object, -1: none; ``withdrawn``:
-    whether T4 keeps the surface away; ``ready``: 0 until a touch-off is done.
+    ``rises``: how fast the carried surface goes up [m/s].  ``level``, ``sink``, ``acceleration`` and ``off``: the
+    height of the finger's lowest point, its speed upwards and how fast that changes, and how much deeper it seems to be
+    in the carried surface than the force explains, smoothed [m], [m/s], [m/s2], [m].  ``goes_x``, ``goes_y``: the
+    finger's velocity, smoothed [m/s].  ``pressed``: how long the virtual contact has lasted [s]; ``present``: whether
+    the carried surface was at the finger a tick ago; ``object``: index of the touched object, -1: none;
+    ``withdrawn``: whether T4 keeps the surface away; ``ready``: 0 until a touch-off is done.
     """
 
     frame: Any
@@ -169,7 +181,10 @@ class Seen(NamedTuple):
     rises: Any
     level: Any
     sink: Any
+    acceleration: Any
     off: Any
+    goes_x: Any
+    goes_y: Any
     pressed: Any
     present: Any
     object: Any
@@ -201,6 +216,8 @@ def _come(
 ) -> None:  # fmt: skip
     """Bring the surface to the finger until it is at its goal [m]; ``depth``: how far it is in the finger [m].
 
+    It comes slower (SLOWER) at a finger that slows down: it would come on when this has turned.
+
     ``last`` is the height [m] to which it was sent last: PRESS runs ahead of it by SLACK at most, so that a surface
     that was held up does not rush later.
     """
@@ -214,10 +231,12 @@ def _come(
         return
     own[PRESS] = min(own[PRESS], last - level + sink * c.period + SLACK)
     if (own[BEHIND] if c.wire else own[PRESS] - depth) < WAITED_FOR:
-        pace = SOFTLY if felt else min(QUICKLY, max(SOFTLY, (-own[PRESS] - MADE) / MAKES))
+        pace = SOFTLY if felt else min(QUICKLY, max(SOFTLY, (-own[PRESS] - (MADE_WIRED if c.wire else MADE)) / MAKES))
         if felt:  # it goes on with the virtual surface, not with the finger
             left = max(0.0, goal - level - own[PRESS])
             pace = min(pace, climb - sink + math.sqrt(2.0 * EASES * left))
+        slower = pace - own[SLOWER]
+        pace = slower if own[PRESS] > -NEXT else min(pace, max(SOFTLY, slower))
         own[PRESS] += pace * c.period
     if level + own[PRESS] >= goal:
         own[ARRIVED] = 1.0
@@ -417,15 +436,34 @@ def _bearable(c: Any, own: Any, rises: float, level: float, sink: float, off: fl
 
 
 @linked
-def _command(c: Any, frame: Any, sent: Any, hip: Any, goal: Any, height: float, felt: bool) -> None:
+def _with(c: Any, frame: Any, goes_x: float, goes_y: float, axis: int) -> float:
+    """Return how far the finger, with this velocity [m/s], goes in a tick along an axis of the device [m]."""
+    return float((frame[ROW_X + axis] * goes_x + frame[ROW_Y + axis] * goes_y) * c.period)
+
+
+@linked
+def _command(
+    c: Any, frame: Any, sent: Any, hip: Any, goes_x: float, goes_y: float, goal: Any, height: float, felt: bool,
+    slides: bool,
+) -> None:  # fmt: skip
     """Write the command (7,): the pose at which a finger on the face has its lowest point at ``height`` [m].
 
     In a contact, or while it is felt, the surface gives way first: if it must go down and sideways and one tick is too
-    short for both, the sideways motion is shortened.
+    short for both, the sideways motion is shortened.  If it ``slides`` past the finger as it catches up then, it does
+    that slowly.  ``goes_x``, ``goes_y``: the finger's velocity [m/s].
     """
     x, y, z = hip[0] - frame[ORIGIN], hip[1] - frame[ORIGIN + 1], height - _beside(c, frame) - frame[ORIGIN_Z]
     for i, offset in enumerate((c.x, c.y, c.z)):
         goal[i] = frame[ROW_X + i] * x + frame[ROW_Y + i] * y + frame[ROW_Z + i] * z - offset
+    if slides:
+        square = 0.0
+        for i in range(2):
+            square += (goal[i] - sent[i] - _with(c, frame, goes_x, goes_y, i)) ** 2
+        past = math.sqrt(square)
+        if past > PASSES * c.period:
+            for i in range(2):
+                along = _with(c, frame, goes_x, goes_y, i)
+                goal[i] = sent[i] + along + (goal[i] - sent[i] - along) * PASSES * c.period / past
     for i, number in enumerate(UPRIGHT_POSE):
         goal[3 + i] = number
     down = sent[2] - goal[2]
@@ -472,7 +510,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     """Decide who renders the virtual surface below the finger, and command the device; return 0.
 
     ``c``: `Numbers`; ``seen``: `Seen`, unpacked here, because passing a tuple of many arrays on is costly; ``goal``
-    (7,): the command; ``own``: the modality's own fields, (46,) without a wire.
+    (7,): the command; ``own``: the modality's own fields, (47,) without a wire.
     """
     frame, sent, hip = seen.frame, seen.sent, seen.hip
     height, climb, level, sink = seen.height[0], seen.climb[0], seen.level[0], seen.sink[0]
@@ -499,6 +537,8 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
         rounds = 0.0  # the command already goes to where the virtual surface will be (RISE)
     shift = min(MOST_SHIFT, max(-MOST_SHIFT, rounds + own[BENDS] * own[INERTIA])) if own[TAKES] > 0.0 else 0.0
     more, own[SHIFT] = shift - own[SHIFT], shift
+    # Behind a wire the surface would turn for what the finger did long ago.
+    own[SLOWER] = 0.0 if c.wire else max(0.0, -seen.acceleration[0] - STEADY) * LATE
     wanted = _wanted(c, own, height, climb, level, sink, lowest, here, last, pressed, touching, begins)
     wanted = _fall(c, own, _brake(c, own, wanted, climb, last, here, level, more), last, sink, pressed, touching)
     most = _bearable(c, own, seen.rises[0], level, sink, seen.off[0])
@@ -508,6 +548,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
         own[RESTS] = own[RESTS] + c.period if rests else 0.0
     elif rests or (not touching and pressed < LEFT and own[LOST] == 0.0):
         _learn(c, own, last, here, pressed)
-    _command(c, frame, sent, hip, goal, min(wanted, most), touching or pressed > LEFT)
+    felt, slides = touching or pressed > LEFT, pressed > LEFT or lowest - here < SOON
+    _command(c, frame, sent, hip, seen.goes_x[0], seen.goes_y[0], goal, min(wanted, most), felt, slides)
     own[AT_FINGER] = 1.0 if touching and _there(own, seen.present[0] > 0.0, here - lowest, pressed) else 0.0
     return 0

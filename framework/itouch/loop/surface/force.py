@@ -36,6 +36,7 @@ from itouch.loop.surface.memory import (
     FELT,
     FELT_FORCE,
     FELT_WEIGHT,
+    LETS_GO,
     LINGERED,
     LINGERED_AT,
     LINGERS,
@@ -59,14 +60,21 @@ Floats = NDArray[np.float64]
 #: Greatest change per tick [N] of the normal force that the arm takes over or gives back.
 HAND_STEP = 0.03
 #: Greatest change per tick [N] of the sum of arm and plate while the contact is handed over from one to the other.
-STEP = 0.065
+STEP = 0.06
 #: The same just before the plate is felt, and while it sets out or turns round: how its force changes then cannot be
 #: foreseen.
 FIRST_STEP = 0.02
 #: Where the plate presses by less than this [N] it may bounce: what it gave in one tick it takes back in the next.
-LIGHT = 0.1
+LIGHT = 0.15
 #: Greatest change per tick [N] of the arm's force there, so that with a bounce of the plate it stays below 0.1 N.
 LIGHT_STEP = 0.055
+#: The plate's part has changed where the arm's force changes by so much more than the virtual one in a tick [N].
+APART, FELT_STEP = 0.01, 0.095
+#: By how much more than the virtual force an arm that is alone may change in a tick, to catch up with it [N].
+CATCHES_UP = 4e-3
+#: Greatest change per tick [N] of the arm's force beside a plate that is felt: of what this is read to give, some is
+#: noise, and the reading is a tick old.
+BESIDE = 0.075
 #: For how long [s] the sum is still kept to such steps after the plate has come or gone.
 AFTER = 0.05
 #: For how long [s] the plate sets out or turns round after a change of hands.
@@ -83,6 +91,8 @@ SPARE_LATE = 0.15
 #: How long [s] the virtual force stands in for a plate that is not felt yet, and in what time it blends into the
 #: plate's.
 WAIT, BLEND = 0.080, 0.020
+#: For how long [s] a plate that bounces off the finger after a contact may not be felt.
+BOUNCES = 0.05
 #: Least felt force [N] of a contact that the plate renders.
 LEAST = 1e-3
 
@@ -117,7 +127,7 @@ def _still_changes(c: Floats, memory: Floats, touching: bool) -> bool:
     if left <= 0.0:
         return False
     done = memory[SETTLED] > 0.0 if memory[RENDERS] > 0.0 else memory[CLEAR] > 0.0 and memory[SHARE] >= 1.0
-    left -= c[PERIOD]
+    left = min(left, AFTER) - c[PERIOD] if done else left - c[PERIOD]
     memory[CHANGING] = 0.0 if not touching else max(0.0 if done else AFTER, left)
     return True
 
@@ -218,9 +228,10 @@ def push(
         near = pressed > TOUCH or depth > -ABOUT
         spare = max(SPARE_LATE if guessed else SPARE, rise + 0.5 * SPARE)
         left = c[FORCE_LIMIT] - (pressed + spare if near else 0.0)
-        _within(c, memory, force, left, HAND_STEP if guessed else np.inf)
+        step = HAND_STEP if guessed else max(STEP, pressed + NOTHING - memory[CUT])
+        _within(c, memory, force, left, step)
     own, virtual = _anew(memory, WANTED, force), _anew(memory, VIRTUAL, figures[CONTACT_FORCE : CONTACT_FORCE + 3])
-    if memory[RENDERS] > 0.0 and memory[PRESSED] > AFTER and own > virtual + HAND_STEP:
+    if memory[RENDERS] > 0.0 and memory[PRESSED] > AFTER and own > max(virtual + APART, FELT_STEP):
         memory[CHANGING] = max(memory[CHANGING], AFTER)  # the plate's part has changed, as where the normal jumps
     if _still_changes(c, memory, touching):
         unseen = (abs(depth) < SOON and pressed < NOTHING) or memory[CHANGING] > LED - SETS_OUT
@@ -229,13 +240,15 @@ def push(
         most = min(step, HAND_STEP) if guessed and (pressed > NOTHING or depth > -ABOUT) else np.inf
         if NOTHING < pressed < LIGHT:
             most = min(most, LIGHT_STEP)
-        if memory[CHANGING] <= AFTER and memory[SETTLED] > 0.0:
+        elif pressed >= LIGHT:
+            most = min(most, BESIDE)
+        if memory[CHANGING] <= AFTER and (memory[SETTLED] > 0.0 or (pressed <= NOTHING and depth < -ABOUT)):
             # The handover is over: friction that reverses must not be followed late.
             stirs = max(virtual, memory[STIRS], memory[STIRS + 1])
             step, most = max(step, stirs - BELOW), max(most, stirs)
         if memory[CHANGING] <= AFTER and memory[SHARE] >= 1.0 and memory[CUT] <= 0.0 and depth < -ABOUT:
             # the plate has long been away: the arm's force may follow the virtual one, and catch up with it
-            step = max(step, 1.1 * own)
+            step = max(step, own + CATCHES_UP, min(1.1 * own, FELT_STEP))
         if _lead(c, sent, force, rise, step, most):  # it goes on in steps until it has arrived
             memory[CHANGING] = max(memory[CHANGING], c[PERIOD])
         _shorten(force, c[FORCE_LIMIT] - memory[CUT])
@@ -277,10 +290,13 @@ def linger(c: Floats, memory: Floats, load: float, touching: bool, time: float) 
     pressed; ``time`` of the tick [s].
     """
     if touching:
-        memory[LINGERS] = 0.0
+        memory[LINGERS] = memory[LETS_GO] = 0.0
     elif memory[LINGERS] >= 0.0 and -load > TOUCH:
-        memory[LINGERS] += c[PERIOD]
+        memory[LINGERS] += memory[LETS_GO] + c[PERIOD]
+        memory[LETS_GO] = 0.0
         if memory[LINGERS] > memory[LINGERED]:
             memory[LINGERED], memory[LINGERED_AT] = memory[LINGERS], time
     else:
-        memory[LINGERS] = -1.0
+        memory[LETS_GO] += c[PERIOD]
+        if memory[LETS_GO] > BOUNCES:  # until then a plate that bounces counts as the one that is still felt
+            memory[LINGERS] = -1.0

@@ -25,7 +25,7 @@ from itouch.loop.render import (
     TABLE,
     TRACKING,
 )
-from itouch.loop.surface.memory import CLIMB, LEVEL, OFF, RENDERS, RISES, SETTLED, SINK
+from itouch.loop.surface.memory import ACCELERATION, CLIMB, LEVEL, OFF, RENDERS, RISES, SETTLED, SINK
 from itouch.plugin.carried_surfaces import AHEAD, LEFT, ROOM, TOUCH, YIELD_RATE, YIELD_RETURN
 from itouch.twin.frame_rotation import beside, turned_in, turned_out
 from itouch.world.fields import rising_fields
@@ -57,10 +57,12 @@ def _smooth(c: Floats, memory: Floats, lowest: float) -> None:
     ahead = memory[LEVEL] + memory[SINK] * c[PERIOD]
     off = lowest - ahead
     if abs(off) > LOST:
-        memory[LEVEL], memory[SINK] = lowest, 0.0
+        memory[LEVEL], memory[SINK], memory[ACCELERATION] = lowest, 0.0, 0.0
         return
     memory[LEVEL] = ahead + G * off
-    memory[SINK] += H * off / c[PERIOD]
+    faster = H * off / c[PERIOD]
+    memory[SINK] += faster
+    memory[ACCELERATION] += c[PERIOD] / (SMOOTHLY + c[PERIOD]) * (faster / c[PERIOD] - memory[ACCELERATION])
 
 
 @linked
