@@ -58,6 +58,20 @@ def test_a_session_is_one_file_that_holds_all_its_trials(made: tuple[Path, Path,
             assert any(row.begun_s <= time <= row.ended_s for time in touched)
 
 
+def test_no_two_sessions_have_one_name(tmp_path: Path) -> None:
+    """A session without a recording took the name of a recording that holds another, which ended before a trial."""
+    path, answers, data = write_study(tmp_path, repetitions=1), tmp_path / "answers.txt", tmp_path / "data"
+    words = ["study", "run", str(path), "-o", str(data), "--participant", "P7", "--answers", str(answers)]
+    for lines, more in ((0, "--record"), (1, "--no-record"), (2, "--record"), (3, "--no-record")):
+        answers.write_text("\n".join(ANSWERS.split()[:lines]))
+        assert main([*words, more]) == (3 if lines < 3 else 0)
+        if lines == 1:
+            (data / "recordings" / "P7-1.mcap").unlink()
+    with Store.open(data) as store:
+        assert [row.session for row in store.rows("P7")] == ["P7-2", "P7-3", "P7-4"]
+    assert [one.name for one in (data / "recordings").iterdir()] == ["P7-3.mcap"]
+
+
 def test_its_forces_are_those_of_the_rows(made: tuple[Path, Path, list[Row]]) -> None:
     """After the scene has changed it is the State of the new one that is recorded."""
     _, data, rows = made

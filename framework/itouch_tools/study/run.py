@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
@@ -56,10 +56,10 @@ class Run:
         self._study, self._show, self._operator = file.study, show, operator
         self.course = Course(file, code, store.rows(code))
         seed = int(orders.generator(file.study.seed, code, "twins").integers(2**31))
-        #: Number of this session of the participant; it is in the session's name, in the rows and of the recording.
-        number = 1 + len({row.session for row in self.course.rows})
-        kept = _unused(store.folder / "recordings", code, number) if record else None
-        self.name = kept.stem if kept is not None else f"{code}-{number}"
+        recordings = store.folder / "recordings"
+        #: This session of the participant, as it stands in the rows; its recording has that name, if there is one.
+        self.name = _unused(recordings, code, {row.session for row in self.course.rows})
+        kept = recordings / f"{self.name}.mcap" if record else None
         self.room = Room(file, catalog, seed=seed, clock=clock, record=kept)
         self.room.on_wait = lambda cue: self._wait(cue)
         self._due: Due | None = None
@@ -338,8 +338,9 @@ class Run:
         return replace(shown, left=left, force=force, window=window)
 
 
-def _unused(folder: Path, code: str, number: int) -> Path:
-    """Return an unused file for a session's recording: a session that ended before its first trial left one, too."""
-    while (found := folder / f"{code}-{number}.mcap").exists():
+def _unused(recordings: Path, code: str, named: Collection[str]) -> str:
+    """Return a name that no other session has: a recording may be of one that ended before its first trial."""
+    number = 1 + len(named)
+    while (name := f"{code}-{number}") in named or (recordings / f"{name}.mcap").exists():
         number += 1
-    return found
+    return name
