@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -134,6 +136,36 @@ def test_a_full_disk_keeps_what_was_committed(tmp_path: Path) -> None:
             for place in range(1, 500):
                 store.add(replace(ROW, place=place, answer="x" * 500))
         assert store.rows()[0] == ROW
+
+
+@pytest.mark.parametrize("what", ["the file", "its log", "the folder", "moved", "replaced"])
+def test_a_trial_is_kept_where_it_will_be_found_or_it_is_told(tmp_path: Path, what: str) -> None:
+    """Of a file without a name each further trial was called kept, and all were gone at the end."""
+    folder = tmp_path / "data"
+    folder.mkdir()
+    path = folder / "trials.sqlite"
+    with (
+        pytest.raises(StoreError, match="removed, moved or replaced") as told,
+        Store.open(folder, create=True) as store,
+    ):
+        store.add(ROW)
+        if what == "the folder":
+            shutil.rmtree(folder)
+        elif what == "moved":
+            folder.rename(tmp_path / "elsewhere")
+        elif what == "replaced":
+            shutil.copy(path, tmp_path / "earlier")
+            (tmp_path / "earlier").rename(path)
+        else:
+            (path if what == "the file" else folder / "trials.sqlite-wal").unlink()
+        store.add(replace(ROW, place=1))
+    copy = re.search(f"are in '(.*)', this one too: move that to '{path}'", str(told.value))
+    assert copy
+    folder.mkdir(exist_ok=True)
+    Path(copy[1]).rename(path)
+    with Store.open(folder) as store:
+        assert store.rows() == [ROW, replace(ROW, place=1)]
+        store.add(replace(ROW, place=2))
 
 
 def test_two_programs_that_begin_together_make_one_file(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import re
 import sqlite3
 from collections.abc import Iterator, Mapping
@@ -123,6 +124,7 @@ class Store:
 
     def __init__(self, folder: Path, connection: sqlite3.Connection) -> None:
         self.folder, self._trials = folder, connection
+        self._opened = _files(folder / "trials.sqlite")
 
     @classmethod
     @contextlib.contextmanager
@@ -228,7 +230,8 @@ class Store:
         Raises
         ------
         StoreError
-            If they cannot be written, or the participant has a trial at this place already; nothing is added then.
+            If they cannot be written, or the participant has a trial at this place already; nothing is added then.  If
+            the file is not where it was opened any more: what it held is kept in a copy, with this trial.
         """
         values = [
             json.dumps(getattr(row, name), sort_keys=True) if name in _JSON else getattr(row, name) for name in _COLUMNS
@@ -239,6 +242,7 @@ class Store:
             self._trials.execute(f"INSERT INTO trials ({names}) VALUES ({marks})", values)
             if standing is not None:
                 self._put(row.participant, standing)
+        self._check_place()
 
     def stand(self, participant: str, standing: Standing) -> None:
         """Keep the State of a session that a fault has ended: what the broken trial used of a budget stays used.
@@ -246,10 +250,34 @@ class Store:
         Raises
         ------
         StoreError
-            If it cannot be written.
+            If it cannot be written, or the file is not where it was opened any more.
         """
         with _sentences(self.folder / "trials.sqlite"), self._trials:
             self._put(participant, standing)
+        self._check_place()
+
+    def _check_place(self) -> None:
+        """Check that what was committed is in the file that others will open, and not in one without a name.
+
+        Programs that synchronise or tidy folders remove and replace files; SQLite goes on writing into what it opened.
+        """
+        path = self.folder / "trials.sqlite"
+        if all(now == then for now, then in zip(_files(path), self._opened, strict=True) if then is not None):
+            return
+        where = self.folder if self.folder.is_dir() else self.folder.parent
+        number = 1
+        while (copy := where / f"{self.folder.name}-rescued-{number}.sqlite").exists():
+            number += 1
+        gone = f"'{path}' or its -wal was removed, moved or replaced while it was open: it keeps nothing any more"
+        try:
+            with contextlib.closing(sqlite3.connect(copy)) as target:
+                self._trials.backup(target)
+        except sqlite3.Error as error:
+            raise StoreError(f"{gone}, and what it held could not be copied to '{copy}': {error}") from error
+        raise StoreError(
+            f"{gone}; all trials that it held are in '{copy}', this one too: move that to '{path}', and the same "
+            "command goes on from there"
+        )
 
     def _put(self, participant: str, standing: Standing) -> None:
         condition = json.dumps(dict(standing.condition), sort_keys=True)
@@ -357,6 +385,19 @@ def _connect(path: Path, schema: str) -> sqlite3.Connection:
         connection.close()
         raise
     return connection
+
+
+def _files(path: Path) -> list[tuple[int, int] | None]:
+    """Return which files a database and its log are now: device and number, None where there is none."""
+    found: list[tuple[int, int] | None] = []
+    for one in (path, f"{path}-wal"):
+        try:
+            about = os.stat(one)
+        except OSError:
+            found.append(None)
+        else:
+            found.append((about.st_dev, about.st_ino))
+    return found
 
 
 @contextlib.contextmanager
