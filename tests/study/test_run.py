@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import random
 import re
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
@@ -177,6 +179,28 @@ def test_killed_at_500_random_instants_and_at_each_write(whole: tuple[Path, Path
                 break
         assert run(path, folder, "--answers", str(answers)) == 0
         assert kept(folder) == rows
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ("DELETE FROM trials WHERE place = 1", "trial 2 of P07 is missing in the data"),
+        ("UPDATE standing SET state = x'00'", "the State after trial 4 is damaged"),
+    ],
+)
+def test_data_that_another_program_has_changed_are_refused_before_a_trial(
+    whole: tuple[Path, Path, list[Row]], tmp_path: Path, capsys: pytest.CaptureFixture[str], change: str, told: str
+) -> None:
+    """Without a row that was deleted a whole trial was run, which could not be kept as its place was taken."""
+    path, answers, _ = whole
+    (tmp_path / "four.txt").write_text("\n".join(answers.read_text().splitlines()[:4]))
+    assert run(path, tmp_path / "data", "--answers", str(tmp_path / "four.txt")) == 3
+    with contextlib.closing(sqlite3.connect(tmp_path / "data" / "trials.sqlite")) as connection, connection:
+        connection.execute(change)
+    before = kept(tmp_path / "data")
+    assert run(path, tmp_path / "data", "--answers", str(answers)) == 2
+    assert told in capsys.readouterr().err
+    assert kept(tmp_path / "data") == before
 
 
 def test_a_staircase_is_rebuilt_from_its_rows(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shutil
@@ -14,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from itouch_tools.study.store import Row, Store, StoreError
+from itouch_tools.study.store import Row, Standing, Store, StoreError
 
 ROW = Row("P01", 0, "main", "identify", {"material": "wood"}, ["wood"], 1.0, 2.0, "s1.mcap", "2026-01-01T00:00:00Z",
           answer="wood", right=1, reaction_s=0.8, felt=[{"mean_flux_W_m2": 830.0}])  # fmt: skip
@@ -166,6 +167,48 @@ def test_a_trial_is_kept_where_it_will_be_found_or_it_is_told(tmp_path: Path, wh
     with Store.open(folder) as store:
         assert store.rows() == [ROW, replace(ROW, place=1)]
         store.add(replace(ROW, place=2))
+
+
+def test_data_that_cannot_be_written_can_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No archive, as a read-only share or disk, could be exported or reported: SQLite wanted to write beside the data."""
+    with Store.open(tmp_path, create=True) as store:
+        store.add(ROW)
+        store.describe("P01", {"consent": True})
+        crashed = tmp_path / "crashed"  # its log holds all
+        shutil.copytree(tmp_path, crashed, ignore=lambda *_: ["crashed"])
+    monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK)  # the superuser may write everywhere
+    for folder in (tmp_path, crashed):
+        for path in (*folder.glob("*.sqlite*"), folder):
+            os.utime(path, (0, 0))
+            path.chmod(0o555)
+        with Store.open(folder) as store:
+            assert store.rows() == [ROW]
+            assert store.described("P01") == {"consent": True}
+            with pytest.raises(StoreError, match="readonly"):
+                store.add(replace(ROW, place=1))
+        with pytest.raises(StoreError, match="copy the folder to where it can"), Store.open(folder, create=True):
+            pass
+        assert folder.stat().st_mtime == 0.0, "a file was made in the folder"
+        folder.chmod(0o755)
+
+
+def test_what_another_program_has_changed_is_a_sentence(tmp_path: Path) -> None:
+    with Store.open(tmp_path, create=True) as store:
+        for place in range(3):
+            store.add(replace(ROW, place=place), Standing(place, {"material": "wood"}, "", b""))
+    changed = {
+        "trial 2 of P01 cannot be read, its 'condition' was changed": "UPDATE trials SET condition = '{' WHERE place = 1",
+        "trial 3 of P01 cannot be read, its 'shown' was changed": "UPDATE trials SET shown = '{}' WHERE place = 2",
+        "State after trial 3 of P01 cannot be read": "UPDATE standing SET condition = '{'",
+    }
+    whole = (tmp_path / "trials.sqlite").read_bytes()
+    for words, change in changed.items():
+        (tmp_path / "trials.sqlite").write_bytes(whole)
+        with contextlib.closing(sqlite3.connect(tmp_path / "trials.sqlite")) as connection, connection:
+            connection.execute(change)
+        with pytest.raises(StoreError, match=f"{words}.*backup"), Store.open(tmp_path) as store:
+            store.standing("P01")
+            store.rows()
 
 
 def test_two_programs_that_begin_together_make_one_file(tmp_path: Path) -> None:

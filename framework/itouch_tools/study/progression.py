@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itouch_tools.study.adaptive import Running
 from itouch_tools.study.elements import PRACTICE, Adaptive
 from itouch_tools.study.reading import StudyFile
-from itouch_tools.study.store import Row
+from itouch_tools.study.store import Row, StoreError
 from itouch_tools.study.trials import Trial, trials_of
 
 
@@ -28,10 +28,23 @@ class Due:
 
 
 class Course:
-    """What has been done and what is due; the same rows lead to the same next trial, whenever they are read."""
+    """What has been done and what is due; the same rows lead to the same next trial, whenever they are read.
+
+    Raises
+    ------
+    StoreError
+        If rows are missing before others: nobody could tell which trial of the order each was.
+    """
 
     def __init__(self, file: StudyFile, code: str, rows: Iterable[Row] = ()) -> None:
         self._file, self.rows = file, list(rows)
+        for place, row in enumerate(self.rows):
+            if row.place != place:
+                raise StoreError(
+                    f"trial {place + 1} of {code} is missing in the data, though later ones are there: its row was "
+                    "deleted; take trials.sqlite as a backup has it (a trial that is not to count has its reason in "
+                    "the column 'void')"
+                )
         self.planned = trials_of(file, code)
 
     def made(self, row: Row) -> None:

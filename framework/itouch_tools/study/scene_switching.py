@@ -332,11 +332,22 @@ class Room:
         """Continue from the State in which a participant's session was left; tell whether that was possible.
 
         It is not if State has other fields in this program.
+
+        Raises
+        ------
+        SessionError
+            If what was kept is not a whole State.
         """
         session = self._built(standing.condition)
         if standing.layout != layout_of(session):
             return False
-        session.adopt(standing.state)
+        try:
+            session.adopt(standing.state)
+        except (ValueError, TypeError) as error:
+            raise SessionError(
+                f"the State after trial {standing.place + 1} is damaged, nothing can go on from it ({error}); take "
+                "trials.sqlite as a backup has it"
+            ) from error
         _let_pass(session)
         session.settle(always=True)
         self._take(session, standing.condition, self._feel(session))

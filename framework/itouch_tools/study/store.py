@@ -78,7 +78,8 @@ _COLUMNS = (
     "participant", "place", "repeats", "block", "task", "condition", "shown", "staircase", "level", "answer", "right",
     "reaction_s", "void", "felt", "begun_s", "ended_s", "session", "ended_at",
 )  # fmt: skip
-_JSON = ("condition", "shown", "felt")
+#: Columns that are JSON, and what they are in Python.
+_JSON: dict[str, tuple[type, ...]] = {"condition": (dict,), "shown": (list,), "felt": (list, dict, type(None))}
 
 
 class StoreError(ItouchError):
@@ -136,18 +137,20 @@ class Store:
         folder
             The study's folder.
         create
-            Create the file, without trials, if there is none yet.
+            Create the file, without trials, if there is none yet.  Without it, data that cannot be written, as in an
+            archive, are read.
 
         Raises
         ------
         StoreError
-            If there are no data, or if they cannot be written, are damaged, or were written by a newer program.
+            If there are no data, or if they cannot be written though ``create`` is given, are damaged, or were written
+            by a newer program.
         """
         path = folder / "trials.sqlite"
         if not create and not path.exists():
             raise StoreError(f"'{folder}' holds no study: there is no trials.sqlite in it")
         with _sentences(path):
-            connection = _connect(path, SCHEMA)
+            connection = _connect(path, SCHEMA, write=create)
         try:
             yield cls(folder, connection)
         finally:
@@ -289,7 +292,15 @@ class Store:
         query = "SELECT place, condition, layout, state FROM standing WHERE participant = ?"
         with _sentences(self.folder / "trials.sqlite"):
             row = self._trials.execute(query, (participant,)).fetchone()
-        return None if row is None else Standing(row[0], json.loads(row[1]), row[2], row[3])
+        if row is None:
+            return None
+        try:
+            return Standing(row[0], json.loads(row[1]), row[2], row[3])
+        except ValueError as error:
+            raise StoreError(
+                f"'{self.folder / 'trials.sqlite'}': the State after trial {row[0] + 1} of {participant} cannot be "
+                f"read ({error}); take the file as a backup has it"
+            ) from error
 
     def rows(self, participant: str | None = None) -> list[Row]:
         """Return the trials of one participant or of all, by code and by place, which is the order of their ends."""
@@ -301,7 +312,7 @@ class Store:
                 if participant is None
                 else self._trials.execute(f"{query} WHERE participant = ? ORDER BY place", (participant,))
             ).fetchall()
-        return [_row(values) for values in found]
+        return [_row(self.folder / "trials.sqlite", values) for values in found]
 
     def participants(self) -> list[str]:
         """Return the codes of all participants who have trials, sorted."""
@@ -357,24 +368,42 @@ class Store:
         return sorted(path for path in folder.iterdir() if named.fullmatch(path.name)) if folder.is_dir() else []
 
 
-def _row(values: tuple[Any, ...]) -> Row:
+def _row(path: Path, values: tuple[Any, ...]) -> Row:
     named = dict(zip(_COLUMNS, values, strict=True))
     for name in _JSON:
-        named[name] = json.loads(named[name])
+        try:
+            named[name] = json.loads(named[name])
+            if not isinstance(named[name], _JSON[name]):
+                raise ValueError(f"it holds {named[name]!r}")
+        except ValueError as error:
+            raise StoreError(
+                f"'{path}': trial {named['place'] + 1} of {named['participant']} cannot be read, its '{name}' was "
+                f"changed ({error}); take the file as a backup has it"
+            ) from error
     return Row(**named)
 
 
-def _connect(path: Path, schema: str) -> sqlite3.Connection:
+def _connect(path: Path, schema: str, *, write: bool = False) -> sqlite3.Connection:
+    archived = path.exists() and not (os.access(path, os.W_OK) and os.access(path.parent, os.W_OK))
+    if archived and write:
+        raise StoreError(f"'{path}' cannot be written, or its folder: copy the folder to where it can")
+    opened = str(path)
+    if archived:  # SQLite wants to make files beside it, unless it knows that no log has more than the file itself
+        log = _size(f"{path}-wal")
+        opened = f"{path.resolve().as_uri()}?mode=ro{'' if log else '&immutable=1'}"
     # one thread at a time uses the connection, but not always the same one: see ``Room.beside``
-    connection = sqlite3.connect(path, isolation_level="IMMEDIATE", timeout=60.0, check_same_thread=False)
+    connection = sqlite3.connect(
+        opened, isolation_level="IMMEDIATE", timeout=60.0, check_same_thread=False, uri=archived
+    )  # fmt: skip
     try:
-        connection.execute("PRAGMA journal_mode = WAL")
-        connection.execute("PRAGMA synchronous = FULL")
-        connection.execute("PRAGMA secure_delete = ON")
+        if not archived:
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute("PRAGMA synchronous = FULL")
+            connection.execute("PRAGMA secure_delete = ON")
         version = connection.execute("PRAGMA user_version").fetchone()[0]
         if version > VERSION:
             raise StoreError(f"'{path}' was written by a newer program (format {version}, this one reads {VERSION})")
-        if version < VERSION:
+        if version < VERSION and not archived:
             more = schema if version == 0 else SCHEMA_2 if schema is SCHEMA else ""
             more = more.replace("CREATE TABLE", "CREATE TABLE IF NOT EXISTS")  # another process may be doing the same
             connection.executescript(f"BEGIN IMMEDIATE;{more}PRAGMA user_version = {VERSION};COMMIT;")
@@ -385,6 +414,13 @@ def _connect(path: Path, schema: str) -> sqlite3.Connection:
         connection.close()
         raise
     return connection
+
+
+def _size(path: str) -> int:
+    try:
+        return os.path.getsize(path)
+    except OSError:
+        return 0
 
 
 def _files(path: Path) -> list[tuple[int, int] | None]:
