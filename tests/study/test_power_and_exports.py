@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import math
+import os
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -283,6 +285,29 @@ def test_a_study_is_exported_by_a_command(tmp_path: Path, capsys: pytest.Capture
     assert main(["study", "export", str(tmp_path / "none"), "--tsv", "x.tsv"]) == 2
     assert "holds no study" in capsys.readouterr().err
     assert table_of(ROWS)[1]["answer"] == "n/a"
+
+
+def test_a_full_disk_leaves_the_earlier_export_and_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The earlier table was empty afterwards, and it was said that 'None' could not be written."""
+
+    def full(handle: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    path, data = write_study(tmp_path), tmp_path / "data"
+    data.mkdir()
+    with Store.open(data, create=True) as store:
+        store.add(ROWS[0])
+    targets = {"--tsv": tmp_path / "t.tsv", "--parquet": tmp_path / "t.parquet", "-o": tmp_path / "page.html"}
+    monkeypatch.setattr(os, "fsync", full)
+    for option, target in targets.items():
+        target.write_text("earlier")
+        words = ["export", str(data)] if option != "-o" else ["report", str(path), str(data)]
+        assert main(["study", *words, option, str(target)]) == 2
+        assert f"cannot write '{target}': No space left on device" in capsys.readouterr().err
+        assert target.read_text() == "earlier"
+    assert not list(tmp_path.glob(".itouch-*"))
 
 
 def test_no_chance_is_told_as_nought() -> None:

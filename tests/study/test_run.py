@@ -17,6 +17,7 @@ import zipfile
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import campaign
 import pytest
@@ -416,6 +417,24 @@ def test_the_recordings_of_a_person_go_only_if_they_are_asked_for(
     assert "recording" not in capsys.readouterr().out.replace("personal data", "")
     assert main(["study", "report", str(path), str(folder)]) == 0
     assert json.loads((folder / "report.json").read_text()) == before
+
+
+def test_a_disk_that_recordings_have_filled_is_emptied_of_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SQLite opens nothing for writing on a full disk: the data could not be exported, nor the recordings deleted."""
+    path, folder = write_study(tmp_path, repetitions=1), tmp_path / "data"
+    assert run(path, folder, "--answers", str(scripted(tmp_path, 2)), "--record") == 3
+    recording = folder / "recordings" / "P07-1.mcap"
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=0 if recording.exists() else 1 << 30))
+    os.utime(folder, (0, 0))
+    assert main(["study", "export", str(folder), "--tsv", str(tmp_path / "t.tsv")]) == 0
+    assert folder.stat().st_mtime == 0.0, "a file was made on the full disk"
+    assert run(path, folder, "--answers", str(scripted(tmp_path))) == 2
+    assert "the disk is full" in capsys.readouterr().err
+    assert main(["study", "forget", str(folder), "--participant", "P07", "--recordings"]) == 0
+    assert not recording.exists()
+    assert run(path, folder, "--answers", str(scripted(tmp_path))) == 0
 
 
 @pytest.mark.parametrize("code", ["", "../P07", "P 07", "x" * 33, "P07\n"])

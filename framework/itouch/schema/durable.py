@@ -66,9 +66,11 @@ def write_whole(path: str, data: bytes, *, step: Step = _nothing) -> None:
             os.chmod(temporary, rights)
         step("rename")
         os.replace(temporary, path)
-    except BaseException:
+    except BaseException as error:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
+        if isinstance(error, OSError) and error.filename is None:
+            error.filename = path
         raise
     step("folder")
     sync_folder(folder)
@@ -110,7 +112,7 @@ def replacing(path: str) -> Iterator[str]:
     except BaseException as error:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
-        if isinstance(error, OSError) and error.filename == temporary:
+        if isinstance(error, OSError) and error.filename in (None, temporary):  # of writing: None
             error.filename = path
         raise
     sync_folder(os.path.dirname(place))

@@ -234,24 +234,33 @@ def _nobody(code: str, folder: str, known: Sequence[str]) -> str:
     return f"'{folder}' knows no participant '{code}', nothing was deleted: {there}"
 
 
+def _deleted(path: Path) -> str:
+    """Delete a file; return why it could not be, or nothing."""
+    try:
+        path.unlink()
+    except OSError as error:
+        return f"{error}"
+    return ""
+
+
 def _forget(options: argparse.Namespace) -> int:
     from itouch_tools.study.store import Store, StoreError
 
     try:
         with Store.open(Path(options.folder)) as store:
             recordings = store.recordings(options.participant)
-            if options.participant not in (known := store.known()) and not recordings:
+            if not recordings and options.participant not in (known := store.known()):
                 raise StoreError(_nobody(options.participant, options.folder, known))
+            # recordings first: it may be they that fill the disk, and then nothing else can be done
+            left = [said for path in recordings if options.recordings and (said := _deleted(path))]
             gone = store.forget(options.participant)
-            for path in recordings if options.recordings else ():
-                path.unlink()
     except StoreError as error:
         return _store_error(error)
-    except OSError as error:
-        print(f"{options.participant}: not all recordings could be deleted: {error}", file=sys.stderr)
-        return 1
     words = "the personal data are deleted" if gone else "there were no personal data"
     print(f"{options.participant}: {words}; the trials stay under the code")
+    if left:
+        print(f"{options.participant}: not all recordings could be deleted: {'; '.join(left)}", file=sys.stderr)
+        return 1
     if recordings:
         many = number_of(len(recordings), "recording of the sessions", "recordings of the sessions")
         told = "deleted, too" if options.recordings else "kept: they show how a hand moved; --recordings deletes them"
@@ -293,6 +302,7 @@ def _simulate(options: argparse.Namespace) -> int:
 
 
 def _report(options: argparse.Namespace) -> int:
+    from itouch.schema.durable import write_whole
     from itouch_tools.study.analysis import analyse
     from itouch_tools.study.frozen import check_same_study
     from itouch_tools.study.page import page
@@ -312,8 +322,8 @@ def _report(options: argparse.Namespace) -> int:
             result = analyse(file, rows)
         provenance = {str(key): str(value) for key, value in frozen.items()}
         provenance |= {f"deviation {at}": what for at, what in deviations}
-        target.write_text(page(result, provenance), encoding="utf-8")
-        target.with_suffix(".json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        write_whole(str(target), page(result, provenance).encode())
+        write_whole(str(target.with_suffix(".json")), (json.dumps(result, indent=1) + "\n").encode())
         write_table(rows, target.with_suffix(".tsv"))
     except StoreError as error:
         return _store_error(error)

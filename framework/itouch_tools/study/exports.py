@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from itouch.schema import ItouchError
+from itouch.schema.durable import replacing, write_whole
 from itouch_tools.export.bids import VERSION
 from itouch_tools.study.figures import known, meaning
 from itouch_tools.study.store import Row
@@ -35,6 +36,8 @@ def write_parquet(rows: Sequence[Row], path: Path) -> None:
     ------
     ItouchError
         If pyarrow is not installed.
+    OSError
+        If the file can't be written; an earlier one stays as it was.
     """
     try:
         import pyarrow as pa
@@ -54,7 +57,8 @@ def write_parquet(rows: Sequence[Row], path: Path) -> None:
             columns[name] = [None if value is None else float(value) for value in values]
         elif len(kinds) > 1:
             columns[name] = [None if value is None else str(value) for value in values]
-    pq.write_table(pa.table(columns), path)
+    with replacing(str(path)) as new:
+        pq.write_table(pa.table(columns), new)
 
 
 #: Columns that are words, whatever they look like: a participant '007' is not the number 7.
@@ -151,7 +155,7 @@ def _sidecar(
 
 
 def _text(path: Path, content: str) -> Path:
-    path.write_text(content, encoding="utf-8")
+    write_whole(str(path), content.encode())
     return path
 
 

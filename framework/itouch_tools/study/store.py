@@ -10,6 +10,7 @@ import contextlib
 import json
 import os
 import re
+import shutil
 import sqlite3
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -80,6 +81,10 @@ _COLUMNS = (
 )  # fmt: skip
 #: Columns that are JSON, and what they are in Python.
 _JSON: dict[str, tuple[type, ...]] = {"condition": (dict,), "shown": (list,), "felt": (list, dict, type(None))}
+
+
+#: Bytes without which SQLite cannot even open a file for writing: its index of the log takes 32 KiB.
+ROOM = 1 << 16
 
 
 class StoreError(ItouchError):
@@ -384,9 +389,10 @@ def _row(path: Path, values: tuple[Any, ...]) -> Row:
 
 
 def _connect(path: Path, schema: str, *, write: bool = False) -> sqlite3.Connection:
-    archived = path.exists() and not (os.access(path, os.W_OK) and os.access(path.parent, os.W_OK))
+    refused = _refused(path) if path.exists() else ""
+    archived = bool(refused)
     if archived and write:
-        raise StoreError(f"'{path}' cannot be written, or its folder: copy the folder to where it can")
+        raise StoreError(f"'{path}' {refused}")
     opened = str(path)
     if archived:  # SQLite wants to make files beside it, unless it knows that no log has more than the file itself
         log = _size(f"{path}-wal")
@@ -414,6 +420,15 @@ def _connect(path: Path, schema: str, *, write: bool = False) -> sqlite3.Connect
         connection.close()
         raise
     return connection
+
+
+def _refused(path: Path) -> str:
+    """Return why nothing can be added to a file, and what to do; empty: it can."""
+    if not (os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)):
+        return "cannot be written, or its folder: copy the folder to where it can"
+    if shutil.disk_usage(path.parent).free < ROOM:
+        return "cannot be written: the disk is full"
+    return ""
 
 
 def _size(path: str) -> int:

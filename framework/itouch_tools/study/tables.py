@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from itouch.schema.durable import replacing
 from itouch_tools.study.store import Row
 
 _PLAIN = ("participant", "place", "repeats", "block", "task", "staircase", "level", "answer", "right", "reaction_s",
@@ -41,9 +42,14 @@ def write_table(rows: Iterable[Row], path: Path) -> None:
 
     There is a column for each factor, for what each interval showed where they differ, and for each figure of each
     interval.
+
+    Raises
+    ------
+    OSError
+        If the file can't be written; an earlier one stays as it was.
     """
     head, lines = _cells(list(rows))
-    with path.open("w", newline="", encoding="utf-8") as stream:
+    with replacing(str(path)) as new, open(new, "w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, delimiter="\t", lineterminator="\n")
         writer.writerow(head)
         writer.writerows(lines)
