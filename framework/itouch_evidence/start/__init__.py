@@ -129,8 +129,9 @@ def _start(name: str, scene: str, more: Mapping[str, str]) -> Start:
 def _run(words: Sequence[str], more: Mapping[str, str]) -> tuple[str, float, float]:
     """Run a process; return what it printed, its CPU time, and how long it took [s]."""
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    done = subprocess.run(
-        words, env={**os.environ, **more}, stdout=subprocess.PIPE, text=True, timeout=_PATIENCE, check=True
-    )
+    done = subprocess.run(  # in a group of its own: Ctrl-C is for us, and we end it
+        words, env={**os.environ, **more}, stdout=subprocess.PIPE, text=True, timeout=_PATIENCE, check=True,
+        process_group=0,
+    )  # fmt: skip
     wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
     return done.stdout, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, wall
