@@ -9,18 +9,25 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from needed import meant
 
-from itouch_evidence.sweeps import deaths, failures
+from itouch_evidence.sweeps import backends, deaths, failures
 from itouch_evidence.sweeps.backends import Measured, Rate, plain, shown, steady
 from itouch_evidence.sweeps.deaths import main as campaign
 from itouch_evidence.sweeps.growth import Client, Grown, Parts, extrapolated, line, process
 from itouch_evidence.sweeps.rates import main as bench
+from itouch_tools.cli import main
 from itouch_tools.sweeps.store import RUNS
+
+SCENE = """<itouch version="1.0"><world><box name="block" size="1 1 1" material="wood"/></world>
+  <materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>
+  <devices><device name="arm" plugin="usb-arm"/></devices>
+  <interaction><probe name="finger" radius="8 mm" pose-from="arm"/></interaction></itouch>"""
 
 
 def measured(dask: float) -> Measured:
@@ -44,6 +51,24 @@ def test_rounds_are_summed_and_the_first_row_is_where_counting_begins() -> None:
     assert (rate.per_s, rate.whole, rate.whole_s) == (4.0, 40, 13.0)
     assert steady([(0.0, 0), (5.0, 1), (6.0, 11), (9.0, 11)]) == (10, 1.0)
     assert steady([(0.0, 0), (5.0, 3)])[0] == 0
+
+
+def test_a_signal_ends_the_bench_and_not_only_the_sweep_that_it_measures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The sweep ended in order, and the bench went on with the next one, and printed a rate of what was not measured."""
+    scene, real, begun = tmp_path / "scene.xml", backends.sweep, list[Path]()
+    scene.write_text(SCENE)
+
+    def interrupted(file: Path, rows: Path, **named: Any) -> Any:
+        begun.append(rows)
+        return real(file, rows, **{**named, "told": lambda _: signal.raise_signal(signal.SIGTERM)})
+
+    monkeypatch.setattr(backends, "sweep", interrupted)
+    words = ["bench", "sweep", str(scene), "--sessions", "8", "--seconds", "0.01", "--rounds", "1", "--no-dask"]
+    assert main(words) == 130
+    assert len(begun) == 1
+    assert "sessions a second" not in capsys.readouterr().out
 
 
 def test_growth_says_what_breaks_far_away() -> None:

@@ -114,12 +114,20 @@ def written(folder: Path, scene: Path, count: int, seconds: float | None) -> Pat
 
 
 def by_sweep(scene: Path, count: int, seconds: float | None, **engine: Any) -> tuple[Rate, float]:
-    """Run a sweep; return its rate and the mean size of a row [bytes]."""
+    """Run a sweep; return its rate and the mean size of a row [bytes].
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If a signal has ended it: a sweep returns in order then, and its rate would be that of another one.
+    """
     with tempfile.TemporaryDirectory(prefix="itouch-bench-") as inner:
         file, rows = written(Path(inner), scene, count, seconds), Path(inner) / "rows"
         marks: list[tuple[float, int]] = []
         begin = time.perf_counter()
-        sweep(file, rows, told=lambda p: marks.append((time.perf_counter(), p.done)), **engine)
+        swept = sweep(file, rows, told=lambda p: marks.append((time.perf_counter(), p.done)), **engine)
+        if swept.ended_by:
+            raise KeyboardInterrupt
         whole = time.perf_counter() - begin
         size = sum(path.stat().st_size for path in paths_of(rows))
     between, spent = steady(marks)

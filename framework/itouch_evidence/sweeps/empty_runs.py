@@ -86,6 +86,8 @@ def client_alone(sweep: Path) -> dict[str, float]:
         before = _memory()
         begin = time.perf_counter()
         done = client.sweep()
+        if done.ended_by:
+            raise KeyboardInterrupt  # as in `backends.by_sweep`
         spent = time.perf_counter() - begin
         grown = _memory() - before
         files = paths_of(folder)

@@ -90,6 +90,8 @@ def client(file: Path, folder: Path, engine: str, scheduler: str, workers: int, 
     plugins, works = Catalog(), Engine(engine, scheduler, workers)
     chosen = Timeless(works) if timeless else works
     ended = Sweeping(load_sweep(file, plugins), folder, chosen, plugins, told).sweep()
+    if ended.ended_by:
+        raise KeyboardInterrupt  # as in `backends.by_sweep`
     whole, most = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return Client(ended.rows, first or whole, whole, time.process_time() - busy, most / 1024.0)
 
