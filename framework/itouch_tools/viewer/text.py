@@ -8,6 +8,9 @@ import pyglet
 
 #: Monospaced fonts, of which the first that is installed is used.
 FONTS = ("DejaVu Sans Mono", "Liberation Mono", "Menlo", "Consolas", "Noto Sans Mono", "monospace")
+#: Smallest size of letters [points]: of smaller ones, in a window of a few pixels, some have no pixel at all, and
+#: Pyglet fails to draw them.
+LEAST = 2.0
 
 
 class Text:
@@ -23,6 +26,7 @@ class Text:
 
     def width(self, size: float) -> float:
         """Return the width [pixels] of one letter of this size [points]."""
+        size = max(size, LEAST)
         if size not in self._widths:
             label = pyglet.text.Label("0" * 50, font_name=self._font, font_size=size)
             self._widths[size] = label.content_width / 50
@@ -37,6 +41,7 @@ class Text:
         self, words: str, x: float, y: float, colour: tuple[float, float, float], *, size: float, anchor: str = "left"
     ) -> None:
         """Add a line with its baseline at a place [pixels]; ``anchor`` is left, center or right."""
+        size = max(size, LEAST)
         tint = (*(round(255 * part) for part in colour), 255)
         asked = (words, round(x), round(y), tint, size, anchor)
         if self._used == len(self._labels):
