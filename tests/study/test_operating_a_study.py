@@ -90,3 +90,11 @@ def test_nothing_that_is_seen_tells_what_is_touched(tmp_path: Path) -> None:
     assert seen[0] == seen[1]
     assert ("arm: enabled", True) in seen[0][0][3]
     assert not any(word in repr(seen) for word in ("wood", "steel", "cork"))
+
+
+def test_a_note_that_cannot_be_kept_ends_no_session(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """On twins an error of the disk ended the session with a traceback, and the trial under way was lost."""
+    (tmp_path / "notes.tsv").mkdir(parents=True)
+    made = session(tmp_path, Looks())
+    assert [place for place, _ in made] == list(range(6))
+    assert "the note 'the door\tslammed\n' can't be kept: Is a directory" in capsys.readouterr().err

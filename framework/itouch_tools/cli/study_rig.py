@@ -64,10 +64,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
             with handle:
 
                 def note(trial: int, words: str) -> None:
-                    try:
-                        keep_note(folder, options.participant, trial, words)
-                    except OSError as error:  # the session goes on; nobody may lose a trial for a note
-                        print(f"the note '{words}' can't be kept: {error.strerror or error}", file=sys.stderr)
+                    keep_note(folder, options.participant, trial, words)
 
                 session = rig_windows.Desk(handle, answers, show=show, operator=operator, note=note)
                 for told in session.attend():

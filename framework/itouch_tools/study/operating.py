@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -46,13 +47,13 @@ def lines_of(room: Room) -> list[tuple[str, bool]]:
 def keep_note(folder: Path, code: str, trial: int, words: str) -> None:
     """Add a note to ``notes.tsv`` of a study's folder: when (UTC), participant, number of the trial, words.
 
-    Raises
-    ------
-    OSError
-        If the note can't be written.
+    If it can't be kept, that is printed, with its words: nobody may lose a trial for a note.
     """
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    with (folder / "notes.tsv").open("a", encoding="utf-8") as stream:
-        stream.write(f"{now}\t{code}\t{trial}\t{' '.join(words.split())}\n")
-        stream.flush()
-        os.fsync(stream.fileno())
+    try:
+        with (folder / "notes.tsv").open("a", encoding="utf-8") as stream:
+            stream.write(f"{now}\t{code}\t{trial}\t{' '.join(words.split())}\n")
+            stream.flush()
+            os.fsync(stream.fileno())
+    except OSError as error:
+        print(f"the note '{words}' can't be kept: {error.strerror or error}", file=sys.stderr)
