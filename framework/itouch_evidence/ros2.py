@@ -14,7 +14,6 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from itouch.scene import bundled_scenes
 from itouch.schema import ItouchError
 from itouch.schema.extras import need
 from itouch_tools.cli.arguments import Parser
-from itouch_tools.cli.output_files import output_file
+from itouch_tools.cli.output_files import output_file, write_output
 
 #: How long [s] to wait for the first message, and what is left out after it.
 OPENING, SETTLING = 180.0, 1.0
@@ -59,10 +58,7 @@ def main(argv: Sequence[str]) -> int:
     need("ros2", "bench ros2")
     rows = measure(options.seconds, options.rate)
     if options.json:
-        try:
-            Path(options.json).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise ItouchError(f"cannot write '{options.json}': {error.strerror or error}") from error
+        write_output(options.json, json.dumps(rows, indent=1) + "\n")
     print(f"{'topic':<30} {'messages':>8} {'Hz':>6} {'late p50':>9} {'p99':>8} {'max':>8} {'gap max':>8}   ms")
     for row in rows:
         times = (row[name] for name in ("late_p50_ms", "late_p99_ms", "late_max_ms", "longest_gap_ms"))

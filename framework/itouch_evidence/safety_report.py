@@ -8,11 +8,10 @@ from collections.abc import Sequence
 from importlib import metadata
 from typing import TYPE_CHECKING
 
-from itouch.schema import ItouchError
 from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import Parser
-from itouch_tools.cli.output_files import output_file
+from itouch_tools.cli.output_files import output_file, write_output
 
 if TYPE_CHECKING:
     from itouch.scene import Scene
@@ -90,9 +89,5 @@ def _write(path: str | None, text: str) -> None:
     if path is None:
         print(text, end="")
         return
-    try:
-        with open(path, "w", encoding="utf-8") as stream:
-            stream.write(text)
-    except OSError as error:
-        raise ItouchError(f"cannot write '{path}': {error.strerror or error}") from error
+    write_output(path, text)
     did(f"wrote {path}")

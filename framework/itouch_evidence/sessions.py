@@ -21,7 +21,7 @@ from itouch.recording.spec import Spec
 from itouch.recording.tracks import Column, Track
 from itouch.session import Session, build, restore
 from itouch_tools.cli.arguments import Parser
-from itouch_tools.cli.output_files import output_file
+from itouch_tools.cli.output_files import output_file, write_output
 
 #: Number and rate [Hz] of the channels that are recorded.
 CHANNELS, RATE = 60, 1000.0
@@ -63,7 +63,7 @@ def main(argv: Sequence[str]) -> int:
     if options.json:
         limited = [figure for figure in figures if figure.limit != float("inf")]
         content = [{**asdict(figure), "good": figure.good} for figure in limited]
-        Path(options.json).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_output(options.json, json.dumps(content, indent=1) + "\n")
     return exit_code(figure.good for figure in figures)
 
 

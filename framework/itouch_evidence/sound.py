@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from itouch.plugin.commands import exit_code
 from itouch.schema import ItouchError
 from itouch_tools.cli.arguments import Parser
-from itouch_tools.cli.output_files import output_file
+from itouch_tools.cli.output_files import output_file, write_output
 
 MODES = (523.0, 1250.0, 2890.0, 5110.0)
 _SCENE = """<itouch version="1.0">
@@ -57,8 +57,7 @@ def main(argv: Sequence[str]) -> int:
     for name, value in found.items():
         print(f"{name.replace('_', ' '):<34} {value if isinstance(value, str) else _shown(value)}")
     if options.json:
-        with open(options.json, "w", encoding="utf-8") as stream:
-            json.dump(found, stream, indent=1)
+        write_output(options.json, json.dumps(found, indent=1))
     return 0
 
 
@@ -71,8 +70,7 @@ def _judge(keep: Path | None, path: str | None) -> int:
         bound = f"above {row.low:g}" if row.high == math.inf else f"{row.low:.3g} to {row.high:.3g}"
         print(f"{row.what:<58} {row.value:>9.3g} {row.unit:<5} {bound:<18} {'' if row.good else 'OUTSIDE'}".rstrip())
     if path:
-        with open(path, "w", encoding="utf-8") as stream:
-            json.dump([asdict(row) for row in rows], stream, indent=1)
+        write_output(path, json.dumps([asdict(row) for row in rows], indent=1))
     return exit_code(row.good for row in rows)
 
 

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from itouch.schema import ItouchError
 from itouch_evidence.bumpy_sphere import bumpy_sphere
 from itouch_tools.cli.arguments import Parser
-from itouch_tools.cli.output_files import output_file
+from itouch_tools.cli.output_files import output_file, write_output
 
 #: Triangles of the meshes that are drawn.
 SIZES = (1_000, 100_000, 1_000_000)
@@ -82,11 +81,7 @@ def _beside_the_loop(options: argparse.Namespace) -> int:
 def _write(rows: list[dict[str, Any]], path: str | None) -> None:
     if path is None:
         return
-    try:
-        with open(path, "w", encoding="utf-8") as stream:
-            json.dump(rows, stream, indent=1)
-    except OSError as error:
-        raise ItouchError(f"cannot write '{path}': {error.strerror or error}") from error
+    write_output(path, json.dumps(rows, indent=1))
 
 
 def measure(triangles: int, frames: int, width: int, height: int) -> dict[str, Any]:

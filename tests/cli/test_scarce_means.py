@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tracemalloc
 from pathlib import Path
@@ -41,6 +42,33 @@ def test_a_part_of_the_program_that_is_missing_is_told_and_no_other_module(monke
     name = "another"
     with pytest.raises(ModuleNotFoundError):
         program("check", FIRST)
+
+
+@pytest.mark.parametrize("words", ["check --json {scene} -o {out}", "safety-report {scene} -o {out}", "report {session} -o {out}",
+                                   "bench sessions --scene {scene} --json {out}"])  # fmt: skip
+@pytest.mark.parametrize(
+    ("number", "why"), [(errno.ENOSPC, "No space left on device"), (errno.EIO, "Input/output error")]
+)
+def test_a_disk_that_refuses_leaves_the_earlier_file_and_is_told(
+    words: str, number: int, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The earlier page or table was empty afterwards, and some commands ended with a traceback."""
+    session, out = tmp_path / "s.itouch", tmp_path / "out.html"
+    assert (
+        program("run", FIRST, "--for", "0.01", "--headless", "--pace", "fast", "--save", str(session)).returncode == 0
+    )
+    out.write_text("earlier")
+    monkeypatch.setattr("itouch_evidence.sessions.measure", lambda _: [])
+
+    def refused(handle: int) -> None:
+        raise OSError(number, why)
+
+    monkeypatch.setattr(os, "fsync", refused)
+    done = program(*words.format(scene=FIRST, session=session, out=out).split())
+    assert done.returncode == 2
+    assert done.stderr.endswith(f"cannot write '{out}': {why}\n")
+    assert out.read_text() == "earlier"
+    assert {one.name for one in tmp_path.iterdir()} == {"s.itouch", "out.html"}
 
 
 def test_a_current_folder_that_was_removed_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,7 +20,7 @@ from itouch_evidence.contact.measure import CHUNK, Row, building, closest_row, p
 from itouch_evidence.contact.peers import PACKAGES, PEERS
 from itouch_evidence.contact.workload import HEIGHT_FIELD_CELLS, Work, around, standard
 from itouch_tools.cli.arguments import Parser
-from itouch_tools.cli.output_files import output_file
+from itouch_tools.cli.output_files import output_file, write_output
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -150,10 +150,7 @@ def main(argv: list[str]) -> int:
     if options.json is not None:
         judgements = [figure.as_dict() for figure in figures]
         text = json.dumps({"contact": document, "figures": judgements, "peers": peers}, indent=1)
-        try:
-            Path(options.json).write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise ItouchError(f"cannot write '{options.json}': {error.strerror or error}") from error
+        write_output(options.json, text)
     return exit_code(figure.passed for figure in figures)
 
 

@@ -11,12 +11,11 @@ import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 from itouch.plugin.commands import exit_code
 from itouch_tools.cli.arguments import Parser
-from itouch_tools.cli.output_files import output_file
+from itouch_tools.cli.output_files import output_file, write_output
 
 #: How often a later start, and the help, are measured; the least counts.
 TIMES = 3
@@ -65,7 +64,7 @@ def main(argv: Sequence[str]) -> int:
     print(f"`itouch-py --help`: {asked:.2f} s of CPU, at most {HELP:g}{_judged(asked, HELP)}")
     if options.json:
         content = {"first": asdict(first), "later": asdict(later), "help_cpu_s": asked}
-        Path(options.json).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_output(options.json, json.dumps(content, indent=1) + "\n")
     return exit_code([not is_missed(first, later, asked)])
 
 

@@ -12,7 +12,7 @@ from itouch.schema import ItouchError
 from itouch.schema.terminal import MANNER, did
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import Parser, add_json, as_json
-from itouch_tools.cli.output_files import output_file
+from itouch_tools.cli.output_files import output_file, write_output
 
 if TYPE_CHECKING:
     from itouch.plugin.discovery import Catalog
@@ -183,8 +183,7 @@ def _write(
     if options.output is None:
         print(as_json(content))
         return
-    with open(options.output, "w", encoding="utf-8") as stream:
-        stream.write(as_json(content) + "\n")
+    write_output(options.output, as_json(content) + "\n")
     did(f"wrote {options.output}")
 
 

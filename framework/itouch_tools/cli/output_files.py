@@ -9,6 +9,8 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from itouch.schema import ItouchError
+
 
 def output_folder(text: str) -> str:
     """Check, before anything runs, that a folder can be made or written into where it is asked for."""
@@ -27,6 +29,34 @@ def _folder(text: str) -> str:
             return text
     except OSError as error:
         raise argparse.ArgumentTypeError(f"'{text}' cannot be written: {error.strerror or error}") from None
+
+
+def write_output(path: str, content: str | bytes) -> None:
+    """Write a file that was asked for, whole: an earlier one stays as it was if the disk refuses, as when it is full.
+
+    Raises
+    ------
+    ItouchError
+        If it can't be written.
+    """
+    from itouch.schema.durable import write_whole  # imported only here, so that help is instant
+
+    data = content if isinstance(content, bytes) else content.encode()
+    try:
+        if may_be_replaced(path):
+            write_whole(path, data)
+            return
+        with open(path, "wb") as stream:
+            stream.write(data)
+    except OSError as error:
+        raise ItouchError(f"cannot write '{path}': {error.strerror or error}") from error
+
+
+def may_be_replaced(path: str) -> bool:
+    """Tell whether a file can be written under another name and moved here: it is no device, pipe or link."""
+    regular = not os.path.lexists(path) or stat.S_ISREG(os.lstat(path).st_mode)
+    folder = os.path.dirname(path) or "."
+    return regular and (os.access(folder, os.W_OK) or not os.path.lexists(folder))  # one that was removed is made again
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
-from itouch.schema import ItouchError
 from itouch.schema.extras import need
 from itouch.schema.terminal import did
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import Parser
-from itouch_tools.cli.output_files import output_file
+from itouch_tools.cli.output_files import output_file, write_output
 
 
 def main(argv: Sequence[str]) -> int:
@@ -28,11 +27,7 @@ def main(argv: Sequence[str]) -> int:
         findings = collect(given, progress=wait.part)
         wait.part(None, "drawing the page")
         text = page(findings, picture=scene_picture(findings))
-    try:
-        with open(options.output, "w", encoding="utf-8") as stream:
-            stream.write(text)
-    except OSError as error:
-        raise ItouchError(f"cannot write '{options.output}': {error.strerror or error}") from error
+    write_output(options.output, text)
     size, many = os.path.getsize(options.output) / 1e6, len(findings.contacts)
     did(f"wrote {options.output}: {findings.kind}, {many} contact{'' if many == 1 else 's'}, {size:.1f} MB")
     return 0

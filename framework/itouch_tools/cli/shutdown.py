@@ -9,7 +9,6 @@ import json
 import math
 import os
 import signal
-import stat
 import sys
 import threading
 import time
@@ -20,6 +19,7 @@ from itouch import ending
 from itouch.platforms import signals
 from itouch.schema import ItouchError
 from itouch.schema.terminal import PlainStream
+from itouch_tools.cli.output_files import may_be_replaced, write_output
 
 Words = ParamSpec("Words")
 
@@ -196,7 +196,7 @@ def begin_report(path: str | None, words: Mapping[str, Any]) -> None:
     ItouchError
         If the file can't be written.
     """
-    if path and _may_be_replaced(path):
+    if path and may_be_replaced(path):
         ended = "the program was ended before it had finished, and could not say by what"
         report = {**words, "simulated_s": 0.0, "ended_by": ended, "contacts": [], "faults": []}
         write_report(path, lambda: report)
@@ -216,20 +216,4 @@ def write_report(path: str | None, report: Callable[[], dict[str, Any]]) -> None
         data = json.dumps(report(), indent=1, allow_nan=False).encode() + b"\n"  # before opening: no file is left half
     except ValueError as error:
         raise ItouchError(f"cannot write '{path}': the report holds a value that is not a number ({error})") from error
-    try:
-        if _may_be_replaced(path):
-            from itouch.schema.durable import write_whole  # imported only here, so that help is instant
-
-            write_whole(path, data)
-            return
-        with open(path, "wb") as stream:
-            stream.write(data)
-    except OSError as error:
-        raise ItouchError(f"cannot write '{path}': {error.strerror or error}") from error
-
-
-def _may_be_replaced(path: str) -> bool:
-    """Tell whether a file can be written under another name and moved here: it is no device, pipe or link."""
-    regular = not os.path.lexists(path) or stat.S_ISREG(os.lstat(path).st_mode)
-    folder = os.path.dirname(path) or "."
-    return regular and (os.access(folder, os.W_OK) or not os.path.lexists(folder))  # one that was removed is made again
+    write_output(path, data)

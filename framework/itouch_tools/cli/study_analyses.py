@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from itouch.schema.wait_notices import waiting
-from itouch_tools.cli.output_files import Output, output_file, output_folder
+from itouch_tools.cli.output_files import Output, output_file, output_folder, write_output
 
 if TYPE_CHECKING:
     from itouch_tools.study.reading import StudyFile
@@ -92,7 +92,7 @@ def power(file: StudyFile, options: argparse.Namespace) -> int:
         half = f"+-{100.0 * one.half_width:.1f} %"
         print(f"{one.panel:5d}  {one.repetitions:11d}  {100.0 * one.proportion:4.0f} %  {half:>13s}  {equal}")
     if options.json:
-        Path(options.json).write_text(json.dumps([asdict(one) for one in found], indent=1) + "\n", encoding="utf-8")
+        write_output(options.json, json.dumps([asdict(one) for one in found], indent=1) + "\n")
     return 0
 
 
