@@ -69,7 +69,7 @@ def write_whole(path: str, data: bytes, *, step: Step = _nothing) -> None:
     except BaseException as error:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
-        if isinstance(error, OSError) and error.filename is None:
+        if isinstance(error, OSError) and error.errno and error.filename is None:
             error.filename = path
         raise
     step("folder")
@@ -112,7 +112,7 @@ def replacing(path: str) -> Iterator[str]:
     except BaseException as error:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
-        if isinstance(error, OSError) and error.filename in (None, temporary):  # of writing: None
+        if isinstance(error, OSError) and error.errno and error.filename in (None, temporary):  # of writing: None
             error.filename = path
         raise
     sync_folder(os.path.dirname(place))

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from itouch.plugin.commands import command_parser, output_file
+from itouch_thermal.whole_file import write_whole
 
 if TYPE_CHECKING:
     from contact_heat.contact import Contact
@@ -29,7 +30,7 @@ def main(argv: Sequence[str]) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     if options.json is not None:
-        Path(options.json).write_text(json.dumps([row.as_dict() for row in rows], indent=1) + "\n", encoding="utf-8")
+        write_whole(Path(options.json), json.dumps([row.as_dict() for row in rows], indent=1) + "\n")
     return 0
 
 

@@ -23,6 +23,7 @@ from itouch_thermal.rendering.plantfile import read_plant
 from itouch_thermal.rendering.plants import SEEDS, corners
 from itouch_thermal.rendering.score import rms, summary
 from itouch_thermal.rendering.table import Table
+from itouch_thermal.whole_file import write_whole
 
 CONTROLLERS = ("hold", "paper", "model")
 #: The grid of gains from which the pair of `paper` was chosen, and the corners on which it was tried besides the
@@ -41,7 +42,7 @@ def main(argv: Sequence[str]) -> int:
     try:
         rows = list(_grid(options) if options.grid else _table(options) if options.table else _rows(options))
         if options.json:
-            Path(options.json).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+            write_whole(Path(options.json), json.dumps(rows, indent=1) + "\n")
     except OSError as error:
         print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
         return 2

@@ -12,6 +12,7 @@ from typing import Any
 
 from itouch.plugin import ItouchError
 from itouch.plugin.commands import command_parser, exit_code, output_file
+from itouch_thermal.whole_file import write_whole
 
 #: Number of faults in the long form, and in the short one.
 LONG, SHORT = 1000, 36
@@ -36,7 +37,7 @@ def main(argv: Sequence[str]) -> int:
         faults = list(_faults(options.faults, options.seed, every=options.all))
         if options.json is not None:
             text = json.dumps({"figures": shown, "faults": faults}, indent=1)
-            Path(options.json).write_text(text + "\n", encoding="utf-8")
+            write_whole(Path(options.json), text + "\n")
     except BrokenPipeError:
         raise
     except OSError as error:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from itouch.plugin import waiting
 from itouch.plugin.commands import command_parser, exit_code, output_file
+from itouch_thermal.whole_file import write_whole
 
 if TYPE_CHECKING:
     from itouch_thermal.identify.coverage import Row
@@ -27,7 +28,7 @@ def main(argv: Sequence[str]) -> int:
     try:
         rows = _rows(options)
         if options.json is not None:
-            Path(options.json).write_text(json.dumps(document(options, rows), indent=1) + "\n", encoding="utf-8")
+            write_whole(Path(options.json), json.dumps(document(options, rows), indent=1) + "\n")
     except ValueError as error:  # of a material's name
         print(f"error: {error}", file=sys.stderr)
         return 2

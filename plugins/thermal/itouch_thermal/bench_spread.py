@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from itouch.plugin.commands import command_parser, output_file
+from itouch_thermal.whole_file import write_whole
 
 #: Contact areas [cm2], times [s], and the sizes of error whose times of first occurrence are reported.
 AREAS, TIMES, BOUNDS = (0.5, 1.1, 2.0, 4.0, 8.0, 16.0), (0.02, 0.1, 0.3, 1.0, 3.0, 10.0), (0.01, 0.03, 0.1)
@@ -44,7 +45,7 @@ def main(argv: Sequence[str]) -> int:
                 rows.append({"contact_area_cm2": area, "plate": plate, "times_s": TIMES, "error": at, "bounds": BOUNDS,
                              "since_s": since})  # fmt: skip
         if options.json is not None:
-            Path(options.json).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+            write_whole(Path(options.json), json.dumps(rows, indent=1) + "\n")
     except ValueError as fault:
         print(f"error: {fault}", file=sys.stderr)
         return 2

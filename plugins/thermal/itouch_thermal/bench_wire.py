@@ -23,6 +23,7 @@ from xml.etree import ElementTree
 
 from itouch.plugin.commands import command_parser, exit_code, output_file
 from itouch_thermal.display.params import DisplayParams
+from itouch_thermal.whole_file import write_whole
 
 SPACE = "{urn:itouch:plugin:thermal}"
 #: Greatest true error of the finger's flux, rms from 0.1 s to lift-off: on a TEC controller, and on a rig of one's own,
@@ -131,7 +132,7 @@ def main(argv: Sequence[str]) -> int:
     if options.unsteady:
         rows.extend([_added(row, rows[0]) for row in rows[1:]])
     if options.json is not None:
-        Path(options.json).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        write_whole(Path(options.json), json.dumps(rows, indent=1) + "\n")
     return exit_code(row["holds"] for row in rows)
 
 
@@ -374,7 +375,7 @@ def _in_real_time(options: argparse.Namespace, wanted: Sequence[tuple[str, Misma
                      "reading_age_ms": real.age, "woken_late_us": real.woken, "missed": missed,
                      "verdict": verdicts[-1]})  # fmt: skip
     if options.json is not None:
-        Path(options.json).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        write_whole(Path(options.json), json.dumps(rows, indent=1) + "\n")
     return 1 if "fail" in verdicts else 3 if "machine not punctual" in verdicts else 0
 
 

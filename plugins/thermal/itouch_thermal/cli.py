@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from itouch.plugin import ItouchError
 from itouch.plugin.commands import command_parser, output_file
 from itouch_thermal.cli_display import add_commands, add_display
+from itouch_thermal.whole_file import write_whole
 
 #: Units of a duration in seconds; without a unit it is in seconds.
 _UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0}
@@ -94,7 +95,7 @@ def _write(found: Table, output: str | None, title: str) -> None:
 
         plot_table(found, Path(output), title)
     else:
-        Path(output).write_text(found.csv(), encoding="utf-8")
+        write_whole(Path(output), found.csv())
 
 
 def _times(options: argparse.Namespace, contact: Contact) -> list[float]:

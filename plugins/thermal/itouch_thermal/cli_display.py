@@ -13,6 +13,7 @@ from typing import Any, TextIO
 
 from itouch.plugin import parse_quantity
 from itouch.plugin.commands import framework, output_file
+from itouch_thermal.whole_file import write_whole
 
 _KELVIN = 273.15
 #: Period of the commands [s]; the rig's own watchdog is ten times as long.
@@ -104,7 +105,7 @@ def _record_flux(options: argparse.Namespace) -> None:
         if every < 1 or len(found.times) // every < 2:
             raise ValueError(f"--every {options.every} is out of range: {found.times[0]:g} s to half the touch")
     times, fluxes = found.times[every - 1 :: every], found.fluxes[every - 1 :: every]
-    Path(options.output).write_text(format_curve(times, fluxes), encoding="utf-8")
+    write_whole(Path(options.output), format_curve(times, fluxes))
     print(
         f"{found.object} ({found.material}): {len(times)} rows over {times[-1]:.3f} s, "
         f"{fluxes[0]:.0f} to {fluxes[-1]:.0f} W/m2 ({options.what}) in {options.output}"
@@ -122,7 +123,7 @@ def _switching(options: argparse.Namespace) -> None:
         raise ValueError(f"{options.scene}: no <thermal:flux-control>, so no plate that switches")
     rows = [{"modality": control.name, **row} for control in controls for row in switches(control.model)]
     if options.json:
-        Path(options.json).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        write_whole(Path(options.json), json.dumps(rows, indent=1) + "\n")
     for control in controls:
         _print_switches(control.name, [row for row in rows if row["modality"] == control.name])
         if control.model.preset_time:

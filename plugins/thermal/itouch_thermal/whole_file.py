@@ -8,17 +8,17 @@ from pathlib import Path
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file; if the path is not a plain file, such as a pipe, write to it directly.
+    """Write a text file; what is not a plain file, such as a pipe or ``/dev/stdout``, is written into.
 
     Raises
     ------
     OSError
         If it cannot be written, with the path that was given; an existing file stays as it was.
     """
-    place = Path(os.path.realpath(path))
-    if place.exists() and not place.is_file():
-        place.write_text(text, encoding="utf-8")
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        path.write_text(text, encoding="utf-8")
         return
+    place = Path(os.path.realpath(path))
     try:
         handle, temporary = tempfile.mkstemp(prefix=f".{place.name}.", suffix=".part", dir=place.parent)
     except OSError as error:
@@ -30,6 +30,8 @@ def write_whole(path: Path, text: str) -> None:
         os.umask(mask)
         os.chmod(temporary, 0o666 & ~mask)
         os.replace(temporary, place)
-    except BaseException:
+    except BaseException as error:
         os.unlink(temporary)
+        if isinstance(error, OSError) and error.errno and error.filename in (None, temporary):  # of writing: None
+            error.filename = str(path)
         raise

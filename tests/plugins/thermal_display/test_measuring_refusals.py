@@ -1,6 +1,9 @@
 """What `measure touch` refuses, and what it keeps: options, missing thermometers, held readings, failures, prompts."""
 
+import errno
 import os
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +11,7 @@ import pytest
 
 import itouch
 from itouch.plugin import DeviceError
+from itouch_thermal import bench_spread
 from itouch_thermal.flux.curve import read_curve
 from itouch_thermal.measuring import command, sampling
 from itouch_thermal.measuring.command import Prompts
@@ -191,6 +195,33 @@ def test_a_file_is_written_as_a_whole(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="full"):
         write_whole(path, "new")
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["c.csv"]
+
+
+def test_a_bench_on_a_full_disk_leaves_the_earlier_figures_and_names_the_file(tmp_path, monkeypatch, capsys):
+    """They were gone, and 'None' was named."""
+    path = tmp_path / "rows.json"
+    path.write_text("earlier")
+    opened = os.fdopen
+
+    def full(handle, *words, **named):
+        stream = opened(handle, *words, **named)
+
+        def refused(text):
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        stream.write = refused
+        return stream
+
+    monkeypatch.setattr(os, "fdopen", full)
+    assert bench_spread.main(["--area", "1.1", "--json", str(path)]) == 2
+    assert f"error: '{path}': No space left on device" in capsys.readouterr().err
+    assert path.read_text() == "earlier" and list(tmp_path.iterdir()) == [path]
+
+
+def test_what_goes_to_a_pipe_is_written_into_it(tmp_path):
+    script = "from pathlib import Path; from itouch_thermal.whole_file import write_whole; write_whole(Path('/dev/stdout'), 'x')"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "x"), done.stderr
 
 
 def test_a_folder_that_is_not_there_is_told_with_the_files_own_name(tmp_path):
