@@ -57,6 +57,7 @@ def test_run_writes_report_and_session_and_a_table(tmp_path: Path) -> None:
     assert set(report) >= {
         "scene",
         "simulated_s",
+        "ran_s",
         "wall_s",
         "pace",
         "seed",
@@ -70,7 +71,12 @@ def test_run_writes_report_and_session_and_a_table(tmp_path: Path) -> None:
     assert report["servo"]["overruns"] is None
     again = run(str(tmp_path / "s.itouch"), "--for", "0.2s", "--report", str(tmp_path / "r2.json"))
     assert again.returncode == 0, again.stderr
-    assert json.loads((tmp_path / "r2.json").read_text())["simulated_s"] == pytest.approx(2.8, abs=0.01)
+    restored = json.loads((tmp_path / "r2.json").read_text())
+    assert restored["simulated_s"] == pytest.approx(2.8, abs=0.01)
+    assert restored["ran_s"] == pytest.approx(0.2)  # its speed beside real time was that of the whole session
+    assert (
+        f", 0.200 s of them in {restored['wall_s']:.1f} s ({0.2 / restored['wall_s']:.1f} x real time)" in again.stdout
+    )
 
 
 def test_real_pace_counts_overruns(tmp_path: Path) -> None:

@@ -187,10 +187,12 @@ def test_a_late_tick_is_told_by_its_time_in_the_session() -> None:
 
 def test_the_last_line_of_a_run_says_what_is_known_of_it() -> None:
     report = {
-        "simulated_s": 3.0, "wall_s": 1.5, "faults": [{}, {}],
+        "simulated_s": 3.0, "ran_s": 3.0, "wall_s": 1.5, "faults": [{}, {}],
         "servo": {"tick_us": {"p50": None, "p99": None}, "overruns": None}, "table": {"tracking_mm": {"p99": None}},
     }  # fmt: skip
     assert _closing(report) == "3.000 s simulated in 1.5 s (2.0 x real time); 2 faults"
+    restored = {**report, "simulated_s": 4003.0}
+    assert _closing(restored) == "4003.000 s simulated, 3.000 s of them in 1.5 s (2.0 x real time); 2 faults"
     report["servo"] = {"tick_us": {"p50": 20.4, "p99": 31.6}, "overruns": 1}
     report["table"] = {"tracking_mm": {"p99": 0.256}}
     assert _closing(report) == (
@@ -213,7 +215,7 @@ def test_what_a_contact_was_not_stands_below_the_table(monkeypatch: pytest.Monke
     out = io.StringIO()
     screen.Screen(engine, out).finish({
         "contacts": [entry], "waits": [{"probe": "finger", "waited_s": 3.21, "back": False, "ended": True}],
-        "simulated_s": 1.0, "wall_s": 0.0, "devices": {"arm": {}}, "faults": [],
+        "simulated_s": 1.0, "ran_s": 1.0, "wall_s": 0.0, "devices": {"arm": {}}, "faults": [],
         "servo": {"tick_us": {"p50": None, "p99": None}, "overruns": None}, "table": {"tracking_mm": {"p99": None}},
     })  # fmt: skip
     assert out.getvalue().splitlines()[-3:] == [

@@ -742,4 +742,5 @@ class Engine:
         from itouch.loop.summary import summary
 
         self._events.settle()  # the entry of an open contact depends on the one before it
-        return summary(self, [rig.log.entry(None) for rig in self._rigs if rig.log.open], self._pacing.wall)
+        entries = [rig.log.entry(None) for rig in self._rigs if rig.log.open]
+        return summary(self, entries, self._pacing.wall, self._pacing.ticks)

@@ -37,6 +37,8 @@ class Pacing:
         self._slept = asleep()
         #: Host time spent running [s].
         self.wall = 0.0
+        #: Ticks of these runs; a session that was restored has had others before.
+        self.ticks = 0
 
     def stop(self) -> None:
         """End the current run after its tick, or after those that run at once; may be called from a signal handler."""
@@ -57,11 +59,12 @@ class Pacing:
         for runner in engine.runners:
             runner.gate.timed = engine.clock.pace == "real" and not runner.model.twin
         engine.clock.start(engine.model.period)
-        begin = now()
+        begin, first = now(), engine.ticks
         try:
             self._loop(last, until, each, every)
         finally:
             self.wall += now() - begin
+            self.ticks += engine.ticks - first
             self.stopping = False
 
     def check(self, seconds: float | None, until: Callable[[], bool] | None) -> None:

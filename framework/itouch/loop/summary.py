@@ -26,7 +26,7 @@ def timing_report(times: Timing, real: bool) -> dict[str, Any]:
     return {"parts_us": times.split(), **(paced if real else {})}
 
 
-def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -> dict[str, Any]:
+def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float, ticks: int) -> dict[str, Any]:
     """Return what happened in a run.
 
     Parameters
@@ -37,6 +37,8 @@ def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -
         Entries of the contacts that have not ended.
     wall
         Host seconds spent running.
+    ticks
+        How many ticks were run in that time; those before a session was saved are not among them.
     """
     model, statistics, times = engine.model, engine.statistics, engine.times
     real = engine.clock.pace == "real"
@@ -44,6 +46,7 @@ def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float) -
     return {
         "scene": model.scene.source,
         "simulated_s": engine.seconds,
+        "ran_s": ticks * model.period,
         "wall_s": wall,
         "pace": engine.clock.pace,
         "seed": int(engine.state["seed"]),

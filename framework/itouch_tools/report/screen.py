@@ -203,8 +203,10 @@ def _rich_table(rows: list[list[str]], stream: TextIO) -> None:
 
 def _closing(report: dict[str, Any]) -> str:
     servo, tracking = report["servo"], report["table"]["tracking_mm"]
-    speed = report["simulated_s"] / report["wall_s"] if report["wall_s"] > 0 else 0.0
-    parts = [f"{report['simulated_s']:.3f} s simulated in {report['wall_s']:.1f} s ({speed:.1f} x real time)"]
+    whole, ran = report["simulated_s"], report["ran_s"]
+    speed = ran / report["wall_s"] if report["wall_s"] > 0 else 0.0
+    last = "" if f"{ran:.3f}" == f"{whole:.3f}" else f", {ran:.3f} s of them"  # of a session that was restored
+    parts = [f"{whole:.3f} s simulated{last} in {report['wall_s']:.1f} s ({speed:.1f} x real time)"]
     if servo["tick_us"]["p99"] is not None:
         parts.append(f"tick p50 {servo['tick_us']['p50']:.0f} us, p99 {servo['tick_us']['p99']:.0f} us")
     if servo["overruns"] is not None:
