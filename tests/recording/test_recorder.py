@@ -208,6 +208,24 @@ def test_nothing_is_lost_on_the_virtual_clock(tmp_path: Path, monkeypatch: pytes
     assert itouch.read(tmp_path / "r.mcap").whole
 
 
+def test_a_recording_that_is_still_written_can_be_read_and_is_not_called_cut(tmp_path: Path) -> None:
+    """A file that is looked into during the session was said to be cut, or its writer to be killed."""
+    session = itouch.build(SCENES / "first_touch.xml")
+    session.record(tmp_path / "r.mcap")
+    losses: tuple[str, ...] = ()
+    for _ in range(600):  # what has been written by now may end anywhere
+        session.run(0.1)
+        try:
+            losses = itouch.read(tmp_path / "r.mcap").losses
+        except itouch.RecordingError:
+            continue
+        if any("without an end of its data" in loss for loss in losses):
+            break
+    session.close()
+    assert any("it is still being written" in loss for loss in losses)
+    assert itouch.read(tmp_path / "r.mcap").losses == ()
+
+
 def test_what_is_lost_in_real_time_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The writing process is held; a full ring drops samples, says how many, and the loop does not wait."""
     monkeypatch.setattr("itouch.session.recorder.ROWS", 64)

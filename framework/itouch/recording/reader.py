@@ -141,7 +141,10 @@ def _records(data: bytes) -> Iterator[tuple[int, memoryview, int]]:
     at, view = len(MAGIC), memoryview(data)
     while True:
         if at + 9 > len(data):
-            raise DamageError("the file ends without an end of its data: it was cut, or its writer was killed")
+            raise DamageError(
+                "the file ends without an end of its data: it is still being written, it was cut, or its "
+                "writer was killed"
+            )
         opcode, length = struct.unpack_from("<BQ", data, at)
         if length > len(data) - at - 9:
             raise DamageError(f"the file ends inside a record that begins at byte {at}")
