@@ -75,6 +75,7 @@ def test_a_contact_changes_hands_without_a_step(folder: Path, make: Callable[[in
         pytest.param(5003, 48, "step", id="a plate that catches up with a falling surface takes no more than that"),
         pytest.param(5004, 121, "step", id="an arm that is alone catches up in small steps"),
         pytest.param(5004, 367, "step", id="what a plate leaves of the limit changes in steps"),
+        pytest.param(112803, 158, "step", id="and by no more than the virtual force when its share grows"),
         pytest.param(6002, 53, "trip", id="a plate that is left behind goes past the finger slowly"),
         pytest.param(7003, 111, "heat", id="a plate that bounces after a contact is told"),
     ],

@@ -69,12 +69,12 @@ LIGHT = 0.15
 #: Greatest change per tick [N] of the arm's force there, so that with a bounce of the plate it stays below 0.1 N.
 LIGHT_STEP = 0.055
 #: The plate's part has changed where the arm's force changes by so much more than the virtual one in a tick [N].
-APART, FELT_STEP = 0.01, 0.095
+APART, FELT_STEP = 0.004, 0.095
 #: By how much more than the virtual force an arm that is alone may change in a tick, to catch up with it [N].
 CATCHES_UP = 4e-3
 #: Greatest change per tick [N] of the arm's force beside a plate that is felt: of what this is read to give, some is
 #: noise, and the reading is a tick old.
-BESIDE = 0.075
+BESIDE = 0.07
 #: For how long [s] the sum is still kept to such steps after the plate has come or gone.
 AFTER = 0.05
 #: For how long [s] the plate sets out or turns round after a change of hands.
@@ -248,7 +248,7 @@ def push(
             step, most = max(step, stirs - BELOW), max(most, stirs)
         if memory[CHANGING] <= AFTER and memory[SHARE] >= 1.0 and memory[CUT] <= 0.0 and depth < -ABOUT:
             # the plate has long been away: the arm's force may follow the virtual one, and catch up with it
-            step = max(step, own + CATCHES_UP, min(1.1 * own, FELT_STEP))
+            step = max(step, min(own, virtual) + CATCHES_UP, min(1.1 * own, FELT_STEP))
         if _lead(c, sent, force, rise, step, most):  # it goes on in steps until it has arrived
             memory[CHANGING] = max(memory[CHANGING], c[PERIOD])
         _shorten(force, c[FORCE_LIMIT] - memory[CUT])
