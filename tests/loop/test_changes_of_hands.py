@@ -78,6 +78,7 @@ def test_a_contact_changes_hands_without_a_step(folder: Path, make: Callable[[in
         pytest.param(112803, 158, "step", id="and by no more than the virtual force when its share grows"),
         pytest.param(6002, 53, "trip", id="a plate that is left behind goes past the finger slowly"),
         pytest.param(7003, 111, "heat", id="a plate that bounces after a contact is told"),
+        pytest.param(7003, 41, "heat", id="until it is no longer felt at all"),
     ],
 )
 def test_a_random_scene_keeps_a_law_that_it_once_broke(folder: Path, seed: int, number: int, law: str) -> None:

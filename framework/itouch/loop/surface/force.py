@@ -52,7 +52,7 @@ from itouch.loop.surface.memory import (
     WANTED,
 )
 from itouch.loop.surface.taking_over import LED
-from itouch.plugin.carried_surfaces import ABOUT, HAND_OVER, TOUCH
+from itouch.plugin.carried_surfaces import ABOUT, HAND_OVER, LEFT, TOUCH
 from itouch.twin.frame_rotation import turned_in, turned_out
 
 Floats = NDArray[np.float64]
@@ -291,7 +291,7 @@ def linger(c: Floats, memory: Floats, load: float, touching: bool, time: float) 
     """
     if touching:
         memory[LINGERS] = memory[LETS_GO] = 0.0
-    elif memory[LINGERS] >= 0.0 and -load > TOUCH:
+    elif memory[LINGERS] >= 0.0 and -load > (LEFT if memory[LETS_GO] <= 0.0 else TOUCH):
         memory[LINGERS] += memory[LETS_GO] + c[PERIOD]
         memory[LETS_GO] = 0.0
         if memory[LINGERS] > memory[LINGERED]:
