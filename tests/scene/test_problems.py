@@ -366,3 +366,14 @@ def test_the_ends_of_a_range_of_temperatures_are_allowed_as_the_message_names_th
     beyond = 1e-6 if float(thing) > 0 else -1e-6
     with pytest.raises(itouch.SceneError, match="out of range"):
         itouch.load(write(room, f"{float(thing) + beyond:.6f}"))
+
+
+def test_the_device_that_brings_the_surface_does_not_say_where_the_finger_is(write: Write) -> None:
+    probe = '<interaction><probe name="f" pose-from="table" surface-to="table"/></interaction>'
+    devices = '<device name="arm" plugin="usb-arm"/>'
+    head = HEAD.replace(devices, f'{devices}<device name="table" plugin="xyz-table"/>')
+    (found,) = (
+        problem for problem in problems_of(write("scene.xml", head + probe + TAIL)) if problem.severity == "error"
+    )
+    assert (found.code, found.place.column if found.place else None) == ("exclusive", 48)
+    assert "the finger would be wherever the surface is" in found.sentence

@@ -33,6 +33,7 @@ def check_bindings(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator
         yield from _locked(scene, probe, "force_to", Role.FORCE_ON_OPERATOR, devices)
         yield from _locked(scene, probe, "surface_to", Role.SURFACE_POSE, devices)
         yield from _tilted(scene, probe, devices)
+        yield from _met_by_its_tracker(scene, probe, devices)
     for element in scene.objects:
         yield from _channels(scene, element, f"object '{element.name}'", devices)
     for part in scene.modalities:
@@ -46,6 +47,19 @@ def _untracked(scene: Scene, probe: Probe, missing: Collection[str]) -> Iterator
         sentence = f"probe '{probe.name}' is tracked by '{probe.pose_from}', which is missing: it can't do without"
         advice = f"install the plugin of '{probe.pose_from}', or remove the probe"
         yield Problem("missing-channel", sentence, scene.places.of(probe, "pose_from"), advice)
+
+
+def _met_by_its_tracker(scene: Scene, probe: Probe, devices: Mapping[str, DeviceModel]) -> Iterator[Problem]:
+    """Find a probe whose surface is brought by the device that says where the finger is: it would be where that is."""
+    device = devices.get(probe.pose_from)
+    if probe.pose_from != probe.surface_to or device is None or device.command(Role.SURFACE_POSE) is None:
+        return
+    sentence = (
+        f"probe '{probe.name}' is tracked by '{device.name}', which also brings it the surface: the finger would be "
+        "wherever the surface is"
+    )
+    advice = "write the device that tracks the finger, such as an arm, as pose-from"
+    yield Problem("exclusive", sentence, scene.places.of(probe, "surface_to"), advice)
 
 
 def _uncarried(scene: Scene, missing: Collection[str]) -> Iterator[Problem]:
