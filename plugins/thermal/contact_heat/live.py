@@ -166,13 +166,13 @@ def contour(model: Array, state: Array, resistance: float, work: Any) -> tuple[f
     """
     n = int(model[SIZE])
     z = HEAD + ROWS * n + _SQUARE
-    _open(model, state, work)
+    open_port(model, state, work)
     for k in range(NODES):
         scale = model[AMBIENT] * model[PERIOD] / _Z_SIZE[k]
         re, im = scale * _Z_REAL[k] - work[k], -scale * _Z_IMAG[k] - work[NODES + k]
         _divide(re, im, model[z + k] + resistance, model[z + NODES + k], work, k)
-    _absorb(model, state, work, 1.0)
-    return _flux_of(work, model[PERIOD])
+    absorb(model, state, work, 1.0)
+    return flux_of(work, model[PERIOD])
 
 
 @kernel
@@ -190,7 +190,7 @@ def collocate(model: Array, state: Array, before: float, after: float, work: Any
     for a in range(_SQUARE):
         work[STAGES + a] = square[a]
     heat = _solve(before, after, work) * model[PERIOD]
-    _drive(model, state, work, 1.0)
+    drive(model, state, work, 1.0)
     return work[STAGES - 1], heat
 
 
@@ -201,15 +201,15 @@ def _contour_contact(
     f, b = int(finger[SIZE]), int(body[SIZE])
     zf, zb = HEAD + ROWS * f + _SQUARE, HEAD + ROWS * b + _SQUARE
     other = work[2 * NODES :]
-    _open(finger, finger_state, work)
-    _open(body, body_state, other)
+    open_port(finger, finger_state, work)
+    open_port(body, body_state, other)
     for k in range(NODES):
         re, im = work[k] - other[k], work[NODES + k] - other[NODES + k]
         real, imag = finger[zf + k] + body[zb + k] + resistance, finger[zf + NODES + k] + body[zb + NODES + k]
         _divide(re, im, real, imag, work, k)
-    _absorb(finger, finger_state, work, -1.0)
-    _absorb(body, body_state, work, 1.0)
-    return _flux_of(work, finger[PERIOD])
+    absorb(finger, finger_state, work, -1.0)
+    absorb(body, body_state, work, 1.0)
+    return flux_of(work, finger[PERIOD])
 
 
 @njit(error_model="numpy", inline="always")
@@ -225,14 +225,17 @@ def _collocate_contact(
     for a in range(_SQUARE):
         work[STAGES + a] = one[a] + two[a]
     heat = _solve(before, after, work) * finger[PERIOD]
-    _drive(finger, finger_state, work, -1.0)
-    _drive(body, body_state, work, 1.0)
+    drive(finger, finger_state, work, -1.0)
+    drive(body, body_state, work, 1.0)
     return work[STAGES - 1], heat
 
 
 @kernel
-def _open(model: Array, state: Array, work: Any) -> None:
-    """Put the transform of the contact temperature at zero flux into work[0:NODES], [NODES:2 NODES] (re, im)."""
+def open_port(model: Array, state: Array, work: Any) -> None:
+    """Put the transform of the contact temperature at zero flux into work[0:NODES], [NODES:2 NODES] (re, im).
+
+    ``model`` (n,) and ``state`` (size,) are laid out as in `packing`; the transform is in [K s].
+    """
     n = int(model[SIZE])
     for k in range(2 * NODES):
         work[k] = dot(model, HEAD + (KERNEL + k) * n, state, 0, n)
@@ -249,7 +252,7 @@ def _divide(re: float, im: float, real: float, imag: float, work: Any, k: int) -
 
 
 @kernel
-def _flux_of(work: Any, period: float) -> tuple[float, float]:
+def flux_of(work: Any, period: float) -> tuple[float, float]:
     """Return the flux at the end of a step [W/m2] and its integral [J/m2] from its transform in work."""
     flux = heat = 0.0
     for k in range(NODES):
@@ -261,8 +264,12 @@ def _flux_of(work: Any, period: float) -> tuple[float, float]:
 
 
 @kernel
-def _absorb(model: Array, state: Array, work: Any, sign: float) -> None:
-    """Decay a state and add the flux whose transform is in work."""
+def absorb(model: Array, state: Array, work: Any, sign: float) -> None:
+    """Decay a state and add the flux whose transform is in work, with a sign: -1 if it leaves the side.
+
+    ``model`` (n,) and ``state`` (size,) are laid out as in `packing`; the state is changed in place.  ``work`` holds
+    the transform of the flux [J/m2] at the nodes, (2 NODES,), as `flux_of` takes it.
+    """
     n = int(model[SIZE])
     for i in range(n):
         state[i] *= model[HEAD + DECAY + i]
@@ -299,8 +306,12 @@ def _solve(before: float, after: float, work: Any) -> float:
 
 
 @njit(error_model="numpy", inline="always")
-def _drive(model: Array, state: Array, work: Any, sign: float) -> None:
-    """Decay a state and add the flux at the stages."""
+def drive(model: Array, state: Array, work: Any, sign: float) -> None:
+    """Decay a state and add the flux at the stages, with a sign: -1 if it leaves the side.
+
+    ``model`` (n,) and ``state`` (size,) are laid out as in `packing`; the state is changed in place.  ``work`` holds
+    the flux [W/m2] at the stages, (STAGES,).
+    """
     n = int(model[SIZE])
     a0, a1, a2 = sign * work[0], sign * work[1], sign * work[2]
     a3, a4, a5 = sign * work[3], sign * work[4], sign * work[5]

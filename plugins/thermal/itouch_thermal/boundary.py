@@ -1,9 +1,9 @@
 """One step of heat between the model finger and what it touches: one object, or two at the boundary between them.
 
 A finger that slides from one object onto another lies on both for a while.  Each object gets its share of the contact
-disc, and the finger the mean of what both draw, weighted by these shares: since the finger's equations are linear in
-the flux, its state is the same weighted mean of the states that either object alone would leave.  So nothing jumps when
-one contact ends and the other begins.
+disc and draws from the same skin, and the finger the mean of what both draw, weighted by these shares.  So nothing
+jumps when one contact ends and the other begins, and the flux does not depend on how long a step is.  Air takes the
+place of an object whose heat is not known.
 """
 
 from __future__ import annotations
@@ -14,10 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contact_heat.packing import HEAT, PHASE, RESISTANCE, SIZE, TAIL
+from contact_heat.packing import AMBIENT, FILM, HEAT, PERIOD, PHASE, RESISTANCE, SIZE, TAIL
+from contact_heat.sharing import air_beside, shared_step
 from itouch_thermal.played import Playing
 
 Array = NDArray[np.float64]
+
+#: Resistance [K m2/W] in place of air that takes no heat.
+INSULATED = 1e12
 
 
 def beyond(distance: float, area: float) -> float:
@@ -68,7 +72,7 @@ class Exchange:
         return flux
 
     def blend(
-        self, finger: Array, objects: Array, indices: tuple[int, int], part: float, resistance: float,
+        self, finger: Array, objects: Array, indices: tuple[int, int], parts: tuple[float, float], resistance: float,
         counts: tuple[int, int],
     ) -> float:  # fmt: skip
         """Advance the finger, and two objects of which the second has a share of the contact disc, by one step.
@@ -79,14 +83,43 @@ class Exchange:
             As in ``step``: (size,), (objects, widest) and [K m2/W].
         indices, counts
             The two objects that are touched, and the number of this step in the touch of each.
-        part
-            The share of the disc that lies on the second object, 0 to 1.
+        parts
+            The share of the disc that lies on the second object at the start and at the end of the step, 0 to 1.
 
         Returns
         -------
         float
             Flux out of the finger at the end of the step [W/m2].
         """
+        if any(self._playing.plays(index) for index in indices):
+            return self._blend_played(finger, objects, indices, parts[1], resistance, counts)
+        tail = int(self._finger[TAIL])
+        last = float(finger[tail + RESISTANCE]) if finger[tail + PHASE] > 0.0 else resistance
+        (one, own, first), (two, beside, second) = (
+            self._side(objects, index, last, resistance) for index in indices
+        )  # fmt: skip
+        before, after = np.array((first, second)).T.copy()
+        flux: float = shared_step(self._finger, finger, one, own, two, beside, np.array(parts), before, after)
+        for state, at in ((finger, tail), (own, int(one[TAIL])), (beside, int(two[TAIL]))):
+            state[at + RESISTANCE] = resistance
+        return flux
+
+    def _side(
+        self, objects: Array, index: int, last: float, resistance: float
+    ) -> tuple[Array, Array, tuple[float, float]]:
+        """Return model and state of an object, or of the air in its place, and its resistances [K m2/W] in a step."""
+        body = self._bodies[index] if index >= 0 else None
+        if body is not None:
+            return body, objects[index], (last, resistance)
+        film = float(self._finger[FILM])
+        beside = 1.0 / film if film > 0.0 else INSULATED
+        return *air_beside(float(self._finger[AMBIENT]), float(self._finger[PERIOD])), (beside, beside)
+
+    def _blend_played(
+        self, finger: Array, objects: Array, indices: tuple[int, int], part: float, resistance: float,
+        counts: tuple[int, int],
+    ) -> float:  # fmt: skip
+        """Do `blend` where a curve is played for one of the objects: the mean of what either alone would do."""
         other, (first, second) = finger.copy(), indices
         tail, size = int(self._finger[TAIL]), int(self._finger[SIZE])
         body = self._bodies[second] if second >= 0 else None

@@ -198,6 +198,8 @@ def hear(event: Any, given: Given, kept: Kept, skin: Skin, touch: Touch, probe: 
         before = kept.since[0] if slides else 0
         kept.since[0] = kept.since_beside[0] if slides else 0
         kept.since_beside[0] = before
+        if slides and kept.beside_part[0] > 0.0:  # the one that was beside is now the one in contact
+            kept.beside_part[0] = 1.0 - kept.beside_part[0]
         kept.touched[index] = 1
     elif kind == _END:
         kept.object[0], touch.left_tick[0], touch.in_contact[0] = -1, tick, 0

@@ -339,7 +339,8 @@ class Heat(Modality):
         resistance = self._resistance(model, state, force, period) if force > 0.0 else np.inf
         counts = (state[names.since].item(), state[names.since_beside].item())
         if part > 0.0:
-            flux = exchange.blend(finger, objects, (index, beside), part, resistance, counts)
+            parts = (min(1.0, state[names.beside_part].item()), part)
+            flux = exchange.blend(finger, objects, (index, beside), parts, resistance, counts)
             state[names.touched][beside] = 1
         else:
             flux = exchange.step(finger, objects, index, resistance, counts[0])
