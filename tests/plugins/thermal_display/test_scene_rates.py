@@ -70,6 +70,24 @@ def test_the_rate_of_the_model_finger_hardly_changes_what_is_obtained(scenes: Pa
     assert means[1] == pytest.approx(means[0], rel=0.01)
 
 
+@pytest.mark.parametrize(("servo", "heat"), [("4 kHz", ""), ("1 kHz", "50 Hz"), ("250 Hz", "")])
+def test_the_flux_error_counts_until_the_finger_lifts_at_every_rate(scenes: Path, servo: str, heat: str) -> None:
+    """Not after it, and all of it before, also where a slow loop lets the finger bounce on the plate."""
+    display = Display(left="pyrex", servo=servo, rates=heat and f' heat="{heat}"', near="0.1 s", hold="0.6 s")
+    engine = itouch.build(display.write(scenes), seed=4)
+    found, begun = [], False
+    while not begun or engine.state["heat.in_contact"].item():
+        engine.tick()
+        begun |= bool(engine.state["heat.in_contact"].item())
+        found.append((engine.state["heat.desired"].item(), engine.state["peltier.twin.true_flux"].item()))
+    (desired, obtained), entry = np.array(found).T, engine.report()["contacts"][0]
+    times = np.arange(1, len(found) + 1) * engine.model.period - entry["begin_s"]
+    counts = np.flatnonzero((times > 0.1) & (desired != 0.0))
+    counts = counts[counts <= np.flatnonzero(obtained)[-1]]
+    error = (obtained - desired)[counts] / np.maximum(np.abs(desired[counts]), 50.0)
+    assert entry["flux_error_rms"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.1)
+
+
 @pytest.mark.parametrize("hertz", ["", "50 Hz"])
 def test_a_driver_that_holds_a_temperature_does_as_well(scenes: Path, hertz: str) -> None:
     path = Display(left="pyrex", right="wood", rates=rate(hertz), **HOLDS_TEMPERATURE).write(scenes)

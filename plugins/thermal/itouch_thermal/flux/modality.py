@@ -46,7 +46,10 @@ _BEGIN = (
 _TOUCH = (
     Field("begun", "i8", unit="tick", doc="when the contact began"),
     Field("fresh", "i8", unit="1", doc="1 in the first update in which the plate renders"),
-    Field("pressing", "i8", unit="1", doc="1 while the finger presses on the plate"),
+    Field(
+        "pressing", "i8", unit="1",
+        doc="1 while the finger presses; more by the updates since the plate let go of it; -1 if that is long ago",
+    ),
     Field("integral", unit="W/m^2", doc="integral part of the flux of the controller `paper`", show="no"),
     Field("on_plate", "i8", unit="1", doc="1 while the finger is felt on the plate"),
     Field(

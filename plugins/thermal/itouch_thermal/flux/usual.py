@@ -32,6 +32,8 @@ _NOTHING: Any = np.int64(0)
 #: Time constant [s] of the press for which the strength of pressing equals by how much the scale exceeds 1, time
 #: constant [s] of the filter that gives the resistance's rate of change, and the strength that is noise.
 PRESSING, PRESS_FILTER, STILL = 0.05, 0.02, 0.1
+#: For how long [s] the plate may have let go of a finger that lifts, before it counts as missing.
+LIFTS = 0.05
 #: Behind a wire, how many servo periods ago at most the finger may have come when it is set down.
 EARLY = 50
 
@@ -104,12 +106,24 @@ def attend_and_judge(scene: Scene, own: Own, given: Given, figures: Figures) -> 
 
 @inlined
 def _note(scene: Any, own: Any, given: Any, figures: Any) -> None:
-    """Enter the last update into the account, but not one in which the finger lifts: it is no part of the touch."""
-    contact = aiming.in_contact(scene, figures.heat)
-    if contact and own.pressing[0] != 0:
-        skin = scene.true_skin[0] if scene.true_skin.shape[0] > 0 else math.nan
-        account.enter(own.account, own.obtained[0], own.desired[0], skin, figures.update)
-    own.pressing[0] = int(contact)
+    """Enter the last update into the account, but not those in which the finger lifts: they are no part of the touch.
+
+    The plate lets go of a finger a little before the virtual contact does, and a slow model finger takes note of that
+    later still.  Such updates wait, and count only if the finger comes back to the plate, or stays away for long: then
+    the plate is missing.  What was desired in them is nearly what is desired now.
+    """
+    contact, before, after = aiming.in_contact(scene, figures.heat), own.pressing[0], 1
+    if contact and before != 0:
+        lifts = scene.true_flux.shape[0] > 0 and own.obtained[0] == 0.0 and account.scored(own.account, figures.update)
+        if lifts and 0 < before <= LIFTS / figures.update:
+            after = before + 1
+        else:
+            skin = scene.true_skin[0] if scene.true_skin.shape[0] > 0 else math.nan
+            for _ in range(before - 1):
+                account.enter(own.account, 0.0, own.desired[0], skin, figures.update)
+            account.enter(own.account, own.obtained[0], own.desired[0], skin, figures.update)
+            after = -1 if lifts else 1
+    own.pressing[0] = after if contact else 0
     if scene.true_flux.shape[0] > 0:
         own.obtained[0] = scene.true_flux[0]
     elif not figures.estimates:
