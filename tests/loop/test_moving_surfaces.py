@@ -59,13 +59,13 @@ def test_an_object_that_moves_under_a_finger_is_felt_without_steps(folder: Path,
 @pytest.mark.long
 @pytest.mark.campaign
 def test_nearly_no_object_that_moves_under_a_finger_is_felt_in_steps(folder: Path) -> None:
-    """What is left; the one that was looked at: a finger falls onto a plate on its way down from a slope."""
+    """None is; one was, as a finger fell onto a plate on its way down from a slope."""
     courses = {seed: follow(moved(seed).build(folder)) for seed in range(1000, 1400)}
     over = {seed: course.steps[excess(course) > NOISE].max() for seed, course in courses.items()
             if excess(course).max() > NOISE}  # fmt: skip
     listed = ", ".join(f"{seed} ({step:.2f} N)" for seed, step in over.items())
     tell(f"{len(courses)} motions, {len(over)} with a step that the virtual contact does not have: {listed or 'none'}")
-    assert len(over) <= 4
+    assert not over
 
 
 #: Objects that tilt slowly beyond 45 degrees and back, up to where the plate renders them: tilts before, at most and
