@@ -11,13 +11,14 @@ import pytest
 from kernels_in_python import kernel_of
 from shipped import SCENES
 
+from itouch import Session, build
 from itouch.loop import render
 from itouch.loop.surface import force, memory
 from itouch_evidence.surface import run
 from itouch_evidence.surface.course import Course, Floats, follow
 from itouch_evidence.surface.edges import edge, rim
 from itouch_evidence.surface.laws import broken
-from itouch_evidence.surface.scenes import Slope
+from itouch_evidence.surface.scenes import Slope, ball
 
 _part, _within, _lead = map(kernel_of, (force._part, force._within, force._lead))
 
@@ -85,6 +86,31 @@ def test_a_random_scene_keeps_a_law_that_it_once_broke(folder: Path, seed: int, 
     figures = run(number, seed, folder)["figures"]
     assert law in figures
     assert law not in broken(figures)
+
+
+def back_on_top(folder: Path, before: str, after: str) -> Session:
+    """Return a session of a finger that strokes down a ball and back to its top, where it stays for 2 s.
+
+    ``after`` is in place of ``before`` in the text of its scene.
+    """
+    world, motion = ball([60.0, 5.0], 0.6)
+    *parts, top, _ = motion.split("<to ")
+    slope = Slope(world, "<to ".join((*parts, top.replace("/>", ' hold="2 s"/>'))), friction=0.3)
+    text, path = slope.text(), folder / "back.xml"
+    assert before in text
+    path.write_text(text.replace(before, after), encoding="utf-8")
+    return build(path, seed=0)
+
+
+@pytest.mark.parametrize(("amplitude", "frequency"), [(0.3, 30), (1.0, 60)])
+def test_a_plate_comes_to_a_finger_that_its_material_shakes(folder: Path, amplitude: float, frequency: int) -> None:
+    """It waits for a finger that turns, but this one turns again and again: it never came."""
+    shakes = f'<vibration amplitude="{amplitude} N" frequency="{frequency} Hz"/></material>'
+    course = follow(back_on_top(folder, "    </material>", shakes))
+    assert course.renders[-1]
+    assert not course.settled[course.changes()[-1]]
+    assert course.settled[-1]
+    assert course.pad[-200:].mean() > 0.5
 
 
 def part(share: float, normal: float, pressed: float = 0.0, *, renders: bool = False) -> float:

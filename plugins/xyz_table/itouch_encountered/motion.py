@@ -59,6 +59,7 @@ from itouch_encountered.own import (
     SPEED,
     TAKES,
     UPRIGHT,
+    WAITED,
     WAY,
     YIELDS,
 )
@@ -76,6 +77,9 @@ NEXT = 5e-4
 #: How late the surface follows a finger that slows down on its way up, or turns [s]: what its smoothed speed and the
 #: device's control take; and the deceleration below which that is not felt [m/s2].
 LATE, STEADY = 0.013, 0.5
+#: By how much less the surface comes for that at most, before it meets the finger all the same [m], and over what part
+#: of it that ends: a finger that trembles, or that a material shakes, turns again and again.
+WAITS, ENDS = 3e-3, 1e-3
 #: An arm at its force limit makes room for a surface that, at its present speed, will be nearer to the finger than this
 #: [m] in this time [s]: a surface that comes no faster than that takes no force from the arm before it is there.
 MADE, MAKES = 1.2e-3, 0.022
@@ -216,7 +220,8 @@ def _come(
 ) -> None:  # fmt: skip
     """Bring the surface to the finger until it is at its goal [m]; ``depth``: how far it is in the finger [m].
 
-    It comes slower (SLOWER) at a finger that slows down: it would come on when this has turned.
+    It comes slower (SLOWER) at a finger that slows down: it would come on when this has turned.  It does not wait for
+    one that turns again and again.
 
     ``last`` is the height [m] to which it was sent last: PRESS runs ahead of it by SLACK at most, so that a surface
     that was held up does not rush later.
@@ -226,7 +231,7 @@ def _come(
         own[ARRIVED] = 1.0
         return
     if own[ARRIVED] > 0.0 and (begins or not felt) and depth < -ABOUT:  # not there in time, or left behind
-        own[ARRIVED], own[PRESS] = 0.0, depth
+        own[ARRIVED], own[PRESS], own[WAITED] = 0.0, depth, 0.0
     if own[ARRIVED] > 0.0:
         return
     own[PRESS] = min(own[PRESS], last - level + sink * c.period + SLACK)
@@ -235,9 +240,10 @@ def _come(
         if felt:  # it goes on with the virtual surface, not with the finger
             left = max(0.0, goal - level - own[PRESS])
             pace = min(pace, climb - sink + math.sqrt(2.0 * EASES * left))
-        slower = pace - own[SLOWER]
-        pace = slower if own[PRESS] > -NEXT else min(pace, max(SOFTLY, slower))
-        own[PRESS] += pace * c.period
+        slower = pace - own[SLOWER] * min(1.0, max(0.0, WAITS - own[WAITED]) / ENDS)
+        slower = slower if own[PRESS] > -NEXT else min(pace, max(SOFTLY, slower))
+        own[WAITED] += (pace - slower) * c.period
+        own[PRESS] += slower * c.period
     if level + own[PRESS] >= goal:
         own[ARRIVED] = 1.0
 
@@ -252,6 +258,7 @@ def _go(c: Any, own: Any, last: float, sink: float, pressed: float, touching: bo
     full, felt, high = -c.clearance, pressed > LEFT, own[LOST] == HIGH
     if own[ARRIVED] > 0.0:
         own[ARRIVED], own[PRESS] = 0.0, last if high else max(last, full)
+    own[WAITED] = 0.0
     if not touching and not felt:
         own[PRESS] = min(own[PRESS], full) if high else full
         return
@@ -510,7 +517,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     """Decide who renders the virtual surface below the finger, and command the device; return 0.
 
     ``c``: `Numbers`; ``seen``: `Seen`, unpacked here, because passing a tuple of many arrays on is costly; ``goal``
-    (7,): the command; ``own``: the modality's own fields, (47,) without a wire.
+    (7,): the command; ``own``: the modality's own fields, (48,) without a wire.
     """
     frame, sent, hip = seen.frame, seen.sent, seen.hip
     height, climb, level, sink = seen.height[0], seen.climb[0], seen.level[0], seen.sink[0]

@@ -35,6 +35,7 @@ FIELDS = tuple(
         ("rushes", "m/s^2", "how fast that changed, smoothed as its control does"),
         ("shift", "m", "by how much it was sent higher than the virtual surface is, because that bends"),
         ("slower", "m/s", "by how much slower it comes to the finger, because that slows down on its way up"),
+        ("waited", "m", "by how much less it has therefore come since it set out"),
     )
 )
 FIELDS += (
@@ -80,7 +81,8 @@ TAKES, AT_FINGER, DISTANCE, GAP = _at["takes"], _at["at_finger"], _at["distance"
 COMING, LOST, YIELDS, ARRIVED, PRESS = _at["coming"], _at["lost"], _at["yields"], _at["arrived"], _at["press"]
 FREE, UNFELT, GIVE, LAG, UNASKED = _at["free"], _at["unfelt"], _at["give"], _at["lag"], _at["unasked"]
 BENDS, HASTE, INERTIA, HERE, SPEED = _at["bends"], _at["haste"], _at["inertia"], _at["here"], _at["speed"]
-RUSHES, SHIFT, SLOWER, EVENED, KINKS = _at["rushes"], _at["shift"], _at["slower"], _at["evened"], _at["kinks"]
+RUSHES, SHIFT, SLOWER, WAITED = _at["rushes"], _at["shift"], _at["slower"], _at["waited"]
+EVENED, KINKS = _at["evened"], _at["kinks"]
 GOES, LIFTED, LIFTS, HOISTS = _at["goes"], _at["lifts_before"], _at["lift_speed"], _at["lift_hastens"]
 WAY, HOLD, COMMANDS, READ_AT, RISE = _at["ahead"], _at["hold"], _at["commands"], _at["read_at"], _at["climbs_by"]
 SINCE, BEHIND, RESTS, PRESSES = _at["since"], _at["behind"], _at["rests"], _at["pressed_now"]
