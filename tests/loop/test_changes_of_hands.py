@@ -113,6 +113,17 @@ def test_a_plate_comes_to_a_finger_that_its_material_shakes(folder: Path, amplit
     assert course.pad[-200:].mean() > 0.5
 
 
+def test_a_plate_comes_as_soon_at_a_higher_rate(folder: Path) -> None:
+    """The steps in which an arm reads are no finger that turns: at 4 kHz the plate waited for them, too."""
+    late = []
+    for rate in (1000, 4000):
+        course = follow(back_on_top(folder, "<safety", f'<rates servo="{rate} Hz"/><safety'))
+        assert course.settled[-1]
+        late.append(course.late() / rate)
+    assert late[0] > 0.2
+    assert late[1] < 1.05 * late[0]
+
+
 def part(share: float, normal: float, pressed: float = 0.0, *, renders: bool = False) -> float:
     """Return the arm's share a tick after it was another, of a normal force [N] of which 2 N are allowed."""
     c, kept = np.zeros(render.CONSTANTS), np.zeros(memory.MEMORY)

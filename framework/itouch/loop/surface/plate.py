@@ -42,9 +42,13 @@ ROUNDING = 1e-12
 SETTLE = 0.02
 #: Time constant with which the plate's own speed is smoothed [s].
 SMOOTHLY = 0.003
-#: Gains of the g-h filter on the finger's height, which forgets in about 5 ms (Benedict and Bordner 1962), and the
-#: difference from which on it begins anew [m].
+#: Gains of the g-h filter on the finger's height, which forgets in about 5 ms at 1 kHz (Benedict and Bordner 1962), and
+#: the difference from which on it begins anew [m].
 G, H, LOST = 0.3, 0.3**2 / (2.0 - 0.3), 2e-3
+#: In how many ticks that filter forgets, and the period [s] from which on downwards the finger's acceleration is
+#: smoothed for as much longer as the filter is quicker: the steps in which an arm reads give more of it the shorter a
+#: tick is, and a finger that only trembles by them would be taken for one that turns.
+FORGETS, QUICKER = 5.0, 1e-3
 #: How fast the force of a plate that safety takes away decreases [N/s]: the arm's has to follow it.
 LETS_GO = 25.0
 #: How far below the finger a plate that measures no force is surely no longer felt, however wrong its height [m].
@@ -62,7 +66,8 @@ def _smooth(c: Floats, memory: Floats, lowest: float) -> None:
     memory[LEVEL] = ahead + G * off
     faster = H * off / c[PERIOD]
     memory[SINK] += faster
-    memory[ACCELERATION] += c[PERIOD] / (SMOOTHLY + c[PERIOD]) * (faster / c[PERIOD] - memory[ACCELERATION])
+    smoothly = SMOOTHLY + FORGETS * max(0.0, QUICKER - c[PERIOD])
+    memory[ACCELERATION] += c[PERIOD] / (smoothly + c[PERIOD]) * (faster / c[PERIOD] - memory[ACCELERATION])
 
 
 @linked
