@@ -16,6 +16,7 @@ from itouch.loop import render
 from itouch.loop.surface import force, memory
 from itouch_evidence.surface import run
 from itouch_evidence.surface.course import Course, Floats, follow
+from itouch_evidence.surface.draw import draw
 from itouch_evidence.surface.edges import edge, rim
 from itouch_evidence.surface.laws import broken
 from itouch_evidence.surface.scenes import Slope, ball
@@ -122,6 +123,24 @@ def test_a_plate_comes_as_soon_at_a_higher_rate(folder: Path) -> None:
         late.append(course.late() / rate)
     assert late[0] > 0.2
     assert late[1] < 1.05 * late[0]
+
+
+@pytest.mark.parametrize(("number", "pad"), [(80, 1000), (15, 1500)])
+def test_a_plate_that_pushes_a_finger_does_not_wait_for_it_to_come_back(folder: Path, number: int, pad: int) -> None:
+    """A finger that the plate itself pushed was taken for one that turns: the plate pressed, let go and pressed again.
+
+    ``pad``: stiffness of the finger's pad [N/m].
+    """
+    _, slope = draw(number, 13, folder)
+    path = folder / "pushed.xml"
+    path.write_text(slope.text().replace("skin-temp", f'pad-stiffness="{pad} N/m" skin-temp'), encoding="utf-8")
+    course = follow(build(path, seed=slope.seed))
+    comes = (course.touching & course.renders & ~course.settled)[1:]
+    pressed = np.convolve(course.pad, np.ones(15) / 15.0, "same")
+    edges = np.flatnonzero(np.diff(np.r_[0, comes.astype(int), 0]))
+    falls = [-np.minimum(0.0, np.diff(pressed)[begin:end]).sum() for begin, end in edges.reshape(-1, 2)]
+    assert max(falls) < 0.6
+    assert course.late() < 300
 
 
 def part(share: float, normal: float, pressed: float = 0.0, *, renders: bool = False) -> float:
