@@ -27,6 +27,8 @@ _part, _within, _lead = map(kernel_of, (force._part, force._within, force._lead)
 APART = 3
 #: A table goes down at 0.25 m/s: a finger that falls about as fast strikes its plate, whoever renders [m/s].
 STRIKES, AROUND = 0.2, 0.05
+#: The hardware of a table that measures no force.
+NO_FORCE = 'tmcl="/dev/ttyACM0" motors="0 1 2" lead="20 20 10 mm" speed="0.3 m/s" acceleration="20 m/s^2"'
 
 
 @pytest.fixture(scope="module")
@@ -125,15 +127,25 @@ def test_a_plate_comes_as_soon_at_a_higher_rate(folder: Path) -> None:
     assert late[1] < 1.05 * late[0]
 
 
-@pytest.mark.parametrize(("number", "pad"), [(80, 1000), (15, 1500)])
-def test_a_plate_that_pushes_a_finger_does_not_wait_for_it_to_come_back(folder: Path, number: int, pad: int) -> None:
+@pytest.mark.parametrize(
+    ("number", "seed", "before", "after"),
+    [
+        pytest.param(80, 13, "", "", id="where a mesh is steep"),
+        pytest.param(15, 13, "skin-temp", 'pad-stiffness="1.5 N/mm" skin-temp', id="under a stiff pad"),
+        pytest.param(3, 15, 'travel="200 140 80 mm"', f'travel="200 140 80 mm" {NO_FORCE}', id="unfelt"),
+    ],
+)
+def test_a_plate_that_pushes_a_finger_does_not_wait_for_it_to_come_back(
+    folder: Path, number: int, seed: int, before: str, after: str
+) -> None:
     """A finger that the plate itself pushed was taken for one that turns: the plate pressed, let go and pressed again.
 
-    ``pad``: stiffness of the finger's pad [N/m].
+    ``after`` is in place of ``before`` in the text of the scene.
     """
-    _, slope = draw(number, 13, folder)
-    path = folder / "pushed.xml"
-    path.write_text(slope.text().replace("skin-temp", f'pad-stiffness="{pad} N/m" skin-temp'), encoding="utf-8")
+    _, slope = draw(number, seed, folder)
+    text, path = slope.text(), folder / "pushed.xml"
+    assert before in text
+    path.write_text(text.replace(before, after) if before else text, encoding="utf-8")
     course = follow(build(path, seed=slope.seed))
     comes = (course.touching & course.renders & ~course.settled)[1:]
     pressed = np.convolve(course.pad, np.ones(15) / 15.0, "same")

@@ -241,7 +241,8 @@ def _come(
             left = max(0.0, goal - level - own[PRESS])
             pace = min(pace, climb - sink + math.sqrt(2.0 * EASES * left))
         slower = pace - own[SLOWER] * min(1.0, max(0.0, WAITS - own[WAITED]) / ENDS)
-        if felt:  # it may be what makes the finger turn: it waits, but does not let go, and press again
+        if felt or (not c.has_load and depth > -ABOUT):
+            # It may be what makes the finger turn: it waits, but does not let go, and press again.
             slower = max(min(pace, 0.0), slower)
         elif own[PRESS] <= -NEXT:
             slower = min(pace, max(SOFTLY, slower))
