@@ -155,6 +155,34 @@ def test_a_plate_that_pushes_a_finger_does_not_wait_for_it_to_come_back(
     assert course.late() < 300
 
 
+NOISY = """<itouch version="1.0" xmlns:xyz-table="urn:itouch:plugin:xyz-table">
+  <materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>
+  <devices>
+    <device name="arm" plugin="usb-arm"/>
+    <device name="table" plugin="xyz-table"><xyz-table:hardware force-noise="30 mN"/></device>
+  </devices>
+  <world><box name="block" size="60 60 20 mm" pos="0 0 -10 mm" material="wood"/></world>
+  <interaction>
+    <probe name="finger" radius="8 mm" pose-from="arm" force-to="arm" surface-to="table"/>
+    <operator probe="finger"><motion>
+      <to pos="0 0 28 mm" in="0.5 s"/>
+      <to pos="0 0 6.5 mm" in="0.3 s" hold="0.3 s"/>
+      <to pos="0 0 20 mm" in="0.3 s" hold="0.3 s"/>
+    </motion></operator>
+  </interaction>
+</itouch>"""
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_noise_of_a_force_sensor_is_no_plate_that_bounces(tmp_path: Path, seed: int) -> None:
+    (tmp_path / "noisy.xml").write_text(NOISY, encoding="utf-8")
+    session = build(tmp_path / "noisy.xml", seed=seed)
+    session.run()
+    assert len(session.report()["contacts"]) == 1
+    assert not [said for said in session.report()["notices"] if "still felt" in said]
+    session.close()
+
+
 def part(share: float, normal: float, pressed: float = 0.0, *, renders: bool = False) -> float:
     """Return the arm's share a tick after it was another, of a normal force [N] of which 2 N are allowed."""
     c, kept = np.zeros(render.CONSTANTS), np.zeros(memory.MEMORY)

@@ -200,7 +200,7 @@ def carried(
     plate.stray(figures, carrier.sent, table)
     plate.spare(c, figures, kept, carrier.goal, pressed, yields[0])
     force.feel(c, figures, kept, load[2], touching)
-    force.linger(c, kept, load[2], touching, tick[0] * period)
+    force.linger(c, figures, kept, load[2], touching, tick[0] * period)
     there[0] = int(kept[memory.PRESENT])
     moved = figures[render.PLATE_TOP] - before
     rising[0] = plate.rises(read, carrier.measured[0], top, moved, period) if read.shape[0] else moved / period

@@ -93,7 +93,7 @@ SURFACE = (
     Field("surface.acceleration", unit="m/s^2", doc="how fast that changes, smoothed"),
     Field("surface.off", unit="m", doc="how much deeper it seems to be in the plate than the force explains, smoothed"),
     Field("surface.lingers", unit="s", doc="how long the plate is felt since the virtual contact ended, -1: no more"),
-    Field("surface.lets_go", unit="s", doc="how long it has then not been felt, as it may bounce"),
+    Field("surface.lets_go", unit="s", doc="how long the plate has not been felt since then, while it may bounce"),
     Field("surface.lingered", unit="s", doc="the longest time that it was felt so"),
     Field("surface.lingered_at", unit="s", doc="when that ended"),
     Field("surface.wanted", "f8", 3, unit="N", doc="what the arm was to give, were the force not led over"),

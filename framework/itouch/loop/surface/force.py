@@ -91,8 +91,9 @@ SPARE_LATE = 0.15
 #: How long [s] the virtual force stands in for a plate that is not felt yet, and in what time it blends into the
 #: plate's.
 WAIT, BLEND = 0.080, 0.020
-#: For how long [s] a plate that bounces off the finger after a contact may not be felt.
-BOUNCES = 0.05
+#: A plate that is felt again so soon [s] after it let go, with more than this [N], and is at the finger by its height
+#: (`ABOUT`), has bounced: it counts as one that was felt all the time.  A sensor's noise alone does not look so.
+BOUNCES, AGAIN = 0.05, 0.1
 #: Least felt force [N] of a contact that the plate renders.
 LEAST = 1e-3
 
@@ -283,20 +284,28 @@ def feel(c: Floats, figures: Floats, memory: Floats, load: float, touching: bool
 
 
 @linked
-def linger(c: Floats, memory: Floats, load: float, touching: bool, time: float) -> None:
+def linger(c: Floats, figures: Floats, memory: Floats, load: float, touching: bool, time: float) -> None:
     """Remember the longest time [s] for which the plate was felt after a virtual contact had ended, and when that was.
 
-    ``c`` (CONSTANTS,), ``memory`` (MEMORY,) of the surface; ``load``: the force that the plate reads [N], negative when
-    pressed; ``time`` of the tick [s].
+    ``c`` (CONSTANTS,), ``figures`` (FIGURES,) and ``memory`` (MEMORY,) of the surface; ``load``: the force that the
+    plate reads [N], negative when pressed; ``time`` of the tick [s].
     """
     if touching:
         memory[LINGERS] = memory[LETS_GO] = 0.0
-    elif memory[LINGERS] >= 0.0 and -load > (LEFT if memory[LETS_GO] <= 0.0 else TOUCH):
+        return
+    if memory[LINGERS] < 0.0:
+        return
+    near = figures[HIP + 2] - c[RADIUS] - figures[PLATE_TOP] < ABOUT
+    if memory[LETS_GO] > 0.0:
+        felt = near and -load > AGAIN
+    else:
+        felt = -load > (LEFT if near else TOUCH)
+    if felt:
         memory[LINGERS] += memory[LETS_GO] + c[PERIOD]
         memory[LETS_GO] = 0.0
         if memory[LINGERS] > memory[LINGERED]:
             memory[LINGERED], memory[LINGERED_AT] = memory[LINGERS], time
-    else:
-        memory[LETS_GO] += c[PERIOD]
-        if memory[LETS_GO] > BOUNCES:  # until then a plate that bounces counts as the one that is still felt
-            memory[LINGERS] = -1.0
+        return
+    memory[LETS_GO] += c[PERIOD]
+    if memory[LETS_GO] > BOUNCES:
+        memory[LINGERS], memory[LETS_GO] = -1.0, 0.0
