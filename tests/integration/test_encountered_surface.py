@@ -322,7 +322,7 @@ def test_it_rounds_a_kink_off_and_is_on_both_faces_before_and_after(period: floa
     numbers = motion.Numbers(8e-3, 5e-3, 0.9, 0.92, period, 2.0, 2.0, 1e3, True, 2e-4, 4e-3, ahead, 0.0, 0.0, 0.0)
     state, steepens = np.zeros(own.KINKS + own.MOST_KINKS), 0.05  # [m/s]
     state[own.INERTIA] = 1.6e-5
-    off = [motion._bend(numbers, state, steepens / period if k == 0 else 0.0, 0.0, True) for k in range(4 * ahead)]
+    off = [feed_forward.bend(numbers, state, steepens / period if k == 0 else 0.0, 0.0, True) for k in range(4 * ahead)]
     surface = steepens * period * np.maximum(0.0, np.arange(4 * ahead) - (ahead - 0.5))
     bends = np.diff(surface + off, n=2, prepend=[0.0, 0.0]) / period**2
     assert bends[1 : 2 * ahead + 1] == pytest.approx(np.full(2 * ahead, steepens / (2 * ahead) / period), rel=1e-9)
@@ -333,7 +333,7 @@ def test_it_rounds_a_kink_off_and_is_on_both_faces_before_and_after(period: floa
 def test_a_contact_that_begins_forgets_how_the_slope_turned() -> None:
     numbers = motion.Numbers(8e-3, 5e-3, 0.9, 0.92, 1e-3, 2.0, 2.0, 1e3, True, 2e-4, 4e-3, 3, 0.0, 0.0, 0.0)
     state = np.ones(own.KINKS + own.MOST_KINKS)
-    assert motion._bend(numbers, state, 50.0, 2.0, False) == 0.0
+    assert feed_forward.bend(numbers, state, 50.0, 2.0, False) == 0.0
     assert state[own.BENDS] == state[own.HASTE] == 0.0
     assert not state[own.KINKS : own.KINKS + 6].any()
 

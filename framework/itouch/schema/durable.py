@@ -112,7 +112,8 @@ def replacing(path: str) -> Iterator[str]:
     except BaseException as error:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
-        if isinstance(error, OSError) and error.errno and error.filename in (None, temporary):  # of writing: None
+        # an error of writing names no file
+        if isinstance(error, OSError) and error.errno and error.filename in (None, temporary):
             error.filename = path
         raise
     sync_folder(os.path.dirname(place))

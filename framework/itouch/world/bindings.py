@@ -50,7 +50,7 @@ def _untracked(scene: Scene, probe: Probe, missing: Collection[str]) -> Iterator
 
 
 def _met_by_its_tracker(scene: Scene, probe: Probe, devices: Mapping[str, DeviceModel]) -> Iterator[Problem]:
-    """Find a probe whose surface is brought by the device that says where the finger is: it would be where that is."""
+    """Find a probe whose surface is brought by the device that tracks it: finger and surface would be one place."""
     device = devices.get(probe.pose_from)
     if probe.pose_from != probe.surface_to or device is None or device.command(Role.SURFACE_POSE) is None:
         return

@@ -34,6 +34,8 @@ def _folder(text: str) -> str:
 def write_output(path: str, content: str | bytes) -> None:
     """Write a file that was asked for, whole: an earlier one stays as it was if the disk refuses, as when it is full.
 
+    What cannot be replaced (a device, a pipe, a link, a file in a folder that cannot be written) is written into.
+
     Raises
     ------
     ItouchError

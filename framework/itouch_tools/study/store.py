@@ -250,7 +250,7 @@ class Store:
             self._trials.execute(f"INSERT INTO trials ({names}) VALUES ({marks})", values)
             if standing is not None:
                 self._put(row.participant, standing)
-        self._check_place()
+        self._check_place(", this one too")
 
     def stand(self, participant: str, standing: Standing) -> None:
         """Keep the State of a session that a fault has ended: what the broken trial used of a budget stays used.
@@ -258,14 +258,16 @@ class Store:
         Raises
         ------
         StoreError
-            If it cannot be written, or the file is not where it was opened any more.
+            If it cannot be written, or the file is not where it was opened any more: what it held is kept in a copy.
         """
         with _sentences(self.folder / "trials.sqlite"), self._trials:
             self._put(participant, standing)
         self._check_place()
 
-    def _check_place(self) -> None:
+    def _check_place(self, more: str = "") -> None:
         """Check that what was committed is in the file that others will open, and not in one without a name.
+
+        If it is not, everything is copied beside it, and that is told; ``more``: what else to say of the copy.
 
         Programs that synchronise or tidy folders remove and replace files; SQLite goes on writing into what it opened.
         """
@@ -283,7 +285,7 @@ class Store:
         except sqlite3.Error as error:
             raise StoreError(f"{gone}, and what it held could not be copied to '{copy}': {error}") from error
         raise StoreError(
-            f"{gone}; all trials that it held are in '{copy}', this one too: move that to '{path}', and the same "
+            f"{gone}; all trials that it held are in '{copy}'{more}: move that to '{path}', and the same "
             "command goes on from there"
         )
 
@@ -394,7 +396,7 @@ def _connect(path: Path, schema: str, *, write: bool = False) -> sqlite3.Connect
     if archived and write:
         raise StoreError(f"'{path}' {refused}")
     opened = str(path)
-    if archived:  # SQLite wants to make files beside it, unless it knows that no log has more than the file itself
+    if archived:  # SQLite wants to make files beside it, unless it is told that no log adds to the file
         log = _size(f"{path}-wal")
         opened = f"{path.resolve().as_uri()}?mode=ro{'' if log else '&immutable=1'}"
     # one thread at a time uses the connection, but not always the same one: see ``Room.beside``

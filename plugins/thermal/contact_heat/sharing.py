@@ -30,9 +30,10 @@ _BOTH = 2 * STAGES
 
 
 def air_beside(ambient: float, period: float) -> tuple[Array, Array]:
-    """Return model and state of air in the place of an object: it keeps its temperature [K], whatever it is given.
+    """Return model and state of air in the place of an object: it stays at ``ambient`` [K], whatever it is given.
 
-    Its resistance is that of the finger's film; ``period`` [s] is that of the other models.
+    ``period`` [s] is that of the other models.  The resistance of the film between skin and air is passed to
+    `shared_step`, as that to an object is.
     """
     model, state = np.zeros(HEAD + _SQUARE + 2 * NODES), np.zeros(TAIL_LENGTH)
     model[PERIOD], model[REST] = period, ambient

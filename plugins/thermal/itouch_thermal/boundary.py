@@ -3,7 +3,8 @@
 A finger that slides from one object onto another lies on both for a while.  Each object gets its share of the contact
 disc and draws from the same skin, and the finger the mean of what both draw, weighted by these shares.  So nothing
 jumps when one contact ends and the other begins, and the flux does not depend on how long a step is.  Air takes the
-place of an object whose heat is not known.
+place of an object whose heat is not known.  Only where a recorded curve is played for one of them, the mean is taken of
+what either alone would do: a curve has no skin.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from itouch_thermal.played import Playing
 
 Array = NDArray[np.float64]
 
-#: Resistance [K m2/W] in place of air that takes no heat.
+#: Resistance [K m2/W] between the finger and air beside it, if the finger's model loses no heat to air.
 INSULATED = 1e12
 
 

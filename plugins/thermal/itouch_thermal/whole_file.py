@@ -8,12 +8,12 @@ from pathlib import Path
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file; what is not a plain file, such as a pipe or ``/dev/stdout``, is written into.
+    """Write a text file whole; a link, or what is no file, such as a pipe or ``/dev/stdout``, is written into.
 
     Raises
     ------
     OSError
-        If it cannot be written, with the path that was given; an existing file stays as it was.
+        If it cannot be written, with the path that was given; an existing file that is no link stays as it was.
     """
     if path.is_symlink() or (path.exists() and not path.is_file()):
         path.write_text(text, encoding="utf-8")
@@ -32,6 +32,7 @@ def write_whole(path: Path, text: str) -> None:
         os.replace(temporary, place)
     except BaseException as error:
         os.unlink(temporary)
-        if isinstance(error, OSError) and error.errno and error.filename in (None, temporary):  # of writing: None
+        # an error of writing names no file
+        if isinstance(error, OSError) and error.errno and error.filename in (None, temporary):
             error.filename = str(path)
         raise

@@ -23,7 +23,8 @@ from itouch.plugin import (
 )
 from itouch.plugin.carried_surfaces import ROOM, SLOPE_AHEAD
 from itouch_encountered.choosing import FAR, FAR_UNCALIBRATED
-from itouch_encountered.motion import INERTIA_FIRST, Numbers, Seen, carry
+from itouch_encountered.feed_forward import INERTIA_FIRST
+from itouch_encountered.motion import Numbers, Seen, carry
 from itouch_encountered.over_wire import LAG_FIRST, Wire, look_over_wire
 from itouch_encountered.own import FIELDS, OVER_WIRE
 

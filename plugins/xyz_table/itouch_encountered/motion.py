@@ -27,6 +27,7 @@ from itouch.plugin.carried_surfaces import (
 )
 from itouch.plugin.kernels import kernel, linked
 from itouch_encountered.choosing import along, choose, doubt, touches_unasked
+from itouch_encountered.feed_forward import bend, learn, watch
 from itouch_encountered.own import (
     ARRIVED,
     AT_FINGER,
@@ -37,10 +38,7 @@ from itouch_encountered.own import (
     EVENED,
     GAP,
     GIVE,
-    HASTE,
-    HERE,
     INERTIA,
-    KINKS,
     LAG,
     LOST,
     ORIGIN,
@@ -52,7 +50,6 @@ from itouch_encountered.own import (
     ROW_X,
     ROW_Y,
     ROW_Z,
-    RUSHES,
     SHIFT,
     SINCE,
     SLOWER,
@@ -72,7 +69,7 @@ SOFTLY, QUICKLY = 0.015, 0.1
 FLEES = 0.25
 #: Distance below the finger [m] within which the surface may be felt soon.
 SOON = 1.5e-3
-#: Distance below the finger [m] from which on the surface does not come on at a finger that turns before it is there.
+#: Nearer than this [m] below the finger, the surface may wait for a finger that turns; farther away it only slows down.
 NEXT = 5e-4
 #: How late the surface follows a finger that slows down on its way up, or turns [s]: what its smoothed speed and the
 #: device's control take; and the deceleration below which that is not felt [m/s2].
@@ -83,12 +80,12 @@ WAITS, ENDS = 3e-3, 1e-3
 #: An arm at its force limit makes room for a surface that, at its present speed, will be nearer to the finger than this
 #: [m] in this time [s]: a surface that comes no faster than that takes no force from the arm before it is there.
 MADE, MAKES = 1.2e-3, 0.022
-#: The first of them behind a wire [m], where what it does late is worse.
+#: MADE behind a wire [m]: the plate is later there anyway.
 MADE_WIRED = 1e-3
 #: A surface that is farther behind its command than this [m] is waited for, so that it does not rush to catch up.
 WAITED_FOR = 2e-4
-#: How fast the surface goes past a finger that touches it, to catch up with it [m/s]: well below what safety takes for
-#: a fault there (K5).
+#: How fast, at most, the surface goes sideways past a finger that touches it or soon may, to catch up with it [m/s]:
+#: well below the speed past a finger at which safety stops it (K5).
 PASSES = 0.1
 #: How far the wanted height may be ahead of the one sent last [m] before it counts as held up.
 SLACK = 3e-5
@@ -103,18 +100,8 @@ EASES = 4.0
 #: How far a device may be behind its command on the way up to a finger, and within what distance of the finger that
 #: matters [m]: it would rush to catch up.
 LEADS, NEAR = 1e-3, 0.02
-#: Learning rate of the device's compliance, lag and inertia [1/s]; the greatest compliance [m/N] and lag [s] that are
-#: compensated; and the error [m] above which something else is the cause, so that nothing is learned from it.
-LEARNS, MOST_GIVE, MOST_LAG, ASTRAY = 80.0, 1e-4, 0.005, 1e-4
-#: How far an axis falls behind for each m/s2 of acceleration [s2]: 1/w2 of a control with a bandwidth of 40 Hz, with
-#: which learning begins; and the most that is compensated, that of 22 Hz.
-INERTIA_FIRST, MOST_INERTIA = 1.6e-5, 5e-5
-#: Damping ratio of such a control [1]; and the most by which the surface is sent higher or lower for that [m].
-DAMPING_RATIO, MOST_SHIFT = 0.9, 3e-4
-#: A surface this far from where it was a tick ago [m] has not moved there: it is seen for the first time.
-ELSEWHERE = 5e-3
-#: Acceleration [m/s2] well below which a device's error is not due to its inertia.
-EVEN = 2.0
+#: The most by which the surface is sent higher or lower because the virtual one bends [m].
+MOST_SHIFT = 3e-4
 #: Cosines of the tilts from which on the height of a face is evened out, and evened out wholly [1]: the steeper it is,
 #: the larger the steps in which it follows a finger whose place an arm reads in steps.
 EVENED_FROM, EVENED_AT = math.cos(math.radians(30.0)), math.cos(math.radians(35.0))
@@ -123,8 +110,6 @@ EVENED_FROM, EVENED_AT = math.cos(math.radians(30.0)), math.cos(math.radians(35.
 EVENLY, ANEW = 1.5e-3, 1e-3
 #: The rotation of a device that is sent upright, as a quaternion.
 UPRIGHT_POSE = (1.0, 0.0, 0.0, 0.0)
-#: Vertical speed [m/s] well below which a device's error is due to the force on it, and well above to its lag.
-STILL = 0.06
 
 
 class Numbers(NamedTuple):
@@ -220,8 +205,8 @@ def _come(
 ) -> None:  # fmt: skip
     """Bring the surface to the finger until it is at its goal [m]; ``depth``: how far it is in the finger [m].
 
-    It comes slower (SLOWER) at a finger that slows down: it would come on when this has turned.  It does not wait for
-    one that turns again and again.
+    It comes slower (SLOWER) to a finger that slows down, because it would still come on when this has turned; but it
+    does not wait for ever for one that turns again and again.
 
     ``last`` is the height [m] to which it was sent last: PRESS runs ahead of it by SLACK at most, so that a surface
     that was held up does not rush later.
@@ -242,7 +227,7 @@ def _come(
             pace = min(pace, climb - sink + math.sqrt(2.0 * EASES * left))
         slower = pace - own[SLOWER] * min(1.0, max(0.0, WAITS - own[WAITED]) / ENDS)
         if felt or (not c.has_load and depth > -ABOUT):
-            # It may be what makes the finger turn: it waits, but does not let go, and press again.
+            # The surface itself may be what turns the finger: it waits, but does not leave it, to come once more.
             slower = max(min(pace, 0.0), slower)
         elif own[PRESS] <= -NEXT:
             slower = min(pace, max(SOFTLY, slower))
@@ -283,84 +268,6 @@ def _sink_below(c: Any, own: Any, surface: float, last: float, felt: bool) -> No
     """
     lowest = last - 2.0 * SOFTLY * c.period if felt else -np.inf
     own[PRESS] = min(own[PRESS], max(surface, lowest))
-
-
-@linked
-def _smoothed(c: Any, own: Any, before: float, bends: float) -> float:
-    """Return an acceleration [m/s2] smoothed by the low-pass filter of a position control's feed-forward.
-
-    For a control of bandwidth w [rad/s] and damping ratio d to keep to a height x, it must be sent x + u, where
-    2 d / w u' + u = x'' / w2.
-    """
-    return float(before + (bends - before) * c.period / (2.0 * DAMPING_RATIO * math.sqrt(own[INERTIA]) + c.period))
-
-
-@linked
-def _bend(c: Any, own: Any, turns: float, hastens: float, goes_on: bool) -> float:
-    """Follow the vertical acceleration of the virtual surface below the finger, in a contact that goes on.
-
-    No device changes its speed at once, so a kink is rounded off: from the tick in which it is seen, ``ahead`` ticks
-    before the finger is there, to as many ticks after that.  Return how much higher than the virtual surface the
-    rounded path is now [m].
-    """
-    ticks = 2 * c.ahead
-    if not goes_on:
-        for i in range(ticks):
-            own[KINKS + i] = 0.0
-        own[BENDS] = own[HASTE] = 0.0
-        return 0.0
-    mean = rounds = 0.0
-    for i in range(ticks - 1, -1, -1):
-        turned = own[KINKS + i - 1] if i > 0 else turns
-        own[KINKS + i] = turned
-        mean += turned / ticks
-        # The rounded path has changed its speed a little in each tick since then; the surface does so at once, when the
-        # finger is there.
-        rounds += turned * (0.5 * i * (i + 1) / ticks - max(0.0, i - c.ahead + 0.5))
-    slope = _smoothed(c, own, own[BENDS] - own[HASTE], mean)
-    own[HASTE] += 0.5 * (hastens - own[HASTE])  # changes to and fro are noise; a finger's speed is smoothed already
-    own[BENDS] = slope + own[HASTE]
-    return float(rounds * c.period * c.period)
-
-
-@linked
-def _watch(c: Any, own: Any, here: float, climb: float) -> None:
-    """Follow how fast the surface rises by its own reading ``here`` [m], and how it accelerates.
-
-    Behind a wire, readings do not come in every tick: there its speed is taken to be that of the virtual surface,
-    ``climb`` [m/s].
-    """
-    if c.wire:
-        own[HERE], own[SPEED], own[RUSHES] = here, climb, own[BENDS]
-        return
-    if abs(here - own[HERE]) > ELSEWHERE:
-        own[HERE], own[SPEED], own[RUSHES] = here, 0.0, 0.0
-    speed = (here - own[HERE]) / c.period
-    own[RUSHES] = _smoothed(c, own, own[RUSHES], (speed - own[SPEED]) / c.period)
-    own[HERE], own[SPEED] = here, speed
-
-
-@linked
-def _learn(c: Any, own: Any, last: float, here: float, pressed: float) -> None:
-    """Learn by how much the device misses its command: its compliance, its lag and its inertia.
-
-    These are the error for each newton on it, for each m/s of vertical speed, and for each m/s2 of acceleration.
-    """
-    speed, rushes = own[SPEED], own[RUSHES]
-    off = last - here - own[GIVE] * pressed - own[LAG] * speed - own[INERTIA] * rushes
-    if abs(off) > ASTRAY:
-        return
-    moves = speed * speed / (speed * speed + STILL * STILL)  # 1: the error is due to the lag, 0: to the force
-    turns = rushes * rushes / (rushes * rushes + EVEN * EVEN)  # 1: the error is due to the inertia
-    step = LEARNS * c.period * off
-    lets = (1.0 - turns) * step
-    if pressed >= TOUCH:  # in the air the device goes as fast as it can: its control is saturated
-        inertia = own[INERTIA] + turns * step * rushes / (rushes * rushes + EVEN * EVEN)
-        own[INERTIA] = min(MOST_INERTIA, max(0.0, inertia))
-        give = own[GIVE] + (1.0 - moves) * lets * pressed / (pressed * pressed + 0.01)
-        own[GIVE] = min(MOST_GIVE, max(0.0, give))
-    lag = own[LAG] + moves * lets * speed / (speed * speed + STILL * STILL)
-    own[LAG] = min(MOST_LAG, max(-MOST_LAG, lag))
 
 
 @linked
@@ -460,8 +367,8 @@ def _command(
     """Write the command (7,): the pose at which a finger on the face has its lowest point at ``height`` [m].
 
     In a contact, or while it is felt, the surface gives way first: if it must go down and sideways and one tick is too
-    short for both, the sideways motion is shortened.  If it ``slides`` past the finger as it catches up then, it does
-    that slowly.  ``goes_x``, ``goes_y``: the finger's velocity [m/s].
+    short for both, the sideways motion is shortened.  Where it is left behind, and ``slides`` past the finger to catch
+    up, it does that slowly.  ``goes_x``, ``goes_y``: the finger's velocity [m/s].
     """
     x, y, z = hip[0] - frame[ORIGIN], hip[1] - frame[ORIGIN + 1], height - _beside(c, frame) - frame[ORIGIN_Z]
     for i, offset in enumerate((c.x, c.y, c.z)):
@@ -542,8 +449,8 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
         if own[LOST] == 0.0:
             touches_unasked(c, own, here - lowest, pressed, touching)
     begins = touching and seen.pressed[0] == 0.0
-    _watch(c, own, here, climb)
-    rounds = _bend(c, own, seen.turns[0], seen.hastens[0], touching and not begins)
+    watch(c, own, here, climb)
+    rounds = bend(c, own, seen.turns[0], seen.hastens[0], touching and not begins)
     if c.wire:
         rounds = 0.0  # the command already goes to where the virtual surface will be (RISE)
     shift = min(MOST_SHIFT, max(-MOST_SHIFT, rounds + own[BENDS] * own[INERTIA])) if own[TAKES] > 0.0 else 0.0
@@ -558,7 +465,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     if c.wire:
         own[RESTS] = own[RESTS] + c.period if rests else 0.0
     elif rests or (not touching and pressed < LEFT and own[LOST] == 0.0):
-        _learn(c, own, last, here, pressed)
+        learn(c, own, last, here, pressed)
     felt, slides = touching or pressed > LEFT, pressed > LEFT or lowest - here < SOON
     _command(c, frame, sent, hip, seen.goes_x[0], seen.goes_y[0], goal, min(wanted, most), felt, slides)
     own[AT_FINGER] = 1.0 if touching and _there(own, seen.present[0] > 0.0, here - lowest, pressed) else 0.0

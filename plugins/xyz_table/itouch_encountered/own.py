@@ -34,7 +34,7 @@ FIELDS = tuple(
         ("speed", "m/s", "how fast it rose then"),
         ("rushes", "m/s^2", "how fast that changed, smoothed as its control does"),
         ("shift", "m", "by how much it was sent higher than the virtual surface is, because that bends"),
-        ("slower", "m/s", "by how much slower it comes to the finger, because that slows down on its way up"),
+        ("slower", "m/s", "by how much slower it comes to the finger, because the finger accelerates downwards"),
         ("waited", "m", "by how much less it has therefore come since it set out"),
     )
 )

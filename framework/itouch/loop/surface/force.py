@@ -68,12 +68,14 @@ FIRST_STEP = 0.02
 LIGHT = 0.15
 #: Greatest change per tick [N] of the arm's force there, so that with a bounce of the plate it stays below 0.1 N.
 LIGHT_STEP = 0.055
-#: The plate's part has changed where the arm's force changes by so much more than the virtual one in a tick [N].
+#: Where the arm's force is to change in a tick by more than the virtual one and APART, and by more than FELT_STEP [N],
+#: the plate's part has changed: the force is then led over again.
 APART, FELT_STEP = 0.004, 0.095
-#: By how much more than the virtual force an arm that is alone may change in a tick, to catch up with it [N].
+#: To catch up, an arm that is alone may change in a tick by this much more than the virtual force does [N]; up to
+#: FELT_STEP, by a tenth more than it is to.
 CATCHES_UP = 4e-3
-#: Greatest change per tick [N] of the arm's force beside a plate that is felt: of what this is read to give, some is
-#: noise, and the reading is a tick old.
+#: Greatest change per tick [N] of the arm's force while it is led over and a plate presses with LIGHT or more: the
+#: plate's reading is a tick old, and noise is in it.
 BESIDE = 0.07
 #: For how long [s] the sum is still kept to such steps after the plate has come or gone.
 AFTER = 0.05

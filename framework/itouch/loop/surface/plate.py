@@ -40,7 +40,7 @@ READ_AT, READ_TOP, BY_READINGS, BETWEEN = (
 ROUNDING = 1e-12
 #: Time constant [s] with which it is learned that a plate is felt sooner or later than its height says.
 SETTLE = 0.02
-#: Time constant with which the plate's own speed is smoothed [s].
+#: Time constant with which the plate's own speed, and the finger's acceleration, are smoothed [s].
 SMOOTHLY = 0.003
 #: Gains of the g-h filter on the finger's height, which forgets in about 5 ms at 1 kHz (Benedict and Bordner 1962), and
 #: the difference from which on it begins anew [m].
@@ -57,7 +57,10 @@ CLEAR_OF = 1.5e-3
 
 @linked
 def _smooth(c: Floats, memory: Floats, lowest: float) -> None:
-    """Smooth the height of the finger's lowest point: an arm reads in steps, which the plate must not follow."""
+    """Smooth height, speed and acceleration of the finger's lowest point (at ``lowest`` [m]).
+
+    An arm reads in steps, which the plate must not follow.
+    """
     ahead = memory[LEVEL] + memory[SINK] * c[PERIOD]
     off = lowest - ahead
     if abs(off) > LOST:
