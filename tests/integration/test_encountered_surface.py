@@ -31,7 +31,7 @@ from itouch.session import layout
 from itouch.testing.checks import examine
 from itouch.testing.scenario import ModalitySubject
 from itouch.testing.suites import MODALITY_CHECKS
-from itouch_encountered import Encountered, choosing, modality, motion, own
+from itouch_encountered import Encountered, choosing, feed_forward, modality, motion, own
 from itouch_tools.cli.__main__ import main
 
 PLUGIN = '''
