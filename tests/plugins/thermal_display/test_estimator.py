@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
+from itouch.compiling import kernel
 from itouch.plugin import Record
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.flux import observer as at
@@ -68,24 +71,39 @@ def test_a_reading_soon_after_the_touch_says_when_the_finger_came(first: int, la
     assert np.sqrt(np.mean(np.square(errors))) < 0.02
 
 
-def stepped(touching: bool, moved: int = -1, by: float = 0.0) -> np.ndarray:
-    """Return column and derivatives after some steps under changing currents and a press, one parameter moved."""
+@kernel
+def _steps(constants: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any) -> None:
+    for k in range(STEPS):
+        current, scale = 2.0 * math.sin(0.05 * k), 1.0 + 3.0 * math.exp(-k / 50)
+        at.advance(constants, tissue, plate, x, theta, memory, current, scale)
+
+
+@functools.cache
+def prepared() -> tuple[ModelLaw, np.ndarray, Record]:
+    """Return a law, its constants with a sink that keeps its temperature, and State before the first step."""
     law = ModelLaw(
         DisplayParams(), FINGER, 310.15, 306.15, 2e-3, 296.15, PERIOD, band=(288.15, 313.15), ceiling=6.4, longest=9
     )
     state = Record.of(law.fields())
     law.reset(state)
-    constants, x, theta, memory = law.constants.copy(), state["x"], state["theta"], state["memory"]
+    constants = law.constants.copy()
     constants[at.O_SINK_CAPACITY] = 1e12  # its sensor says how warm the sink is: no derivative goes by way of it
+    return law, constants, state
+
+
+@functools.cache
+def stepped(touching: bool, moved: int = -1, by: float = 0.0) -> np.ndarray:
+    """Return column and derivatives after some steps under changing currents and a press, one parameter moved."""
+    law, constants, state = prepared()
+    x, theta, memory = (np.array(state[name]) for name in ("x", "theta", "memory"))
     theta[:] = 0.01
     theta[at.DELAY] = 1e-3
     if moved >= 0:
         theta[moved] += by
     memory[at.M_TOUCHING], memory[at.M_PART] = float(touching), 0.7
-    for k in range(STEPS):
-        current, scale = 2.0 * np.sin(0.05 * k), 1.0 + 3.0 * np.exp(-k / 50)
-        at.advance(constants, law.fine.tissue, law.fine.plate, x, theta, memory, current, scale)
-    return np.array(x)
+    _steps(constants, law.fine.tissue, law.fine.plate, x, theta, memory)
+    x.flags.writeable = False
+    return x
 
 
 @pytest.mark.parametrize("touching", [True, False])
