@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from contact_heat.table import Table
+from itouch_thermal.whole_file import write_whole
 
 
 def plot_table(table: Table, path: Path, title: str) -> None:
@@ -17,6 +19,8 @@ def plot_table(table: Table, path: Path, title: str) -> None:
     ------
     ImportError
         If matplotlib is missing; the message says what to install.
+    OSError
+        If the file cannot be written; an earlier one stays as it was.
     """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -37,7 +41,9 @@ def plot_table(table: Table, path: Path, title: str) -> None:
     for axes in (upper, lower):
         axes.grid(visible=True, which="major", alpha=0.4)
         axes.legend(fontsize="small")
-    figure.savefig(path, dpi=150)
+    drawn = BytesIO()
+    figure.savefig(drawn, format="png", dpi=150)
+    write_whole(path, drawn.getvalue())
 
 
 def _draw_fluxes(axes: Any, times: Any, fluxes: dict[str, Any]) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.plugin import need, waiting
 from itouch.plugin.commands import command_parser, output_folder
+from itouch_thermal.whole_file import write_whole
 
 if TYPE_CHECKING:
     from itouch_thermal.paper.claim import Claim
@@ -94,7 +95,7 @@ def _reproduce(out: Path, options: argparse.Namespace) -> str:
     wrote += f", {files} curves" if files else ""
     if options.figure:
         return wrote
-    (out / "claims.md").write_text(page(claims, figures), encoding="utf-8")
+    write_whole(out / "claims.md", page(claims, figures))
     return f"claims.md, {wrote}"
 
 

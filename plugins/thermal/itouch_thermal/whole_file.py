@@ -7,16 +7,17 @@ import tempfile
 from pathlib import Path
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file whole; a link, or what is no file, such as a pipe or ``/dev/stdout``, is written into.
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file whole (text as UTF-8); a link, or what is no file, such as a pipe or ``/dev/stdout``, is written to.
 
     Raises
     ------
     OSError
         If it cannot be written, with the path that was given; an existing file that is no link stays as it was.
     """
+    data = content.encode() if isinstance(content, str) else content
     if path.is_symlink() or (path.exists() and not path.is_file()):
-        path.write_text(text, encoding="utf-8")
+        path.write_bytes(data)
         return
     place = Path(os.path.realpath(path))
     try:
@@ -24,8 +25,8 @@ def write_whole(path: Path, text: str) -> None:
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(text)
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
         mask = os.umask(0)
         os.umask(mask)
         os.chmod(temporary, 0o666 & ~mask)

@@ -4,6 +4,7 @@ import errno
 import os
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 import itouch
 from itouch.plugin import DeviceError
-from itouch_thermal import bench_spread
+from itouch_thermal import bench_spread, cli, reproduce
 from itouch_thermal.flux.curve import read_curve
 from itouch_thermal.measuring import command, sampling
 from itouch_thermal.measuring.command import Prompts
@@ -20,6 +21,7 @@ from itouch_thermal.measuring.sampling import Given, Sampled, Source, calibrated
 from itouch_thermal.measuring.touches import Record, Touched, Wanted, sort_out, touches
 from itouch_thermal.whole_file import write_whole
 
+CASE = Path(__file__).parent.parent / "thermal" / "cases" / "b_wood_R0.json"
 SKIN, ROOM = 306.15, 296.15
 SCENE = """<itouch version="1.0" xmlns:touch-film="urn:itouch:plugin:touch-film"><world temperature="21 degC"/>
 <devices><device name="bench" plugin="touch-film"><touch-film:hardware hold="0.6 s" pause="1.2 s" touches="3">
@@ -197,24 +199,48 @@ def test_a_file_is_written_as_a_whole(tmp_path, monkeypatch):
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["c.csv"]
 
 
-def test_a_bench_on_a_full_disk_leaves_the_earlier_figures_and_names_the_file(tmp_path, monkeypatch, capsys):
-    """They were gone, and 'None' was named."""
-    path = tmp_path / "rows.json"
-    path.write_text("earlier")
+@pytest.fixture
+def full(monkeypatch):
+    """A disk that takes nothing more of what is written beside a file to take its place."""
     opened = os.fdopen
 
     def full(handle, *words, **named):
         stream = opened(handle, *words, **named)
 
-        def refused(text):
+        def refused(data):
             raise OSError(errno.ENOSPC, "No space left on device")
 
         stream.write = refused
         return stream
 
     monkeypatch.setattr(os, "fdopen", full)
+
+
+@pytest.mark.usefixtures("full")
+def test_a_bench_on_a_full_disk_leaves_the_earlier_figures_and_names_the_file(tmp_path, capsys):
+    """They were gone, and 'None' was named."""
+    path = tmp_path / "rows.json"
+    path.write_text("earlier")
     assert bench_spread.main(["--area", "1.1", "--json", str(path)]) == 2
     assert f"error: '{path}': No space left on device" in capsys.readouterr().err
+    assert path.read_text() == "earlier" and list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.usefixtures("full")
+@pytest.mark.parametrize(
+    ("command", "words", "name"),
+    [
+        pytest.param(cli, ["solve", str(CASE), "--at", "1ms", "-o"], "touch.png", id="solve"),
+        pytest.param(reproduce, ["--figure", "1", "-o"], "figure01.svg", id="reproduce"),
+    ],
+)
+def test_pictures_on_a_full_disk_leave_the_earlier_ones_and_name_them(tmp_path, capsys, command, words, name):
+    """Half of the new one had taken the place of the old one."""
+    path = tmp_path / name
+    path.write_text("earlier")
+    assert command.main([*words, str(path if name.endswith("png") else tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert str(path) in told and "No space left on device" in told
     assert path.read_text() == "earlier" and list(tmp_path.iterdir()) == [path]
 
 

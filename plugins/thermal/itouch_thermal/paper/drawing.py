@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from itouch_thermal.paper.figures import CURRENT, Figure, Line, Panel
 from itouch_thermal.paper.sketches import SKETCHES
+from itouch_thermal.whole_file import write_whole
 
 #: Width of a column and height of a panel [inch], dots per inch.
 WIDTH, HEIGHT, DPI = 3.5, 2.55, 220
@@ -30,7 +32,9 @@ def draw(figure: Figure, out: Path, seconds: float) -> None:
         picture = _panels(plt, figure, seconds) if figure.panels else _sketch(plt, figure)
         for ending in ("svg", "png"):
             still: dict[str, Any] = {"Date": None} if ending == "svg" else {"Software": None}
-            picture.savefig(out / f"{figure.stem}.{ending}", dpi=DPI, metadata=still)
+            drawn = BytesIO()
+            picture.savefig(drawn, format=ending, dpi=DPI, metadata=still)
+            write_whole(out / f"{figure.stem}.{ending}", drawn.getvalue())
         plt.close(picture)
 
 
@@ -99,7 +103,7 @@ def write_curves(figure: Figure, folder: Path) -> int:
     for k, panel in enumerate(figure.panels):
         for line in panel.lines:
             stem = f"{figure.stem}{chr(97 + k) if len(figure.panels) > 1 else ''}-{_slug(line.name)}"
-            (folder / f"{stem}.csv").write_text(_rows(figure, panel, line), encoding="utf-8")
+            write_whole(folder / f"{stem}.csv", _rows(figure, panel, line))
             count += 1
     return count
 
