@@ -140,3 +140,44 @@ def test_a_rig_and_a_scene_do_not_name_two_participants(write: Write) -> None:
     rig = write("rig.xml", xml(more='<safety participant="P02"/>'))
     with pytest.raises(itouch.SceneError, match="<safety participant> of the rig is 'P02', that of the scene 'P01'"):
         itouch.load(scene, rig=rig)
+
+
+@pytest.mark.parametrize(("scene", "rig"), [("0.5 N", "2 kg"), ("2 kg", "0.5 N"), ("0 N", "2 kg")])
+def test_of_a_device_with_a_fault_nobody_says_that_it_is_missing(write: Write, scene: str, rig: str) -> None:
+    """The first problem was right, and the second said that the rig, or the scene, had no device named 'arm'."""
+    one, other = write("s.xml", xml(arm=f'force="{scene}"')), write("rig.xml", xml(arm=f'force="{rig}"'))
+    with pytest.raises(itouch.SceneError) as caught:
+        itouch.build(one, rig=other)
+    wrong = [value for value in (scene, rig) if value != "0.5 N"]
+    assert [problem.sentence.split('"')[1] for problem in caught.value.problems] == wrong
+
+
+@pytest.mark.parametrize("unread", ["scene", "rig"])
+def test_of_files_that_could_not_be_read_nobody_says_what_is_not_in_them(write: Write, unread: str) -> None:
+    """Devices that the missing file may have were said to be missing, too."""
+    hole, arm = '<include file="elsewhere.xml"/>', '<devices><device name="arm" plugin="usb-arm"/></devices>'
+    short = f'<itouch version="1.0">{hole}{arm}</itouch>'
+    one = write("s.xml", short if unread == "scene" else xml())
+    other = write("rig.xml", short if unread == "rig" else xml())
+    with pytest.raises(itouch.SceneError) as caught:
+        itouch.build(one, rig=other)
+    (problem,) = caught.value.problems
+    assert "elsewhere.xml" in problem.sentence
+
+
+def test_a_whole_scene_as_a_rig_is_not_said_to_define_the_scenes_things_twice(write: Write) -> None:
+    more = '<materials><material name="m"><contact stiffness="1 N/mm"/></material></materials>'
+    more += '<world><sphere name="b" radius="9 mm" material="m"/></world>'
+    scene = write("s.xml", xml(more=more))
+    with pytest.raises(itouch.SceneError) as caught:
+        itouch.build(scene, rig=scene)
+    assert {problem.code for problem in caught.value.problems} == {"rig"}
+    assert len(caught.value.problems) == 2  # <materials> and <world> have no effect in a rig
+
+
+@pytest.mark.parametrize("text", ["", "<devices/>", '<defaults><mount pos="0 0 1 mm"/></defaults>'])
+def test_a_rig_that_brings_nothing_is_refused(write: Write, text: str) -> None:
+    """It was accepted without a word, and the scene ran with its own devices."""
+    scene, rig = write("s.xml", xml()), write("rig.xml", f'<itouch version="1.0">{text}</itouch>')
+    with pytest.raises(itouch.SceneError, match="has no effect: it brings neither a device nor <safety>"):
+        itouch.build(scene, rig=rig)

@@ -216,10 +216,14 @@ class _Assembly:
 
     def replace_devices(self, rig: str | os.PathLike[str]) -> None:
         """Put the devices of another rig under the scene; limits that the scene sets its own devices hold for them."""
-        documents = DocumentReader(self.problems).read(rig)
+        reader = DocumentReader(self.problems)
+        documents = reader.read(rig)
         other = _Assembly(self.extensions, self.problems, self.places).add(documents)
-        self.problems += rigs.without_effect(os.fspath(rig), documents)
-        self.problems += rigs.unmatched(os.fspath(rig), self.places, self.devices, other.devices)
+        self.problems += rigs.without_effect(os.fspath(rig), documents, other.names)
+        self.problems += rigs.unmatched(
+            os.fspath(rig), self.names, other.names, whole=not self.incomplete, others_whole=not reader.incomplete
+        )
+        self.incomplete = self.incomplete or reader.incomplete
         own_safety = self.single.get("safety", elements.Safety())
         self.swapped = Swapped(tuple(self.devices), own_safety)
         if other.devices:
@@ -229,7 +233,7 @@ class _Assembly:
                     who = f"device '{device.name}'"
                     self.problems += rigs.apart(own[device.name].limits, device.limits, who, self.places)
             self.devices = [rigs.limited(device, own.get(device.name), self.places) for device in other.devices]
-            self.names = self.names.without("devices").joined(other.names)
+            self.names = self.names.without("devices").joined(other.names.only("devices"))
         if "safety" in other.single:
             self.problems += rigs.looser(own_safety, other.single["safety"], self.places)
             self.problems += rigs.apart(own_safety, other.single["safety"], "<safety>", self.places)

@@ -44,6 +44,17 @@ class Names:
         """Record a reference."""
         self.wanted.append(Entry(kind, name, place, section))
 
+    def of(self, kind: str) -> list[Entry]:
+        """Return the names of one kind of element."""
+        return [entry for entry in self.defined if entry.kind == kind]
+
+    def only(self, section: str) -> Names:
+        """Return the names and references of a section."""
+        return Names(
+            [entry for entry in self.defined if entry.section == section],
+            [entry for entry in self.wanted if entry.section == section],
+        )
+
     def without(self, section: str) -> Names:
         """Return the names and references without those of a section."""
         return Names(

@@ -5,13 +5,13 @@ The tighter of both limits counts.  A section of a rig file that would have no e
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
 from itouch.scene.documents import Document
 from itouch.scene.elements import DeviceElement, Limits, Safety
+from itouch.scene.names import Names
 from itouch.scene.places import Places
 from itouch.schema.diagnostics import Problem, did_you_mean
 from itouch.schema.fields import specs
@@ -25,8 +25,16 @@ _EFFECTIVE = frozenset({"include", "defaults", "devices", "safety"})
 CONTACT_TIME = 10.0
 
 
-def without_effect(rig: str, documents: Iterable[Document]) -> Iterator[Problem]:
-    """Find the sections of a rig's files that have no effect in a rig."""
+def without_effect(rig: str, documents: Sequence[Document], names: Names) -> Iterator[Problem]:
+    """Find the sections of a rig's files that have no effect in a rig, and a rig that brings nothing at all.
+
+    ``names``: those that its files give.
+    """
+    sections = {tag for document in documents for tag in document.sections}
+    if documents and sections <= _EFFECTIVE and "safety" not in sections and not names.of("device"):
+        sentence = f"rig '{rig}' has no effect: it brings neither a device nor <safety>"
+        advice = "put <device> elements with the names of the scene's devices into its <devices>"
+        yield Problem("rig", sentence, documents[-1].root.place, advice)
     for document in documents:
         for tag, node in document.sections.items():
             if tag not in _EFFECTIVE:
@@ -37,20 +45,24 @@ def without_effect(rig: str, documents: Iterable[Document]) -> Iterator[Problem]
 
 
 def unmatched(
-    rig: str, places: Places, devices: Sequence[DeviceElement], others: Sequence[DeviceElement]
+    rig: str, names: Names, others: Names, *, whole: bool = True, others_whole: bool = True
 ) -> Iterator[Problem]:
-    """Find devices that only one of scene and rig has."""
-    wanted, offered = {device.name for device in devices}, {device.name for device in others}
-    for device in devices:
-        if device.name not in offered and others:
-            advice = did_you_mean(device.name, offered, "the rig's devices are")
-            sentence = f"rig '{os.fspath(rig)}' has no device named '{device.name}'"
-            yield Problem("rig", sentence, places.of(device, "name"), advice)
-    for device in others:
-        if device.name not in wanted:
-            sentence = f"the scene has no device named '{device.name}', which the rig brings"
-            advice = did_you_mean(device.name, wanted, "the scene's devices are")
-            yield Problem("rig", sentence, places.of(device, "name"), advice)
+    """Find devices that only one of scene and rig has, by the names that their files give.
+
+    A device with a fault of its own still has its name.  ``whole``, ``others_whole``: whether all files of the scene,
+    and of the rig, could be read; of what the others may have, nothing is said.
+    """
+    own, brought = names.of("device"), others.of("device")
+    wanted, offered = {entry.name for entry in own}, {entry.name for entry in brought}
+    for entry in own if others_whole else ():
+        if entry.name not in offered and brought:
+            advice = did_you_mean(entry.name, offered, "the rig's devices are")
+            yield Problem("rig", f"rig '{rig}' has no device named '{entry.name}'", entry.place, advice)
+    for entry in brought if whole else ():
+        if entry.name not in wanted:
+            sentence = f"the scene has no device named '{entry.name}', which the rig brings"
+            advice = did_you_mean(entry.name, wanted, "the scene's devices are")
+            yield Problem("rig", sentence, entry.place, advice)
 
 
 def limited(device: DeviceElement, own: DeviceElement | None, places: Places) -> DeviceElement:
