@@ -523,6 +523,43 @@ def test_a_surface_that_is_mounted_so_that_it_rises_sideways_is_refused(
         itouch.build(tmp_path / "scene.xml")
 
 
+@pytest.mark.parametrize(("base", "table", "at"), [
+    ("0 0 0", "25 0 0", 'rpy="25 0 0 deg"'), ("0 40 0", "0 0 5", 'rpy="0 40 0 deg"'),
+])  # fmt: skip
+def test_of_a_surface_that_rises_sideways_it_is_said_where_and_how_far_it_may_be_turned(
+    tmp_path: Path, base: str, table: str, at: str
+) -> None:
+    """The advice was 24 deg, which was refused with the same words, and the place was that of <device>."""
+    (tmp_path / "scene.xml").write_text(TILTED % (base, table), "utf-8")
+    with pytest.raises(itouch.SceneError) as caught:
+        itouch.build(tmp_path / "scene.xml")
+    (problem,) = caught.value.problems
+    assert problem.place is not None
+    assert problem.place.text[problem.place.column - 1 :].startswith(at)
+    most = problem.advice.split("at most ")[1].split(" deg")[0]
+    (tmp_path / "scene.xml").write_text(TILTED % ("0 0 0", f"{most} 0 0"), "utf-8")
+    itouch.build(tmp_path / "scene.xml")
+
+
+@pytest.mark.parametrize(("turn", "tilt"), [
+    ("25 0 0", "25"), ("0 -90 0", "90"), ("180 0 0", "180"), ("2.1 0 30", "2.1"), ("1 -1 90", ""), ("0 0 180", ""),
+])  # fmt: skip
+def test_a_face_that_is_mounted_tilted_on_what_carries_it_is_refused(tmp_path: Path, turn: str, tilt: str) -> None:
+    """It was taken for level: a plate upside down rendered every touch, with a flux error of 0.3 %."""
+    pad = f'<device name="pad" plugin="thermal"><mount on="table" pos="0 0 4 mm" rpy="{turn} deg"/></device></devices>'
+    (tmp_path / "scene.xml").write_text((TILTED % ("0 0 0", "0 20 0")).replace("</devices>", pad), "utf-8")
+    if not tilt:
+        itouch.build(tmp_path / "scene.xml")
+        return
+    with pytest.raises(
+        itouch.SceneError, match=f"'pad' is mounted with its face tilted by {tilt} deg on 'table'"
+    ) as caught:
+        itouch.build(tmp_path / "scene.xml")
+    (problem,) = caught.value.problems
+    assert problem.place is not None
+    assert problem.place.text[problem.place.column - 1 :].startswith("rpy=")
+
+
 # --- two who hold ---------------------------------------------------------------------------------------------------
 
 

@@ -13,14 +13,19 @@ from itouch.monitors.limits import SPEED, SPEED_NEAR
 from itouch.plugin import Role, poses
 from itouch.scene import Scene
 from itouch.scene.elements import Capsule, Probe
-from itouch.schema import Problem
+from itouch.schema import Place, Problem
 from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.fields import specs
+from itouch.world.presented_surfaces import face_of
 from itouch.world.rig import DeviceModel
 
 _LINEAR = (0, 1, 2)
+_UP = np.array([0.0, 0.0, 1.0])
 #: How far a surface's z axis may be tilted [rad]: moved sideways, it then rises no faster than it may near a finger.
 MOST_TILT = math.asin(SPEED_NEAR / SPEED)
+#: How far a face may be tilted on its carrier [rad]: the edge of one of 40 mm is then 0.7 mm off, less than the
+#: millimetre from which a plate is taken for one at a wrong height.
+MOST_UNEVEN = math.radians(2.0)
 
 
 def check_bindings(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator[Problem]:
@@ -33,6 +38,7 @@ def check_bindings(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator
         yield from _locked(scene, probe, "force_to", Role.FORCE_ON_OPERATOR, devices)
         yield from _locked(scene, probe, "surface_to", Role.SURFACE_POSE, devices)
         yield from _tilted(scene, probe, devices)
+        yield from _uneven(scene, probe, devices)
         yield from _met_by_its_tracker(scene, probe, devices)
     for element in scene.objects:
         yield from _channels(scene, element, f"object '{element.name}'", devices)
@@ -109,18 +115,59 @@ def _tilted(scene: Scene, probe: Probe, devices: Mapping[str, DeviceModel]) -> I
     device = devices.get(probe.surface_to)
     if device is None or device.command(Role.SURFACE_POSE) is None:
         return
-    up, name, seen = np.array([0.0, 0.0, 1.0]), device.name, set[str]()
-    while name in devices and name not in seen:
-        seen.add(name)
+    up, name, chain = _UP, device.name, list[str]()
+    while name in devices and name not in chain:
+        chain.append(name)
         up, name = poses.rotate(np.array(devices[name].mount[3:]), up), devices[name].carrier
-    tilt = math.degrees(math.acos(max(-1.0, min(1.0, float(up[2])))))
-    if tilt > math.degrees(MOST_TILT):
+    tilt = _tilt(up)
+    if tilt > MOST_TILT:
+        most_turned = max(chain, key=lambda one: _tilt(_upright_of(devices[one])))
+        most = math.floor(math.degrees(MOST_TILT) * 10) / 10
         sentence = (
-            f"device '{device.name}' is mounted with its z axis {tilt:.0f} deg from upright, and probe '{probe.name}' "
-            "brings its surface to a finger: sideways it would rise faster than it may near one (K5)"
+            f"device '{device.name}' is mounted with its z axis {_degrees(tilt)} deg from upright, and probe "
+            f"'{probe.name}' brings its surface to a finger: sideways it would rise faster than it may near one (K5)"
         )
-        advice = f"mount it with its z axis at most {math.degrees(MOST_TILT):.0f} deg from upright"
-        yield Problem("bad-value", sentence, scene.places.of(scene.device(device.name), "mount"), advice)
+        advice = f"mount it with its z axis at most {most:g} deg from upright"
+        yield Problem("bad-value", sentence, _turned_at(scene, most_turned), advice)
+
+
+def _uneven(scene: Scene, probe: Probe, devices: Mapping[str, DeviceModel]) -> Iterator[Problem]:
+    """Find a face that is mounted tilted on what carries it: wherever it is used, it is level with its carrier."""
+    table = devices.get(probe.surface_to)
+    if table is None or table.command(Role.SURFACE_POSE) is None:
+        return
+    face = devices[face_of(table.name, devices)]
+    if face is table or face.face is None:
+        return
+    tilt = _tilt(_upright_of(face))
+    if tilt > MOST_UNEVEN:
+        sentence = (
+            f"device '{face.name}' is mounted with its face tilted by {_degrees(tilt)} deg on '{table.name}', and "
+            f"probe '{probe.name}' touches it there: a carried face lies level on what carries it"
+        )
+        advice = f"mount it level, at most {math.degrees(MOST_UNEVEN):g} deg off, and tilt '{table.name}' if it must be"
+        yield Problem("bad-value", sentence, _turned_at(scene, face.name), advice)
+
+
+def _upright_of(device: DeviceModel) -> Any:
+    """Return the z axis of a device in the frame of what carries it, shape (3,)."""
+    return poses.rotate(np.array(device.mount[3:]), _UP)
+
+
+def _tilt(up: Any) -> float:
+    """Return the angle [rad] between a direction, shape (3,), and upright."""
+    return math.acos(max(-1.0, min(1.0, float(up[2]))))
+
+
+def _degrees(angle: float) -> str:
+    return f"{round(math.degrees(angle), 1):g}"
+
+
+def _turned_at(scene: Scene, name: str) -> Place | None:
+    """Return where a device is turned, else where it is declared."""
+    device = scene.device(name)
+    turned = next((one for one in ("rpy", "quat") if scene.places.given(device.mount, one)), None)
+    return scene.places.of(device) if turned is None else scene.places.of(device.mount, turned)
 
 
 def _operators(scene: Scene) -> Iterator[Problem]:
