@@ -191,6 +191,27 @@ def test_touch_off_is_kept_and_used(tmp_path: Path) -> None:
     table = next(d for d in load_scene(scene).devices if d.name == "table")
     assert table.mount.pos[2] == pytest.approx(-0.011, abs=2e-4)  # written -8 mm, true -11
     assert load_scene(scene, records=False).devices[1].mount.pos[2] == -0.008
+    # The twin stays where it truly is: it moved by the error at each record, so that no record ever was right of it.
+    written = load_scene(scene, records=False).devices[1].mount
+    true = np.subtract(written.pos, written.mount_error)
+    for _ in range(2):
+        table = next(d for d in load_scene(scene).devices if d.name == "table")
+        assert np.subtract(table.mount.pos, table.mount.mount_error) == pytest.approx(true, abs=1e-12)
+        assert table.mount.pos[2] == pytest.approx(true[2], abs=2e-4)
+        assert cli(["calibrate", str(scene), "--kind", "touch-off"]) == 0
+
+
+def test_a_record_that_says_a_twin_is_where_it_can_not_be_is_refused(tmp_path: Path) -> None:
+    error = '<mount pos="0 0 -50 mm" rpy="0 0 90 deg" mount-error="0 0 40 mm"/>'
+    scene = tmp_path / "scene.xml"
+    scene.write_text(ARM.replace('<mount pos="0 0 -50 mm" rpy="0 0 90 deg"/>', error))
+    past = calibration.now()
+    until = (past + datetime.timedelta(days=9)).isoformat()
+    mount = (0.0, 0.0, -0.039, 1.0, 0.0, 0.0, 0.0)
+    record = calibration.CalibrationRecord("table", "touch-off", True, past.isoformat(), until, {}, mount, 0.1, "mm", 3)
+    calibration.write_records(calibration.file_of(scene), [record])
+    with pytest.raises(SceneError, match="its mount is 51 mm from where the twin truly is .*at most 50 mm"):
+        load_scene(scene)
 
 
 @pytest.mark.parametrize(

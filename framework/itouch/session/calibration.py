@@ -19,9 +19,10 @@ from typing import Any
 from itouch.plugin import Fit, Role, poses
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
+from itouch.scene.elements import Mount
 from itouch.schema import ItouchError, Problem, SceneError
 from itouch.schema.diagnostics import Place, did_you_mean, meant
-from itouch.schema.fields import validate
+from itouch.schema.fields import specs, validate
 from itouch.schema.files import open_regular
 
 FORMAT = "itouch-py calibration 1"
@@ -29,6 +30,8 @@ FORMAT = "itouch-py calibration 1"
 _ADVICE = "correct it, or remove it and calibrate again"
 #: How much of a file of records is read at most [bytes].
 MOST = 8 << 20
+#: How far a twin's mount may be from what is written [m].
+FARTHEST = specs(Mount)["mount_error"].high
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,7 +261,8 @@ def _with(device: Any, record: CalibrationRecord) -> Any:
     if record.stale(now()):
         raise ValueError(f"it expired on {record.expires[:10]}")
     if record.mount:
-        mount = replace(device.mount, pos=record.mount[:3], quat=record.mount[3:], rpy=None)
+        error = _mount_error(device.mount, record.mount)
+        mount = replace(device.mount, pos=record.mount[:3], quat=record.mount[3:], rpy=None, mount_error=error)
         device = replace(device, mount=mount)
     if not record.values:
         return device
@@ -269,6 +273,28 @@ def _with(device: Any, record: CalibrationRecord) -> Any:
     for name, value in record.values.items():
         params = _set(params, name.split("."), value)
     return replace(device, parts=(replace(parts[0], params=params), *parts[1:]))
+
+
+def _mount_error(mount: Any, found: Sequence[float]) -> Any:
+    """Return how far a mount that was found is from the true one [m], which stays where it was.
+
+    A twin without such an error is where its mount says.
+
+    Raises
+    ------
+    ValueError
+        If it is farther than a scene can say.
+    """
+    if not any(mount.mount_error):
+        return mount.mount_error
+    error = tuple(now - written + e for now, written, e in zip(found, mount.pos, mount.mount_error, strict=False))
+    farthest = max(abs(part) for part in error)
+    if farthest > FARTHEST:
+        raise ValueError(
+            f"its mount is {farthest * 1e3:.3g} mm from where the twin truly is (<mount mount-error>): at most "
+            f"{FARTHEST * 1e3:g} mm"
+        )
+    return error
 
 
 def _set(params: Any, names: list[str], value: float) -> Any:
