@@ -214,6 +214,53 @@ def test_a_record_that_says_a_twin_is_where_it_can_not_be_is_refused(tmp_path: P
         load_scene(scene)
 
 
+def test_a_record_is_of_one_rigs_device_and_not_of_one_with_its_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The height of the scene's own table was put under every rig: the plate was 20 mm beside where it was taken to be."""
+    felt = '<calibration method="touch-off"/>'
+    devices = """<devices><device name="arm" plugin="usb-arm"><mount pos="0 100 0 mm"/></device>
+      <device name="table" plugin="xyz-table"><mount pos="0 0 {} mm" mount-error="0 0 {} mm"/>{}</device></devices>"""
+    text = ARM[: ARM.index("  <devices>")] + devices.format(-20, 3, felt) + ARM[ARM.index("  <interaction>") :]
+    text = text.replace('force-to="arm"', 'force-to="arm" surface-to="table"').replace("0 0 10 mm", "0 0 0 mm")
+    text = text.replace(
+        "</interaction>",
+        '<operator probe="finger"><motion><to pos="0 0 40 mm" in="1 ms" hold="9 s"/></motion></operator></interaction>',
+    )
+    scene, rig, lab = tmp_path / "scene.xml", tmp_path / "rig.xml", tmp_path / "lab"
+    lab.mkdir()
+    scene.write_text(text)
+    rig.write_text(f'<itouch version="1.0">{devices.format(-40, 0, "")}</itouch>')
+    assert cli(["calibrate", str(scene), "--kind", "touch-off"]) == 0
+
+    def height(*other: Path) -> float:
+        found: float = load_scene(scene, rig=other[0] if other else None).devices[1].mount.pos[2]
+        return found
+
+    assert height() == pytest.approx(-0.023, abs=2e-4)
+    assert height(rig) == -0.04
+    assert cli(["check", str(scene), "--rig", str(rig)]) == 0
+    told = f"touch-off of 'table' in scene.calibration.json, which is of the scene's own devices; itouch-py calibrate {scene}"
+    assert told in capsys.readouterr().out
+
+    other = lab / "other.xml"  # a rig in a folder of its own: its records lie beside it, and hold under every scene
+    other.write_text(f'<itouch version="1.0">{devices.format(-20, -2, felt)}</itouch>')
+    assert cli(["calibrate", str(scene), "--rig", str(other), "--kind", "touch-off"]) == 0
+    (record,) = calibration.read_records(lab / "other.calibration.json")
+    assert record.mount[2] == pytest.approx(-0.018, abs=2e-4)
+    assert height(other) == pytest.approx(-0.018, abs=2e-4)
+    assert height() == pytest.approx(-0.023, abs=2e-4)
+    past = (calibration.now() - datetime.timedelta(days=1)).isoformat()
+    calibration.write_records(lab / "other.calibration.json", [replace(record, expires=past)])
+    capsys.readouterr()
+    assert cli(["check", str(scene), "--rig", str(other)]) == 2
+    assert "itouch-py calibrate SCENE --rig RIG --device table --extend" in capsys.readouterr().err
+    assert cli(["calibrate", str(scene), "--rig", str(other), "--extend"]) == 0
+    assert "1 record extended" in capsys.readouterr().out
+    assert cli(["check", str(scene), "--rig", str(other)]) == 0
+    assert "not used with this rig" not in capsys.readouterr().out  # it has its own
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [

@@ -25,10 +25,16 @@ from itouch.schema.notebook import Shown
 
 @dataclass(frozen=True, slots=True)
 class Swapped:
-    """The scene's own devices and ``<safety>``, if another rig was put under the scene."""
+    """The scene's own devices and ``<safety>``, if another rig was put under the scene.
+
+    ``rig`` is the file whose devices replace these; empty: it brings no devices, and the scene keeps its own.
+    ``notes`` say what else of them does not hold for the rig's.
+    """
 
     devices: tuple[DeviceElement, ...]
     safety: Safety
+    rig: str = ""
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,7 +42,7 @@ def load_scene(
     catalog
         The plugins; default: those of this environment.
     records
-        Whether the calibration records beside the file are put into the scene.
+        Whether the calibration records beside the file, or beside the rig's, are put into the scene.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def load_scene(
     if any(problem.severity == "error" for problem in problems):
         raise SceneError(in_file_order([*problems, *further(scene, catalog, problems)]))
     chosen = scene if twin is None else choose_twins(scene, twin)
-    return calibrated(chosen, catalog=catalog, own=rig is None) if records else chosen
+    return calibrated(chosen, catalog=catalog) if records else chosen
 
 
 def choose_twins(scene: Scene, twin: str) -> Scene:

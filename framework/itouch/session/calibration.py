@@ -1,8 +1,10 @@
 """Calibration records beside a scene: what was measured, when, and until when it is valid.
 
-The file is ``NAME.calibration.json`` beside ``NAME.xml``.  Its records are put into the scene as it is loaded: poses
-into mounts, values into the plugin's parameters, so that a saved session has them.  A record of a twin is for the twin,
-one of hardware for hardware.  With an expired record a scene does not load until the record is renewed or extended.
+The file is ``NAME.calibration.json`` beside ``NAME.xml``, or beside the rig's file if its devices replace those of the
+scene: a record is of a device, and a device of the same name in another rig is another one.  Its records are put into
+the scene as it is loaded: poses into mounts, values into the plugin's parameters, so that a saved session has them.  A
+record of a twin is for the twin, one of hardware for hardware.  With an expired record a scene does not load until the
+record is renewed or extended.
 """
 
 from __future__ import annotations
@@ -60,14 +62,19 @@ def now() -> datetime.datetime:
 
 
 def file_of(scene: str | os.PathLike[str]) -> Path:
-    """Return the default file for the records of a scene file."""
+    """Return the default file for the records of a scene file, or of a rig's."""
     return Path(scene).with_suffix(".calibration.json")
 
 
+def home_of(scene: Scene) -> Path:
+    """Return the default file for the records of a scene's devices: beside the scene, or beside their rig."""
+    return file_of((scene.swapped.rig if scene.swapped is not None else "") or scene.source)
+
+
 def stored_in(scene: Scene, device: Any) -> Path:
-    """Return the file with a device's records: the one that its ``<calibration>`` names, or the scene's."""
+    """Return the file with a device's records: the one that its ``<calibration>`` names, or that of all."""
     named = device.calibration.stored_in if device.calibration is not None else ""
-    return Path(scene.folder) / named if named else file_of(scene.source)
+    return Path(scene.folder) / named if named else home_of(scene)
 
 
 def read_records(path: Path) -> list[CalibrationRecord]:
@@ -195,7 +202,7 @@ def offered(element: Any, catalog: Catalog) -> dict[str, Fit | None]:
     return own
 
 
-def calibrated(scene: Scene, *, stale: bool = False, catalog: Catalog | None = None, own: bool = True) -> Scene:
+def calibrated(scene: Scene, *, stale: bool = False, catalog: Catalog | None = None) -> Scene:
     """Return the scene with the records of its devices put in.
 
     Parameters
@@ -206,15 +213,13 @@ def calibrated(scene: Scene, *, stale: bool = False, catalog: Catalog | None = N
         Whether records that have expired, or no longer fit, are passed over, as when they are about to be renewed.
     catalog
         The plugins, which say what kinds of calibration a device has; None: kinds are not checked.
-    own
-        Whether the devices are the scene's own: with those of a rig, records of other devices may stand beside it.
 
     Raises
     ------
     SceneError
         If one has expired, no longer fits its device, or names a device or a kind that does not exist.
     """
-    problems: list[Problem] = [] if stale else list(_strangers(scene, catalog, own=own))
+    problems: list[Problem] = [] if stale else list(_strangers(scene, catalog))
     devices = []
     for device in scene.devices:
         path, changed = stored_in(scene, device), device
@@ -230,15 +235,35 @@ def calibrated(scene: Scene, *, stale: bool = False, catalog: Catalog | None = N
     if problems and not stale:
         raise SceneError(problems)
     same = all(one is other for one, other in zip(devices, scene.devices, strict=True))
-    return scene if same else replace(scene, devices=tuple(devices))
+    return _with_notes(scene if same else replace(scene, devices=tuple(devices)))
 
 
-def _strangers(scene: Scene, catalog: Catalog | None, *, own: bool) -> Iterator[Problem]:
+def _with_notes(scene: Scene) -> Scene:
+    """Return the scene with a note of the records that hold for its own devices and not for those of its rig."""
+    swapped = scene.swapped
+    if swapped is None or not swapped.rig or home_of(scene) == file_of(scene.source):
+        return scene
+    try:
+        theirs = {(one.device, one.kind, one.twin) for one in read_records(home_of(scene))}
+        own = read_records(file_of(scene.source))
+    except ItouchError:  # a file of records that are not used: what is wrong with it is said where they are
+        return scene
+    kinds = {device.name: device.twin for device in scene.devices}
+    lost = [one for one in own if kinds.get(one.device) == one.twin and (one.device, one.kind, one.twin) not in theirs]
+    words = ", ".join(f"{one.kind} of '{one.device}'" for one in lost)
+    told = (
+        f"not used with this rig: {words} in {file_of(scene.source).name}, which {'is' if len(lost) == 1 else 'are'} "
+        f"of the scene's own devices; itouch-py calibrate {scene.source} --rig {swapped.rig} keeps records of the rig's"
+    )
+    return replace(scene, swapped=replace(swapped, notes=(told,))) if lost else scene
+
+
+def _strangers(scene: Scene, catalog: Catalog | None) -> Iterator[Problem]:
     """Yield a problem for each record that would be put into nothing, because a name in it is misspelt."""
     if not scene.source.endswith(".xml"):
         return
     known = {device.name: device for device in scene.devices}
-    paths = dict.fromkeys([file_of(scene.source), *(stored_in(scene, device) for device in scene.devices)])
+    paths = dict.fromkeys([home_of(scene), *(stored_in(scene, device) for device in scene.devices)])
     for path in paths:
         for record in read_records(path) if path.suffix == ".json" else ():
             if record.device in known:
@@ -248,7 +273,7 @@ def _strangers(scene: Scene, catalog: Catalog | None, *, own: bool) -> Iterator[
                     sentence = f"device '{device.name}' has no calibration '{record.kind}' ({path.name})"
                     advice = did_you_mean(record.kind, kinds, "it has") or "remove the record"
                     yield Problem("calibration-stale", sentence, scene.places.of(device), advice)
-            elif (own and path == file_of(scene.source)) or meant(record.device, known):
+            elif path == home_of(scene) or meant(record.device, known):
                 sentence = (
                     f"calibration '{record.kind}' is of a device '{record.device}', which the scene does not have"
                 )
@@ -307,9 +332,9 @@ def _set(params: Any, names: list[str], value: float) -> Any:
 
 def _misfit(scene: Scene, device: Any, record: CalibrationRecord, path: Path, error: Exception) -> Problem:
     sentence = f"calibration '{record.kind}' of device '{device.name}' cannot be used: {error}"
-    advice = (
-        f"calibrate again, or confirm that it still holds: itouch-py calibrate SCENE --device {device.name} --extend"
-    )
+    rig = " --rig RIG" if scene.swapped is not None and scene.swapped.rig else ""
+    words = f"itouch-py calibrate SCENE{rig} --device {device.name} --extend"
+    advice = f"calibrate again, or confirm that it still holds: {words}"
     return Problem("calibration-stale", f"{sentence} ({path.name})", scene.places.of(device), advice)
 
 

@@ -56,9 +56,10 @@ def _is_moot(own: float | None, limits: Any, name: str, most: Mapping[str, tuple
 
 
 def differences(scene: Scene, devices: Mapping[str, DeviceModel], catalog: Catalog) -> Iterator[str]:
-    """Yield a notice for each limit that differs from that of the scene's own device, with who has set it."""
+    """Yield what does not hold with another rig, and each limit that differs from that of the scene's own device."""
     if scene.swapped is None:
         return
+    yield from scene.swapped.notes
     before = replace(scene, devices=scene.swapped.devices, safety=scene.swapped.safety, swapped=None, faults=())
     own = build_devices(before, catalog, [])
     for name, device in devices.items():

@@ -1,4 +1,4 @@
-"""``itouch-py calibrate``: measure what a scene's devices need, and keep the result with its date beside the scene."""
+"""``itouch-py calibrate``: measure what a scene's devices need; the dated result is kept beside the scene or rig."""
 
 from __future__ import annotations
 
@@ -58,6 +58,9 @@ def main(argv: Sequence[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(prog="itouch-py calibrate", description=main.__doc__)
     parser.add_argument("scene", metavar="SCENE.xml")
+    parser.add_argument(
+        "--rig", metavar="RIG.xml", help="the devices of another rig file; their records are kept beside it"
+    )
     parser.add_argument("--device", metavar="NAME", help="the device; default: the only one that has this calibration")
     parser.add_argument("--kind", metavar="KIND", help="touch-off, mount-fit, or one that the device offers")
     parser.add_argument(
@@ -89,7 +92,7 @@ def _scene(options: argparse.Namespace) -> Any:
     from itouch.session import load_scene
 
     catalog = Catalog()
-    scene = load_scene(options.scene, twin=options.twin, catalog=catalog, records=False)
+    scene = load_scene(options.scene, rig=options.rig, twin=options.twin, catalog=catalog, records=False)
     return calibration.calibrated(scene, stale=True), catalog
 
 
@@ -100,7 +103,7 @@ def _path(options: argparse.Namespace, device: Any) -> Path:
 
 def _paths(scene: Any) -> list[Path]:
     """Return the files that hold the scene's records, each once."""
-    return list(dict.fromkeys([calibration.file_of(scene.source), *(_stored(scene))]))
+    return list(dict.fromkeys([calibration.home_of(scene), *(_stored(scene))]))
 
 
 def _stored(scene: Any) -> list[Path]:

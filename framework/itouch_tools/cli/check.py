@@ -91,7 +91,7 @@ def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None
     except SceneError as error:
         problems += error.problems
     broken = any(problem.severity == "error" for problem in problems)
-    scene, unfit = (scene, ()) if broken else _calibrated(scene, catalog, own=rig is None)
+    scene, unfit = (scene, ()) if broken else _calibrated(scene, catalog)
     model, more = (None, further(scene, catalog, problems)) if broken else compile_scene(scene, catalog)
     unrecordable = recording_problems(model) if model is not None else []
     if model is not None and not unrecordable:
@@ -102,13 +102,13 @@ def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None
     return (None if unrecordable or unfit else model), in_file_order([*problems, *unfit, *more, *unrecordable])
 
 
-def _calibrated(scene: Scene, catalog: Catalog, *, own: bool) -> tuple[Scene, Sequence[Problem]]:
+def _calibrated(scene: Scene, catalog: Catalog) -> tuple[Scene, Sequence[Problem]]:
     """Return the scene with the records beside it put in, as a run has it, and the problems of these records."""
     from itouch.schema import ItouchError, Problem, SceneError
     from itouch.session.calibration import calibrated
 
     try:
-        return calibrated(scene, catalog=catalog, own=own), ()
+        return calibrated(scene, catalog=catalog), ()
     except SceneError as error:
         return scene, error.problems
     except ItouchError as error:
