@@ -20,7 +20,7 @@ from itouch.recording.recording import Recording
 from itouch.recording.tracks import Column, Track
 from itouch.schema.durable import replacing
 from itouch_tools.export.contacts import contacts_of
-from itouch_tools.export.tables import columns_of, lines, meanings_of, safe_name
+from itouch_tools.export.tables import columns_of, distinct, lines, meanings_of
 
 #: Version of the specification, and of its vocabulary of event tags, of which none is used.
 VERSION, HED = "1.10.0", "8.3.0"
@@ -88,16 +88,17 @@ def export_bids(
     readme = os.path.join(target, "README")
     Path(readme).write_text(_README.format(task=label, scene=Path(source).name or "of its own"), encoding="utf-8")
     written = [description, readme]
-    for track in recording.tracks.values():
-        name = f"{stem}_recording-{re.sub('[^A-Za-z0-9]', '', safe_name(track.name))}_physio"
-        written += _continuous(recording, track.name, name, label)
+    # labels are of letters and digits only: tracks 'arm-1' and 'arm_1' would have one file
+    words = [re.sub("[^A-Za-z0-9]", "", name)[:100] or "track" for name in recording.tracks]
+    labels = dict(zip(recording.tracks, distinct(words, joint="x"), strict=True))
+    for of in recording.tracks:
+        written += _continuous(recording, of, f"{stem}_recording-{labels[of]}_physio", label)
     moved = os.path.join(target, f"sub-{subject}", "motion")
     for track in recording.tracks.values():
         poses = [column for column in track.columns if track.replay and column.unit == "m" and column.size in (3, 7)]
         if poses:
-            system = re.sub("[^A-Za-z0-9]", "", safe_name(track.name))
             os.makedirs(moved, exist_ok=True)
-            name = os.path.join(moved, f"sub-{subject}_task-{label}_tracksys-{system}")
+            name = os.path.join(moved, f"sub-{subject}_task-{label}_tracksys-{labels[track.name]}")
             written += _motion(recording, track, poses, name, label)
     if os.path.isdir(moved):
         written += _events(recording, os.path.join(moved, f"sub-{subject}_task-{label}_events"), label)

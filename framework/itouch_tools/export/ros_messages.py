@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
-from itouch.recording.tracks import Column, identifier
+from itouch.recording.tracks import Column, Track, identifier
+from itouch_tools.export.tables import distinct
 
 #: Kelvin at 0 degC: ``sensor_msgs/Temperature`` is in degC.
 _ICE: Final = 273.15
@@ -29,6 +30,20 @@ def store() -> Any:
 def topic_of(name: str) -> str:
     """Return a name as part of a topic: letters, digits and underscores after slashes."""
     return "".join(f"/{identifier(part).replace('__', '_')}" for part in name.split("."))
+
+
+def topics_of(tracks: Iterable[Track]) -> dict[str, tuple[Track, Column]]:
+    """Return the topics of tracks: by its name, the track and the column of which each tells.
+
+    Names that differ only in what a topic must not have, such as ``arm-1`` and ``arm_1``, are told apart by a number.
+    """
+    listed = list(tracks)
+    found: dict[str, tuple[Track, Column]] = {}
+    for track, above in zip(listed, distinct([topic_of(track.name) for track in listed], joint="_"), strict=True):
+        columns = [column for column in track.columns if type_of(column)]
+        below = distinct([topic_of(column.name) for column in columns], joint="_")
+        found |= {above + name: (track, column) for name, column in zip(below, columns, strict=True)}
+    return found
 
 
 def type_of(column: Column) -> str:

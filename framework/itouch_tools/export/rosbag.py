@@ -20,7 +20,7 @@ from itouch.recording.recording import Recording
 from itouch.recording.tracks import Column, Track
 from itouch.recording.views import WORLD
 from itouch_tools.export.rerun_viewer import messages
-from itouch_tools.export.ros_messages import FRAMES, TEXT, Messages, store, topic_of, type_of
+from itouch_tools.export.ros_messages import FRAMES, TEXT, Messages, store, topics_of, type_of
 
 #: Version of the format: that of ROS 2 since Iron; Humble reads 8.
 _VERSION: Final = 9
@@ -43,8 +43,7 @@ def export_rosbag(recording: Recording, target: str) -> list[str]:
     place = Path(target)
     if place.exists() and (not place.is_dir() or any(place.iterdir())):
         raise ValueError(f"'{target}' is there already; name a folder that is empty or new")
-    topics = {f"{topic_of(track.name)}{topic_of(column.name)}": (track, column)
-              for track in recording.tracks.values() for column in track.columns if type_of(column)}  # fmt: skip
+    topics = topics_of(recording.tracks.values())
     if not topics:
         raise ValueError(f"'{recording.path}' has no pose, wrench, temperature or heat flux")
     place.parent.mkdir(parents=True, exist_ok=True)

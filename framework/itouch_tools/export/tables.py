@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, TextIO
 
 import numpy as np
@@ -17,6 +17,9 @@ from itouch.schema.durable import replacing
 from itouch.schema.units import CELSIUS_OFFSET
 
 _BLOCK = 4096
+#: Tables of a folder that are not those of a track, which may bear the same name.
+_LISTS, _MEANINGS = ("events", "marks", "faults"), "columns"
+_TABLES = (*_LISTS, _MEANINGS)
 
 Columns = dict[str, tuple[str, NDArray[np.generic]]]
 
@@ -110,17 +113,18 @@ def export_csv(recording: Recording, target: str) -> list[str]:
     written: list[str] = []
     described: Columns = {}
     meanings: dict[str, str] = {}
-    for track in recording.tracks.values():
-        written.append(os.path.join(target, f"{safe_name(track.name)}.csv"))
+    names = distinct(map(safe_name, recording.tracks), taken=_TABLES)
+    for name, track in zip(names, recording.tracks.values(), strict=True):
+        written.append(os.path.join(target, f"{name}.csv"))
         with replacing(written[-1]) as new, open(new, "w", encoding="utf-8") as stream:
             write_csv(stream, columns_of(recording, track, celsius=True))
         described |= columns_of(recording, track, celsius=True, prefix=track.name + ".")
         meanings |= meanings_of(track, prefix=track.name + ".")
-    for name, rows in (("events", recording.events), ("marks", recording.marks), ("faults", recording.faults)):
+    for name, rows in zip(_LISTS, (recording.events, recording.marks, recording.faults), strict=True):
         written.append(os.path.join(target, f"{name}.csv"))
         with replacing(written[-1]) as new, open(new, "w", encoding="utf-8") as stream:
             _write_letters(stream, rows)
-    return [*written, _write_meanings(os.path.join(target, "columns.csv"), described, meanings)]
+    return [*written, _write_meanings(os.path.join(target, f"{_MEANINGS}.csv"), described, meanings)]
 
 
 def _write_meanings(path: str, columns: Columns, meanings: Mapping[str, str]) -> str:
@@ -150,6 +154,23 @@ def safe_name(name: str) -> str:
     """Return a name that is safe as a file's name, whatever the recording says."""
     word = "".join(c if c.isalnum() or c in "-_." else "-" for c in name).lstrip(".")
     return word[:100] or "track"
+
+
+def distinct(words: Iterable[str], *, taken: Iterable[str] = (), joint: str = "-") -> list[str]:
+    """Return words that all differ, also without regard to case: a number after ``joint`` tells equal ones apart.
+
+    None of them is one of ``taken``.  Names of tracks that differ may become one and the same name of a file or topic.
+    """
+    found: list[str] = []
+    seen = {word.casefold() for word in taken}
+    for word in words:
+        name, number = word, 1
+        while name.casefold() in seen:
+            number += 1
+            name = f"{word}{joint}{number}"
+        seen.add(name.casefold())
+        found.append(name)
+    return found
 
 
 def export_parquet(recording: Recording, target: str) -> list[str]:
@@ -186,7 +207,7 @@ def export_parquet(recording: Recording, target: str) -> list[str]:
         return [target]
     os.makedirs(target, exist_ok=True)
     written = []
-    for track in recording.tracks.values():
-        written.append(os.path.join(target, f"{safe_name(track.name)}.parquet"))
+    for name, track in zip(distinct(map(safe_name, recording.tracks)), recording.tracks.values(), strict=True):
+        written.append(os.path.join(target, f"{name}.parquet"))
         put(written[-1], columns_of(recording, track, celsius=False), meanings_of(track))
     return written
