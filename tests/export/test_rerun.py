@@ -140,9 +140,12 @@ def test_the_scene_is_found_with_its_times(session: Any) -> None:
 
 def test_a_recording_that_was_cut_says_what_to_do(session: Any, tmp_path: Path) -> None:
     data = session[2].read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(data[: len(data) * 2 // 3])
-    with pytest.raises(RecordingError, match="itouch-py recover"):
-        list(messages(read(tmp_path / "cut.mcap")))
+    for count in (len(data) * 2 // 3, len(data) - 1):  # inside its samples, and inside its last line
+        (tmp_path / "cut.mcap").write_bytes(data[:count])
+        cut = read(tmp_path / "cut.mcap")
+        with pytest.raises(RecordingError, match="itouch-py recover") as raised:
+            list(messages(cut))
+        assert cut.losses[0] in str(raised.value)
 
 
 class Spy:

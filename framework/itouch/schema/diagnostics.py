@@ -42,6 +42,11 @@ def raised_at(error: BaseException) -> TracebackType | None:
     return found
 
 
+def reason(error: BaseException) -> str:
+    """Return the message of an error, or the name of its class if it has none."""
+    return spoken(error) or class_of(error)
+
+
 def named(error: BaseException) -> str:
     """Return the name of an error's class, and its message if it has one."""
     text = spoken(error)

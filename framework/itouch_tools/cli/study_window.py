@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from itouch.schema.diagnostics import reason
 from itouch_tools.study.answers import Question, Stopped
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ class WindowAnswers:
 
             self.window = AskingWindow(look=LIGHT if light else DARK, page=page, fullscreen=fullscreen)
         except Exception as error:  # pyglet raises other exceptions on each platform
-            raise GraphicsError(f"no window: {error or type(error).__name__}\n  = help: {ADVICE}") from error
+            raise GraphicsError(f"no window: {reason(error)}\n  = help: {ADVICE}") from error
 
     def ask(self, question: Question) -> None:
         """Take answers from now on."""
@@ -85,4 +86,4 @@ def operators_window(*, light: bool = False) -> Operator:
 
         return OperatorWindow(look=LIGHT if light else DARK)
     except Exception as error:  # pyglet raises other exceptions on each platform
-        raise GraphicsError(f"no window: {error or type(error).__name__}\n  = help: {ADVICE}") from error
+        raise GraphicsError(f"no window: {reason(error)}\n  = help: {ADVICE}") from error

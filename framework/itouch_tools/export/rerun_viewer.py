@@ -22,6 +22,7 @@ from itouch.recording.recording import Recording
 from itouch.recording.tracks import Track
 from itouch.recording.views import TOPICS, WORLD
 from itouch.recording.wellknown import decode
+from itouch.schema.diagnostics import reason
 from itouch_tools.export.tables import columns_in
 
 #: Name of the time axis, and most panels of curves.
@@ -75,9 +76,10 @@ def messages(recording: Recording) -> Iterator[tuple[float, str, dict[str, Any]]
                 name = TOPICS[channel.topic]
                 yield (message.log_time - start) / 1e9, name, decode(name, message.data)
     except (McapError, ValueError, EOFError) as error:
+        # where the file was cut, what the reader of its index stumbled over says nothing
+        why = recording.losses[0] if recording.losses else reason(error)
         raise RecordingError(
-            f"the 3-D scene of '{recording.path}' can't be read ({error or type(error).__name__}); make it whole with "
-            f"`itouch-py recover`"
+            f"the 3-D scene of '{recording.path}' can't be read ({why}); make it whole with `itouch-py recover`"
         ) from error
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Record
 from itouch.schema import ItouchError
+from itouch.schema.diagnostics import reason
 from itouch.world import Model
 from itouch_tools.viewer.context import config
 from itouch_tools.viewer.overlay import SessionStatus
@@ -87,7 +88,7 @@ def open_context(width: int, height: int) -> Any:
 
         return pyglet.window.Window(width, height, visible=False, config=config(), vsync=False)
     except Exception as error:  # pyglet raises other exceptions on each platform
-        raise GraphicsError(f"no OpenGL 3.3 context: {error or type(error).__name__}\n  = help: {ADVICE}") from error
+        raise GraphicsError(f"no OpenGL 3.3 context: {reason(error)}\n  = help: {ADVICE}") from error
 
 
 def open_window(link: Link, now: Callable[[], float], *, handle: Handle | None = None, mute: bool = False) -> Window:
@@ -109,7 +110,7 @@ def open_window(link: Link, now: Callable[[], float], *, handle: Handle | None =
     except ItouchError:
         raise
     except Exception as error:  # pyglet raises many kinds, one a platform
-        raise GraphicsError(f"no OpenGL 3.3 window: {error or type(error).__name__}\n  = help: {ADVICE}") from error
+        raise GraphicsError(f"no OpenGL 3.3 window: {reason(error)}\n  = help: {ADVICE}") from error
 
 
 def open_player(playback: Playback, now: Callable[[], float]) -> Player:
@@ -130,7 +131,7 @@ def open_player(playback: Playback, now: Callable[[], float]) -> Player:
     except ItouchError:
         raise
     except Exception as error:  # pyglet raises many kinds, one a platform
-        raise GraphicsError(f"no OpenGL 3.3 window: {error or type(error).__name__}\n  = help: {ADVICE}") from error
+        raise GraphicsError(f"no OpenGL 3.3 window: {reason(error)}\n  = help: {ADVICE}") from error
 
 
 class Offscreen:
