@@ -57,6 +57,24 @@ np.savez(sys.argv[2], **pictures)
 """
 
 
+#: Draw a scene of two fingers, and tell with which words, where the names of its curves stand, and what they are.
+KEYS = """
+import json, sys, itouch
+from itouch_tools.viewer.offscreen import Offscreen
+from itouch_tools.viewer.text import Text
+session = itouch.build(sys.argv[1])
+shots, told, put = Offscreen(session.model, width=1280, height=720), [], Text.put
+def keep(self, words, x, y, *rest, size, **more):
+    told.append((words, x, y, self.width(size) * len(words)))
+    put(self, words, x, y, *rest, size=size, **more)
+Text.put = keep
+session.run(1.0, each=lambda: shots.picture.ring.add(session.state), every=10)
+shots.shoot(session.state)
+print(json.dumps([[signal.label for chart in shots.picture.ring.charts for signal in chart.signals], told]))
+shots.close()
+"""
+
+
 def without_display() -> dict[str, str]:
     return {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
 
@@ -168,3 +186,17 @@ def test_a_picture_of_a_time_that_never_came_is_said(tmp_path: Path):
     assert "the run ended at" in done.stderr and "Traceback" not in done.stderr
     assert json.loads(report.read_text())["simulated_s"] > 2.0  # whatever failed, the rest is written
     assert itouch.restore(kept).seconds > 2.0 and film.stat().st_size > 1000
+
+
+def test_each_curve_of_two_fingers_is_named_in_the_key() -> None:
+    need_graphics()
+    done = subprocess.run(
+        [sys.executable, "-c", KEYS, str(SCENES / "two_fingers.xml")], capture_output=True, text=True, check=True,
+        env=without_display(),
+    )  # fmt: skip
+    curves, told = json.loads(done.stdout.splitlines()[-1])
+    assert len(curves) == 4
+    keys = [next(place for place in told if place[0].startswith(name)) for name in curves]
+    for words, x, y, wide in keys:
+        assert x + wide <= 1280.0, f"{words} is cut"
+        assert all(other is words or line != y or left >= x + wide or left < x for other, left, line, _ in keys)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,12 @@ Values = NDArray[np.float64]
 LEAST_HEIGHT = 10.5
 #: Least width of a chart that stands beside others, in sizes of a letter.
 LEAST_WIDTH = 34.0
-#: Height of the time axis's labels, and the gap between two charts, in sizes of a letter.
-_AXIS, _GAP = 2.4, 0.8
+#: Height of the time axis's labels, the gap between two charts, and the height of a line of keys, in sizes of a letter.
+_AXIS, _GAP, KEY = 2.4, 0.8, 1.7
+#: Width of a key's line with the space after it, in sizes of a letter; space between two keys, in widths of a letter.
+SWATCH, _APART = 2.3, 1.6
+#: Least height of the part with the curves, in sizes of a letter.
+LEAST_INNER = 3.0
 
 
 def arranged(count: int, area: Rectangle, size: float) -> list[tuple[Rectangle, float]]:
@@ -39,10 +44,31 @@ def arranged(count: int, area: Rectangle, size: float) -> list[tuple[Rectangle, 
     return found
 
 
-def inner(area: Rectangle, foot: float, size: float) -> Rectangle:
-    """Return the part of a chart's area in which its curves are drawn."""
+def keyed(words: Sequence[str], width: float, letter: float, size: float) -> list[tuple[int, float]]:
+    """Return the line, from 0, and the left end [pixels] of each key; one that has no room beside others begins a line.
+
+    ``width`` and ``letter`` are those of a line and of a letter [pixels].
+    """
+    found, x, line = [], 0.0, 0
+    for said in words:
+        wide = SWATCH * size + len(said) * letter
+        if x > 0.0 and x + wide > width:
+            x, line = 0.0, line + 1
+        found.append((line, x))
+        x += wide + _APART * letter
+    return found
+
+
+def key_lines(area: Rectangle, foot: float, size: float) -> int:
+    """Return for how many lines of keys a chart has room, one at least."""
+    room = inner(area, foot, size)[3] - LEAST_INNER * size
+    return 1 + max(0, int(room / (KEY * size)))
+
+
+def inner(area: Rectangle, foot: float, size: float, lines: int = 1) -> Rectangle:
+    """Return the part of a chart's area in which its curves are drawn, below some lines of keys."""
     left, bottom, width, height = area
-    head, foot = 4.3 * size, foot + 0.9 * size
+    head, foot = (4.3 + KEY * (lines - 1)) * size, foot + 0.9 * size
     return left + 5.0 * size, bottom + foot, width - 6.4 * size, height - foot - head
 
 

@@ -50,12 +50,13 @@ def _chart(
     paint.draw(gl.GL_TRIANGLES, rectangle(area, look().panel), seen)
     title = titled(chart.title, chart.unit, int((width - 1.8 * size) / text.width(size)))
     text.put(title, left + 0.9 * size, bottom + height - 1.8 * size, look().words, size=size)
-    x0, y0, w, h = chart_layout.inner(area, foot, size)
-    if h < 3.0 * size:
+    if chart_layout.inner(area, foot, size)[3] < chart_layout.LEAST_INNER * size:
         return
     times, values = ring.curves(chart)
     keys = (left + 0.9 * size, bottom + height - 3.5 * size, width - 1.8 * size, size)
-    _keys(chart, values, chart_layout.sample(times, cursor), paint, text, keys, seen)
+    most = chart_layout.key_lines(area, foot, size)
+    told = _keys(chart, values, chart_layout.sample(times, cursor), paint, text, keys, seen, most)
+    x0, y0, w, h = chart_layout.inner(area, foot, size, told)
     low, high = span(values, chart.least)
     lines = []
     for value in ticks(low, high, round(h / (2.0 * size))):
@@ -130,25 +131,33 @@ def _time_axis(
 
 
 def _keys(
-    chart: Chart, values: Values, index: int, paint: Paint, text: Text, place: Rectangle, seen: NDArray[np.float64]
-) -> None:
-    """Draw the key: each curve's line and name, and its value at a sample; as many of them as there is room for."""
+    chart: Chart, values: Values, index: int, paint: Paint, text: Text, place: Rectangle, seen: NDArray[np.float64],
+    most: int,
+) -> int:  # fmt: skip
+    """Draw the key: each curve's line and name, and its value at a sample if all have room in a line.
+
+    Names that have no room in one line go on in others, at most ``most``.  Returns the number of lines.
+    """
     left, y, width, size = place
-    x, small = left, 0.9 * size
+    small = 0.9 * size
     letter = text.width(small)
     shown = [(row, s) for row, s in zip(values, chart.signals, strict=True) if not _silent(row, s, index)]
     signals = [signal for _, signal in shown]
     said = [f"{signal.label} {chart_layout.told(row, chart.digits, index)}" for row, signal in shown]
-    if sum(2.3 * size + (len(words) + 1.6) * letter for words in said) > width:
+    places = chart_layout.keyed(said, width, letter, size)
+    if any(row for row, _ in places):
         said = [signal.label for signal in signals]
-    for words, signal in zip(said, signals, strict=True):
-        if x + 2.3 * size + len(words) * letter > left + width:
-            return
+        places = chart_layout.keyed(said, width, letter, size)
+    lines = 1
+    for words, signal, (row, right) in zip(said, signals, places, strict=True):
+        if row >= most:
+            break
+        lines, x, foot = row + 1, left + right, y - chart_layout.KEY * size * row
         for begin, end in ((0.0, 0.7), (1.1, 1.8)) if signal.dashed else ((0.0, 1.8),):
-            piece = (x + begin * size, y + 0.3 * size, (end - begin) * size, 0.28 * size)
+            piece = (x + begin * size, foot + 0.3 * size, (end - begin) * size, 0.28 * size)
             paint.draw(gl.GL_TRIANGLES, rectangle(piece, (*look().drawn(signal.colour), 1.0)), seen)
-        text.put(words, x + 2.3 * size, y, look().drawn(signal.colour), size=small)
-        x += 2.3 * size + (len(words) + 1.6) * letter
+        text.put(words, x + chart_layout.SWATCH * size, foot, look().drawn(signal.colour), size=small)
+    return lines
 
 
 def _silent(row: Values, signal: Signal, index: int) -> bool:
