@@ -339,6 +339,34 @@ def test_what_is_no_text_is_written_as_one(recorded):
     assert text.encode()
 
 
+@pytest.fixture(scope="module")
+def untouched(tmp_path_factory):
+    """The page of a session without a plate in which nothing is touched: its forces are zero all the time."""
+    folder = tmp_path_factory.mktemp("untouched")
+    done = program(
+        "run", SCENES / "first_touch.xml", "--headless", "--for", "0.3s", "--record", folder / "run.mcap"
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    (folder / "run.html").write_text(page(collect(folder / "run.mcap")))
+    return folder
+
+
+def test_where_there_is_no_plate_no_curve_tells_of_one(untouched):
+    charts = {
+        chart.title: [line.label for line in chart.lines] for chart in collect(untouched / "run.mcap").curves.charts
+    }
+    assert charts == {"force": ["virtual", "felt"]}
+
+
+def test_numbers_at_the_axis_of_a_constant_curve_are_not_cut(untouched, browser):
+    browser.open(untouched / "run.html", width=1000, height=900)
+    browser.run(SETTLE)
+    left = "t => t.getBoundingClientRect().left - t.closest('svg').getBoundingClientRect().left"
+    texts = "[...document.querySelectorAll('[id^=chart] text.tick')]"
+    assert browser.run(f"{texts}.length") > 5
+    assert browser.run(f"Math.min(...{texts}.map({left}))") >= 0.0
+
+
 @pytest.mark.parametrize("name", ["missing.mcap", "missing.itouch", "empty.mcap", "empty.itouch"])
 def test_a_file_that_is_none_is_refused(tmp_path, name):
     if name.startswith("empty"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -111,9 +112,13 @@ SURFACE = (
 )
 
 
-def probe_fields(objects: int) -> tuple[Field, ...]:
-    """Return the State of a probe in a scene with this many objects."""
-    return (
+def probe_fields(objects: int, *, carried: bool = True) -> tuple[Field, ...]:
+    """Return the State of a probe in a scene with this many objects.
+
+    ``carried``: whether a plate is brought to its finger.  Where none is, its gap and its force stay zero, and are no
+    curves: they would tell of a plate that is exactly where it should be.
+    """
+    found = (
         *FIGURES,
         *SURFACE,
         Field("object", "i8", low=-1, high=objects - 1, unit="1", doc="number of the touched object, -1: none"),
@@ -152,7 +157,11 @@ def probe_fields(objects: int) -> tuple[Field, ...]:
         *_CONTACT,
         *PLATE,
     )
+    return found if carried else tuple(replace(f, show="no") if f.name in _OF_A_PLATE else f for f in found)
 
+
+#: Curves of a session's page that there are only where a plate is brought to the finger.
+_OF_A_PLATE = ("plate_gap", "plate_force")
 
 #: The open contact.
 _CONTACT = (

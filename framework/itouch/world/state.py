@@ -117,7 +117,7 @@ def _objects(model: Model) -> list[Field]:
 def _probe(model: Model, probe: ProbeModel) -> list[Field]:
     """Return the fields of a probe: what it renders and remembers, and the hand and finger that lead it."""
     name = probe.name
-    fields = _own(name, probe_fields(len(model.objects)))
+    fields = _own(name, probe_fields(len(model.objects), carried=name in model.surfaces))
     low, high = model.geometry.memory_range()
     what = "what the contact search remembers from one tick to the next"
     fields.append(Field(f"{name}.memory", "f8", model.memory_size, low, high, unit="mixed", doc=what))

@@ -124,7 +124,8 @@ class Chart {
     this.box = { x: EDGE.left, y: EDGE.top, w: width - EDGE.left - EDGE.right, h: height - EDGE.top - EDGE.bottom };
     const { all, set } = this.extents(), range = this.group.range;
     let [low, high] = set[0] <= set[1] ? set : [0, 1];
-    const gap = this.look.log ? 0 : 0.06 * (high - low) || Math.max(0.05 * Math.abs(high), 1e-9);
+    // where all values are the same, the axis is as high as in the window: the numbers at a finer one would be cut
+    const gap = this.look.log ? 0 : 0.06 * (high - low) || Math.max(0.05 * Math.abs(high), 0.5 * this.chart.least || 0.5);
     low -= gap; high += gap;
     this.x = value => this.box.x + (value - range[0]) / (range[1] - range[0]) * this.box.w;
     this.y = value => this.box.y + (high - value) / (high - low) * this.box.h;

@@ -46,11 +46,12 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """Curves that share a unit and an axis."""
+    """Curves that share a unit and an axis; ``least`` is the height of the axis where all values are the same."""
 
     title: str
     unit: str
     lines: tuple[Line, ...]
+    least: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,4 +144,4 @@ def _charts(model: Model) -> Iterator[Chart]:
     """Yield the charts that the window shows, and those that only the page has."""
     for chart in charts(model, page=True):
         lines = tuple(Line(one.label, one.dashed, one.read, one.doc) for one in chart.signals)
-        yield Chart(chart.title, chart.unit, lines)
+        yield Chart(chart.title, chart.unit, lines, chart.least)

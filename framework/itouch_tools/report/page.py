@@ -150,7 +150,7 @@ def _data(findings: Findings) -> dict[str, Any]:
     if curves is None:
         return {"charts": [], "spans": spans, "histograms": made}
     charts = [
-        {"title": chart.title, "unit": chart.unit,
+        {"title": chart.title, "unit": chart.unit, "least": chart.least,
          "signals": [{"label": line.label, "wish": line.wish, "doc": line.doc} for line in chart.lines]}
         for chart in curves.charts
     ]  # fmt: skip
