@@ -169,6 +169,16 @@ def test_a_fault_is_raised_with_its_cause_and_the_report_stays() -> None:
         assert np.all(handle.state["arm.sent.wrench"] == 0.0)
 
 
+def test_a_report_that_is_wanted_while_the_session_ends_is_that_of_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between the end of the servo process and the reading of its last message, it was 'session ... has ended'."""
+    with itouch.launch(FIRST, seconds=0.2) as handle:
+        wait, read = handle._guarded.wait, threading.Event()
+        monkeypatch.setattr(handle._guarded, "wait", lambda: (read.wait(300), wait()))
+        _until(lambda: not handle.link.alive)
+        threading.Timer(0.1, read.set).start()
+        assert handle.report()["servo"]["ticks"] == 200
+
+
 def _scene(text: str) -> itouch.Scene:
     from itouch.plugin.discovery import Catalog
     from itouch.scene import loads

@@ -260,7 +260,12 @@ class Handle:
         if not self._over.is_set():
             with self._answers:
                 before = self._answered
-                self.link.command("report")
+                try:
+                    self.link.command("report")
+                except ServoError:
+                    if self.link.alive:  # it takes no commands
+                        raise
+                # else it is ending: its last message, which has the report, may not have been read yet
                 self._answers.wait_for(lambda: self._answered > before or self._over.is_set(), END_TIME)
         if self._report is None:
             self._raised = True
