@@ -80,6 +80,22 @@ def test_the_tree_of_frames_leads_from_each_device_to_the_world(recorded: Any) -
             frame = above[frame]
 
 
+def test_what_a_scene_chose_of_a_device_is_in_the_frame_of_the_device(tmp_path: Path) -> None:
+    text = (SCENES / "first_touch.xml").read_text(encoding="utf-8")
+    mounted = '<device name="arm" plugin="usb-arm"><mount pos="100 0 0 mm"/></device>'
+    text = text.replace('<device name="arm" plugin="usb-arm"/>', mounted)
+    chosen = '<record to="run.mcap" channels="arm.pose arm.twin.pose finger.proxy" rate="100 Hz"/>'
+    (tmp_path / "mounted.xml").write_text(text.replace("</interaction>", f"</interaction>{chosen}"), encoding="utf-8")
+    for words in (("run", "mounted.xml", "--headless", "--for", "50ms"), ("export", "run.mcap", "--rosbag", "bag")):
+        done = program(*words, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    found = messages(tmp_path / "bag")
+    for topic in ("/arm/pose", "/chosen_arm_100Hz/pose", "/chosen_arm_100Hz/twin/pose"):
+        _, _, message = found[topic][0]
+        assert message.pose.position.x < -0.09 and message.header.frame_id == "device/arm", topic
+    assert found["/chosen_finger_100Hz/proxy"][0][2].header.frame_id == "world"
+
+
 def test_what_is_there_stays(recorded: Any, tmp_path: Path) -> None:
     recording, bag = recorded
     before = {path.name: path.read_bytes() for path in bag.iterdir()}

@@ -6,10 +6,11 @@ and serializes them, without an installation of ROS.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from itouch.recording.tracks import Column, Track, identifier
+from itouch.recording.views import WORLD
 from itouch_tools.export.tables import distinct
 
 #: Kelvin at 0 degC: ``sensor_msgs/Temperature`` is in degC.
@@ -56,6 +57,15 @@ def type_of(column: Column) -> str:
         ("K", 1): "sensor_msgs/msg/Temperature", ("W/m^2", 1): "std_msgs/msg/Float64",
     }  # fmt: skip
     return kinds.get((column.unit, max(1, column.size)), "")
+
+
+def frame_of(column: Column, frames: Container[str]) -> str:
+    """Return the frame of a column's poses, points and wrenches: of what a device has, its own, else the world.
+
+    ``frames`` are those of the 3-D scene.  The field of State says whose a column is, at whatever rate it is recorded.
+    """
+    own = f"device/{column.field.partition('.')[0]}"
+    return own if own in frames else WORLD
 
 
 class Messages:

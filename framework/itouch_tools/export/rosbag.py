@@ -18,9 +18,8 @@ import numpy as np
 
 from itouch.recording.recording import Recording
 from itouch.recording.tracks import Column, Track
-from itouch.recording.views import WORLD
 from itouch_tools.export.rerun_viewer import messages
-from itouch_tools.export.ros_messages import FRAMES, TEXT, Messages, store, topics_of, type_of
+from itouch_tools.export.ros_messages import FRAMES, TEXT, Messages, frame_of, store, topics_of, type_of
 
 #: Version of the format: that of ROS 2 since Iron; Humble reads 8.
 _VERSION: Final = 9
@@ -62,10 +61,9 @@ def _fill(writer: Any, recording: Recording, topics: dict[str, tuple[Track, Colu
     frames = {transform["child_frame_id"] for _, _, content in messages(recording)
               for transform in content.get("transforms", ())}  # fmt: skip
     for topic, (track, column) in topics.items():
-        own = f"device/{track.name}"
         rows = recording[track.name]
         times, values = rows["time"], np.asarray(rows[column.name], np.float64).reshape(len(rows), -1)
-        kind, make = type_of(column), ros.maker(column, own if own in frames else WORLD)
+        kind, make = type_of(column), ros.maker(column, frame_of(column, frames))
         _write(writer, topic, kind, ros, zip(times.tolist(), map(make, times.tolist(), values.tolist()), strict=True))
     told = ((time, ros.frames(time, content["transforms"])) for time, name, content in messages(recording)
             if name == "FrameTransforms")  # fmt: skip

@@ -18,13 +18,13 @@ import numpy as np
 from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
 from itouch.recording.tracks import Column
-from itouch.recording.views import WORLD, Drawing
+from itouch.recording.views import Drawing
 from itouch.schema import ItouchError
 from itouch.servo import Link
 from itouch.session.row_layout import replay_tracks
 from itouch.session.viewer_geometry import view_of
 from itouch.world import Model
-from itouch_tools.export.ros_messages import FRAMES, TEXT, Messages, store, topics_of, type_of
+from itouch_tools.export.ros_messages import FRAMES, TEXT, Messages, frame_of, store, topics_of, type_of
 from itouch_tools.viewer.live.published_states import Moment, Moments, News
 
 #: Rate [Hz] at which topics are published, by default.
@@ -64,10 +64,9 @@ class Topics:
         frames = {frame.name for frame in view.frames}
         self._lines: list[tuple[Any, Column, Callable[[float, Any], Any]]] = []
         self._all: list[Any] = []
-        for topic, (track, column) in topics_of(replay_tracks(model, state)).items():
-            own = f"device/{track.name}"
+        for topic, (_, column) in topics_of(replay_tracks(model, state)).items():
             line = self._publisher(topic, type_of(column))
-            self._lines.append((line, column, self._make.maker(column, own if own in frames else WORLD)))
+            self._lines.append((line, column, self._make.maker(column, frame_of(column, frames))))
         self._frames = self._publisher("/tf", FRAMES)
         self._events, self._marks = self._publisher("/events", TEXT), self._publisher("/marks", TEXT)
         if not self._lines:
