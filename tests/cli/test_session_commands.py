@@ -222,8 +222,8 @@ def test_bids_has_a_sidecar_with_every_unit(kept: Path, tmp_path: Path) -> None:
     pose = [float(row[sidecar["Columns"].index("pose.z")]) for row in rows]
     assert np.array_equal(pose, itouch.read(kept / "r.mcap")["arm.pose"][:, 2])
     events = Path(f"{stem}_events.tsv").read_text(encoding="utf-8").splitlines()
-    assert events[0].split("\t") == ["onset", "duration", "trial_type", "value"]
-    assert any(line.split("\t")[2:] == ["contact", "block"] for line in events)
+    assert events[0].split("\t") == ["onset", "duration", "trial_type", "value", "source"]
+    assert any(line.split("\t")[2:] == ["contact", "block", "finger"] for line in events)
     described = json.loads((tmp_path / "dataset_description.json").read_text(encoding="utf-8"))
     assert described["Authors"] and (tmp_path / "README").is_file()
     packed = Path(f"{stem}_recording-arm_physio.tsv.gz").read_bytes()

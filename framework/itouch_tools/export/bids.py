@@ -172,17 +172,18 @@ def _motion(recording: Recording, track: Track, poses: list[Column], stem: str, 
 
 
 def _events(recording: Recording, stem: str, task: str) -> list[str]:
-    rows: list[tuple[float, float | None, str, str]] = []
+    rows: list[tuple[float, float | None, str, str, str]] = []
     for contact in contacts_of(recording):
         duration = None if contact.end is None else contact.end - contact.begin
-        rows.append((contact.begin, duration, "contact", contact.object))
-    rows += [(mark["time"], 0.0, "mark", f"{mark['name']} {mark['payload']}".strip()) for mark in recording.marks]
-    rows += [(fault["time"], 0.0, "fault", str(fault.get("cause", ""))) for fault in recording.faults]
+        rows.append((contact.begin, duration, "contact", contact.object, contact.probe))
+    rows += [(mark["time"], 0.0, "mark", f"{mark['name']} {mark['payload']}".strip(), "") for mark in recording.marks]
+    rows += [(fault["time"], 0.0, "fault", str(fault.get("cause", "")), str(fault.get("device", "")))
+             for fault in recording.faults]  # fmt: skip
     with replacing(stem + ".tsv") as new, open(new, "w", encoding="utf-8") as stream:
-        stream.write("onset\tduration\ttrial_type\tvalue\n")
-        for onset, duration, kind, value in sorted(rows, key=lambda row: row[0]):
-            text = value.replace("\t", " ").replace("\n", " ") or "n/a"
-            stream.write(f"{onset!r}\t{'n/a' if duration is None else repr(duration)}\t{kind}\t{text}\n")
+        stream.write("onset\tduration\ttrial_type\tvalue\tsource\n")
+        for onset, duration, kind, *words in sorted(rows, key=lambda row: row[0]):
+            texts = "\t".join(word.replace("\t", " ").replace("\n", " ") or "n/a" for word in words)
+            stream.write(f"{onset!r}\t{'n/a' if duration is None else repr(duration)}\t{kind}\t{texts}\n")
     _json(
         stem + ".json",
         {
@@ -194,6 +195,7 @@ def _events(recording: Recording, stem: str, task: str) -> list[str]:
             "duration": {"Units": "s", "Description": "of a contact; n/a if it was still open"},
             "trial_type": {"Levels": {"contact": "a touch", "mark": "a mark or trial marker", "fault": "a fault"}},
             "value": {"Description": "object of a contact, name and payload of a mark, cause of a fault"},
+            "source": {"Description": "probe of a contact, device of a fault; n/a of a mark"},
         },
     )
     return [stem + ".tsv", stem + ".json"]

@@ -144,7 +144,9 @@ def _write_letters(stream: TextIO, rows: Sequence[dict[str, object]]) -> None:
 
 
 def _quoted(value: object) -> str:
-    if isinstance(value, list):
+    if isinstance(value, dict) or (isinstance(value, list) and any(isinstance(part, dict | list) for part in value)):
+        value = json.dumps(value)  # as the payloads of marks: programs in any language read it
+    elif isinstance(value, list):
         value = " ".join(map(str, value))
     text = "" if value is None else str(value)
     return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\n') else text
