@@ -11,7 +11,8 @@ import pytest
 from program import program
 from shipped import SCENES
 
-from itouch.recording import read
+from itouch.recording import Recording, read
+from itouch_tools.export.contacts import contacts_of
 
 
 @pytest.fixture(scope="module")
@@ -46,3 +47,38 @@ def test_what_a_fault_consists_of_is_json_in_its_table(kept: Path) -> None:
     for row, fault in zip(rows, faults, strict=True):
         for name in ("safe", "injected"):
             assert (json.loads(row[name]) if row[name] else None) == fault.get(name)
+
+
+@pytest.fixture(scope="module")
+def resumed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording that begins in a touch: its session goes on from a snapshot."""
+    folder = tmp_path_factory.mktemp("resumed")
+    for words in (
+        ("run", SCENES / "first_touch.xml", "--headless", "--for", "1s", "--save", "half.itouch"),
+        ("run", "half.itouch", "--headless", "--record", "rest.mcap", "--report", "rest.json"),
+    ):
+        done = program(*map(str, words), cwd=folder)
+        assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_a_touch_that_began_before_the_recording_is_among_its_contacts(resumed: Path) -> None:
+    (contact,) = json.loads((resumed / "rest.json").read_text(encoding="utf-8"))["contacts"]
+    assert contact["begin_s"] < 1.0 < contact["end_s"]
+    done = program("inspect", "rest.mcap", "--json", cwd=resumed)
+    (span,) = json.loads(done.stdout)["contacts"]
+    assert span == {"probe": "finger", "object": "block", "begin": contact["begin_s"], "end": contact["end_s"]}
+    assert program("export", "rest.mcap", "--bids", "bids", "--task", "rest", cwd=resumed).returncode == 0
+    (row,) = table(resumed / "bids" / "sub-01" / "beh" / "sub-01_task-rest_events.tsv", "\t")
+    assert (row["trial_type"], row["value"], row["source"]) == ("contact", "block", "finger")
+    assert float(row["onset"]) == contact["begin_s"]
+    assert float(row["duration"]) == contact["end_s"] - contact["begin_s"]
+
+
+def test_without_a_report_such_a_touch_counts_from_the_first_tick(
+    resumed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording = read(resumed / "rest.mcap")
+    monkeypatch.setattr(Recording, "report", None)  # as in a recording that was cut off before its end
+    (span,) = contacts_of(recording)
+    assert span == ("finger", "block", 1.0, recording.events[0]["time"])
