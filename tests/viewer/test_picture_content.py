@@ -11,7 +11,7 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch_tools.viewer import chart_layout, colours, menu, overlay, solids
+from itouch_tools.viewer import chart_layout, colours, menu, overlay, solids, temperatures
 from itouch_tools.viewer.camera import VIEWS, Camera
 from itouch_tools.viewer.overlay import SessionStatus
 from itouch_tools.viewer.scene_graph import SceneGraph, along, arrow
@@ -213,6 +213,14 @@ def test_the_overlay_names_devices_contact_and_faults(session):
     assert narrow is not None and max(len(line) for line, _ in narrow.lines) <= 24
     assert " ".join(line for line, weight in narrow.lines if weight == "bad") == said.lines[0][0]
     assert overlay.alarm(SessionStatus(), 80) is None
+
+
+def test_before_the_first_reading_no_temperature_of_a_plate_is_told():
+    """As `inspect --picture` draws a scene: until then a reading is 0 K."""
+    unread = itouch.build(SCENES / "four_materials.xml")
+    text = "\n".join(line for line, _ in overlay.status(unread.model, unread.state, SessionStatus()).lines)
+    assert "peltier: open (simulated)" in text and "degC" not in text and "flux-control" not in text
+    assert list(temperatures.present(unread.state, unread.model)) == []
 
 
 def test_properties_of_objects_and_devices(session):

@@ -9,6 +9,11 @@ from dataclasses import dataclass
 _COLDEST, _HOTTEST = 200.0, 1000.0
 
 
+def readable(kelvin: float) -> bool:
+    """Tell whether a temperature [K] can be a reading."""
+    return _COLDEST < kelvin < _HOTTEST
+
+
 @dataclass(frozen=True, slots=True)
 class Scale:
     """How a unit is shown: as ``factor`` times the value in SI plus ``offset``, in ``unit``.
@@ -25,7 +30,7 @@ class Scale:
 
     def shown(self, value: float) -> float:
         """Return a value in SI as it is shown; NaN where it can't be a reading."""
-        if self.offset and not _COLDEST < value < _HOTTEST:
+        if self.offset and not readable(value):
             return math.nan
         return self.factor * value + self.offset
 

@@ -14,6 +14,7 @@ from itouch.world import Model, declared
 from itouch.world.rig import DeviceModel
 from itouch_tools.viewer import colours
 from itouch_tools.viewer.colours import Colour
+from itouch_tools.viewer.scales import readable
 
 #: The range ends at multiples of ``STEP`` [degC], and is at least ``LEAST`` wide [K].
 STEP, LEAST = 5.0, 10.0
@@ -67,9 +68,13 @@ def present(state: Mapping[str, Any], model: Model) -> Iterator[float]:
 
 
 def plate_temperature(state: Mapping[str, Any], device: DeviceModel) -> float | None:
-    """Return the temperature [K] that a device reads on the surface under the skin; None if it has no such channel."""
+    """Return the temperature [K] that a device reads on the surface under the skin.
+
+    None if it has no such channel, or has not been read yet: a reading is 0 K before the first one.
+    """
     name = device.field(Role.SKIN_CONTACT_TEMPERATURE)
-    return float(np.ravel(state[name])[0]) if name else None
+    kelvin = float(np.ravel(state[name])[0]) if name else math.nan
+    return kelvin if readable(kelvin) else None
 
 
 def skin_temperature(state: Mapping[str, Any], model: Model) -> float | None:

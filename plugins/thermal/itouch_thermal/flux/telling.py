@@ -19,9 +19,12 @@ LISTED = 16
 
 
 def status(model: FluxModel, state: Record) -> str:
-    """Return the desired flux in a touch, else the plate's temperature and how ready it is."""
+    """Return the desired flux in a touch, else the plate's temperature and how ready it is; "" before it is read."""
     names = model.names
-    plate = f"plate {state[names.plate_temperature].item() - 273.15:5.2f} degC"
+    kelvin = state[names.plate_temperature].item()
+    if kelvin <= 0.0:
+        return ""
+    plate = f"plate {kelvin - 273.15:5.2f} degC"
     if state[names.plate_limited].item() and (state[names.touching].item() or state[names.plate_ready].item()):
         low, high = (end - 273.15 for end in model.band)
         plate += f", limited: its band is {low:.0f} to {high:.0f} degC"
