@@ -18,7 +18,7 @@ from typing import Any
 from itouch.plugin import Role
 from itouch.recording.recording import Recording
 from itouch.recording.tracks import Column, Track
-from itouch.schema.durable import replacing
+from itouch.schema.durable import replacing, write_whole
 from itouch_tools.export.contacts import contacts_of
 from itouch_tools.export.tables import columns_of, distinct, lines, meanings_of
 
@@ -86,7 +86,7 @@ def export_bids(
                         "License": "n/a", "Authors": named, "GeneratedBy": made,
                         "SourceDatasets": [{"URL": f"urn:itouch:recording:{label}"}]})  # fmt: skip
     readme = os.path.join(target, "README")
-    Path(readme).write_text(_README.format(task=label, scene=Path(source).name or "of its own"), encoding="utf-8")
+    write_whole(readme, _README.format(task=label, scene=Path(source).name or "of its own").encode())
     written = [description, readme]
     # labels are of letters and digits only: tracks 'arm-1' and 'arm_1' would have one file
     words = [re.sub("[^A-Za-z0-9]", "", name)[:100] or "track" for name in recording.tracks]

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from itouch.recording.recording import Recording
 from itouch.recording.tracks import Column, Track, identifiers
 from itouch.recording.views import SCENE, SOLIDS, WORLD
+from itouch.schema.durable import write_whole
 
 #: Topic of the events.
 EVENTS = "/log/events"
@@ -34,7 +34,7 @@ def export_layout(recording: Recording, target: str) -> list[str]:
     OSError
         If the file can't be written.
     """
-    Path(target).write_text(json.dumps(layout(recording), indent=1) + "\n", encoding="utf-8")
+    write_whole(target, (json.dumps(layout(recording), indent=1) + "\n").encode())
     return [target]
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Record
 from itouch.schema import ItouchError
+from itouch.schema.durable import replacing
 from itouch.world import Model
 from itouch_tools.sound.modal import RATE
 from itouch_tools.sound.synth import Synth
@@ -24,10 +25,10 @@ def write_wav(path: str | os.PathLike[str], samples: NDArray[np.float64]) -> Non
     Raises
     ------
     ItouchError
-        If the file can't be written.
+        If the file can't be written; an earlier one stays as it was.
     """
     try:
-        with open(path, "wb") as stream, wave.open(stream, "wb") as sound:
+        with replacing(os.fspath(path)) as new, open(new, "wb") as stream, wave.open(stream, "wb") as sound:
             sound.setnchannels(1)
             sound.setsampwidth(2)
             sound.setframerate(RATE)

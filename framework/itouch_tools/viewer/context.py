@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.schema import ItouchError
+from itouch.schema.durable import replacing
 
 
 def config() -> Any:
@@ -27,7 +28,7 @@ def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8]) -> None:
     Raises
     ------
     ItouchError
-        If the file can't be written.
+        If the file can't be written; an earlier one stays as it was.
     """
     from pyglet.image import ImageData
     from pyglet.image.codecs.png import PNGImageEncoder
@@ -35,7 +36,7 @@ def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8]) -> None:
     height, width, _ = pixels.shape
     image = ImageData(width, height, "RGB", pixels.tobytes(), pitch=-3 * width)
     try:
-        with open(path, "wb") as stream:
+        with replacing(os.fspath(path)) as new, open(new, "wb") as stream:
             image.save(str(path), file=stream, encoder=PNGImageEncoder())
     except OSError as error:
         raise ItouchError(f"cannot write '{os.fspath(path)}': {error.strerror or error}") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Record
 from itouch.schema import ItouchError
+from itouch.schema.durable import replacing
 from itouch.world import Model
 from itouch_tools.viewer import colours
 from itouch_tools.viewer.context import write_png
@@ -58,9 +60,13 @@ class Mp4:
             import av
         except ImportError:
             raise ItouchError(_ADVICE) from None
-        self._av, self._path = av, path
-        self._file = av.open(path, "w", format="mp4", options={"movflags": "+faststart"})
+        self._av = av
         self._stream: Any = None
+        self._failed: OSError | None = None
+        with contextlib.ExitStack() as whole:
+            part = whole.enter_context(replacing(path))
+            self._file = av.open(part, "w", format="mp4", options={"movflags": "+faststart"})
+            self._whole = whole.pop_all()  # an earlier film stays until this one is complete
 
     def add(self, pixels: Pixels) -> None:
         """Take the next frame, shape (height, width, 3): red, green and blue of the pixels, 0 to 255."""
@@ -69,13 +75,25 @@ class Mp4:
             self._stream.height, self._stream.width = pixels.shape[:2]
             self._stream.pix_fmt = "yuv420p"
         frame = self._av.VideoFrame.from_ndarray(pixels, format="rgb24")
-        self._file.mux(self._stream.encode(frame))
+        try:
+            self._file.mux(self._stream.encode(frame))
+        except OSError as error:  # a film with a gap must not take the place of an earlier one
+            self._failed = self._failed or error
+            raise
 
     def close(self) -> None:
         """Finish the file."""
-        if self._stream is not None:
-            self._file.mux(self._stream.encode(None))
-        self._file.close()
+        with self._whole:
+            try:
+                try:
+                    if self._stream is not None:
+                        self._file.mux(self._stream.encode(None))
+                finally:
+                    self._file.close()
+            except OSError as error:
+                self._failed = self._failed or error
+            if self._failed is not None:  # PyAV's own error can be given no name of a file
+                raise OSError(self._failed.errno, self._failed.strerror) from self._failed
 
 
 class Gif:
@@ -105,8 +123,9 @@ class Gif:
         """Finish the file."""
         if self._frames:
             first, *rest = self._frames
-            first.save(self._path, save_all=True, append_images=rest, duration=round(1000 / self.rate), loop=0,
-                       optimize=True)  # fmt: skip
+            with replacing(self._path) as new:
+                first.save(new, format="gif", save_all=True, append_images=rest, duration=round(1000 / self.rate),
+                           loop=0, optimize=True)  # fmt: skip
 
 
 def sink(path: str) -> Sink:
