@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
+from program import program
+from shipped import SCENES
 
 from itouch_tools.cli import pictures
 
@@ -40,3 +43,17 @@ def test_each_file_that_is_asked_for_is_drawn_and_no_other(
         assert len(session.taps) == 1
     assert session.taps == [] and asked[1:] == [{"closed": True}]
     assert (asked[0]["screenshot"], asked[0]["film"]) == (screenshot or "", film or "")
+
+
+def test_a_picture_of_a_time_before_a_session_goes_on_is_refused(tmp_path: Path) -> None:
+    scene = str(SCENES / "first_touch.xml")
+    for words in (
+        ("run", scene, "--headless", "--for", "0.4s", "--save", "half.itouch"),
+        ("run", "half.itouch", "--headless", "--for", "0.1s", "--record", "rest.mcap"),
+    ):
+        assert program(*words, cwd=tmp_path).returncode == 0
+    for words in (("run", "half.itouch", "--for", "0.1s"), ("replay", "rest.mcap")):
+        done = program(*words, "--screenshot", "a.png", "--at", "0.1s", cwd=tmp_path)
+        assert done.returncode == 2
+        assert "--at 0.1 s is before the start, which is at 0.4 s: choose a later time" in done.stderr
+    assert not (tmp_path / "a.png").exists()

@@ -54,6 +54,10 @@ def taking(session: Session, options: argparse.Namespace, *, end: float | None) 
         and round(options.at / session.model.period) > round(end / session.model.period)
     ):
         raise ItouchError(f"--at {options.at:g} s is after the end, which is at {end:g} s: choose an earlier time")
+    if options.at is not None and round(options.at / session.model.period) < int(session.state["tick"]):
+        raise ItouchError(
+            f"--at {options.at:g} s is before the start, which is at {session.seconds:g} s: choose a later time"
+        )
     if options.film:
         need("film", "--film")
     if not (options.screenshot or options.film):
