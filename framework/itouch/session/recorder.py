@@ -290,8 +290,9 @@ class Recorder:
             self._ring.words[ControlWord.ROWS_IN] - self._ring.words[ControlWord.ROWS_OUT],
         )
         counts = times.record["counts"][1]
-        p50, p99 = (1e6 * (percentile(counts, percent) or 0.0) for percent in (50, 99))
-        longest = 1e6 * float(times.record["greatest"][1])
+        greatest = float(times.record["greatest"][1])
+        p50, p99 = (1e6 * (percentile(counts, percent, greatest) or 0.0) for percent in (50, 99))
+        longest = 1e6 * greatest
         late, spent = times.record["counts"][:2] - self._counted
         self._counted = times.record["counts"][:2].copy()
         self.tell("/log/timing", tick, p50=p50, p99=p99, max=longest, overruns=times.overruns, lost=self.lost,
