@@ -16,7 +16,8 @@ import pytest
 import itouch
 from itouch.plugin import wire_claims
 from itouch.plugin.wire_claims import WireClaims, WireHeldError
-from itouch.servo import Handle
+from itouch.servo import Handle, own_guardian
+from itouch.session import Session
 from itouch_tools.cli import main
 from itouch_tools.study.scene_switching import succeed
 
@@ -161,6 +162,30 @@ def test_a_stored_session_is_opened_by_one_process_only(rig: Path, tmp_path: Pat
         assert "stays closed" not in (tmp_path / "page.html").read_text("utf-8")
         process.send_signal(signal.SIGINT)
         assert process.wait(300.0) == 130
+
+
+def test_the_guardian_of_a_session_does_not_keep_it_from_its_own_wires(
+    rig: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After `itouch.build` no real display could be enabled: its guardian was taken for that of another session."""
+    monkeypatch.setattr(Session, "GUARDIAN", f"{own_guardian.__name__}:watch")
+    with itouch.build(rig) as session:
+        session.hold()
+        session.enable()
+        assert session.status("peltier").name == "ENABLED"
+        session.park()
+        session.reconnect("peltier")  # its wire is released and claimed again, and the guardian lives
+        assert session.status("peltier").name == "OPEN"
+        with itouch.build(rig) as other, pytest.raises(itouch.DeviceError, match="in use by another session of this"):
+            other.enable()
+
+
+def test_a_device_of_a_session_with_a_guardian_is_connected_again(rig: Path, running: Handle) -> None:
+    """Its wire was refused for three seconds, in which the loop stood, and then for good."""
+    running.command("reconnect", "peltier")
+    obeyed = running.report()["commands"]  # it is asked for after that
+    assert running.refused == []
+    assert [entry["what"] for entry in obeyed] == ["reconnect"]
 
 
 def test_the_wire_goes_to_the_next_scene_with_the_device(rig: Path) -> None:

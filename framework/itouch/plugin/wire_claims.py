@@ -75,8 +75,10 @@ class WireClaims:
         self._sockets: list[socket.socket] = []
         weakref.finalize(self, _close, self._sockets)
 
-    def take(self, wires: Iterable[str]) -> None:
+    def take(self, wires: Iterable[str], guardian: int = 0) -> None:
         """Claim wires for a session, all of them or none; if this object holds wires already, do nothing.
+
+        ``guardian`` is the process that watches over this very session: it guards them for as long as it lives.
 
         Raises
         ------
@@ -88,7 +90,7 @@ class WireClaims:
         try:
             for key, wire in sorted({same(wire): wire for wire in wires}.items()):
                 self._bind(_name(key), wire)
-                _await_guardian(_name(key, "guarded wire"), wire)
+                _await_guardian(_name(key, "guarded wire"), wire, guardian)
         except BaseException:
             self.release()
             raise
@@ -161,12 +163,15 @@ def _name(key: str, what: str = "wire") -> str:
     return f"\0itouch/{what}/{digest}"
 
 
-def _await_guardian(name: str, wire: str) -> None:
-    """Wait for the guardian of a session that has ended: it may still be making the device on the wire safe."""
+def _await_guardian(name: str, wire: str, own: int) -> None:
+    """Wait for the guardian of a session that has ended, which may still be making the device on the wire safe.
+
+    Not for one's ``own``, which is a process.
+    """
     if not sys.platform.startswith("linux"):
         return
     deadline = time.monotonic() + _PATIENCE
-    while (holder := _holder(name)) is not None:
+    while (holder := _holder(name)) is not None and holder != own:
         if time.monotonic() > deadline:
             raise WireHeldError(
                 f"'{wire}' is in use by {_told(holder)}, the guardian of a session that has ended; {_ADVICE}"

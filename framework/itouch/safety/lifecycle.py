@@ -34,6 +34,8 @@ class Lifecycle:
         self._rearmed = state[f"{self.model.name}.rearmed"]
         #: Its claims on its wires, which nobody else may use while it is open.
         self._claims = WireClaims()
+        #: Returns the process of the guardian that watches over this session; 0: there is none.
+        self.guardian: Callable[[], int] = int
         #: Why it can't be enabled at all: nothing tells where the finger is that it acts on; empty: it can.
         self.blind = ""
 
@@ -55,7 +57,7 @@ class Lifecycle:
         while isinstance(driver, Exchanged):
             driver = driver.device
         if driver is not None and self.model.commands:  # asked anew, because a virtual rig's wires may have moved
-            self._claims.take(type(driver).wires(driver.params))
+            self._claims.take(type(driver).wires(driver.params), self.guardian())
 
     def free_wires(self) -> None:
         """Release the wires of a device that is not opened after all."""

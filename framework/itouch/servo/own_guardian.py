@@ -102,6 +102,8 @@ class OwnGuardian:
         self._words[at.BEAT] = monotonic()
         self._words[at.PHASE] = at.RUNNING
         self._guarded = Guarded(os.getpid(), segment, child_environment(), OWN)
+        for runner in self._hardware:
+            runner.lifecycle.guardian = lambda: self._guarded.pid
         self._end = EndOf(lambda: self._guarded.pid)
         self._await()
         session.taps.append(self.tap)
@@ -166,4 +168,6 @@ class OwnGuardian:
         if self.tap in self._session.taps:
             self._session.taps.remove(self.tap)
         self._guarded.wait()
+        for runner in self._hardware:
+            runner.lifecycle.guardian = int
         self._segment.close()

@@ -124,6 +124,8 @@ class Servo:
         self._inbox = Inbox(segment)
         self._switch = Switch(segment.words)
         self._end_of_guardian = EndOf(lambda: int(segment.words[at.GUARDIAN]))
+        for runner in session.runners:
+            runner.lifecycle.guardian = lambda: int(segment.words[at.GUARDIAN])
         self._asked = Asked(bool(config["enable"]) or not self._hardware())
         self._commands = Commands(session, outbox, self._asked, self.report)
         self._told = len(session.statistics.contacts)

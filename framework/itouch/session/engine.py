@@ -323,6 +323,7 @@ class Session(Shown, Engine):
         """
         if self.guarded or self._guardian is not None or all(device.twin for device in self.model.devices.values()):
             return
+        self.claim_wires()  # before its guardian guards them: who else has one is told by name
         module, _, name = self.GUARDIAN.partition(":")
         self._guardian = getattr(import_module(module), name)(self)
 
