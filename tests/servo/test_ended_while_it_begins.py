@@ -22,8 +22,8 @@ from pathlib import Path
 
 def serve(segment, outbox, config):
     place = Path(config["place"])
-    (place / "begun").touch()
     try:
+        (place / "begun").touch()
         time.sleep(600.0)
     finally:
         (place / "unwound").touch()
