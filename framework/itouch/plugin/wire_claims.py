@@ -163,10 +163,10 @@ def _name(key: str, what: str = "wire") -> str:
     return f"\0itouch/{what}/{digest}"
 
 
-def _await_guardian(name: str, wire: str, own: int) -> None:
+def _await_guardian(name: str, wire: str, own: int = 0) -> None:
     """Wait for the guardian of a session that has ended, which may still be making the device on the wire safe.
 
-    Not for one's ``own``, which is a process.
+    Not for one's ``own``, which is a process; 0: there is none.
     """
     if not sys.platform.startswith("linux"):
         return
