@@ -188,8 +188,9 @@ def test_a_device_of_a_session_with_a_guardian_is_connected_again(rig: Path, run
     assert [entry["what"] for entry in obeyed] == ["reconnect"]
 
 
-def test_the_wire_goes_to_the_next_scene_with_the_device(rig: Path) -> None:
+def test_the_wire_goes_to_the_next_scene_with_the_device(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As a study does it from trial to trial: the first session is closed in the middle of the second."""
+    monkeypatch.setattr(Session, "GUARDIAN", f"{own_guardian.__name__}:watch")  # each session has one of its own
     first, second = itouch.build(rig), itouch.build(rig)
     first.hold()
     first.enable()
@@ -198,6 +199,9 @@ def test_the_wire_goes_to_the_next_scene_with_the_device(rig: Path) -> None:
     first.close()
     with pytest.raises(WireHeldError):
         WireClaims().take([str(rig.parent / "port")])
+    second.hold()
+    second.enable(opens=False)
+    assert second.status("peltier").name == "ENABLED"
     second.close()
     claims = WireClaims()
     claims.take([str(rig.parent / "port")])
