@@ -22,6 +22,8 @@ AXES = "xyz"
 #: wait, for as long as this many such waits take: an adaptor that refuses a line does so at once, and can be asked more
 #: often.
 PATIENCE, TRIES = 0.04, 5
+#: What is said where a scene names no port and none is found.
+NO_ADAPTOR = "no CAN-FD adaptor (fdcanusb) is attached: plug it in, or write port="
 T = TypeVar("T")
 
 
@@ -276,7 +278,7 @@ async def _opened(moteus: Any, port: str, patience: float, trace: Trace | None) 
         try:
             found = ports()
         except (IndexError, OSError) as error:
-            raise ServoError("no CAN-FD adaptor (fdcanusb) is attached: plug it in, or write port=") from error
+            raise ServoError(NO_ADAPTOR) from error
     try:
         log = _Log(trace) if trace is not None else None
         return moteus.Fdcanusb(found, debug_log=log, command_timeout=patience, response_timeout=patience)

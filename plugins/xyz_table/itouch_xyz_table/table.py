@@ -31,7 +31,7 @@ from itouch.plugin import (
 from itouch_xyz_table.drives import Drives, opened
 from itouch_xyz_table.emulator import TableEmulator
 from itouch_xyz_table.homing import home
-from itouch_xyz_table.servos import AXES, Goal, ServoError, Servos, ServoState, check
+from itouch_xyz_table.servos import AXES, NO_ADAPTOR, Goal, ServoError, Servos, ServoState, check
 from itouch_xyz_table.tmcl import Steppers
 from itouch_xyz_table.tmclframes import SIZE
 from itouch_xyz_table.twin import XyzTableTwin
@@ -45,6 +45,24 @@ _STALE = 0.05
 #: Number of requests in an exchange with a TMCL module (two checks, three positions, three goals), and the time that
 #: each takes besides its bytes [s], an estimate.
 _REQUESTS, _TURN = 8, 1e-3
+
+
+def _without_adaptor() -> str:
+    """Say that a table whose scene names no port has none; empty: one is attached, or it cannot be looked for."""
+    try:
+        from moteus.fdcanusb_device import FdcanusbDevice
+    except ImportError:
+        return ""  # opening says what to install
+    try:
+        return "" if FdcanusbDevice.detect_fdcanusbs() else NO_ADAPTOR
+    except OSError:
+        return NO_ADAPTOR  # as opening says then
+
+
+def _other_than_terminal(number: int) -> bool:
+    """Tell whether a character device is known to be another kind than a terminal, such as /dev/null."""
+    kind = f"/sys/dev/char/{os.major(number)}:{os.minor(number)}/subsystem"
+    return os.path.exists(kind) and os.path.basename(os.path.realpath(kind)) != "tty"
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,16 +197,19 @@ class XyzTable(Device):
     @classmethod
     def missing(cls, bound: XyzTableParams) -> str:
         """Say why the port cannot be used: there is none, or this user may not open it; empty if nothing is missing."""
-        place = (
-            bound.port or bound.tmcl or bound.bus.partition(":")[2].partition("@")[0]
-        )  # behind @: the speed of the port
+        kind, _, bus = bound.bus.partition(":")
+        place = bound.port or bound.tmcl or bus.partition("@")[0]  # behind @: the speed of the port
+        if not place:
+            return _without_adaptor()
+        if kind == "socketcan" and not os.path.exists(f"/sys/class/net/{place}"):
+            return f"there is no network interface '{place}': plug the CAN adaptor in, and set the interface up"
         if not place.startswith("/"):
             return ""
         try:
-            kind = os.stat(place).st_mode
+            found = os.stat(place)
         except OSError:
             return f"there is nothing at '{place}': check its plug"
-        if not stat.S_ISCHR(kind):
+        if not stat.S_ISCHR(found.st_mode) or _other_than_terminal(found.st_rdev):
             return f"'{place}' is not a serial port"
         allowed = os.access(place, os.R_OK | os.W_OK)
         return "" if allowed else f"you may not open '{place}': its group may, to which you can be added (see ls -l)"

@@ -363,3 +363,13 @@ def test_an_adaptor_with_habits(bench: Bench, habit: str, monkeypatch: pytest.Mo
     for servo, lead, place in zip(bench.bus.servos.values(), leads, truth, strict=True):
         assert servo.registers[GOAL] * lead == pytest.approx(place + 1e-4, abs=1e-5)
     device.close()
+
+
+def test_without_an_adaptor_it_is_told_before_anybody_holds_a_switch(monkeypatch: pytest.MonkeyPatch) -> None:
+    from moteus.fdcanusb_device import FdcanusbDevice
+
+    attached: list[str] = []
+    monkeypatch.setattr(FdcanusbDevice, "detect_fdcanusbs", lambda: attached)
+    assert XyzTable.missing(XyzTableParams()).startswith("no CAN-FD adaptor (fdcanusb) is attached")
+    attached.append("/dev/serial/by-id/usb-fdcanusb")
+    assert XyzTable.missing(XyzTableParams()) == ""

@@ -435,6 +435,7 @@ def test_a_port_that_is_none_or_not_ours_is_told_before_anybody_holds_a_switch(
     assert XyzTable.missing(XyzTableParams(tmcl=str(tmp_path / "notes.txt"))).endswith(
         "notes.txt' is not a serial port"
     )
+    assert XyzTable.missing(XyzTableParams(port="/dev/null")) == "'/dev/null' is not a serial port"
     ours = XyzTableParams(tmcl=terminal.path)
     assert XyzTable.missing(ours) == ""
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # who runs the tests may be root
