@@ -8,6 +8,7 @@ import sys
 import textwrap
 import threading
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import bad_guests
@@ -18,6 +19,7 @@ from bad import BAD, Blocks
 from shipped import SCENES
 from slider import Slider, SliderParams
 
+from itouch.plugin import schema
 from itouch.testing import DeviceSubject, DeviceTests, EmulatorTests, timing
 from itouch.testing.checks import CheckResult
 from itouch.testing.running import last_error
@@ -94,6 +96,46 @@ def test_who_holds_the_interpreter_is_no_wait_of_a_plugin(check: str, talkative:
     waits = {"twin-timing": of("TwinWaits"), "driver-timing": Blocks}[check]
     finding = CHECKS[check].examine(DeviceSubject(waits, "slider", hardware=True))
     assert finding.outcome == "failed" and " wait" in finding.note, finding.note
+
+
+class Accepted(Slider):
+    """Its far end, a thread of this process as an emulator is, closes its side a moment after the driver has given up."""
+
+    def open(self) -> None:
+        spare = os.open("/dev/null", os.O_RDONLY)
+        threading.Timer(0.1, os.close, [spare]).start()
+        super().open()
+
+
+@dataclass(frozen=True)
+class CheckedParams(SliderParams):
+    """Parameters that say at once what no address is."""
+
+    port: str = schema.text(default="", doc="HOST:PORT of the slider; empty: that of this machine")
+
+    def __post_init__(self) -> None:
+        schema.validate(self)
+        if self.port:
+            schema.host_port(self.port)
+
+
+class Checked(Slider):
+    """Raises an error of a library, and may only be asked to open at what is an address."""
+
+    Params = CheckedParams
+
+    def open(self) -> None:
+        raise OSError(f"{self.params.port} is not there")
+
+
+def test_what_an_emulator_closes_a_moment_later_is_not_left_open_by_the_driver() -> None:
+    finding = CHECKS["errors-are-named"].examine(DeviceSubject(Accepted, "slider", hardware=True))
+    assert finding.outcome == "passed", finding.note
+
+
+def test_where_parameters_check_the_form_of_an_address_nowhere_has_that_form() -> None:
+    finding = CHECKS["errors-are-named"].examine(DeviceSubject(Checked, "slider", hardware=True))
+    assert finding.outcome == "failed" and "OSError: 127.0.0.1:1 is not there" in finding.note, finding.note
 
 
 def test_what_one_attempt_leaves_running_excuses_nothing_in_the_next(monkeypatch: pytest.MonkeyPatch) -> None:

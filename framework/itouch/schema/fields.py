@@ -256,6 +256,27 @@ def check_range(spec: Spec, field_name: str, value: float | tuple[float, ...]) -
             raise ValueError(f"{field_name} = {number!r} is out of range: {spec.range_text() or 'a finite number'}")
 
 
+def host_port(address: str, *, port: int | None = None) -> tuple[str, int]:
+    """Return the host and the port of ``HOST:PORT``; with ``port``, an address may do without one.
+
+    An IPv6 address stands in brackets, as in ``[::1]:502``; they are not part of the host.
+
+    Raises
+    ------
+    ValueError
+        If the text is not of that form, or the port is not one of 1 to 65535.
+    """
+    host, colon, number = address.rpartition(":")
+    if port is not None and (not colon or address.endswith("]")):
+        host, number = address, str(port)
+    good = number.isascii() and number.isdecimal() and len(number) <= 5 and 0 < int(number) < 65536
+    bare = host[1:-1] if host.startswith("[") and host.endswith("]") else host
+    if not good or not bare or (":" in bare) != (bare != host) or any(c in "[]" or c.isspace() for c in bare):
+        form = "HOST:PORT" if port is None else "HOST or HOST:PORT"
+        raise ValueError(f"'{address}' must be {form}, with a port of 1 to 65535")
+    return bare, int(number)
+
+
 def validate(instance: Any) -> None:
     """Check every quantity of a dataclass instance that was built in Python; call it from ``__post_init__``.
 

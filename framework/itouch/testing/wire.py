@@ -258,8 +258,10 @@ def emulated(subject: DeviceSubject) -> Iterator[tuple[Served, Opened]]:
 def elsewhere(params: Any) -> Any:
     """Return the parameters with a port or address where there is no device; None if they name no such place."""
     for name, value in _places(params):
-        nowhere = "/dev/itouch-nowhere" if ":" not in value or "://" in value else "127.0.0.1:1"
-        return replace(params, **{name: nowhere})
+        places = ("/dev/itouch-nowhere", "127.0.0.1:1")
+        for nowhere in places if ":" not in value or "://" in value else reversed(places):
+            with contextlib.suppress(ValueError):  # parameters may check the form of an address
+                return replace(params, **{name: nowhere})
     return None
 
 

@@ -103,6 +103,14 @@ class UsbArmParams:
         "m", low=0.0, high=1e-3, default=3e-5, doc="of the twin: step of the position that the encoders give"
     )
 
+    def __post_init__(self) -> None:
+        schema.validate(self)
+        if self.usbip:
+            try:
+                schema.host_port(self.usbip)
+            except ValueError as error:
+                raise ValueError(f"usbip = {error}, for example 127.0.0.1:3240") from error
+
 
 class UsbArmTwin(FingerTwin):
     """The finger hangs on the arm: the twin's pose is read through encoders of finite resolution."""

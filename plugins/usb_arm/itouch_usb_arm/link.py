@@ -8,7 +8,7 @@ import math
 from types import TracebackType
 from typing import Any, Self
 
-from itouch.plugin import Trace
+from itouch.plugin import Trace, schema
 from itouch_usb_arm.errors import Disconnected, FalconError, NotFound, PermissionDenied, ProtocolError, Timeout
 from itouch_usb_arm.wire import PRODUCT, VENDOR
 
@@ -238,14 +238,15 @@ class Remote:
     """
 
     def __init__(self, address: str) -> None:
-        host, _, port = address.rpartition(":")
-        if not host or not port.isdigit() or not 0 < int(port) < 65536:
-            raise FalconError(f"usbip = '{address}' must be HOST:PORT, for example 127.0.0.1:3240")
+        try:
+            host, port = schema.host_port(address)
+        except ValueError as error:
+            raise FalconError(f"usbip = {error}, for example 127.0.0.1:3240") from error
         try:
             from usbip_backend import get_backend
         except ImportError as error:
             raise FalconError("an arm over USB/IP needs another package: pip install pyusb-usbip-backend") from error
-        self.backend: Any = get_backend(host, int(port))
+        self.backend: Any = get_backend(host, port)
 
     def __enter__(self) -> Self:
         return self

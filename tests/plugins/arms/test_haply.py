@@ -260,10 +260,16 @@ def test_axes_that_another_program_has_turned_are_refused() -> None:
         messages.check({"device_id": "1", "config": {"basis": {"permutation": "XZY"}}})
 
 
-@pytest.mark.parametrize("service", ["", "localhost", "localhost:", "localhost:http", "localhost:70000", ":10001"])
+@pytest.mark.parametrize(
+    "service", ["", "localhost", "localhost:", "localhost:http", "localhost:70000", "localhost:²", ":10001"]
+)
 def test_an_address_that_is_none(service: str) -> None:
     with pytest.raises(NotFound, match="HOST:PORT"):
         Inverse3(service).open()
+    if service:  # of a scene without one it is the service of this machine
+        with pytest.raises(ValueError, match=r"^service = .* must be HOST:PORT"):
+            HaplyParams(service=service)
+    assert HaplyParams(service="ws://[::1]:10001/").service
 
 
 def test_something_else_that_listens_there_is_no_service() -> None:

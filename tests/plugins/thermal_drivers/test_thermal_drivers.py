@@ -27,6 +27,7 @@ from itouch_thermal.drivers.emulator import DisplayEmulator, ModbusServer
 from itouch_thermal.drivers.labjack import LabJackDriver
 from itouch_thermal.drivers.lineport import LineDriver, seal, unseal
 from itouch_thermal.drivers.mecom import MecomClient, MecomError, MecomRefusal, crc16
+from itouch_thermal.drivers.modbus import ModbusLine
 from itouch_thermal.drivers.tec import LONGEST_WATCHDOG, TecDriver
 from itouch_thermal.drivers.virtual import Plate, VirtualLine, VirtualMecom, VirtualT7
 from itouch_thermal.film import TouchFilm
@@ -335,8 +336,11 @@ def test_another_product_a_lost_answer_and_no_answer_are_told() -> None:
         driver.close()
     with pytest.raises(DeviceError, match="no LabJack answers"):
         LabJackDriver(LabJack(host="127.0.0.1:1"))
-    with pytest.raises(DeviceError, match="must be HOST"):
-        LabJackDriver(LabJack(host="127.0.0.1:x"))
+    for host in ("127.0.0.1:x", "127.0.0.1:²", "127.0.0.1:", "127.0.0.1:70000", "", "a b"):
+        with pytest.raises(ValueError, match="^host = .* must be HOST or HOST:PORT"):
+            LabJack(host=host)
+        with pytest.raises(DeviceError, match="^host = .* must be HOST or HOST:PORT"):
+            ModbusLine("T7", host)
 
 
 def test_garbage_does_not_end_the_server() -> None:

@@ -14,6 +14,7 @@ from trace_playback import PlayedFalcon
 from itouch.plugin import Attached, DeviceError, Field, Record, Trace, read_trace
 from itouch_usb_arm import Buttons, Disconnected, Falcon, HomingTimeout, NotHomed, UsbArm, UsbArmParams, boot
 from itouch_usb_arm.arm import look
+from itouch_usb_arm.link import Remote
 from itouch_usb_arm.virtual import VirtualBackend, VirtualFalcon, VirtualTime
 
 IMAGE = boot.build([boot.Block(0x3F8000, (1, 2, 3)), boot.Block(0x3F8010, tuple(range(40)))], entry=0x3F8002)
@@ -139,10 +140,12 @@ def test_a_second_process_takes_the_force_away(tmp_path: Path) -> None:
     assert virtual.homed == (True, True, True)
 
 
-@pytest.mark.parametrize("address", ["nowhere", "host:", "host:99999", ":80"])
-def test_a_bad_usbip_address_is_told(address: str) -> None:
+@pytest.mark.parametrize("address", ["nowhere", "host:", "host:99999", ":80", "host:²"])
+def test_a_bad_usbip_address_is_told_before_anything_is_opened(address: str) -> None:
+    with pytest.raises(ValueError, match=r"^usbip = '.*' must be HOST:PORT.* for example 127"):
+        UsbArmParams(usbip=address)
     with pytest.raises(DeviceError, match="must be HOST:PORT"):
-        UsbArm(UsbArmParams(usbip=address)).open()
+        Remote(address)
 
 
 def test_what_is_attached_and_why_it_cannot_be_used() -> None:

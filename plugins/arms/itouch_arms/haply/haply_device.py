@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from itouch.plugin import Attached, Emulation, ImpedanceArm, Opening, Record, Timing, schema, wrench
-from itouch_arms.errors import ArmError, NotCalibrated, Refused
+from itouch_arms.errors import ArmError, NotCalibrated, NotFound, Refused
 from itouch_arms.haply import messages
 from itouch_arms.haply.emulator import HaplyEmulator
 from itouch_arms.haply.inverse3 import SERVICE, Inverse3
-from itouch_arms.haply.line import Line
+from itouch_arms.haply.line import Line, address_of
 
 #: Greatest force [N] that is asked of the arm: our own limit, below what such arms can give.
 FORCE = 5.0
@@ -38,6 +38,14 @@ class HaplyParams:
     resolution: float = schema.quantity(
         "m", low=0.0, high=1e-3, default=1e-5, doc="of the twin: step of the position that the arm gives"
     )
+
+    def __post_init__(self) -> None:
+        schema.validate(self)
+        if self.service:
+            try:
+                address_of(self.service)
+            except NotFound as error:
+                raise ValueError(str(error)) from error
 
 
 class Haply(ImpedanceArm[Inverse3]):

@@ -7,7 +7,7 @@ import socket
 import time
 from collections import deque
 
-from itouch.plugin import Trace
+from itouch.plugin import Trace, schema
 from itouch_arms.errors import ArmError, Disconnected, NotFound, ProtocolError, Timeout
 
 #: Greatest message [bytes]: an inventory of many devices takes some kilobytes.
@@ -24,10 +24,10 @@ def address_of(service: str) -> tuple[str, int]:
     NotFound
         If the text is not of that form.
     """
-    host, _, port = service.removeprefix("ws://").rstrip("/").rpartition(":")
-    if not host or not port.isdigit() or not 0 < int(port) < 65536:
-        raise NotFound(f"service = '{service}' must be HOST:PORT, for example localhost:10001")
-    return host.strip("[]"), int(port)
+    try:
+        return schema.host_port(service.removeprefix("ws://").rstrip("/"))
+    except ValueError as error:
+        raise NotFound(f"service = {error}, for example localhost:10001") from error
 
 
 class Line:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from itouch.plugin import schema
+from itouch_thermal.drivers.modbus import PORT
 
 #: Plausible temperatures [degC] of a plate or a sink: beyond them, its sensor is open or short.
 BELIEVED = (-20.0, 90.0)
@@ -120,6 +121,10 @@ class LabJack:
 
     def __post_init__(self) -> None:
         schema.validate(self)
+        try:
+            schema.host_port(self.host, port=PORT)
+        except ValueError as error:
+            raise ValueError(f"host = {error}") from error
         if self.averaging and self.resolution > _FINEST_BURST:
             raise ValueError(f"resolution = {self.resolution} must be at most {_FINEST_BURST} with averaging")
         if self.averaging and round(self.averaging * SAMPLING) < 2:

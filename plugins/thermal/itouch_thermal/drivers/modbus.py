@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import struct
 import time
 from collections.abc import Callable
 from typing import Any
 
-from itouch.plugin import DeviceError, Trace
+from itouch.plugin import DeviceError, Trace, schema
 
 PORT = 502
 #: How long [s] an answer may take, for how many such times a request is repeated, and how often at most.
@@ -43,13 +44,16 @@ class ModbusLine:
             from pymodbus.exceptions import ModbusException
         except ImportError as error:
             raise DeviceError(f"a {name} needs another package: pip install 'itouch-py[thermal-hardware]'") from error
-        address, _, port = host.partition(":")
-        if port and not port.isdigit():
-            raise DeviceError(f"host = '{host}' must be HOST or HOST:PORT")
+        try:
+            address, port = schema.host_port(host, port=PORT)
+        except ValueError as error:
+            raise DeviceError(f"host = {error}") from error
+        # what goes wrong is said once, by this program: without a handler Python prints the client's own line as well
+        logging.getLogger("pymodbus").addHandler(logging.NullHandler())
         self._name, self._host, self._trace, self._failure = name, host, trace, ModbusException
         client: Any = ModbusTcpClient
         self._patience = PATIENCE * patience
-        self._client: Any = client(address, port=int(port or PORT), timeout=PATIENCE * patience, retries=0)
+        self._client: Any = client(address, port=port, timeout=PATIENCE * patience, retries=0)
         #: Usual time that answers take [s], from the latest ones; None before the first.
         self._usual: float | None = None
         self._number, self._asked_for = 0, -1
