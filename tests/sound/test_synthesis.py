@@ -80,6 +80,16 @@ def test_two_fingers_strike_two_materials_at_once_with_modes_at_random(tmp_path,
     assert np.abs(samples).max() < 1.0
 
 
+@pytest.mark.parametrize("sound", ["", "<sound/>"])
+def test_a_file_in_which_nothing_can_be_heard_is_told(tmp_path, capsys, sound):
+    touched = '<contact stiffness="1 N/mm"/>'
+    plain = f'<material name="a">{touched}{sound}</material><material name="b">{touched}</material>'
+    (tmp_path / "scene.xml").write_text(SCENE.format(materials=plain))
+    assert main(["run", str(tmp_path / "scene.xml"), "--for", "20ms", "--wav", str(tmp_path / "x.wav")]) == 0
+    assert ("x.wav is silent unless a fault is told" in capsys.readouterr().err) == (not sound)
+    assert (tmp_path / "x.wav").is_file()
+
+
 @pytest.fixture(scope="module")
 def plates():
     """The shipped scene, its synth's sound, and the session."""

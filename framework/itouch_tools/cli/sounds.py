@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from itouch.schema import ItouchError
+from itouch.schema.terminal import note
 from itouch_tools.cli.output_files import Output
 
 if TYPE_CHECKING:
@@ -47,3 +48,5 @@ def keeping(session: Session, options: argparse.Namespace) -> Iterator[None]:
     finally:
         session.taps.remove(track.tap)
         write_wav(options.wav, track.samples)
+        if not track.has_sounds:
+            note(f"{options.wav} is silent unless a fault is told: no object has a material with a <sound>")

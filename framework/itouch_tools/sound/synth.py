@@ -63,6 +63,11 @@ class Synth:
         self._last, self._stood = -1, 0
         self._stands = round(max(STANDS, 4.0 * model.period) * RATE)
 
+    @property
+    def has_sounds(self) -> bool:
+        """Whether any object of the scene has a material with a sound."""
+        return any(voice is not None for voice in self._voices)
+
     def hear(self, state: Record) -> None:
         """Receive a State, with its new contacts, sliding and faults; states may be left out."""
         count, table, tick = int(state["events.count"]), state["events.table"], int(state["tick"])

@@ -58,6 +58,11 @@ class SoundTrack:
             self._count += count
 
     @property
+    def has_sounds(self) -> bool:
+        """Whether any object of the scene can be heard."""
+        return self._synth.has_sounds
+
+    @property
     def samples(self) -> NDArray[np.float64]:
         """The samples rendered so far, shape (n,), between -1 and 1."""
         return np.concatenate(self._made) / 32767.0 if self._made else np.zeros(0)
