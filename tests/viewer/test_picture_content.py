@@ -200,7 +200,7 @@ def test_what_the_machine_does_to_find_its_heights_is_marked(session):
 
 
 def test_the_overlay_names_devices_contact_and_faults(session):
-    now = SessionStatus(tick_us=50.0, overruns=3)
+    now = SessionStatus("real", tick_us=50.0, overruns=3)
     text = "\n".join(line for line, _ in overlay.status(session.model, session.state, now).lines)
     for part in ("arm: enabled (simulated)", "peltier: plate", "degC", "3 overruns", "1000 Hz", "tick p99 50 us"):
         assert part in text
@@ -212,6 +212,9 @@ def test_the_overlay_names_devices_contact_and_faults(session):
     narrow = overlay.alarm(now, 24)
     assert narrow is not None and max(len(line) for line, _ in narrow.lines) <= 24
     assert " ".join(line for line, weight in narrow.lines if weight == "bad") == said.lines[0][0]
+    still = overlay.alarm(SessionStatus(faults=now.faults), 200)
+    assert still is not None and still.lines[0] == said.lines[0]
+    assert not any("R re-arms" in line for line, _ in still.lines)  # nobody can press a key in a picture
     assert overlay.alarm(SessionStatus(), 80) is None
 
 

@@ -176,7 +176,7 @@ def alarm(now: SessionStatus, width: int) -> TextLines | None:
         known = [fault["safe"] for fault in now.faults if isinstance(fault.get("safe"), dict)]
         reached = all(safe.get("reached") for safe in known)
         after = "all devices have been made safe" if reached else "not all devices could be seen to be safe"
-        after += "" if now.timeline is not None else "; R re-arms"
+        after += "; R re-arms" if now.pace == "real" else ""  # pictures, films and played recordings have no such key
         lines += [(line, "plain") for line in textwrap.wrap(after, max(width, 20))]
     for loss in now.losses:
         lines += [(line, "bad") for line in textwrap.wrap(loss, max(width, 20))]
