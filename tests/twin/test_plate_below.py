@@ -27,7 +27,7 @@ def constants() -> Any:
     made = np.zeros(at.CONSTANTS)
     made[at.TABLE : at.TABLE + 3], made[at.TABLE + 3 : at.TABLE + 12] = ORIGIN, QUARTER.ravel()
     made[at.OFFSET : at.OFFSET + 3] = 0.0, 0.0, 0.02  # the plate's top over its carrier
-    made[at.EXTENT : at.EXTENT + 2] = 0.02, 0.01
+    made[at.EXTENT : at.EXTENT + 2], made[at.HEADING] = (0.02, 0.01), 1.0
     made[at.RADIUS], made[at.PERIOD], made[at.PAD_STIFFNESS] = RADIUS, PERIOD, 1000.0
     return made
 
@@ -55,3 +55,23 @@ def test_the_gap_between_finger_and_plate_is_where_the_plate_is(
     assert found == pytest.approx(gap, abs=1e-12) == figures[at.DISTANCE]
     assert figures[at.TOP] == pytest.approx(0.1 + 0.03, abs=1e-12)
     assert figures[at.FORCE] == pytest.approx(max(0.0, -1000.0 * gap), abs=1e-9)
+
+
+@pytest.mark.parametrize("heading", np.radians([-60.0, 30.0, 45.0, 90.0, 180.0]))
+def test_the_edges_of_a_turned_plate_are_turned(heading: float) -> None:
+    table = np.array((0.05, 0.03, 0.01))
+    made = constants()
+    made[at.HEADING : at.HEADING + 2] = np.cos(heading), np.sin(heading)
+    turn = np.array(
+        ((np.cos(heading), -np.sin(heading), 0.0), (np.sin(heading), np.cos(heading), 0.0), (0.0, 0.0, 1.0))
+    )
+    for away, beside in (
+        ((0.019, 0.009), False),
+        ((-0.019, 0.009), False),
+        ((0.021, 0.0), True),
+        ((0.0, -0.011), True),
+    ):
+        figures = np.zeros(at.FIGURES)
+        finger = ORIGIN + QUARTER @ (table + (0.0, 0.0, 0.02) + turn @ (*away, RADIUS - 1e-3))
+        gap = python_of(mechanics.plate_force)(made, finger, table, figures)
+        assert gap == pytest.approx(at.BESIDE if beside else -1e-3, abs=1e-12), (away, heading)

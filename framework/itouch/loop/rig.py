@@ -16,7 +16,7 @@ from itouch.loop.touch import Toucher
 from itouch.loop.touchoff import TOO_HIGH, UNFELT, TouchOff
 from itouch.monitors import Surface
 from itouch.monitors.surface_kernels import size
-from itouch.plugin import Bound, Record, Role, TwinInputs
+from itouch.plugin import Bound, Record, Role, TwinInputs, poses
 from itouch.schema.hold_until import Until
 from itouch.twin.coupling import Coupling
 from itouch.twin.hand import Hand
@@ -92,7 +92,7 @@ class ProbeRig:
             hand, self.probe.scene.radius, self.tracker,
             table if table is not None and table.model.twin else None,
             face if face is not None and face.model.twin else None,
-            offset, face.model.face if face is not None else None, state, self.probe.name,
+            offset, _extent_of(face) if face is not None else None, state, self.probe.name,
             self.model.period,
         )  # fmt: skip
 
@@ -297,3 +297,15 @@ class ProbeRig:
             moment.calibrated = counting and self.touch_off is not None
             if render.TABLE in self._placed:
                 moment.finger = self._placed[render.TABLE].into(figures[:3].tolist())
+
+
+def _extent_of(face: Runner) -> tuple[float, float, float, float] | None:
+    """Return the half extents [m] of a face that a carrier brings, and its heading on it (cosine and sine), or None."""
+    half, mount = face.model.face, face.model.mount
+    if half is None:
+        return None
+    x, y, _ = (
+        poses.rotate(np.array(mount[3:]), np.array((1.0, 0.0, 0.0))).tolist() if face.model.carrier else (1.0, 0.0, 0.0)
+    )
+    size = math.hypot(x, y)
+    return *half, x / size, y / size

@@ -57,7 +57,7 @@ class Coupling:
         table: Stand | None,
         face: Stand | None,
         offset: Vector,
-        extent: tuple[float, float] | None,
+        extent: tuple[float, float, float, float] | None,
         state: Record,
         name: str,
         period: float,
@@ -135,17 +135,23 @@ def _constants(
     arm: Stand | None,
     table: Stand | None,
     offset: Vector,
-    extent: tuple[float, float] | None,
+    extent: tuple[float, float, float, float] | None,
     period: float,
 ) -> Floats:
-    """Return the constants of the mechanics; without a table the plate is far below everything."""
+    """Return the constants of the mechanics; without a table the plate is far below everything.
+
+    ``extent``: half extents [m] of the plate along its own axes, and the direction of its x axis in its carrier's frame
+    (cosine and sine of its heading); None: it has no edge.
+    """
     constants = np.zeros(at.CONSTANTS)
     for start, stand in ((at.ARM, arm), (at.TABLE, table)):
         upright = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
         origin, rotation = (stand.true_frame().origin, stand.true_frame().r) if stand is not None else upright
         constants[start : start + 3], constants[start + 3 : start + 12] = origin, rotation
     constants[at.OFFSET : at.OFFSET + 3] = offset
-    constants[at.EXTENT : at.EXTENT + 2] = extent if extent is not None else (np.inf, np.inf)
+    constants[at.EXTENT : at.EXTENT + 2], constants[at.HEADING : at.HEADING + 2] = (np.inf, np.inf), (1.0, 0.0)
+    if extent is not None:
+        constants[at.EXTENT : at.EXTENT + 2], constants[at.HEADING : at.HEADING + 2] = extent[:2], extent[2:]
     constants[at.RADIUS], constants[at.PERIOD] = radius, period
     if hand is not None:
         person = hand.operator

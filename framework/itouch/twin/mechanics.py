@@ -20,7 +20,8 @@ Floats = NDArray[np.float64]
 
 # Places of the constants: frames as origin and rotation matrix, then numbers.
 _constants = Block()
-ARM, TABLE, OFFSET, EXTENT = _constants.parts(FRAME, FRAME, 3, 2)
+# The extent is that of the plate along its own axes; its heading is the direction of its x axis in its carrier's frame.
+ARM, TABLE, OFFSET, EXTENT, HEADING = _constants.parts(FRAME, FRAME, 3, 2, 2)
 RADIUS, PAD_STIFFNESS, PAD_DAMPING, MASS, STIFFNESS, DAMPING, PERIOD = _constants.parts(1, 1, 1, 1, 1, 1, 1)
 CONSTANTS = _constants.width
 
@@ -107,7 +108,9 @@ def plate_force(constants: Floats, finger: Floats, table: Floats, figures: Float
         finger[2] - constants[TABLE + 2],
     )  # fmt: skip
     gap = float(z - pz - constants[RADIUS])
-    if abs(x - px) > constants[EXTENT] or abs(y - py) > constants[EXTENT + 1]:
+    along, across, cosine, sine = x - px, y - py, constants[HEADING], constants[HEADING + 1]
+    outside = abs(cosine * along + sine * across) > constants[EXTENT]
+    if outside or abs(cosine * across - sine * along) > constants[EXTENT + 1]:
         gap = max(gap, BESIDE)
     rate = (gap - figures[DISTANCE]) / constants[PERIOD] if figures[DISTANCE] < FAR else 0.0
     figures[DISTANCE] = gap
