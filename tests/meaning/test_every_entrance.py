@@ -116,8 +116,8 @@ def both(tmp_path_factory):
         patch.chdir(folder)
         with redirect_stdout(captured.out), redirect_stderr(captured.err):
             found.append(use(folder, captured))
-    yield found[0], found[1], words
-    patch.undo()
+    patch.undo()  # the tests that follow have plugins with their own names
+    return found[0], found[1], words
 
 
 def alike(text: str, used: Used, words: Renaming | None = None) -> list[str]:

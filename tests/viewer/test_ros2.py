@@ -194,6 +194,7 @@ def test_what_can_not_be_told_is_said(words: tuple[str, ...], said: str) -> None
 
 
 @pytest.mark.long
+@pytest.mark.punctual  # three processes have to come to their turn a hundred times a second
 def test_two_processes_and_a_listener() -> None:
     """A session in real time, `view --ros2` beside it, and who listens here: all moments come, soon."""
     rows = {row["topic"]: row for row in measure(3.0, 100.0)}
