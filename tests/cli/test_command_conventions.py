@@ -45,7 +45,12 @@ def test_tab_completes_commands_options_values_and_files(scripts: Path, tmp_path
     assert {"check", "run", "thermal", "my touch.xml"} <= completed(bash, "", cwd=tmp_path)
     assert completed(bash, "check", "--str") == {"--strict"}
     assert completed(bash, "run", "--pace", "f", cwd=tmp_path) == {"fast"}
-    assert completed(bash, "check", "--color", "", cwd=tmp_path) >= {"auto", "always", "never"}
+    assert completed(bash, "check", "--color", "", cwd=tmp_path) == {"auto", "always", "never"}
+    assert completed(bash, "completion", "", cwd=tmp_path) == {"bash", "zsh", "fish"}
+    assert "my touch.xml" not in completed(bash, "study", "", cwd=tmp_path)  # a sub-command, and no file
+    assert "my touch.xml" in completed(bash, "study", "run", "", cwd=tmp_path)
+    assert "my touch.xml" in completed(bash, "bench", "sweep", "", cwd=tmp_path)
+    assert completed(bash, "run", "--report", "my", cwd=tmp_path) == {"my touch.xml"}
     assert "simulate" in completed(bash, "study", "")
     assert completed(bash, "study", "simulate", "--obs") == {"--observers"}
     assert completed(bash, "scene.xml", "--head") == {"--headless"}  # without `run`

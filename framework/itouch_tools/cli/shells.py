@@ -40,7 +40,7 @@ Commands = dict[str, Command]
 _BASH = """\
 # Completion of itouch-py for bash; made by `itouch-py completion bash`.
 _itouch_py() {{
-  local current=${{COMP_WORDS[COMP_CWORD]}} before=${{COMP_WORDS[COMP_CWORD-1]}} path="" word index words=""
+  local current=${{COMP_WORDS[COMP_CWORD]}} before=${{COMP_WORDS[COMP_CWORD-1]}} path="" word index words="" files=yes
   for ((index = 1; index < COMP_CWORD; index++)); do
     word=${{COMP_WORDS[index]}}
     case "$path/$word" in
@@ -50,7 +50,9 @@ _itouch_py() {{
   case "$path $before" in
 {values}
   esac
-  if [[ -z $words ]]; then
+  if [[ -n $words ]]; then
+    files=  # the option takes one of these words, and no file
+  else
     case "$path" in
 {options}
     esac
@@ -61,7 +63,7 @@ _itouch_py() {{
     fi
   fi
   COMPREPLY=($(compgen -W "$words" -- "$current"))
-  if [[ $current != -* ]]; then
+  if [[ -n $files && $current != -* ]]; then
     local file
     while IFS= read -r file; do COMPREPLY+=("$file"); done < <(compgen -f -- "$current")
   fi
@@ -87,7 +89,8 @@ def bash(found: Commands) -> str:
         options.append(f'      {place}) words="{_words(command.options)}" ;;')
         own = [*command.inner, *command.words]
         if own:
-            places.append(f'      {place}) words="{" ".join(own)}" ;;')
+            # what follows the word of a bench may be a file
+            places.append(f'      {place}) words="{" ".join(own)}"; [[ $before != {way[-1]} ]] || files= ;;')
         values += [
             f'    "{place} {word}") words="{" ".join(option.choices)}" ;;'
             for option in command.options if option.choices for word in option.words
