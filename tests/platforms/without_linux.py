@@ -94,6 +94,7 @@ def become(system: str) -> None:
     _without_fork()
     if system == "win":
         _without_passing()
+        _with_free_space()
     for module, names in gone.items():
         for name in names:
             if hasattr(module, name):
@@ -105,6 +106,20 @@ def become(system: str) -> None:
     named = "Darwin" if system == "mac" else "Windows"
     platform.system = lambda: named
     os.environ[MARK] = system
+
+
+def _with_free_space() -> None:
+    """Let ``shutil.disk_usage`` go on: on Windows it asks the system in another way, which this machine has not."""
+    import shutil
+
+    asked = os.statvfs
+
+    def usage(path: Any) -> Any:
+        found = asked(path)
+        total, free = found.f_blocks * found.f_frsize, found.f_bavail * found.f_frsize
+        return shutil._ntuple_diskusage(total, total - free, free)  # type: ignore[attr-defined]
+
+    shutil.disk_usage = usage
 
 
 def _foreign(path: Any) -> bool:
