@@ -126,6 +126,23 @@ def test_no_swap_loosens_what_anyone_asks(
     assert model.devices["pad"].limits.current == min(own[1], rigs[1])
 
 
+@pytest.mark.parametrize("which", ["s.xml", "rig.xml"])
+@pytest.mark.parametrize(
+    ("loose", "tight"), [('force="20 N"', 'force="1 N"'), ('temperature="0 44 degC"', 'temperature="20 30 degC"')]
+)
+def test_a_limit_beyond_the_default_is_refused_in_rig_and_scene_though_the_tighter_one_holds(
+    write: Write, which: str, loose: str, tight: str
+) -> None:
+    files = {
+        name: write(name, xml(more=f"<safety {loose if name == which else tight}/>")) for name in ("s.xml", "rig.xml")
+    }
+    with pytest.raises(itouch.SceneError, match="<safety") as raised:
+        itouch.build(files["s.xml"], rig=files["rig.xml"])
+    (problem,) = raised.value.problems
+    assert problem.code == "loosened-limit" and problem.place is not None
+    assert str(problem.place.file).endswith(which)
+
+
 @pytest.mark.parametrize(("own", "rigs"), [("P01", ""), ("", "P01"), ("P01", "P01")])
 def test_the_participant_of_a_rig_counts(write: Write, own: str, rigs: str) -> None:
     """A rig's was dropped without a word: nothing was noted of what the person had used."""

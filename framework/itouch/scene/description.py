@@ -28,12 +28,14 @@ class Swapped:
     """The scene's own devices and ``<safety>``, if another rig was put under the scene.
 
     ``rig`` is the file whose devices replace these; empty: it brings no devices, and the scene keeps its own.
+    ``brought`` is the rig's own ``<safety>``: of each limit the tighter one of both holds.
     ``notes`` say what else of them does not hold for the rig's.
     """
 
     devices: tuple[DeviceElement, ...]
     safety: Safety
     rig: str = ""
+    brought: Safety = Safety()
     notes: tuple[str, ...] = ()
 
 

@@ -225,7 +225,8 @@ class _Assembly:
         )
         self.incomplete = self.incomplete or reader.incomplete
         own_safety = self.single.get("safety", elements.Safety())
-        self.swapped = Swapped(tuple(self.devices), own_safety, os.fspath(rig) if other.devices else "")
+        brought = other.single.get("safety", elements.Safety())
+        self.swapped = Swapped(tuple(self.devices), own_safety, os.fspath(rig) if other.devices else "", brought)
         if other.devices:
             own = {device.name: device for device in self.devices}
             for device in other.devices:
