@@ -120,6 +120,30 @@ def test_check_looks_at_the_records_as_a_run_does(scene: Path, capsys: pytest.Ca
     assert f"it expired on {past[:10]}" in capsys.readouterr().err
 
 
+def test_a_record_from_the_future_is_refused_until_somebody_confirms_it(
+    scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Made by a clock that was wrong, it would hold for as long as that was ahead."""
+    assert fit(scene, GOOD) == 0
+    stored = scene.parent / "records/arm.json"
+    (record,) = calibration.read_records(stored)
+    ahead = [(calibration.now() + datetime.timedelta(days=days)).isoformat() for days in (900, 930)]
+    calibration.write_records(stored, [replace(record, made=ahead[0], expires=ahead[1])])
+    capsys.readouterr()
+    assert cli(["check", str(scene)]) == 2
+    assert f"it is dated {ahead[0][:10]}, in the future" in capsys.readouterr().err
+    assert cli(["calibrate", str(scene)]) == 0
+    assert "(IN THE FUTURE)" in capsys.readouterr().out
+    assert cli(["calibrate", str(scene), "--device", "arm", "--extend"]) == 0
+    assert cli(["check", str(scene)]) == 0
+    (again,) = calibration.read_records(stored)
+    lasts = datetime.datetime.fromisoformat(again.expires) - calibration.now()
+    assert datetime.timedelta(days=29) < lasts <= datetime.timedelta(days=30)
+    slightly = (calibration.now() + datetime.timedelta(hours=2)).isoformat()
+    calibration.write_records(stored, [replace(record, made=slightly)])  # clocks differ
+    assert cli(["check", str(scene)]) == 0
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

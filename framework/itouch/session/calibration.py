@@ -30,6 +30,8 @@ from itouch.schema.files import open_regular
 FORMAT = "itouch-py calibration 1"
 #: What to do with a file that cannot be read.
 _ADVICE = "correct it, or remove it and calibrate again"
+#: By how much the clock of the machine where a record was made may be ahead of this one.
+CLOCKS = datetime.timedelta(days=1)
 #: How much of a file of records is read at most [bytes].
 MOST = 8 << 20
 #: How far a twin's mount may be from what is written [m].
@@ -54,6 +56,10 @@ class CalibrationRecord:
     def stale(self, now: datetime.datetime) -> bool:
         """Tell whether it has expired."""
         return datetime.datetime.fromisoformat(self.expires) <= now
+
+    def early(self, now: datetime.datetime) -> bool:
+        """Tell whether it is dated in the future, by more than clocks differ: when it expires is not known then."""
+        return datetime.datetime.fromisoformat(self.made) > now + CLOCKS
 
 
 def now() -> datetime.datetime:
@@ -285,6 +291,8 @@ def _strangers(scene: Scene, catalog: Catalog | None) -> Iterator[Problem]:
 def _with(device: Any, record: CalibrationRecord) -> Any:
     if record.stale(now()):
         raise ValueError(f"it expired on {record.expires[:10]}")
+    if record.early(now()):
+        raise ValueError(f"it is dated {record.made[:10]}, in the future: a clock is or was wrong")
     if record.mount:
         error = _mount_error(device.mount, record.mount)
         mount = replace(device.mount, pos=record.mount[:3], quat=record.mount[3:], rpy=None, mount_error=error)

@@ -145,7 +145,8 @@ _COLUMNS: dict[str, tuple[str, ...]] = {"touch-off": (), "mount-fit": _PAIRS}
 
 
 def _tell(record: calibration.CalibrationRecord) -> None:
-    state = " EXPIRED" if record.stale(calibration.now()) else ""
+    now = calibration.now()
+    state = " EXPIRED" if record.stale(now) else " (IN THE FUTURE)" if record.early(now) else ""
     what = ", ".join(f"{name} = {value:.6g}" for name, value in record.values.items())
     if record.mount:
         x, y, z = (value * 1e3 for value in record.mount[:3])
@@ -311,15 +312,18 @@ def _quaternion(turn: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _extend(options: argparse.Namespace) -> int:
-    """Let expired records hold again, for ``--days`` or for as long as they did before."""
+    """Let records that have expired, or are of the future, hold again, for ``--days`` or as long as they did before."""
     scene, _ = _scene(options)
     longer, now, changed = _days(options), calibration.now(), 0
     for path in _paths(scene):
         records = []
         for record in calibration.read_records(path):
-            if record.stale(now) and options.device in (None, record.device) and options.kind in (None, record.kind):
+            meant = options.device in (None, record.device) and options.kind in (None, record.kind)
+            if meant and (record.stale(now) or record.early(now)):
                 made, expires = (datetime.datetime.fromisoformat(text) for text in (record.made, record.expires))
-                record = replace(record, expires=(now + (longer or max(_DAY, expires - made))).isoformat())
+                dated = now.isoformat() if record.early(now) else record.made  # when it was made is not known
+                until = now + (longer or max(_DAY, expires - made))
+                record = replace(record, made=dated, expires=until.isoformat())
                 changed += 1
                 _tell(record)
             records.append(record)
