@@ -7,6 +7,7 @@ import os
 import sys
 import textwrap
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,7 @@ from bad import BAD, Blocks
 from shipped import SCENES
 from slider import Slider, SliderParams
 
-from itouch.plugin import schema
+from itouch.plugin import Timing, schema
 from itouch.testing import DeviceSubject, DeviceTests, EmulatorTests, timing
 from itouch.testing.checks import CheckResult
 from itouch.testing.running import last_error
@@ -126,6 +127,23 @@ class Checked(Slider):
 
     def open(self) -> None:
         raise OSError(f"{self.params.port} is not there")
+
+
+class SlowToOpen(Slider):
+    """Takes longer to open than the dead-man's switch stays held without being held anew."""
+
+    timing = Timing(blocking=True, watchdog=1.0)
+
+    def open(self) -> None:
+        time.sleep(0.2)
+        super().open()
+
+
+@pytest.mark.punctual
+@pytest.mark.parametrize("check", ["lifecycle", "safe-on-exception"])
+def test_a_driver_that_is_slow_to_open_is_not_blamed_for_the_switch(check: str) -> None:
+    finding = CHECKS[check].examine(DeviceSubject(SlowToOpen, "slider", hardware=True))
+    assert finding.outcome == "passed", finding.note
 
 
 def test_what_an_emulator_closes_a_moment_later_is_not_left_open_by_the_driver() -> None:

@@ -8,15 +8,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from shipped import SCENES
 from slider import Slider, SliderTwin
 
 from itouch.plugin import Contact, Field, Modality, schema
 from itouch.plugin.discovery import Catalog
-from itouch.scene import loads
+from itouch.scene import load, loads
 from itouch.testing.checks import examine
 from itouch.testing.harness import KnownCatalog
 from itouch.testing.scenario import FINGER, ModalitySubject, made
 from itouch.testing.suites import MODALITY_CHECKS
+from itouch_thermal import Heat
 
 CHECKS = {check.name: check for check in MODALITY_CHECKS}
 LAST = [0.0]
@@ -253,3 +255,11 @@ def test_a_scene_without_a_touch_gets_one():
 
 def test_the_catalog_of_the_suite_has_the_finger_only_there():
     assert FINGER not in Catalog().device_names
+
+
+def test_in_a_scene_of_hardware_a_modality_is_examined_on_the_twins() -> None:
+    """Nothing moves or heats for it, and nobody is asked to hold a switch."""
+    subject = ModalitySubject(Heat, SCENES / "four_materials_wire.xml", name="thermal.heat")
+    assert not any(device.twin for device in load(SCENES / "four_materials_wire.xml", Catalog()).devices)
+    assert subject.seconds > 0.0
+    assert all(device.twin for device in subject.engine().model.devices.values())

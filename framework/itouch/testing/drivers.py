@@ -229,6 +229,7 @@ def _held_run(engine: Engine, seconds: float) -> None:
     """Enable, and run for ``seconds`` [s] with the dead-man's switch held."""
     engine.hold(True)
     engine.enable()
+    engine.hold(True)  # opening may have taken longer than one hold is good for
     engine.run(seconds, each=lambda: engine.hold(True), every=10)
 
 

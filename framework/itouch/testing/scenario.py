@@ -18,6 +18,7 @@ from itouch.scene import Scene, load, loads
 from itouch.scene.elements import Motion, Operator, To
 from itouch.schema.fields import PLUGIN_NAMESPACE, REQUIRED, Spec, default_of, specs, xml_name
 from itouch.schema.quantities import format_quantity
+from itouch.session import choose_twins
 from itouch.testing.checks import CheckError, NotApplicableError
 from itouch.testing.harness import KnownCatalog
 from itouch.world import Model
@@ -58,7 +59,7 @@ class Finger(Device):
 
 @dataclass(frozen=True)
 class ModalitySubject:
-    """A modality class under examination, in a scene that uses it.
+    """A modality class under examination, in a scene that uses it; devices of hardware are replaced by their twins.
 
     Attributes
     ----------
@@ -86,7 +87,7 @@ class ModalitySubject:
     @cached_property
     def loaded(self) -> tuple[Scene, float]:
         """The scene without a recording, and a check's duration in it [s]; without a touch, its motion is replaced."""
-        scene = replace(self._read(), record=None)
+        scene = choose_twins(replace(self._read(), record=None), "all")
         seconds, touched = self._seen(scene)
         if seconds is None:
             scene = _with_touch(scene)
