@@ -180,7 +180,9 @@ def _with_touch(scene: Scene) -> Scene:
     old = next((operator for operator in scene.operators if operator.probe == probe.name), Operator(probe=probe.name))
     x, y, z = thing.pos
     top, way = z + _height(thing) + probe.radius, min(0.02, _width(thing))
-    places = [(x - way, y, top + 0.02), (x - way, y, top - 0.004), (x + way, y, top - 0.004), (x + way, y, top + 0.02)]
+    # above all objects: one beside it that is higher must not be touched at the end
+    clear = max(other.pos[2] + _height(other) for other in scene.objects) + probe.radius + 0.02
+    places = [(x - way, y, clear), (x - way, y, top - 0.004), (x + way, y, top - 0.004), (x + way, y, clear)]
     targets = tuple(To(pos=place, in_=time) for place, time in zip(places, (0.3, 0.4, 0.6, 0.4), strict=True))
     operator = replace(old, motion=Motion(targets=targets))
     others = tuple(one for one in scene.operators if one is not old)
