@@ -89,10 +89,10 @@ def study() -> None:
     for (width, height), size in SIZES.items():
         shown = open_context(width, height)
         from itouch_tools.viewer.buffers import Frame
-        from itouch_tools.viewer.study_screens import DARK, LIGHT, Board  # the context comes first
+        from itouch_tools.viewer.study_screens import DARK, LIGHT, StudyScreen  # the context comes first
 
         for ground, look in {"dark": DARK, "light": LIGHT}.items():
-            board, frame = Board(look), Frame(width, height)
+            board, frame = StudyScreen(look), Frame(width, height)
             for name, face in faces.items():
                 board.participant(face, frame, page=page if name == "instructions" else ())
                 _keep(f"study-{size}-{ground}-{name}", frame.read().copy())

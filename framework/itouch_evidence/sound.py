@@ -96,7 +96,7 @@ def measure(strokes: int, monitor: str | None) -> dict[str, Any]:
     session = build(loads(_SCENE.format(modes=modes).encode(), Catalog()))
     session.run(0.01)
     found: dict[str, Any] = {"block_ms": 1e3 * BLOCK / RATE, "making_a_block_ms": 1e3 * _cost(session)}
-    ear = _Ear(monitor) if monitor else None
+    ear = _SoundRecorder(monitor) if monitor else None
     speaker = Speaker(session.model)
     speaker.hear(session.state)  # contacts before this state make no sound
     time.sleep(_SETTLE)
@@ -152,7 +152,7 @@ def _cost(session: Any) -> float:
     return min(spent)
 
 
-class _Ear:
+class _SoundRecorder:
     """Records a PulseAudio source in a thread, until ``stop``."""
 
     def __init__(self, source: str) -> None:

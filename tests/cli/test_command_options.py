@@ -22,7 +22,7 @@ from program import program as run
 from shipped import SCENES
 
 import itouch_tools.cli
-from itouch.schema.terminal import MANNER
+from itouch.schema.terminal import VERBOSITY
 from itouch_tools.cli.command_options import taken
 from itouch_tools.report.screen import fitted
 
@@ -143,7 +143,7 @@ def test_quiet_leaves_results_and_errors(tmp_path: Path) -> None:
     assert run("-q", "check", "absent.xml", cwd=tmp_path).stderr.startswith("error[no-such-file]")
     assert run("schema", str(tmp_path / "s"), "-q").stdout == ""
     assert (tmp_path / "s" / "itouch.xsd").is_file()
-    assert not (MANNER.quiet or MANNER.verbose)
+    assert not (VERBOSITY.quiet or VERBOSITY.verbose)
     assert re.search(r"check: \d+\.\d\d s\n", run("check", FIRST, "--verbose").stderr)
 
 

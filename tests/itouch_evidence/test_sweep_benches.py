@@ -19,7 +19,7 @@ from needed import meant
 from itouch_evidence.sweeps import backends, deaths, failures
 from itouch_evidence.sweeps.backends import Measured, Rate, plain, shown, steady
 from itouch_evidence.sweeps.deaths import main as campaign
-from itouch_evidence.sweeps.growth import Client, Grown, Parts, extrapolated, line, process
+from itouch_evidence.sweeps.growth import Client, Parts, SweepCost, extrapolated, line, process
 from itouch_evidence.sweeps.rates import main as bench
 from itouch_tools.cli import main
 from itouch_tools.sweeps.store import RUNS
@@ -73,7 +73,7 @@ def test_a_signal_ends_the_bench_and_not_only_the_sweep_that_it_measures(
 
 def test_growth_says_what_breaks_far_away() -> None:
     assert Parts(4.0, 0.02, 2.0, 100.0).seconds(1000) == pytest.approx(14.0)
-    grown = Grown(1000, Client(1000, 4.0, 15.0, 0.1, 230.0), 14.0, 90.0, 5, 2.0, 140.0)
+    grown = SweepCost(1000, Client(1000, 4.0, 15.0, 0.1, 230.0), 14.0, 90.0, 5, 2.0, 140.0)
     assert "15.0 s, model     14.0 s (1.07)" in line(grown)
     told = extrapolated(grown, 1e8, 1e4, 8.0, 4.0, each_s=0.003)
     assert "22.2 h, 1250 rows a second" in told[0]

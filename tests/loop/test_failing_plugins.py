@@ -35,7 +35,7 @@ from itouch.plugin import (
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch.plugin.kernels import kernel
 from itouch.safety import Trip
-from itouch.schema.plugin_errors import said
+from itouch.schema.plugin_errors import error_text
 
 SCENE = """<itouch version="1.0" xmlns:tone="urn:itouch:plugin:tone">
   <materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>
@@ -471,8 +471,8 @@ def test_a_channel_of_a_standard_name_has_its_size(tmp_path: Path) -> None:
 
 
 def test_an_error_without_words_is_told_by_its_kind() -> None:
-    assert said(ValueError()) == "ValueError"
-    assert said(ValueError("one\ntwo")) == "ValueError: one"
+    assert error_text(ValueError()) == "ValueError"
+    assert error_text(ValueError("one\ntwo")) == "ValueError: one"
     assert Contact.BEGIN.name == "BEGIN"
 
 

@@ -33,7 +33,7 @@ from itouch.monitors.heat import History
 from itouch.monitors.limits import DeviceLimits
 from itouch.monitors.runaway import Runaway, drive_of
 from itouch.monitors.runaway_kernels import Look
-from itouch.monitors.surface_kernels import Load, Nearing, SurfaceObservation, felt, rise
+from itouch.monitors.surface_kernels import FingerAbove, Load, SurfaceObservation, felt, rise
 from itouch.monitors.thresholds import COLDEST_TARGET, LAG, PART, PARTS, READINGS, RUNAWAY_TIME, WINDOW
 from itouch.plugin import (
     Channel,
@@ -881,7 +881,7 @@ def test_trips_follow_their_limits(limits: DeviceLimits, heat: Any, press: float
      (0.0, -0.1, 0.0, 0.04, 0.26), (1e-2, 0.0, 0.0, 0.04, 0.06), (0.0, -0.1, 0.0, 0.03, 0.46), (0.0, 0.5, 0.0, 0.5, 0.06)],
 )  # fmt: skip
 def test_what_a_surface_may_rise_by(gap: float, velocity: float, rising: float, pressed: float, found: float) -> None:
-    nearing = Nearing(
+    nearing = FingerAbove(
         np.array([0.0, 0.0, 0.1]), np.array([0.0, 0.0, velocity]), np.array([0.1 - 0.008 - gap]), np.array([rising]),
         np.array([0.008, 1000.0, 2.0, 0.001]),
     )  # fmt: skip
@@ -895,7 +895,7 @@ def test_what_a_surface_may_rise_by(gap: float, velocity: float, rising: float, 
 )  # fmt: skip
 def test_what_a_surface_may_rise_by_where_readings_are_late(pressed: float, said: float, found: float) -> None:
     """What is said of it since then may only tighten: it adds to what is read, and never takes from that."""
-    nearing = Nearing(
+    nearing = FingerAbove(
         np.array([0.0, 0.0, 0.1]), np.array([0.0, 0.0, -0.1]), np.array([0.1 - 0.008 - 4e-4]), np.zeros(1),
         np.array([0.008, 1000.0, 2.0, 0.001]), np.array([said]),
     )  # fmt: skip

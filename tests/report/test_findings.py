@@ -232,7 +232,7 @@ def test_contacts_are_told_as_they_end_unless_only_results_are_asked_for(monkeyp
         statistics=SimpleNamespace(contacts=[]), model=SimpleNamespace(modalities=(), probes=("finger",))
     )
     for quiet, told in ((False, True), (True, False)):
-        monkeypatch.setattr(screen.MANNER, "quiet", quiet)
+        monkeypatch.setattr(screen.VERBOSITY, "quiet", quiet)
         engine.statistics.contacts = []
         out = io.StringIO()
         shown = screen.Screen(engine, out)

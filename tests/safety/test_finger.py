@@ -9,7 +9,7 @@ import pytest
 from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, Supervised, model, state
 
 from itouch.monitors import DeviceFaultError, Trip
-from itouch.monitors.surface_kernels import Nearing
+from itouch.monitors.surface_kernels import FingerAbove
 from itouch.plugin import Channel, DeviceError, Record, Role, measured_wrench, plate_temperature, temperature_target
 from itouch.safety import Finger, Gate
 from itouch.world.limits import DeviceLimits
@@ -91,7 +91,7 @@ def test_a_cuff_and_a_surface_trip_together_and_the_stronger_is_named() -> None:
 def test_an_arm_leaves_what_surfaces_may_press_with_next() -> None:
     _, devices, _ = hand({"arm": ARM, "one": TABLE, "two": TABLE})
     down, over = np.array([0.0, 0.0, -0.1]), np.array([0.0, 0.0, 0.1])
-    near = Nearing(over, down, np.array([0.092]), np.zeros(1), np.array([0.008, 1000.0, 2.0, PERIOD]))
+    near = FingerAbove(over, down, np.array([0.092]), np.zeros(1), np.array([0.008, 1000.0, 2.0, PERIOD]))
     finger = Finger("tip", [one.gate for one in devices], {"one": near})
     assert finger.taken() == pytest.approx(0.06 + 0.2 + 0.2)
     press(devices[1], 0.5)

@@ -16,7 +16,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import control_block as control
 from itouch.servo import wire
-from itouch.servo.commands import Asked, Commands
+from itouch.servo.commands import Commands, OperatorRequests
 from itouch.servo.link import Link
 from itouch.servo.remote import RemoteTwin
 from itouch.servo.serve import Servo
@@ -29,8 +29,8 @@ TABLE = """<itouch version="1.0">
 """
 
 
-def commands(*, twin: bool) -> tuple[Commands, Asked, list[Any]]:
-    told, asked = list[Any](), Asked()
+def commands(*, twin: bool) -> tuple[Commands, OperatorRequests, list[Any]]:
+    told, asked = list[Any](), OperatorRequests()
     session: Any = SimpleNamespace(ticks=5, model=SimpleNamespace(devices={"arm": SimpleNamespace(twin=twin)}))
     outbox: Any = SimpleNamespace(tell=lambda what, content: told.append((what, content)))
     return Commands(session, outbox, asked, dict), asked, told

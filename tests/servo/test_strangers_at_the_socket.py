@@ -18,7 +18,7 @@ from itouch.plugin import TwinInputs
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import twin_server, wire
-from itouch.servo.parent_process import EndOf, gone
+from itouch.servo.parent_process import ProcessEnd, gone
 from itouch.servo.twin_server import TwinServer
 from itouch.world.rig import build_devices
 
@@ -191,7 +191,7 @@ def test_a_parent_is_known_by_its_number() -> None:
     assert lives(os.getpid())
     assert not lives((1 << 22) + 1)
     done = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
-    end, unknown = EndOf(lambda: done.pid), EndOf(lambda: 0)
+    end, unknown = ProcessEnd(lambda: done.pid), ProcessEnd(lambda: 0)
     assert not end.seen()
     assert not unknown.seen()
     done.kill()
@@ -199,4 +199,4 @@ def test_a_parent_is_known_by_its_number() -> None:
         threading.Event().wait(0.01)
     assert end.seen()
     done.communicate()
-    assert EndOf(lambda: (1 << 22) + 1).seen()
+    assert ProcessEnd(lambda: (1 << 22) + 1).seen()

@@ -14,7 +14,7 @@ from shipped import SCENES
 import itouch
 from itouch.plugin import Field, Modality, Record
 from itouch.plugin.discovery import Catalog, Found, find
-from itouch.session.layout import Changed, adopt, compare
+from itouch.session.layout import ChangedFields, adopt, compare
 
 SCENE = """<itouch version="1.0" xmlns:tone="urn:itouch:plugin:tone">
   <materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>
@@ -118,12 +118,12 @@ def test_a_row_that_has_become_longer_keeps_what_was_stored_where_the_plugin_say
     others = (Field("b", "f8", 3), Field("c", "i8"))
     fresh = Record.of((Field("a", "f8", (2, 3)), *others))
     fresh["a"][...] = 9.0
-    content, _ = adopt(stored, fresh, {}, Changed(lengthened=frozenset({"a", "b"})))
+    content, _ = adopt(stored, fresh, {}, ChangedFields(lengthened=frozenset({"a", "b"})))
     assert np.frombuffer(content, fresh.dtype)["a"][0].tolist() == [[1.0, 2.0, 9.0], [3.0, 4.0, 9.0]]
     assert np.frombuffer(content, fresh.dtype)["b"][0].tolist() == [5.0] * 3
     for other in (Field("a", "f8", (2, 1)), Field("a", "f8", (3, 3)), Field("a", "f4", (2, 3))):
         with pytest.raises(itouch.SessionError, match="! a: "):
-            adopt(stored, Record.of((other, *others)), {}, Changed(lengthened=frozenset({"a"})))
+            adopt(stored, Record.of((other, *others)), {}, ChangedFields(lengthened=frozenset({"a"})))
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from test_hardware import Params, catalog
 import itouch
 from itouch.plugin import Device, Record, current, deadman, plate_temperature
 from itouch.session import SessionError, participants
-from itouch.session.participants import LASTS, Used, read, write
+from itouch.session.participants import LASTS, BudgetUse, read, write
 
 SCENE = """<itouch version="1.0">
   <devices><device name="NAME" plugin="thermal"/></devices>
@@ -60,7 +60,7 @@ def test_what_was_used_goes_into_the_next_session_whatever_its_devices_are_calle
 
 
 def test_a_used_up_dose_acts_in_no_later_session(tmp_path: Path) -> None:
-    write("P01", Used(20.1, 0.0, participants.time.time()))
+    write("P01", BudgetUse(20.1, 0.0, participants.time.time()))
     session = itouch.build(scene(tmp_path))
     with pytest.raises(itouch.ItouchError, match="thermal dose"):
         session.run(1.0)
@@ -105,7 +105,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 def test_an_edit_is_told_and_the_larger_use_counts(tmp_path: Path, home: Path) -> None:
     now = participants.time.time()
-    write("P01", Used(8.0, 3.0, now))
+    write("P01", BudgetUse(8.0, 3.0, now))
     path = home / "P01.json"
     data = json.loads(path.read_text())
     path.write_text(json.dumps({**data, "dose_s": 0.0}))
@@ -131,17 +131,17 @@ def test_what_nobody_can_read_is_refused(tmp_path: Path, home: Path, text: str) 
         itouch.build(scene(tmp_path)).run(0.01)
     (home / "P01.json").unlink()
     (home / ".P01.copy.json").unlink()
-    write("P01", Used(4.0, 0.0, participants.time.time()))
+    write("P01", BudgetUse(4.0, 0.0, participants.time.time()))
     (home / "P01.json").write_text(text)
     found, told = read("P01")
     assert found.dose == 4.0 and "the other copy counts" in told[0]
 
 
 def test_budgets_begin_anew_a_day_after_the_last_use_and_never_shrink_before() -> None:
-    write("P01", Used(4.0, 2.0, 1000.0))
-    write("P01", Used(1.0, 5.0, 900.0))
+    write("P01", BudgetUse(4.0, 2.0, 1000.0))
+    write("P01", BudgetUse(1.0, 5.0, 900.0))
     assert read("P01", now=1000.0 + LASTS)[0].values == (4.0, 5.0, 1000.0)
-    assert read("P01", now=1001.0 + LASTS)[0] == Used()
+    assert read("P01", now=1001.0 + LASTS)[0] == BudgetUse()
 
 
 @pytest.mark.parametrize("code", ["../P01", "a b", ".hidden", "x" * 65, "é"])
@@ -278,11 +278,11 @@ def test_a_killed_session_keeps_no_participant(tmp_path: Path) -> None:
 
 
 def test_two_copies_that_say_the_same_are_no_news_and_two_that_do_not_are(home: Path) -> None:
-    write("P01", Used(3.0, 5.0, participants.time.time()))
+    write("P01", BudgetUse(3.0, 5.0, participants.time.time()))
     whole, told = read("P01")
     assert (whole.values[:2], told) == ((3.0, 5.0), ())
     copy = (home / ".P01.copy.json").read_bytes()
-    write("P01", Used(7.0, 5.0, participants.time.time()))
+    write("P01", BudgetUse(7.0, 5.0, participants.time.time()))
     (home / ".P01.copy.json").write_bytes(copy)
     whole, told = read("P01")
     assert whole.values[:2] == (7.0, 5.0)

@@ -20,7 +20,7 @@ from run_scene import write_study
 
 from itouch_tools.study import client
 from itouch_tools.study.client import ServedError, connect
-from itouch_tools.study.server import MOST, Door, DoorError
+from itouch_tools.study.server import MOST, StudyServer, StudyServerError
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason=meant("processes are ended by signals"))
 
@@ -184,10 +184,10 @@ def test_the_key_is_for_this_user_alone(served: Other) -> None:
     assert stat.S_IMODE(served.key.stat().st_mode) == 0o600
     assert json.loads(served.key.read_text())["host"] == "127.0.0.1"
     assert json.loads(served.key.read_text())["token"] not in served.said
-    with pytest.raises(DoorError, match="is being served"):
-        Door(served.key)
-    with pytest.raises(DoorError, match="cannot listen on port"):
-        Door(served.key.with_name("other.json"), json.loads(served.key.read_text())["port"])
+    with pytest.raises(StudyServerError, match="is being served"):
+        StudyServer(served.key)
+    with pytest.raises(StudyServerError, match="cannot listen on port"):
+        StudyServer(served.key.with_name("other.json"), json.loads(served.key.read_text())["port"])
     with pytest.raises(ServedError, match="holds no key"):
         connect(served.key.with_name("nothing.json"))
 
@@ -203,7 +203,7 @@ def test_a_line_without_an_end_and_too_many_are_hung_up_on(served: Other) -> Non
 
 
 def test_strangers_who_say_nothing_keep_nobody_out(tmp_path: Path) -> None:
-    with Door(tmp_path / "key.json") as door:
+    with StudyServer(tmp_path / "key.json") as door:
         known = socket.create_connection(("127.0.0.1", door.port), timeout=600.0)
         known.sendall(json.dumps({"token": json.loads((tmp_path / "key.json").read_text())["token"]}).encode() + b"\n")
         while not any(caller.known for caller in door.callers):

@@ -33,7 +33,7 @@ def test_an_answer_is_passed_on_once_and_another_one_only_if_it_was_not_accepted
     monkeypatch.setattr(rig_windows, "DeadMansSwitch", lambda link: SimpleNamespace(hold=lambda held: None))
     handle: Any = SimpleNamespace(link=None, others=queue.Queue())
     participant, passed = Participant(None, "warm", "cold", "7"), list[tuple[str, dict[str, Any]]]()
-    desk = rig_windows.Desk(handle, participant)  # type: ignore[arg-type]
+    desk = rig_windows.RigWindows(handle, participant)  # type: ignore[arg-type]
     monkeypatch.setattr(desk, "_pass_on", lambda kind, content: passed.append((kind, content)))
 
     def turns(count: int, *messages: dict[str, Any]) -> list[Any]:

@@ -22,7 +22,7 @@ from itouch_tools.cli import main
 from itouch_tools.study import scene_switching
 from itouch_tools.study.reading import load_study
 from itouch_tools.study.rig_session import each_level_once
-from itouch_tools.study.scene_switching import Room
+from itouch_tools.study.scene_switching import SceneSwitcher
 from itouch_tools.study.store import Row, Store
 from itouch_tools.study.touches import Toucher
 
@@ -143,7 +143,7 @@ class Keeps(Modality):
 
 
 @pytest.fixture
-def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Room]:
+def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SceneSwitcher]:
     """The room of a study of which each condition has other fields of State."""
     listed = "[itouch.modalities]\nkeeper.keeps = keeper:Keeps\n"
     monkeypatch.syspath_prepend(str(strangers.install(tmp_path / "site", "keeper", listed, code=KEEPS)))
@@ -156,13 +156,13 @@ def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Room]:
     )
     factor = '<factor name="kept" levels="few many" values="1;9" set="keeps.kept"/>'
     path.write_text(path.read_text().replace("  <task", f"  {factor}\n  <task"))
-    made = Room(load_study(path, Catalog()), Catalog(), seed=5, record=tmp_path / "P1-1.mcap")
+    made = SceneSwitcher(load_study(path, Catalog()), Catalog(), seed=5, record=tmp_path / "P1-1.mcap")
     yield made
     made.close()
     assert [len(read(file).losses) for file in tmp_path.glob("*.mcap")] == [0] * len(list(tmp_path.glob("*.mcap")))
 
 
-def touch(room: Room, kept: str) -> tuple[int, int]:
+def touch(room: SceneSwitcher, kept: str) -> tuple[int, int]:
     """Touch the block once in a condition, and return the first and the last tick."""
     room.present({"material": "wood", "kept": kept})
     first = room.session.ticks
@@ -171,7 +171,7 @@ def touch(room: Room, kept: str) -> tuple[int, int]:
     return first, room.session.ticks - 1
 
 
-def test_scenes_whose_states_have_other_fields_share_a_recording(tmp_path: Path, room: Room) -> None:
+def test_scenes_whose_states_have_other_fields_share_a_recording(tmp_path: Path, room: SceneSwitcher) -> None:
     """Each change of State began a file, a hundred of them in a session; hardware refused to be recorded."""
     spans = {name: list[tuple[int, int]]() for name in ("few", "many")}
     for kept in ("few", "many", "many", "few", "many"):
@@ -191,7 +191,9 @@ def test_scenes_whose_states_have_other_fields_share_a_recording(tmp_path: Path,
             itouch.replay(tmp_path / f"{name}.mcap")
 
 
-def test_few_recordings_are_open_at_a_time(tmp_path: Path, room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_few_recordings_are_open_at_a_time(
+    tmp_path: Path, room: SceneSwitcher, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Each has a process and its memory; what is needed again after its end begins another file."""
     monkeypatch.setattr(scene_switching, "OPEN", 1)
     spans = [touch(room, kept) for kept in ("few", "many", "few")]
@@ -204,7 +206,7 @@ def test_few_recordings_are_open_at_a_time(tmp_path: Path, room: Room, monkeypat
         assert {first, last} <= set(recording.ticks.tolist())
 
 
-def test_samples_that_are_lost_between_two_scenes_are_told(tmp_path: Path, room: Room) -> None:
+def test_samples_that_are_lost_between_two_scenes_are_told(tmp_path: Path, room: SceneSwitcher) -> None:
     """Ticks in another file are not lost; those after another scene has begun are."""
     touch(room, "few")
     touch(room, "many")
@@ -221,7 +223,7 @@ def test_samples_that_are_lost_between_two_scenes_are_told(tmp_path: Path, room:
     (tmp_path / "P1-1.mcap").unlink()
 
 
-def test_a_recording_of_which_no_session_goes_on_is_ended_with_the_others(tmp_path: Path, room: Room) -> None:
+def test_a_recording_of_which_no_session_goes_on_is_ended_with_the_others(tmp_path: Path, room: SceneSwitcher) -> None:
     """Also where its writing process has died meanwhile, which is told when a session goes on in it."""
     touch(room, "few")
     recorder = room.session.recorder

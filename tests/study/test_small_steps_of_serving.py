@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from itouch.loop import LatchedError, Status
-from itouch_tools.study.rig_session import Sitting
-from itouch_tools.study.server import BACKLOG, Caller, Door
+from itouch_tools.study.rig_session import RigSession
+from itouch_tools.study.server import BACKLOG, Caller, StudyServer
 
 
 class Slow:
@@ -38,7 +38,7 @@ class Slow:
 def test_who_reads_slowly_is_waited_for_until_too_much_waits(
     waiting: int, room: int, gone: bool, tmp_path: Path
 ) -> None:  # fmt: skip
-    door, line = Door(tmp_path / "key.json"), Slow(room)
+    door, line = StudyServer(tmp_path / "key.json"), Slow(room)
     caller = Caller(line, 0.0, known=True, going=bytearray(waiting))  # type: ignore[arg-type]
     door.callers.append(caller)
     door._send(caller)
@@ -79,5 +79,5 @@ def test_enabling_rearms_what_has_tripped_and_nothing_else(
 ) -> None:
     session = Latched(latched, *devices)
     held: Any = SimpleNamespace(session=session)
-    Sitting._enable(held)
+    RigSession._enable(held)
     assert session.rearmed == rearmed

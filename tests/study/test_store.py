@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from itouch_tools.study.store import Row, Standing, Store, StoreError
+from itouch_tools.study.store import Row, Store, StoredSession, StoreError
 
 ROW = Row("P01", 0, "main", "identify", {"material": "wood"}, ["wood"], 1.0, 2.0, "s1.mcap", "2026-01-01T00:00:00Z",
           answer="wood", right=1, reaction_s=0.8, felt=[{"mean_flux_W_m2": 830.0}])  # fmt: skip
@@ -195,7 +195,7 @@ def test_data_that_cannot_be_written_can_be_read(tmp_path: Path, monkeypatch: py
 def test_what_another_program_has_changed_is_a_sentence(tmp_path: Path) -> None:
     with Store.open(tmp_path, create=True) as store:
         for place in range(3):
-            store.add(replace(ROW, place=place), Standing(place, {"material": "wood"}, "", b""))
+            store.add(replace(ROW, place=place), StoredSession(place, {"material": "wood"}, "", b""))
     changed = {
         "trial 2 of P01 cannot be read, its 'condition' was changed": "UPDATE trials SET condition = '{' WHERE place = 1",
         "trial 3 of P01 cannot be read, its 'shown' was changed": "UPDATE trials SET shown = '{}' WHERE place = 2",

@@ -29,7 +29,7 @@ from itouch_tools.study import rig_windows
 from itouch_tools.study.answers import Script
 from itouch_tools.study.client import connect
 from itouch_tools.study.reading import load_study
-from itouch_tools.study.scene_switching import Room, note_stop
+from itouch_tools.study.scene_switching import SceneSwitcher, note_stop
 from itouch_tools.study.session_display import Shown
 from itouch_tools.study.store import Row, Store
 
@@ -75,7 +75,7 @@ def begin(folder: Path, *, record: bool = False) -> Any:
 
 def attend(handle: Any, touches: Touches, answers: list[str]) -> list[dict[str, Any]]:
     with handle:
-        return list(rig_windows.Desk(handle, Script(answers), show=touches).attend())
+        return list(rig_windows.RigWindows(handle, Script(answers), show=touches).attend())
 
 
 def test_a_study_on_a_rig_opens_it_once_and_lets_it_rest_while_the_scene_changes(tmp_path: Path, rig: Person) -> None:
@@ -231,7 +231,7 @@ def test_time_between_two_sessions_counts_for_how_often_one_may_re_arm(
     """The servo's clock stands still between two processes: who had waited for a minute was told to wait for ever."""
     file, clock = load_study(tmp_path / "study.xml", Catalog()), [1e9]
     monkeypatch.setattr("itouch_tools.study.scene_switching.time.time", lambda: clock[0])
-    room = Room(file, Catalog(), seed=1)
+    room = SceneSwitcher(file, Catalog(), seed=1)
     room.prepare(file.conditions()[0])
     room.session.state["tick"] = 40_000
     room.session.state["lift.rearmed"] = [39_000, 30_000, 20_000, 10_000, 3_000]
@@ -243,7 +243,7 @@ def test_time_between_two_sessions_counts_for_how_often_one_may_re_arm(
         (60.0, [-1] * 5),
     ):
         clock[0] = 1e9 + seconds
-        again = Room(file, Catalog(), seed=1)
+        again = SceneSwitcher(file, Catalog(), seed=1)
         assert again.take_up(stood)
         assert again.session.state["lift.rearmed"].tolist() == left
 
@@ -310,7 +310,7 @@ def test_what_cannot_be_done_on_hardware_is_said_before_anything_begins(tmp_path
 
 def test_another_program_leads_a_rig(tmp_path: Path, rig: Person) -> None:
     file = load_study(tmp_path / "study.xml", Catalog())
-    with rig_windows.launch_door(file, tmp_path / "key.json", 0) as handle:
+    with rig_windows.launch_server(file, tmp_path / "key.json", 0) as handle:
         assert handle.others.get(timeout=600.0)["port"] > 0
         handle.enable()
         with connect(tmp_path / "key.json") as touch:

@@ -9,7 +9,7 @@ import pytest
 from sweeping import COLLECT, VARIED, written
 
 from itouch.plugin.discovery import Catalog
-from itouch_evidence.sweeps.empty_runs import Instant, client_alone
+from itouch_evidence.sweeps.empty_runs import InstantPool, client_alone
 from itouch_evidence.sweeps.rates import main as bench
 from itouch_tools.sweeps.client import Client
 from itouch_tools.sweeps.reading import load_sweep
@@ -22,7 +22,7 @@ def many(folder: Path, seeds: int) -> Path:
 
 def peak(path: Path, out: Path) -> int:
     """Return the most bytes that Python held while a sweep ran."""
-    client = Client(load_sweep(path, Catalog()), out, Instant(), Catalog(), None)
+    client = Client(load_sweep(path, Catalog()), out, InstantPool(), Catalog(), None)
     tracemalloc.start()
     client.sweep()
     found = tracemalloc.get_traced_memory()[1]

@@ -18,7 +18,7 @@ from types import SimpleNamespace
 from itouch_tools.viewer.offscreen import open_context
 width, height = int(sys.argv[1]), int(sys.argv[2])
 window = open_context(width, height)
-from itouch_tools.viewer.study_screens import DARK, LIGHT, Board
+from itouch_tools.viewer.study_screens import DARK, LIGHT, StudyScreen
 from itouch_tools.viewer.buffers import Frame
 frame = Frame(width, height)
 def face(cue, **more):
@@ -34,7 +34,7 @@ def longest(rows):
     return best
 found = {}
 for name, look in (("dark", DARK), ("light", LIGHT)):
-    board = Board(look)
+    board = StudyScreen(look)
     said = found[name] = {}
     board.participant(face("go"), frame)
     picture = frame.read()

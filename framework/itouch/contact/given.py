@@ -21,7 +21,7 @@ _UNIT = 1e-6
 GREATEST = 1e15
 
 
-class Said(NamedTuple):
+class StatedContact(NamedTuple):
     """What is said of a contact, in the world frame.
 
     Attributes
@@ -99,7 +99,7 @@ def found(world: Floats, said: Floats, result: Floats) -> int:
 @entry
 def given(
     world: Floats, mesh: Mesh | None, poses: Floats, twists: Floats, hip_at: Floats, radius: float, near: float,
-    said: Said, result: Floats,
+    said: StatedContact, result: Floats,
 ) -> int:  # fmt: skip
     """Write the result of a probe's contact from what is said of it; return WRITTEN, or why nothing was written.
 

@@ -2,7 +2,7 @@
 
 from itouch.exchange.delayed_twin import LateTwin
 from itouch.exchange.exchanged import Exchanged, failed_in
-from itouch.exchange.in_step import EveryNth, Straight, StraightEmulator
+from itouch.exchange.in_step import DirectEmulator, DirectHost, EveryNth
 from itouch.exchange.thread import ServedEmulator, ThreadedDevice
 from itouch.exchange.truth import TruthReader, TruthWriter
 
@@ -11,8 +11,8 @@ __all__ = [
     "Exchanged",
     "LateTwin",
     "ServedEmulator",
-    "Straight",
-    "StraightEmulator",
+    "DirectHost",
+    "DirectEmulator",
     "ThreadedDevice",
     "TruthReader",
     "TruthWriter",

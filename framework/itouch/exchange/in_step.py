@@ -102,7 +102,7 @@ class EveryNth(Exchanged):
             self._told, self._sent = False, self._command
 
 
-class Straight(Device):
+class DirectHost(Device):
     """The host's end of a device without its wire.
 
     Parameters
@@ -142,10 +142,10 @@ class Straight(Device):
         self.driven = True
 
 
-class StraightEmulator(Emulator):
+class DirectEmulator(Emulator):
     """The rig's end of a device without its wire: there is nothing to answer, since the host's end does everything."""
 
-    def __init__(self, device: Straight) -> None:
+    def __init__(self, device: DirectHost) -> None:
         super().__init__(device.params)
         self._device = device
 

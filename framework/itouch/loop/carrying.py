@@ -23,7 +23,7 @@ PYTHON = 1
 FURTHEST = 1.0
 
 
-class Own(NamedTuple):
+class ProbeArrays(NamedTuple):
     """A probe: its constants (CONSTANTS,) and figures (FIGURES,) of `render`, and its surface's memory (MEMORY,)."""
 
     c: Floats
@@ -61,7 +61,7 @@ class Carrier(NamedTuple):
     read: Floats
 
 
-class Said(NamedTuple):
+class StatedSurface(NamedTuple):
     """What a modality says of the surface that it carries, (1,) each: 0 or 1, lengths [m]; see `Carries`."""
 
     renders: Any
@@ -140,8 +140,8 @@ def led(withdrawn: Any, kept: Floats) -> int:
 
 @kernel
 def look_below(
-    own: Own, objects: Objects, table: Floats, load: Floats, presses: Floats, risen: Floats, below: Any, down: Floats,
-    normal: Floats, start: Floats,
+    own: ProbeArrays, objects: Objects, table: Floats, load: Floats, presses: Floats, risen: Floats, below: Any,
+    down: Floats, normal: Floats, start: Floats,
 ) -> int:  # fmt: skip
     """Find the virtual surface below the finger, for the modality that carries one to it; ``below`` (1,): its object.
 
@@ -165,7 +165,14 @@ def _load(load: Floats, presses: Floats) -> float:
 
 @kernel
 def carried(
-    own: Own, carrier: Carrier, said: Said, primary: Any, there: Any, rising: Floats, tick: Any, period: float
+    own: ProbeArrays,
+    carrier: Carrier,
+    said: StatedSurface,
+    primary: Any,
+    there: Any,
+    rising: Floats,
+    tick: Any,
+    period: float,
 ) -> int:
     """Take over what a modality says of the surface that it carries.
 

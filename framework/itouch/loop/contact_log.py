@@ -49,7 +49,7 @@ class _Entry(NamedTuple):
         return cls(*(state[f"{probe}.contact.{field}"] for field in cls._fields))
 
 
-class _Now(NamedTuple):
+class _OpenContact(NamedTuple):
     """What is seen of the open contact in a tick, of shape (1,) but ``figures`` and ``memory``.
 
     The object, -1: none; the force on the finger [N]; the tick in which the plate was touched first, negative: not yet;
@@ -68,7 +68,7 @@ class _Now(NamedTuple):
 
 
 @kernel
-def _note(now: _Now, entry: _Entry, worst: Any) -> int:
+def _note(now: _OpenContact, entry: _Entry, worst: Any) -> int:
     """Update the figures of the open contact by one tick; return 0.
 
     ``worst`` (1,): the greatest error of the plate's height so far [m]; written.
@@ -98,7 +98,7 @@ def _note(now: _Now, entry: _Entry, worst: Any) -> int:
     return 0
 
 
-class Kept(NamedTuple):
+class EntryInputs(NamedTuple):
     """What an entry is made of: the contact's fields of State, and all of State, from which modalities measure.
 
     ``numbers`` is those fields as one structured array: they are read in one go, because code that has not run for
@@ -150,7 +150,7 @@ class ContactLog:
         figures = toucher.figures
         known = coupling.true_top if table is not None and table.model.twin else figures[render.PLATE_TOP :][:1]
         #: Follows the open contact; called at the end of each tick.
-        now = _Now(
+        now = _OpenContact(
             toucher.current, coupling.total, coupling.touched, known, toucher.plate, state[f"{name}.plate_force"],
             figures, toucher.surface,
         )  # fmt: skip
@@ -173,7 +173,7 @@ class ContactLog:
         """End the entry of the open contact."""
         self._statistics.contacts.append(self.entry(tick))
 
-    def making(self, tick: int, then: Kept) -> Iterator[bool]:
+    def making(self, tick: int, then: EntryInputs) -> Iterator[bool]:
         """Add the entry of a contact that has ended at a tick, from State as it was then, part by part.
 
         Yield True while parts are to come: after the framework's own, and after each modality's but the last one.
@@ -184,11 +184,11 @@ class ContactLog:
             told.enter(entry, modality, then.seen, entry["probe"], then.entry.object.item())
         self._statistics.closed.append(entry)
 
-    def kept(self, state: Record, seen: Record) -> Kept:
+    def kept(self, state: Record, seen: Record) -> EntryInputs:
         """Return what an entry is made of, from a record like State; ``seen`` is its write-protected view."""
         name = self._toucher.probe.name
         numbers = np.asarray(state)[[f"{name}.contact.{field}" for field in _Entry._fields]]
-        return Kept(_Entry.of(state, name), numbers, seen)
+        return EntryInputs(_Entry.of(state, name), numbers, seen)
 
     def _slid(self, met: float) -> bool:
         """Tell whether the finger met the plate, at ``met`` [s], before this contact: it slid from object to object."""
@@ -210,7 +210,7 @@ class ContactLog:
             told.enter(entry, modality, self._now.seen, entry["probe"], self._now.entry.object.item())
         return entry
 
-    def _own(self, end: int | None, kept: Kept) -> dict[str, Any]:
+    def _own(self, end: int | None, kept: EntryInputs) -> dict[str, Any]:
         """Return the framework's part of an entry; what modalities measure is null."""
         name, period = self._toucher.probe.name, self._model.period
         index, begin, plate, ticks, missed, gap, force, depth, area, speed, physical = kept.numbers.item()

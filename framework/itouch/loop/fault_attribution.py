@@ -11,7 +11,7 @@ from itouch.loop.touchoff import DONE
 from itouch.plugin import Modality, Record
 from itouch.safety import DeviceFaultError, Trip
 from itouch.schema import ItouchError
-from itouch.schema.plugin_errors import said
+from itouch.schema.plugin_errors import error_text
 from itouch.world import ModalityModel, Model
 
 
@@ -21,7 +21,7 @@ def modality_fault(
     """Return the fault of a modality that has raised, put down to the first device that it commands, or of the rig."""
     failed = next(m for m in model.modalities if m.instance is instance)
     devices = [command.partition(".")[0] for command in failed.commands] or list(model.devices)
-    cause = f"has lost its modality '{failed.name}', which failed in {method}: {said(error)}"
+    cause = f"has lost its modality '{failed.name}', which failed in {method}: {error_text(error)}"
     return DeviceFaultError(devices[0] if devices else "", tick, Trip.MODALITY_ERROR, cause)
 
 
@@ -40,7 +40,9 @@ def broken_off(model: Model, tick: int, error: BaseException, replaced: tuple[st
     """
     notes = "".join(f", {note}" for note in getattr(error, "__notes__", ()))
     told = interpreter.blamed(replaced)
-    cause = f"was stopped in the middle of a tick, which ended with {said(error)}{notes}{'; ' if told else ''}{told}"
+    cause = (
+        f"was stopped in the middle of a tick, which ended with {error_text(error)}{notes}{'; ' if told else ''}{told}"
+    )
     return DeviceFaultError(next(iter(model.devices), ""), tick, Trip.MODALITY_ERROR, cause)
 
 

@@ -7,7 +7,7 @@ from functools import partial
 
 from itouch.loop.rig import ProbeRig
 from itouch.loop.runner import Runner
-from itouch.monitors.surface_kernels import Nearing, rise
+from itouch.monitors.surface_kernels import FingerAbove, rise
 from itouch.plugin import Role
 from itouch.safety import Finger
 
@@ -58,7 +58,7 @@ def join_fingers(rigs: Sequence[ProbeRig]) -> None:
 
 
 def _finger(
-    name: str, devices: Sequence[Runner], nearing: Mapping[str, Nearing]
+    name: str, devices: Sequence[Runner], nearing: Mapping[str, FingerAbove]
 ) -> Iterator[tuple[Finger, list[Runner]]]:
     listed = list({one.model.name: one for one in devices}.values())
     finger = Finger(name, [one.gate for one in listed], nearing)

@@ -31,7 +31,7 @@ _KIND, _TICK, _PROBE, _OBJECT, _POINT, _NORMAL, _DISTANCE, _SPEED, _TANGENTIAL, 
 )
 
 
-class Seen(NamedTuple):
+class EventInputs(NamedTuple):
     """What events are found from; scalars have shape (1,).
 
     The nearest object, and the one that is touched, -1: none; the figures (FIGURES,) of `render` and the result of the
@@ -47,7 +47,7 @@ class Seen(NamedTuple):
     tick: Numbers
 
 
-class Kept(NamedTuple):
+class EventMemory(NamedTuple):
     """What State remembers of events; scalars have shape (1,).
 
     The object that was near, and the one whose contact is open, -1: none; for how many ticks probe and that object have

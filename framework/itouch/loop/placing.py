@@ -21,7 +21,17 @@ from itouch.loop.run_statistics import Counts, counted
 from itouch.loop.runner import Runner
 from itouch.monitors import Arm, Surface
 from itouch.monitors.arm_kernels import Pushing, check
-from itouch.monitors.surface_kernels import Allowed, Load, Memory, Nearing, SurfaceObservation, count, felt, rise, size
+from itouch.monitors.surface_kernels import (
+    Allowed,
+    FingerAbove,
+    Load,
+    Memory,
+    SurfaceObservation,
+    count,
+    felt,
+    rise,
+    size,
+)
 from itouch.monitors.surface_kernels import check as watch
 from itouch.monitors.thresholds import TOUCH_FORCE
 from itouch.plugin import Bound, Record
@@ -37,7 +47,7 @@ Numbers = NDArray[np.int64]
 PYTHON = 1
 
 
-class Post(NamedTuple):
+class MonitorViews(NamedTuple):
     """What of a device and its monitor is used here, each of shape (1,): status, left-out ticks, last look, share."""
 
     status: Numbers
@@ -46,7 +56,7 @@ class Post(NamedTuple):
     share: Floats
 
 
-class Turn(NamedTuple):
+class TickViews(NamedTuple):
     """The tick and whether scripts go on, shape (1,) each, the servo period [s], and the code of an enabled device."""
 
     tick: Numbers
@@ -76,7 +86,7 @@ class Carried(NamedTuple):
 
 @kernel
 def arm(
-    post: Post, pushing: Pushing, wrench: Floats, velocity: Floats, figure: Floats, tick: Any, enabled: int
+    post: MonitorViews, pushing: Pushing, wrench: Floats, velocity: Floats, figure: Floats, tick: Any, enabled: int
 ) -> int:  # fmt: skip
     """Watch an arm; ``figure`` (1,) is written.
 
@@ -92,8 +102,8 @@ def arm(
 
 @kernel
 def surface(
-    post: Post, allowed: Allowed, memory: Memory, load: Load, one: Carried, clocks: Clocks, said: Floats, turn: Turn,
-    tracking: Counts, radius: float, calibrates: bool,
+    post: MonitorViews, allowed: Allowed, memory: Memory, load: Load, one: Carried, clocks: Clocks, said: Floats,
+    turn: TickViews, tracking: Counts, radius: float, calibrates: bool,
 ) -> int:  # fmt: skip
     """Watch a carried surface, and count how far it is from its command once scripts go on.
 
@@ -121,8 +131,8 @@ def surface(
 
 @kernel
 def together(
-    load: Load, nearing: Nearing, touch: float, force: float, room: Floats, allowed: Allowed, memory: Memory,
-    status: Any, touched: Any, missed: Any, said: Floats, turn: Turn,
+    load: Load, nearing: FingerAbove, touch: float, force: float, room: Floats, allowed: Allowed, memory: Memory,
+    status: Any, touched: Any, missed: Any, said: Floats, turn: TickViews,
 ) -> int:  # fmt: skip
     """Leave an arm the force [N] that a surface does not take, and run the clock of T4.
 
@@ -163,7 +173,7 @@ def bound_supervision(
         return ()
     (post,), name = placed, runner.model.name
     monitor, tick = post.monitor, state["tick"]
-    own = Post(runner.latch.seen, panel.clocks[0], post.checked, post.share)
+    own = MonitorViews(runner.latch.seen, panel.clocks[0], post.checked, post.share)
     if isinstance(monitor, Arm) and rig.moves(runner):
         wrench, velocity = monitor.sent_of(runner.sent), state[f"{rig.probe.name}.velocity"]
         looks = Bound(arm, own, monitor.pushing, wrench, velocity, post.state["figure"], tick, int(ENABLED))
@@ -175,8 +185,8 @@ def bound_supervision(
         )  # fmt: skip
         looks = Bound(
             surface, own, monitor.allowed, monitor.memory(post.state), monitor.load(panel.seen), one, panel.times,
-            post.said, Turn(tick, state["ready"], rig.model.period, int(ENABLED)), tracking, rig.probe.scene.radius,
-            rig.touch_off is not None,
+            post.said, TickViews(tick, state["ready"], rig.model.period, int(ENABLED)), tracking,
+            rig.probe.scene.radius, rig.touch_off is not None,
         )  # fmt: skip
     else:
         return ()
@@ -199,5 +209,5 @@ def bound_together(finger: Finger, state: Record, period: float) -> Bound | None
     return Bound(
         together, monitor.load(panel.seen), nearing, TOUCH_FORCE, finger.force, room, monitor.allowed,
         monitor.memory(post.state), table.latch.seen, state[f"{table.model.name}.touched"], panel.times.missed,
-        post.said, Turn(state["tick"], state["ready"], period, int(ENABLED)),
+        post.said, TickViews(state["tick"], state["ready"], period, int(ENABLED)),
     )  # fmt: skip

@@ -9,7 +9,7 @@ from itouch.loop.runner import Runner
 from itouch.plugin import DeviceError
 from itouch.schema import ItouchError
 from itouch.schema.diagnostics import spoken
-from itouch.schema.plugin_errors import said
+from itouch.schema.plugin_errors import error_text
 
 
 def in_turn(*steps: Callable[[], object]) -> None:
@@ -40,7 +40,7 @@ def released(runner: Runner) -> None:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # a plugin that exits does not end the program
-        why = spoken(error) if isinstance(error, ItouchError) else said(error)
+        why = spoken(error) if isinstance(error, ItouchError) else error_text(error)
         raise DeviceError(f"device '{runner.model.name}' could not be released: {why}") from error
 
 

@@ -15,7 +15,7 @@ from itouch.plugin import Bound, Channel, Record, Role, TwinInputs
 from itouch.plugin.bound import bound_by
 from itouch.plugin.quantity import SIZES
 from itouch.safety import DeviceFaultError, Gate, Lifecycle, Status, Trip
-from itouch.schema.plugin_errors import failing, said
+from itouch.schema.plugin_errors import error_text, failing
 from itouch.world import DeviceModel
 
 __all__ = ["DeviceFaultError", "Runner", "Status"]
@@ -114,7 +114,7 @@ class Runner:
         DeviceFaultError
             Always.
         """
-        cause = f"failed in the step of its twin: {said(error)}"
+        cause = f"failed in the step of its twin: {error_text(error)}"
         raise DeviceFaultError(self.model.name, tick, Trip.DEVICE_ERROR, cause) from error
 
     def settle(self) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from itouch.plugin import Measured, Modality, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
-from itouch.schema.plugin_errors import said, written_at
+from itouch.schema.plugin_errors import error_text, written_at
 from itouch.world import ModalityModel, Model
 
 #: How deep what `Modality.report` returns may be nested.
@@ -43,7 +43,7 @@ class ContactFigures(TypedDict):
 _OWN, _PLAIN = frozenset(ContactFigures.__annotations__), frozenset({bool, int, str, NoneType})
 
 
-class Told(NamedTuple):
+class ReportedFigures(NamedTuple):
     """What a modality has told: its figures by their keys, and what is wrong with what it returned, a clause each."""
 
     figures: dict[str, Any]
@@ -54,7 +54,7 @@ class Told(NamedTuple):
         return {**self.figures, key: "; ".join(self.faults)} if self.faults else self.figures
 
 
-def of_contact(modality: ModalityModel, state: Record, probe: str, index: int) -> Told:
+def of_contact(modality: ModalityModel, state: Record, probe: str, index: int) -> ReportedFigures:
     """Return what a modality has measured of a contact.
 
     Raises
@@ -64,7 +64,7 @@ def of_contact(modality: ModalityModel, state: Record, probe: str, index: int) -
     """
     told: Any = modality.instance.measures(modality.model, state, probe, index)
     if type(told) is not dict and not isinstance(told, Mapping):
-        return Told({}, (_no_mapping(modality.instance, "measures", told),))
+        return ReportedFigures({}, (_no_mapping(modality.instance, "measures", told),))
     figures: dict[str, Any] = {}
     faults: list[str] = []
     for key, value in told.items():
@@ -79,7 +79,7 @@ def of_contact(modality: ModalityModel, state: Record, probe: str, index: int) -
             faults.append(
                 f"measures returned {_kind(value)} as '{key}'; a figure is a number, a text, a yes or no, or None"
             )
-    return Told(figures, _placed(modality.instance, "measures", faults) if faults else ())
+    return ReportedFigures(figures, _placed(modality.instance, "measures", faults) if faults else ())
 
 
 def enter(entry: MutableMapping[str, Any], modality: ModalityModel, state: Record, probe: str, index: int) -> None:
@@ -93,9 +93,9 @@ def enter(entry: MutableMapping[str, Any], modality: ModalityModel, state: Recor
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # one that exits neither ends the program nor loses the contact
-        figures, faults = {}, (f"failed in measures: {said(error)}",)
+        figures, faults = {}, (f"failed in measures: {error_text(error)}",)
     if faults:
-        figures = Told(figures, faults).entries(f"{modality.name}_error")
+        figures = ReportedFigures(figures, faults).entries(f"{modality.name}_error")
     for key, value in figures.items():
         if entry.get(key) is None:
             entry[key] = value
@@ -138,11 +138,11 @@ def of_run(modality: ModalityModel, state: Record) -> dict[str, Any]:
         if not isinstance(told, Mapping):
             return {"error": _no_mapping(instance, "report", told)}
         faults: list[str] = []
-        return Told(_plain(told, "", faults, 0), _placed(instance, "report", faults)).entries("error")
+        return ReportedFigures(_plain(told, "", faults, 0), _placed(instance, "report", faults)).entries("error")
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # as above
-        return {"error": f"failed in report: {said(error)}"}
+        return {"error": f"failed in report: {error_text(error)}"}
 
 
 def status(modality: ModalityModel, state: Record) -> str:
@@ -173,7 +173,7 @@ def _words(modality: ModalityModel, method: str, of: Any) -> tuple[str, ...]:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # one that exits does not end the program
-        return (f"{modality.name} failed in {method}: {said(error)}",)
+        return (f"{modality.name} failed in {method}: {error_text(error)}",)
 
 
 def _plain(value: Any, name: str, faults: list[str], depth: int) -> Any:

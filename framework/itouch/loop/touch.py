@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from itouch.contact.effects import render_effects
-from itouch.contact.given import Said, found, given
+from itouch.contact.given import StatedContact, found, given
 from itouch.contact.step import step
 from itouch.contact.surfaces import effects_table
 from itouch.joining import runner
@@ -22,7 +22,7 @@ from itouch.loop.late_coupling import Late, ease
 from itouch.loop.runner import Runner
 from itouch.loop.surface import memory, plate
 from itouch.loop.surface.force import SOON
-from itouch.monitors.surface_kernels import Nearing
+from itouch.monitors.surface_kernels import FingerAbove
 from itouch.plugin import Bound, Contact, ContactEvent, HeardContact, Record, Role, Touches
 from itouch.plugin.carried_surfaces import ABOUT, LEFT
 from itouch.twin.frame_rotation import FRAME
@@ -32,7 +32,7 @@ from itouch.world import Model, ProbeModel
 VELOCITY_FILTER = 0.002
 
 
-class Over(NamedTuple):
+class SurfaceBelow(NamedTuple):
     """Position of a finger (3,), height of a surface's top (1,) in the world [m]; constants with the device's frame."""
 
     finger: render.Floats
@@ -174,7 +174,9 @@ class Toucher:
             return Bound(found, model.geometry.world, state[f"{name}.{touches.found}"], self.result)
         touched = state[f"{name}.{touches.object}"].reshape(1)
         force, normal, point = (state[f"{name}.{field}"] for field in (touches.force, touches.normal, touches.point))
-        said = Said(touched, force, normal, point, state[f"{name}.{touches.proxy}"] if touches.proxy else np.zeros(0))
+        said = StatedContact(
+            touched, force, normal, point, state[f"{name}.{touches.proxy}"] if touches.proxy else np.zeros(0)
+        )
         return Bound(
             given, model.geometry.world, model.geometry.mesh, self._poses, self._twists, self.figures[:3],
             probe.scene.radius, probe.scene.near, said, self.result,
@@ -195,7 +197,7 @@ class Toucher:
             for kind, field in zip(one.carries._fields[2:], one.carries[2:], strict=True)
         )
         self.newer = tuple(f"{one.name}.{field}" for field in (one.carries.presses, one.carries.risen) if field)
-        own = carrying.Own(self._constants, self.figures, self.surface)
+        own = carrying.ProbeArrays(self._constants, self.figures, self.surface)
         objects = carrying.Objects(model.geometry.world, model.geometry.mesh, self._poses, self._twists)
         look = Bound(
             carrying.look_below, own, objects, here, self._load, self._presses, risen, self.below,
@@ -206,8 +208,8 @@ class Toucher:
             read = state.flat(f"{probe.name}.rising.read_at", f"{probe.name}.rising.between")
         sent, goal = table.sent_as(Role.SURFACE_POSE), table.commanded(Role.SURFACE_POSE)
         taken = Bound(
-            carrying.carried, own, carrying.Carrier(here, sent, goal, self._load, measured, read), carrying.Said(*said),
-            self.object, self.plate, self._rising, state["tick"], model.period,
+            carrying.carried, own, carrying.Carrier(here, sent, goal, self._load, measured, read),
+            carrying.StatedSurface(*said), self.object, self.plate, self._rising, state["tick"], model.period,
         )  # fmt: skip
         self.looks, self.carries = (look,), (taken,)
         nothing = np.zeros(7)
@@ -255,10 +257,10 @@ class Toucher:
         self.figures[render.VELOCITY : render.VELOCITY + 3] = 0.0
 
     @property
-    def nearing(self) -> Nearing:
+    def nearing(self) -> FingerAbove:
         """Views of finger and surface from which follows how much the force between them may rise in a tick."""
         figures, surface = self.figures, self.model.surfaces[self.probe.name]
-        return Nearing(
+        return FingerAbove(
             figures[render.HIP : render.HIP + 3], figures[render.VELOCITY : render.VELOCITY + 3],
             figures[render.PLATE_TOP : render.PLATE_TOP + 1], self._rising,
             np.array([self.probe.scene.radius, surface.pad_stiffness, surface.pad_damping, self.model.period]),
@@ -266,10 +268,10 @@ class Toucher:
         )  # fmt: skip
 
     @property
-    def over(self) -> Over:
+    def over(self) -> SurfaceBelow:
         """Where finger and surface are in the world."""
         figures = self.figures
-        return Over(
+        return SurfaceBelow(
             figures[render.HIP : render.HIP + 3], figures[render.PLATE_TOP : render.PLATE_TOP + 1], self._constants
         )  # fmt: skip
 
@@ -315,11 +317,11 @@ class Toucher:
 
     def happens(self, moves: bool, event: HeardContact) -> tuple[Any, ...]:
         """Return the arguments of `happening.happens`; ``moves``: MOVE is an event, too."""
-        seen = happening.Seen(
+        seen = happening.EventInputs(
             self._nearest, self.object, self.figures, self.result, self._poses, self._twists, self._tick
         )  # fmt: skip
         table = self._events.view(np.int64).reshape(len(self._events), -1)
-        kept = happening.Kept(
+        kept = happening.EventMemory(
             self.near_object, self.current, self.separated, self.begin, self._count, table, table.view(np.float64)
         )  # fmt: skip
         return seen, kept, event, self.probe.index, self._moving, moves, self._patience

@@ -69,12 +69,14 @@ class History:
         state["samples"][...] = 0
         state["tails"][:] = 0
 
-    def past(self, state: Record) -> history_kernels.Past:
+    def past(self, state: Record) -> history_kernels.ReadingRing:
         """Return the readings, for compiled code."""
-        from itouch.monitors.history_kernels import Past  # here, so that the compiler is loaded only if a device runs
+        from itouch.monitors.history_kernels import (
+            ReadingRing,  # here, so that the compiler is loaded only if a device runs
+        )
 
         samples, flux = state["samples"].reshape(1), state["flux"].reshape(1)
-        return Past(samples, state["history"], flux, state["tails"], np.array(self._windows))
+        return ReadingRing(samples, state["history"], flux, state["tails"], np.array(self._windows))
 
 
 class Heat(Monitor):

@@ -72,7 +72,7 @@ class Allowed(NamedTuple):
 class Memory(NamedTuple):
     """What is remembered of a plate, as State has it; ``dose``, ``cold_time`` and ``since`` have shape (1,)."""
 
-    past: history_kernels.Past
+    past: history_kernels.ReadingRing
     dose: Floats
     cold_time: Floats
     since: Floats

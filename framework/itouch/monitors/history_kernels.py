@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 
-class Past(NamedTuple):
+class ReadingRing(NamedTuple):
     """A ring of readings in State.
 
     ``samples`` (1,): how many there were; ``rows`` (READINGS, 4): time [s], temperature [K], and the integrals of

@@ -121,13 +121,13 @@ RAMP = 20.0
 SLOW = 0.02
 
 
-#: Places in the pad of a finger, see `Nearing`; and in a row of the places where surface and finger were: when, where
-#: the surface was, and where the finger was.
+#: Places in the pad of a finger, see `FingerAbove`; and in a row of the places where surface and finger were: when,
+#: where the surface was, and where the finger was.
 _RADIUS, _STIFFNESS, _DAMPING, _PERIOD = range(4)
 _THEN, _X, _Y, _Z, _FINGER_X, _FINGER_Y = range(6)
 
 
-class Nearing(NamedTuple):
+class FingerAbove(NamedTuple):
     """A finger over a surface: its place and velocity, (3,) in the world, and the height of the surface's top, (1,).
 
     ``rising`` (1,): how fast the surface rises [m/s], by its last two places;

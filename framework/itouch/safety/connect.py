@@ -17,7 +17,7 @@ from itouch.safety.latch import Status
 from itouch.safety.lifecycle import Lifecycle
 from itouch.schema import ItouchError
 from itouch.schema.diagnostics import named, spoken
-from itouch.schema.plugin_errors import said
+from itouch.schema.plugin_errors import error_text
 
 #: How long [s] a device may take to open.
 PATIENCE = 15.0
@@ -101,7 +101,7 @@ def _cause(error: BaseException, device: Device | None) -> str:
         return f"has tried to end the program: {named(error)}"
     if isinstance(error, ItouchError | OSError):
         return spoken(error) or type(error).__name__
-    return f"failed in {failed_in(device, 'open')}: {said(error)}"
+    return f"failed in {failed_in(device, 'open')}: {error_text(error)}"
 
 
 def _first_reading(one: Lifecycle, tick: int, failures: dict[str, str]) -> None:

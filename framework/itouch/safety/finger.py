@@ -22,14 +22,14 @@ from itouch.safety.device_monitors import InstalledMonitor
 from itouch.safety.gate import Gate
 
 if TYPE_CHECKING:
-    from itouch.monitors.surface_kernels import Nearing
+    from itouch.monitors.surface_kernels import FingerAbove
 
 
 class Finger:
     """The devices that act on one finger; ``nearing``: where it is over each surface, by device name, if known."""
 
     def __init__(
-        self, name: str, devices: Sequence[Gate], nearing: Mapping[str, Nearing] | None = None
+        self, name: str, devices: Sequence[Gate], nearing: Mapping[str, FingerAbove] | None = None
     ) -> None:  # fmt: skip
         self.name, self.nearing = name, nearing or {}
         #: The arms that push it, and the devices that carry a surface to it.

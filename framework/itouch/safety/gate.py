@@ -25,7 +25,7 @@ from itouch.safety.device_monitors import DeviceMonitors, InstalledMonitor
 from itouch.safety.guard import ANYWHERE, Guard
 from itouch.safety.latch import CLOSED, ENABLED, FAULT, Latch
 from itouch.schema.diagnostics import spoken
-from itouch.schema.plugin_errors import failing, said
+from itouch.schema.plugin_errors import error_text, failing
 from itouch.world import DeviceModel
 from itouch.world import limits as default
 
@@ -95,7 +95,7 @@ class Gate:
         #: Whether that one is true of the device as it is now.
         self._known = device is None or not self._relative
         #: What is set anew in each tick: share, closing speed, room.
-        self.moving = limiting.Moving.of()
+        self.moving = limiting.TickLimits.of()
         forces = max(1, sum(channel.role is Role.FORCE_ON_OPERATOR for channel in model.commands))
         counts = self.clamped, self.dropped, period, forces
         self._lanes = [
@@ -271,7 +271,7 @@ class Gate:
         DeviceFaultError
             Always.
         """
-        failed = TripError(Trip.DEVICE_ERROR, f"failed in read: {said(error)}")
+        failed = TripError(Trip.DEVICE_ERROR, f"failed in read: {error_text(error)}")
         failed.__cause__ = error
         self._disbelieve(tick, failed)
 
@@ -466,7 +466,9 @@ class Gate:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            raise TripError(Trip.DEVICE_ERROR, f"failed in {failed_in(self.device, 'read')}: {said(error)}") from error
+            raise TripError(
+                Trip.DEVICE_ERROR, f"failed in {failed_in(self.device, 'read')}: {error_text(error)}"
+            ) from error
         return False
 
     def _take_whole(self, read: Callable[[Record], object]) -> bool:
@@ -618,7 +620,7 @@ class Gate:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            raise TripError(Trip.DEVICE_ERROR, f"failed in write: {said(error)}") from error
+            raise TripError(Trip.DEVICE_ERROR, f"failed in write: {error_text(error)}") from error
 
     def _fail(self, fault: DeviceFaultError, error: TripError) -> None:
         """Stop because of a fault: all devices, unless this one is optional and merely lost."""

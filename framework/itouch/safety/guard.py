@@ -65,14 +65,14 @@ class Guard:
             If the command is not a number.
         """
         counts = np.zeros((2, 1), np.int64)
-        moving = limiting.Moving.of(share, closing, room)
+        moving = limiting.TickLimits.of(share, closing, room)
         if self.bound(moving, wanted, sent, counts[0], counts[1], period)():
             raise self.refusal(wanted)
         return int(counts[0, 0]), int(counts[1, 0])
 
     def bound(
-        self, moving: limiting.Moving, wanted: Floats, sent: Floats, clamped: Counts, dropped: Counts, period: float,
-        among: int = 1,
+        self, moving: limiting.TickLimits, wanted: Floats, sent: Floats, clamped: Counts, dropped: Counts,
+        period: float, among: int = 1,
     ) -> Bound:  # fmt: skip
         """Return ``limit`` on these views as one compiled call, which counts the limits applied and components dropped.
 

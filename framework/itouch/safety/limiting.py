@@ -51,7 +51,7 @@ class Bounds(NamedTuple):
     work: Floats
 
 
-class Moving(NamedTuple):
+class TickLimits(NamedTuple):
     """What changes from tick to tick in the limits of a device's channels, each of shape (1,).
 
     ``share``: the part of force, current or speed that is let through; ``closing`` [m/s]: how fast a surface may
@@ -68,7 +68,9 @@ class Moving(NamedTuple):
     turned: Floats
 
     @classmethod
-    def of(cls, share: float = 1.0, closing: float = 0.0, room: float = math.inf, turning: float = math.inf) -> Moving:
+    def of(
+        cls, share: float = 1.0, closing: float = 0.0, room: float = math.inf, turning: float = math.inf
+    ) -> TickLimits:
         """Return these values, as they are before the first channel of a device is limited."""
         return cls(*(np.array([value]) for value in (share, closing, room, 0.0, turning, 0.0)))
 
@@ -222,7 +224,7 @@ def limit(
     Parameters
     ----------
     bounds, moving
-        See ``Bounds`` and ``Moving``.
+        See ``Bounds`` and ``TickLimits``.
     wanted, sent
         The command requested, and the one sent last, which is overwritten, shape (n,), in the channel's unit.
     clamped, dropped

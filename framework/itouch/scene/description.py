@@ -24,7 +24,7 @@ from itouch.schema.notebook import Shown
 
 
 @dataclass(frozen=True, slots=True)
-class Swapped:
+class ReplacedRig:
     """The scene's own devices and ``<safety>``, if another rig was put under the scene.
 
     ``rig`` is the file whose devices replace these; empty: it brings no devices, and the scene keeps its own.
@@ -63,7 +63,7 @@ class Scene(Shown):
     record: RecordElement | None = None
     version: str = VERSION
     source: str = field(default="", compare=False)
-    swapped: Swapped | None = field(default=None, compare=False, repr=False)
+    swapped: ReplacedRig | None = field(default=None, compare=False, repr=False)
     folder: str = field(default=".", compare=False)
     files: Mapping[str, bytes] | None = field(default=None, compare=False, repr=False, hash=False)
     places: Places = field(default_factory=Places, compare=False, repr=False, hash=False)

@@ -9,7 +9,7 @@ from typing import Any
 
 from itouch.scene import elements, rigs
 from itouch.scene.binding import Binder
-from itouch.scene.description import Scene, Swapped
+from itouch.scene.description import ReplacedRig, Scene
 from itouch.scene.documents import Document, DocumentReader
 from itouch.scene.edits import Edit, apply_edits
 from itouch.scene.extensions import Extensions
@@ -143,7 +143,7 @@ class _Assembly:
     materials: list[elements.Material] = field(default_factory=list)
     objects: list[Any] = field(default_factory=list)
     devices: list[elements.DeviceElement] = field(default_factory=list)
-    swapped: Swapped | None = None
+    swapped: ReplacedRig | None = None
     probes: list[elements.Probe] = field(default_factory=list)
     operators: list[elements.Operator] = field(default_factory=list)
     modalities: list[elements.PluginPart] = field(default_factory=list)
@@ -226,7 +226,7 @@ class _Assembly:
         self.incomplete = self.incomplete or reader.incomplete
         own_safety = self.single.get("safety", elements.Safety())
         brought = other.single.get("safety", elements.Safety())
-        self.swapped = Swapped(tuple(self.devices), own_safety, os.fspath(rig) if other.devices else "", brought)
+        self.swapped = ReplacedRig(tuple(self.devices), own_safety, os.fspath(rig) if other.devices else "", brought)
         if other.devices:
             own = {device.name: device for device in self.devices}
             for device in other.devices:

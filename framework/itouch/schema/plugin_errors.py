@@ -28,7 +28,7 @@ class ReturnedError(ValueError):
         super().__init__(f"{sentence}{written_at(method)}")
 
 
-def said(error: BaseException) -> str:
+def error_text(error: BaseException) -> str:
     """Return what an error in a plugin says, and where it was raised: ``ValueError: text (file.py, line 7)``."""
     if issubclass(type(error), ReturnedError):  # not isinstance: an error may fail when its class is asked for
         return spoken(error)
@@ -74,7 +74,7 @@ def failure(what: str, method: str, error: BaseException, place: Place | None) -
     if issubclass(type(error), ItouchError):
         return Problem("plugin-failed", f"{what}: {spoken(error)}", place)
     return Problem(
-        "plugin-failed", f"{what} failed in {method}: {said(error)}", place, "report it to the plugin's author"
+        "plugin-failed", f"{what} failed in {method}: {error_text(error)}", place, "report it to the plugin's author"
     )
 
 

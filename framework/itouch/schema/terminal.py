@@ -38,7 +38,7 @@ _RULES: tuple[tuple[re.Pattern[str], str], ...] = (
 
 
 @dataclass(slots=True)
-class Manner:
+class Verbosity:
     """How much the program prints: ``quiet`` only results and errors, ``verbose`` also how long things took.
 
     ``color`` is "auto" (on a terminal, unless ``NO_COLOR`` is set), "always" or "never".
@@ -50,7 +50,7 @@ class Manner:
 
 
 #: How this process prints; the command line sets it.
-MANNER = Manner()
+VERBOSITY = Verbosity()
 
 
 def number_of(count: int, noun: str, many: str = "") -> str:
@@ -64,26 +64,26 @@ def number_of(count: int, noun: str, many: str = "") -> str:
 
 def note(words: str) -> None:
     """Print a note on standard error: worth knowing, but not essential."""
-    if not MANNER.quiet:
+    if not VERBOSITY.quiet:
         print(f"note: {words}", file=sys.stderr, flush=True)
 
 
 def did(words: str) -> None:
     """Print what was done, such as which file was written."""
-    if not MANNER.quiet:
+    if not VERBOSITY.quiet:
         print(words)
 
 
 def detail(words: str) -> None:
     """Print a detail on standard error, with ``--verbose`` only."""
-    if MANNER.verbose and not MANNER.quiet:
+    if VERBOSITY.verbose and not VERBOSITY.quiet:
         print(words, file=sys.stderr, flush=True)
 
 
 def colours(stream: TextIO) -> bool:
     """Tell whether colours are written to a stream."""
-    if MANNER.color != "auto":
-        return MANNER.color == "always"
+    if VERBOSITY.color != "auto":
+        return VERBOSITY.color == "always"
     inner: TextIO = getattr(stream, "inner", stream)
     return not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb" and is_terminal(inner)
 

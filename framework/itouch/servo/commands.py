@@ -24,7 +24,7 @@ from itouch.world import Model
 
 
 @dataclass(slots=True)
-class Asked:
+class OperatorRequests:
     """What the operator has asked of the loop: whether devices may be enabled, and whether it is to pause."""
 
     enabled: bool = False
@@ -35,7 +35,7 @@ class Commands:
     """Obeys commands; one that can't be obeyed changes nothing, and the launcher is told."""
 
     def __init__(
-        self, session: Session, outbox: Outbox, asked: Asked, report: Callable[[], dict[str, Any]]
+        self, session: Session, outbox: Outbox, asked: OperatorRequests, report: Callable[[], dict[str, Any]]
     ) -> None:  # fmt: skip
         self._session, self._outbox, self._asked, self._reported = session, outbox, asked, report
         #: The commands that were obeyed, each with the tick before which it took effect.

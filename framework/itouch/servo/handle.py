@@ -18,7 +18,7 @@ from itouch.servo.guardian_link import Guarded
 from itouch.servo.launcher_pipe import messages
 from itouch.servo.link import Link
 from itouch.servo.shared_memory import ServoError, SharedMemory
-from itouch.servo.thread_session import Unguarded, Within
+from itouch.servo.thread_session import NoGuardian, ThreadProcess
 
 #: How long [s] the devices may take to be safe at the end of a session before the servo process is killed, as its
 #: guardian does long before; and how long it may take in all if they are, because then it finishes files.
@@ -49,8 +49,8 @@ class Handle:
     """
 
     def __init__(
-        self, process: subprocess.Popen[bytes] | Within, segment: SharedMemory, line: socket.socket,
-        guarded: Guarded | Unguarded,
+        self, process: subprocess.Popen[bytes] | ThreadProcess, segment: SharedMemory, line: socket.socket,
+        guarded: Guarded | NoGuardian,
     ) -> None:  # fmt: skip
         self._process, self._segment, self._line, self._guarded = process, segment, line, guarded
         self.contacts: list[dict[str, Any]] = []

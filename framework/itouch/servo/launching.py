@@ -19,7 +19,7 @@ from itouch.schema.quantities import checked_time
 from itouch.servo.guardian_link import Guarded, child_environment
 from itouch.servo.handle import Handle
 from itouch.servo.shared_memory import ServoError, SharedMemory
-from itouch.servo.thread_session import Unguarded, Within
+from itouch.servo.thread_session import NoGuardian, ThreadProcess
 from itouch.session import choose_twins
 from itouch.session.outputs import Outputs
 from itouch.world.replaced_limits import fitted
@@ -171,7 +171,7 @@ def _start(name: str, config: dict[str, Any]) -> Handle:
     segment = SharedMemory.create(name)
     near, far = socket.socketpair()
     if not SERVO_PROCESS:
-        return Handle(Within(segment, far, config), segment, near, Unguarded())
+        return Handle(ThreadProcess(segment, far, config), segment, near, NoGuardian())
     words = [sys.executable, "-P", "-m", "itouch.servo.process", str(segment.handle), name, str(far.fileno())]
     words.append(str(os.getpid()))
     process = None

@@ -20,7 +20,7 @@ from itouch.scene import loads, write
 from itouch.schema import ItouchError
 from itouch.servo import control_block as at
 from itouch.servo.guardian_link import OWN, Guarded, child_environment
-from itouch.servo.parent_process import EndOf
+from itouch.servo.parent_process import ProcessEnd
 from itouch.servo.publish import ORDERED, Publisher
 from itouch.servo.serve import GUARDIAN_SILENCE, GUARDIAN_START, meta_of, unsent
 from itouch.servo.shared_memory import SharedMemory, monotonic
@@ -104,7 +104,7 @@ class OwnGuardian:
         self._guarded = Guarded(os.getpid(), segment, child_environment(), OWN)
         for runner in self._hardware:
             runner.lifecycle.guardian = lambda: self._guarded.pid
-        self._end = EndOf(lambda: self._guarded.pid)
+        self._end = ProcessEnd(lambda: self._guarded.pid)
         self._await()
         session.taps.append(self.tap)
 

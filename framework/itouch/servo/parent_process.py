@@ -52,7 +52,7 @@ def end_with(
     threading.Thread(target=look, name="itouch-parent", daemon=True).start()
 
 
-class EndOf:
+class ProcessEnd:
     """Notices the end of a process at once, which the kernel tells by a file descriptor; asking takes a microsecond."""
 
     def __init__(self, process: Callable[[], int]) -> None:

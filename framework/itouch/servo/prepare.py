@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from itouch import shipped
 from itouch.platforms import lives
-from itouch.schema.terminal import MANNER
+from itouch.schema.terminal import VERBOSITY
 from itouch.schema.wait_notices import waiting
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class _Companion:
             wait = _LOOK
 
     def _start(self) -> None:
-        if not MANNER.quiet:
+        if not VERBOSITY.quiet:
             if why := shipped.left_out():
                 print(f"preparing: {why}", file=sys.stderr, flush=True)
             print("preparing: compiling the kernels that this needs for the first time, later starts load them ...",

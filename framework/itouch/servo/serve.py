@@ -19,11 +19,11 @@ from itouch.scene import write
 from itouch.servo import control_block as at
 from itouch.servo import realtime
 from itouch.servo.command_queue import Inbox
-from itouch.servo.commands import Asked, Commands
+from itouch.servo.commands import Commands, OperatorRequests
 from itouch.servo.deadman_holders import Switch
 from itouch.servo.errors import let_go
 from itouch.servo.launcher_pipe import Outbox
-from itouch.servo.parent_process import EndOf, gone
+from itouch.servo.parent_process import ProcessEnd, gone
 from itouch.servo.prepare import prepare, prepare_text
 from itouch.servo.publish import ORDERED, TIMING_EVERY, Publisher, slots_for
 from itouch.servo.remote import Remotes
@@ -123,10 +123,10 @@ class Servo:
         self._publisher = Publisher(segment, state, timing)
         self._inbox = Inbox(segment)
         self._switch = Switch(segment.words)
-        self._end_of_guardian = EndOf(lambda: int(segment.words[at.GUARDIAN]))
+        self._end_of_guardian = ProcessEnd(lambda: int(segment.words[at.GUARDIAN]))
         for runner in session.runners:
             runner.lifecycle.guardian = lambda: int(segment.words[at.GUARDIAN])
-        self._asked = Asked(bool(config["enable"]) or not self._hardware())
+        self._asked = OperatorRequests(bool(config["enable"]) or not self._hardware())
         self._commands = Commands(session, outbox, self._asked, self.report)
         self._told = len(session.statistics.contacts)
         self._launcher = int(config.get("launcher", os.getppid()))

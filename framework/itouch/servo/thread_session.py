@@ -15,7 +15,7 @@ from itouch.servo.launcher_pipe import Outbox
 from itouch.servo.shared_memory import SharedMemory
 
 
-class Within:
+class ThreadProcess:
     """The thread, with the interface of the servo process that a launcher expects."""
 
     def __init__(self, segment: SharedMemory, line: socket.socket, config: dict[str, Any]) -> None:
@@ -43,7 +43,7 @@ class Within:
         """Do nothing: a thread ends by itself, and devices are twins."""
 
 
-class Unguarded:
+class NoGuardian:
     """The guardian that a thread does not have, because it drives only twins."""
 
     pid = 0

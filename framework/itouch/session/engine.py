@@ -26,7 +26,7 @@ from itouch.session import channel_selection, layout, limits, marks
 from itouch.session.document import to_xml
 from itouch.session.errors import SessionError, plainly
 from itouch.session.participants import Participant
-from itouch.session.recorder import Asked, Onwards, Recorder
+from itouch.session.recorder import Continuation, Recorder, SessionCalls
 from itouch.session.snapshot import Saving, Snapshot, SnapshotWriter, write_snapshot
 from itouch.session.state_validation import validate_state
 from itouch.world import Model
@@ -37,7 +37,7 @@ Path = str | os.PathLike[str]
 PROGRESS_EVERY = 0.2
 
 
-class Watching(Protocol):
+class ExternalGuardian(Protocol):
     """A guardian that watches over a session from outside its process."""
 
     def rest(self) -> None:
@@ -74,7 +74,7 @@ class Session(Shown, Engine):
         #: Whether the session was ended because it could not be recorded.
         self.failed = False
         #: The guardian of this session, if it runs in its caller's process and its hardware needs one.
-        self._guardian: Watching | None = None
+        self._guardian: ExternalGuardian | None = None
         self._posted: deque[tuple[str, Any]] = deque()
         #: Called at once with each loss of a recording or a snapshot, as it stands in the report.
         self.loss_hooks: list[Callable[[dict[str, Any]], None]] = []
@@ -236,15 +236,15 @@ class Session(Shown, Engine):
         return Recorder(self, self._asked, target, tracks)
 
     @property
-    def _asked(self) -> Asked:
-        return Asked(self.snapshot, self.report, self.note_fault, self.recording_failed)
+    def _asked(self) -> SessionCalls:
+        return SessionCalls(self.snapshot, self.report, self.note_fault, self.recording_failed)
 
     def _record_by(self, recorder: Recorder) -> None:
         self.recorder, self.records = recorder, False
         self.taps.append(recorder.tap)
         self.on.fault.append(recorder.hear)
 
-    def go_on_recording(self, recorder: Recorder, onwards: Onwards) -> None:
+    def go_on_recording(self, recorder: Recorder, onwards: Continuation) -> None:
         """Go on in a recording of sessions whose States have the same fields as this one's.
 
         Parameters

@@ -33,7 +33,7 @@ def forked(call: Callable[[int], Any], seeds: Sequence[int], count: int) -> list
     BaseException
         What a call raises, with its traceback as a note; the other processes are ended.
     """
-    crew, grace = _Crew(call, count), 0.0
+    crew, grace = _WorkerPool(call, count), 0.0
     try:
         found, grace = crew.work(seeds), GRACE
     finally:
@@ -41,7 +41,7 @@ def forked(call: Callable[[int], Any], seeds: Sequence[int], count: int) -> list
     return found
 
 
-class _Crew:
+class _WorkerPool:
     """Worker processes that make calls, and this process's end of the pipe to each."""
 
     def __init__(self, call: Callable[[int], Any], count: int) -> None:

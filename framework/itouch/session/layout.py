@@ -118,7 +118,7 @@ def _renamed(stored: NDArray[Any], state: Record, dropped: Collection[str]) -> N
 
 
 @dataclass(frozen=True, slots=True)
-class Changed:
+class ChangedFields:
     """The fields that a model's modalities have changed since earlier versions, and how these are still read.
 
     ``dropped``: their content is no longer needed; ``lengthened``: they have more numbers at the end of their rows.
@@ -128,9 +128,9 @@ class Changed:
     lengthened: frozenset[str] = frozenset()
 
 
-def changed_fields(model: Model) -> Changed:
+def changed_fields(model: Model) -> ChangedFields:
     """Return what the model's modalities say they have changed."""
-    return Changed(*(
+    return ChangedFields(*(
         frozenset(f"{one.name}.{field}" for one in model.modalities for field in getattr(one.instance, what))
         for what in ("dropped", "lengthened")
     ))  # fmt: skip
@@ -158,7 +158,7 @@ def _lengthened(stored: NDArray[Any], state: Record, names: Collection[str]) -> 
 
 
 def adopt(
-    stored: NDArray[Any], state: Record, versions: Mapping[str, str], changed: Changed = Changed()
+    stored: NDArray[Any], state: Record, versions: Mapping[str, str], changed: ChangedFields = ChangedFields()
 ) -> tuple[bytes, list[str]]:
     """Return the stored State in this program's layout, and a notice of how the layouts differ, if they do.
 

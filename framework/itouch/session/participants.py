@@ -46,16 +46,16 @@ BUDGETS = ("dose", "cold_time")
 
 
 @dataclass(frozen=True, slots=True)
-class Used:
+class BudgetUse:
     """What a participant has used of the budgets [s], and when [s since 1970] that was written last."""
 
     dose: float = 0.0
     cold_time: float = 0.0
     at: float = 0.0
 
-    def larger(self, other: Used) -> Used:
+    def larger(self, other: BudgetUse) -> BudgetUse:
         """Return the larger use of each budget."""
-        return Used(*(max(a, b) for a, b in zip(self.values, other.values, strict=True)))
+        return BudgetUse(*(max(a, b) for a, b in zip(self.values, other.values, strict=True)))
 
     @property
     def values(self) -> tuple[float, float, float]:
@@ -68,7 +68,7 @@ def folder() -> Path:
     return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "itouch-py" / "participants"
 
 
-def read(code: str, now: float | None = None) -> tuple[Used, tuple[str, ...]]:
+def read(code: str, now: float | None = None) -> tuple[BudgetUse, tuple[str, ...]]:
     """Return what a participant has used, and notices about the files.
 
     Raises
@@ -94,15 +94,15 @@ def read(code: str, now: float | None = None) -> tuple[Used, tuple[str, ...]]:
     told += [f"participant '{code}': {text}; the other copy counts" for text in bad]
     if len({used.values[:2] for used in found}) > 1 and not told:
         told.append(f"participant '{code}': the two copies of what was used differ; the larger use counts")
-    whole = Used()
+    whole = BudgetUse()
     for used in found:
         whole = whole.larger(used)
     if (time.time() if now is None else now) - whole.at > LASTS:
-        return Used(), ()
+        return BudgetUse(), ()
     return whole, tuple(told)
 
 
-def write(code: str, used: Used) -> None:
+def write(code: str, used: BudgetUse) -> None:
     """Write what a participant has used, where it is more than what is written already, into both copies in turn.
 
     Raises
@@ -129,7 +129,7 @@ def _digest(body: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(body, sort_keys=True).encode()).hexdigest()
 
 
-def _read(path: Path, code: str) -> tuple[Used, bool]:
+def _read(path: Path, code: str) -> tuple[BudgetUse, bool]:
     """Return the use that a file tells, and whether somebody has edited it."""
     if not path.is_file() and path.exists():
         raise ValueError("it is not a file")
@@ -140,7 +140,7 @@ def _read(path: Path, code: str) -> tuple[Used, bool]:
     digest = data.pop("digest", "")
     if data["format"] != FORMAT or data["participant"] != code:
         raise ValueError(f"it is not a record of '{code}' in the format '{FORMAT}'")
-    used = Used(*(float(data[name]) for name in ("dose_s", "cold_s", "at")))
+    used = BudgetUse(*(float(data[name]) for name in ("dose_s", "cold_s", "at")))
     if not all(math.isfinite(value) and value >= 0.0 for value in used.values):
         raise ValueError("it holds a time that cannot be read")
     return used, digest != _digest(data)
@@ -162,8 +162,8 @@ class Participant:
             name: [[post.state[name] for post in plates] for plates in _by_finger(session)] for name in BUDGETS
         }
         self._ticks = max(1, round(EVERY / session.model.period))
-        self._noted = Used()
-        self._work: queue.Queue[Used | None] = queue.Queue(1)
+        self._noted = BudgetUse()
+        self._work: queue.Queue[BudgetUse | None] = queue.Queue(1)
         self._thread: threading.Thread | None = None
         self._failure = ""
         #: The lock file that tells other sessions that the participant is in this one; -1: none is open.
@@ -210,10 +210,10 @@ class Participant:
             raise SessionError(f"{sentence}, or each would count its own thermal dose alone") from error
         self._claimed = handle
 
-    def used(self) -> Used:
+    def used(self) -> BudgetUse:
         """Return what has been used by now."""
         dose, cold = (self._most(name) for name in BUDGETS)
-        return Used(dose, cold, self._clock())
+        return BudgetUse(dose, cold, self._clock())
 
     def _most(self, name: str) -> float:
         return max((_sum(views) for views in self._views[name]), default=0.0)
@@ -243,12 +243,12 @@ class Participant:
         if self._grown(self.used()):
             write(self.code, self.used())
 
-    def _grown(self, used: Used) -> bool:
+    def _grown(self, used: BudgetUse) -> bool:
         return used.dose > self._noted.dose or used.cold_time > self._noted.cold_time
 
     def _tap(self, tick: int) -> None:
         if self._failure:
-            said, self._failure, self._noted = self._failure, "", Used()  # it was not written: try again
+            said, self._failure, self._noted = self._failure, "", BudgetUse()  # it was not written: try again
             self._lost("saving", said)
         if (tick + 1) % self._ticks:
             return

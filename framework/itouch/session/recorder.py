@@ -50,7 +50,7 @@ Tap = Callable[[int], None]
 Slots = list[tuple[tuple[memoryview, memoryview], ...]]
 
 
-class Onwards(NamedTuple):
+class Continuation(NamedTuple):
     """What a recorder needs to record another session into the same file: its rows, and where they go."""
 
     rows: Rows
@@ -58,7 +58,7 @@ class Onwards(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class SessionCalls:
     """What a recorder calls of its session: for a snapshot or report now, at a loss of data, and when it has failed."""
 
     snapshot: Callable[[], Snapshot]
@@ -70,7 +70,7 @@ class Asked:
 class Recorder:
     """Records one session into one file; ``tap`` is to be among the engine's taps."""
 
-    def __init__(self, session: Running, asked: Asked, path: str, tracks: Sequence[Track]) -> None:
+    def __init__(self, session: Running, asked: SessionCalls, path: str, tracks: Sequence[Track]) -> None:
         self.session, self._asked, self.path, self.tracks = session, asked, path, tuple(tracks)
         self.failure = ""
         #: When a wait for the writing process first saw that the run was asked to end [s]; None: it made room since.
@@ -257,12 +257,12 @@ class Recorder:
         """Record the whole State: ``start``, ``every``, ``enable`` (a replay starts again from it) or ``fault``."""
         self._post(STATE, int(self.session.state["tick"]), reason, self.session.state.tobytes())
 
-    def onwards(self, session: Running) -> Onwards:
+    def onwards(self, session: Running) -> Continuation:
         """Return what is needed to go on with another scene: some tenths of a second of work, without side effects."""
         rows = Rows(session.state, self.tracks, self._view.fields)
-        return Onwards(rows, self._slots(rows))
+        return Continuation(rows, self._slots(rows))
 
-    def follow(self, session: Running, asked: Asked, onwards: Onwards) -> None:
+    def follow(self, session: Running, asked: SessionCalls, onwards: Continuation) -> None:
         """Go on with another scene under the same devices, whose State has the same fields; ``tap`` is then a new one.
 
         Such a recording can't be replayed: the file holds only the first scene, and the State of the others.

@@ -72,7 +72,7 @@ def session_of(recording: Recording, *, catalog: Catalog | None = None) -> Sessi
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class ReplayPosition:
     """Where a replay stands between two steps: the next row, the bytes of State, whether State belongs to that row.
 
     ``parks``: whether the session parks at that row.
@@ -189,11 +189,11 @@ class Replay:
             feed.at += 1
             self.ticks += 1
 
-    def place(self) -> Place:
+    def place(self) -> ReplayPosition:
         """Return where the replay stands, to ``go`` there again."""
-        return Place(self.feed.at, self.session.state.tobytes(), self._going, self._parks)
+        return ReplayPosition(self.feed.at, self.session.state.tobytes(), self._going, self._parks)
 
-    def go(self, place: Place) -> None:
+    def go(self, place: ReplayPosition) -> None:
         """Stand at a place where this replay stood before."""
         self._turn_to(place.at)
         self.session.stand_at(place.state)

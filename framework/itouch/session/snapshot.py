@@ -227,7 +227,7 @@ def check_format(name: str, manifest: Mapping[str, Any]) -> None:
         raise SessionError(f"'{name}' has snapshot format {written[:40]}; this program reads up to {FORMAT}")
 
 
-class Pack(Protocol):
+class SnapshotPacker(Protocol):
     """Makes the bytes of a snapshot."""
 
     def __call__(self, state: Record | None = None, ledger: dict[str, Any] | None = None) -> bytes:
@@ -243,7 +243,7 @@ class Saving:
     out if the one before is not on the disk yet.
     """
 
-    def __init__(self, session: Running, pack: Pack, lost: Lost, path: str, every: float) -> None:
+    def __init__(self, session: Running, pack: SnapshotPacker, lost: Lost, path: str, every: float) -> None:
         self._session, self._pack, self._lost, self._path = session, pack, lost, path
         self._ticks = max(1, round(min(every, LONGEST) / session.model.period))
         self._work: queue.Queue[tuple[bytes, dict[str, Any]] | None] = queue.Queue(1)

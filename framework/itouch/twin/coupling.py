@@ -31,7 +31,7 @@ class Body(Protocol):
         """Rotation matrix."""
 
 
-class Stand(Protocol):
+class CoupledDevice(Protocol):
     """A device's runner, as the coupling sees it."""
 
     touch: TwinInputs
@@ -53,9 +53,9 @@ class Coupling:
         self,
         hand: Hand | None,
         radius: float,
-        arm: Stand | None,
-        table: Stand | None,
-        face: Stand | None,
+        arm: CoupledDevice | None,
+        table: CoupledDevice | None,
+        face: CoupledDevice | None,
         offset: Vector,
         extent: tuple[float, float, float, float] | None,
         state: Record,
@@ -98,7 +98,7 @@ class Coupling:
         bound.warm_up()
         return bound
 
-    def join(self, others: Sequence[tuple[Coupling, Stand | None]]) -> None:
+    def join(self, others: Sequence[tuple[Coupling, CoupledDevice | None]]) -> None:
         """Let other probes that are on the same finger touch and push this probe's finger, each with its own arm."""
         if self.hand is None or not others:
             return
@@ -107,7 +107,7 @@ class Coupling:
         for (other, arm), push in zip(others, pushes, strict=True):
             other.follow(self.hand, arm, push)
 
-    def follow(self, leader: Hand, arm: Stand | None, push: Floats) -> None:
+    def follow(self, leader: Hand, arm: CoupledDevice | None, push: Floats) -> None:
         """Touch the finger that another hand moves; write the force of arm and plate on it to ``push`` (3,) [N]."""
         person = leader.operator
         self._constants[at.PAD_STIFFNESS], self._constants[at.PAD_DAMPING] = person.pad_stiffness, person.pad_damping
@@ -132,8 +132,8 @@ class Coupling:
 def _constants(
     hand: Hand | None,
     radius: float,
-    arm: Stand | None,
-    table: Stand | None,
+    arm: CoupledDevice | None,
+    table: CoupledDevice | None,
     offset: Vector,
     extent: tuple[float, float, float, float] | None,
     period: float,

@@ -19,7 +19,7 @@ from itouch.scene.elements import DeviceElement, Fault
 from itouch.schema import Place, Problem
 from itouch.schema.diagnostics import did_you_mean, meant
 from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
-from itouch.schema.plugin_errors import ReturnedError, failing, failure, said
+from itouch.schema.plugin_errors import ReturnedError, error_text, failing, failure
 from itouch.schema.quantities import QuantityError, parse_quantity
 from itouch.world import answers
 from itouch.world.fields import declared_by
@@ -105,7 +105,7 @@ class DeviceModel:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            return f"failed in missing: {said(error)}"
+            return f"failed in missing: {error_text(error)}"
 
     def command(self, of: str | Role) -> Channel | None:
         """Return the command channel of this name, or the first of this role; None: there is none."""

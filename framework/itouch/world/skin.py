@@ -41,7 +41,7 @@ class Finger(Protocol):
         """Name of the device on its table that it touches; empty: none."""
 
 
-class Rigged(Protocol):
+class CompiledScene(Protocol):
     """What must be known of a compiled scene here."""
 
     @property
@@ -77,7 +77,7 @@ def is_back(skin: float, baseline: float, within: float) -> bool:
     return abs(skin - baseline) <= within
 
 
-def sensed_skin(model: Rigged, probe: Finger) -> SkinSource | None:
+def sensed_skin(model: CompiledScene, probe: Finger) -> SkinSource | None:
     """Return the reading of the skin of a probe's finger; None: no device measures it."""
     for device in devices_at(probe, model.probes, model.devices):
         if field := device.field(Role.SKIN_TEMPERATURE):
@@ -85,7 +85,7 @@ def sensed_skin(model: Rigged, probe: Finger) -> SkinSource | None:
     return None
 
 
-def skin_of(model: Rigged, probe: Finger) -> SkinSource | None:
+def skin_of(model: CompiledScene, probe: Finger) -> SkinSource | None:
     """Return the source of the skin temperature of a probe's finger: a sensor, else a twin; None: there is none."""
     sensed = sensed_skin(model, probe)
     if sensed is not None:
@@ -100,7 +100,7 @@ def skin_of(model: Rigged, probe: Finger) -> SkinSource | None:
     return None
 
 
-def unfelt(model: Rigged) -> Iterator[Problem]:
+def unfelt(model: CompiledScene) -> Iterator[Problem]:
     """Find waits for a skin whose temperature nothing tells."""
     for probe in model.probes:
         if probe.operator is None:

@@ -162,7 +162,7 @@ def _device(twin: type[Twin], seen: tuple[Channel, ...], obeyed: tuple[Channel, 
     return Made
 
 
-class Evil(Modality):
+class HostileModality(Modality):
     """A modality that commands the same targets all the time, and from ``since`` [s] on writes fields of others."""
 
     Params = Nothing

@@ -17,7 +17,7 @@ from itouch.plugin import DeviceError, ItouchError, Role
 from itouch.plugin.discovery import Catalog, Found
 from itouch.scene import loads
 from itouch.session import Session, build
-from itouch_evidence.faults.plants import FELT, Evil, PlateKind, arm, plate, table
+from itouch_evidence.faults.plants import FELT, HostileModality, PlateKind, arm, plate, table
 from itouch_evidence.resumable import Kept
 
 #: Longest run of a case before its restores [s].
@@ -83,7 +83,7 @@ def draw(number: int, seed: int) -> Case:
         probe = '<probe name="tip" pose-from="hand" force-to="hand" surface-to="lift"/>'
     faults = "".join(_fault(rng, plates) for _ in range(rng.choice((0, 1, 1, 2))))
     foreign = _foreign(rng, plates, tapped)
-    evil = type("Evil", (Evil,), {
+    evil = type("Evil", (HostileModality,), {
         "targets": tuple((f"{k.device}.{k.obeys}", _drive(rng, k)) for k in plates), "foreign": foreign,
         "since": rng.uniform(0.5, 5.0),
     })  # fmt: skip

@@ -21,13 +21,13 @@ from itouch_tools.sweeps.store import paths_of
 from itouch_tools.sweeps.worker import Done
 
 
-class Instant:
+class InstantPool:
     """A pool that answers every task at once, with invented rows of the right shape."""
 
     name, count, alive = "instant", 1, True
 
     @contextlib.contextmanager
-    def working(self) -> Iterator[Instant]:
+    def working(self) -> Iterator[InstantPool]:
         """Yield this pool."""
         yield self
 
@@ -42,7 +42,7 @@ def answered(runs: Sequence[Run], key: int) -> Done:
     return Done([_row(run) for run in runs], [0.01] * len(runs), key=key)
 
 
-class Timeless:
+class TimelessEngine:
     """An engine that hands out the tasks as usual, to workers that answer at once."""
 
     def __init__(self, engine: Engine) -> None:
@@ -81,7 +81,7 @@ def client_alone(sweep: Path) -> dict[str, float]:
     """
     catalog = Catalog()
     with tempfile.TemporaryDirectory(prefix="itouch-bench-") as inner:
-        folder, engine = Path(inner) / "rows", Instant()
+        folder, engine = Path(inner) / "rows", InstantPool()
         client = Client(load_sweep(sweep, catalog), folder, engine, catalog, None)
         before = _memory()
         begin = time.perf_counter()

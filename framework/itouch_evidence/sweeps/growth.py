@@ -20,7 +20,7 @@ from itouch.platforms import cores
 from itouch.plugin.discovery import Catalog
 from itouch.schema import ItouchError
 from itouch_evidence.sweeps.backends import Cluster, dask_cluster, loops, written
-from itouch_evidence.sweeps.empty_runs import Timeless
+from itouch_evidence.sweeps.empty_runs import TimelessEngine
 from itouch_tools.sweeps.client import Client as Sweeping
 from itouch_tools.sweeps.engines import Engine
 from itouch_tools.sweeps.progress import Progress
@@ -59,7 +59,7 @@ class Client:
 
 
 @dataclass(frozen=True, slots=True)
-class Grown:
+class SweepCost:
     """A sweep and what the model says of it, with the CPU time and peak memory of the scheduler."""
 
     runs: int
@@ -88,7 +88,7 @@ def client(file: Path, folder: Path, engine: str, scheduler: str, workers: int, 
             first, busy = time.perf_counter() - begin, time.process_time()
 
     plugins, works = Catalog(), Engine(engine, scheduler, workers)
-    chosen = Timeless(works) if timeless else works
+    chosen = TimelessEngine(works) if timeless else works
     ended = Sweeping(load_sweep(file, plugins), folder, chosen, plugins, told).sweep()
     if ended.ended_by:
         raise KeyboardInterrupt  # as in `backends.by_sweep`
@@ -133,7 +133,7 @@ def parts(scene: Path, seconds: float | None) -> Parts:
 
 def grown(
     scene: Path, counts: Sequence[int], seconds: float | None, model: Parts | None, *, dask: bool
-) -> Iterator[Grown]:  # fmt: skip
+) -> Iterator[SweepCost]:  # fmt: skip
     """Run a sweep of each number of runs, and yield its figures; without a model the runs take no time."""
     no_time = model is None
     for count in counts:
@@ -149,7 +149,7 @@ def grown(
             size = sum(path.stat().st_size for path in files) / count
         if done.rows != count:
             raise ItouchError(f"{count} runs have {done.rows} rows")
-        yield Grown(count, done, model.seconds(count) if model else float("nan"), size, len(files), busy, most)
+        yield SweepCost(count, done, model.seconds(count) if model else float("nan"), size, len(files), busy, most)
 
 
 def process(pid: int) -> tuple[float, float]:
@@ -186,7 +186,7 @@ def _nothing(number: int) -> int:
 
 
 def extrapolated(
-    largest: Grown, runs: float, workers: float, run_s: float, task_s: float, *, each_s: float = 0.0
+    largest: SweepCost, runs: float, workers: float, run_s: float, task_s: float, *, each_s: float = 0.0
 ) -> list[str]:  # fmt: skip
     """Return the lines that say what a far larger sweep would demand of each part, and which part would break.
 
@@ -219,7 +219,7 @@ def _load(share: float) -> str:
     return f"{100.0 * share:.0f} % of one core{'' if share < 1.0 else ': BREAKS, cut the sweep or make tasks longer'}"
 
 
-def line(one: Grown) -> str:
+def line(one: SweepCost) -> str:
     """Return the line of a sweep for the screen."""
     told = one.client
     model = f", model {one.model_s:8.1f} s ({one.ratio:.2f})" if one.model_s > 0.0 else ""

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from itouch.schema import ItouchError
-from itouch.schema.terminal import MANNER, did
+from itouch.schema.terminal import VERBOSITY, did
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import Parser, add_json, as_json
 from itouch_tools.cli.output_files import output_file, write_output
@@ -145,7 +145,7 @@ def _say(path: str, model: Model | None, problems: Sequence[Problem], *, failed:
         print(render(problems), file=sys.stderr, flush=True)
     if model is None:
         return
-    for notice in model.notices if not MANNER.quiet else ():
+    for notice in model.notices if not VERBOSITY.quiet else ():
         print(f"note: {notice}")
     if failed:
         did(f"{path}: legal, but odd")
@@ -154,7 +154,7 @@ def _say(path: str, model: Model | None, problems: Sequence[Problem], *, failed:
              ("modality", "modalities", _asked_for(model)))  # fmt: skip
     counts = (f"{len(items)} {one if len(items) == 1 else many}" for one, many, items in found)
     print(f"{path}: ok ({', '.join(counts)})")
-    if MANNER.quiet:
+    if VERBOSITY.quiet:
         return
     for device in model.devices.values():
         for line in limit_lines(device):

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from itouch.schema import ItouchError
-from itouch.schema.terminal import MANNER
+from itouch.schema.terminal import VERBOSITY
 
 COLORS = ("auto", "always", "never")
 #: These options in the help of the program and of each command.
@@ -59,10 +59,10 @@ def _color(word: str) -> str:
 @contextmanager
 def speaking(found: dict[str, object]) -> Iterator[None]:
     """Apply common options (``quiet``, ``verbose``, ``color``) while the context lasts."""
-    before = MANNER.quiet, MANNER.verbose, MANNER.color
-    MANNER.quiet, MANNER.verbose = bool(found.get("quiet")), bool(found.get("verbose"))
-    MANNER.color = str(found.get("color", "auto"))
+    before = VERBOSITY.quiet, VERBOSITY.verbose, VERBOSITY.color
+    VERBOSITY.quiet, VERBOSITY.verbose = bool(found.get("quiet")), bool(found.get("verbose"))
+    VERBOSITY.color = str(found.get("color", "auto"))
     try:
         yield
     finally:
-        MANNER.quiet, MANNER.verbose, MANNER.color = before
+        VERBOSITY.quiet, VERBOSITY.verbose, VERBOSITY.color = before

@@ -9,7 +9,7 @@ from typing import Any
 from itouch.plugin import Channel, Device, Safe
 from itouch.plugin.discovery import Catalog
 from itouch.schema.fields import REQUIRED, default_of, specs
-from itouch.schema.plugin_errors import said
+from itouch.schema.plugin_errors import error_text
 from itouch_tools.cli.arguments import Parser, add_json, as_json
 
 
@@ -56,7 +56,7 @@ def _entry(catalog: Catalog, name: str, *, probe: bool) -> dict[str, Any]:
     try:
         reads, commands = _channels(cls)
     except (Exception, SystemExit) as error:  # a plugin may raise anything, and must not hide the others
-        return entry | {"failed": said(error)}
+        return entry | {"failed": error_text(error)}
     entry |= {"twin_only": cls.twin_only, "reads": [*map(_data, reads)], "commands": [*map(_data, commands)]}
     return entry | ({"attached": [line.strip() for line in _probe(cls)]} if probe else {})
 
@@ -83,7 +83,7 @@ def _describe(catalog: Catalog, name: str) -> list[str]:
     try:
         reads, commands = _channels(cls)
     except (Exception, SystemExit) as error:  # as above
-        return [*lines, f"    FAILS with its default parameters: {said(error)}"]
+        return [*lines, f"    FAILS with its default parameters: {error_text(error)}"]
     lines += [_channel("reads", channel) for channel in reads]
     lines += [_channel("obeys", channel) for channel in commands]
     return lines

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, TextIO
 
-from itouch.exchange import EveryNth, Straight, StraightEmulator, ThreadedDevice
+from itouch.exchange import DirectEmulator, DirectHost, EveryNth, ThreadedDevice
 from itouch.loop import DeviceFaultError
 from itouch.plugin import Device, Trace
 from itouch.schema import ItouchError
@@ -69,7 +69,7 @@ class Lockstep:
         period = self.host.model.period
         self._course = partial(_unsteady, period, seed) if unsteady else partial(_later, period, phase)
         straight = self._straight(only)
-        wires = {name: StraightEmulator(device) for name, device in straight.items()}
+        wires = {name: DirectEmulator(device) for name, device in straight.items()}
         self.rig = VirtualRig(self.world, speed=SPEED, places=places, wires=wires)
         self._lock = threading.Lock()
         self._truth = {runner.model.name: runner.gate.twin_state for runner in self.world.runners}
@@ -80,7 +80,7 @@ class Lockstep:
                 self._take_in(runner, places[runner.model.name], trace)
         self.host.taps.append(self._tick)
 
-    def _straight(self, only: Sequence[str]) -> dict[str, Straight]:
+    def _straight(self, only: Sequence[str]) -> dict[str, DirectHost]:
         """Return the stand-ins for the devices that are on no wire, by name.
 
         Raises
@@ -93,12 +93,12 @@ class Lockstep:
             if name not in names:
                 raise ItouchError(f"there is no device '{name}': the scene has {', '.join(names)}")
         return {
-            runner.model.name: Straight(runner.model.params, runner.reading, runner.sent)
+            runner.model.name: DirectHost(runner.model.params, runner.reading, runner.sent)
             for runner in self.world.runners
             if only and runner.model.name not in only
         }
 
-    def _paced(self, runner: Runner, device: Straight) -> Device:
+    def _paced(self, runner: Runner, device: DirectHost) -> Device:
         """Return a device without a wire, but with its wire's period of exchanges, on which its controller relies."""
         cls, period = runner.model.cls, self.host.model.period
         every = max(1, round(cls.takes(device.params) / period)) if cls.blocking else 1

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from itouch.schema.terminal import MANNER, PlainStream, colours, control, is_terminal
+from itouch.schema.terminal import VERBOSITY, PlainStream, colours, control, is_terminal
 from itouch.schema.wait_notices import Wait
 
 #: Seconds of silence after which a wait is shown, and between two updates of its line.
@@ -231,7 +231,7 @@ def measured(what: str) -> Iterator[Wait]:
 @contextmanager
 def _lasting(kind: type[_Line], what: str) -> Iterator[Wait]:
     stream = sys.stderr
-    if MANNER.quiet or not is_terminal(stream):
+    if VERBOSITY.quiet or not is_terminal(stream):
         yield _Nothing()
         return
     if _shown:

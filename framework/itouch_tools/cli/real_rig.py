@@ -36,7 +36,7 @@ _LOOK = 0.05
 _DISTANCE, _AGE = 1e-6, 1e-4
 
 
-class Witnessed(Servo):
+class ObservedSession(Servo):
     """A session that is shown the twins' true states after every tick, and notes how old its readings are."""
 
     def __init__(self, session: Session, segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> None:
@@ -104,7 +104,7 @@ def _surfaces(session: Session) -> list[str]:
 
 def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> tuple[dict[str, Any], BaseException | None]:
     """Build and run the session in the servo process; return its report, and what ended it if it failed."""
-    return Witnessed(build(config), segment, outbox, config).run()
+    return ObservedSession(build(config), segment, outbox, config).run()
 
 
 class RealRig:

@@ -18,7 +18,7 @@ from itouch.plugin import DeviceError, Emulator, Role
 from itouch.safety import Trip
 from itouch.scene.elements import PluginPart
 from itouch.schema import ItouchError
-from itouch.schema.plugin_errors import failing, said
+from itouch.schema.plugin_errors import error_text, failing
 from itouch.schema.terminal import note
 from itouch.twin.hand import first_rest
 
@@ -144,7 +144,7 @@ class VirtualRig:
                 try:
                     runner.gate.twin.read(runner.gate.twin_state, runner.reading)
                 except Exception as error:
-                    cause = f"failed in the reading of its twin: {said(error)}"
+                    cause = f"failed in the reading of its twin: {error_text(error)}"
                     raise DeviceFaultError(runner.model.name, self._session.ticks, Trip.DEVICE_ERROR, cause) from error
 
     def look(self) -> None:

@@ -61,7 +61,7 @@ def answers_of(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, C
         If options exclude one another, or the script can't be read.
     """
     from itouch.schema import ItouchError
-    from itouch_tools.study.answers import Beside, Script, Typed
+    from itouch_tools.study.answers import FirstAnswer, Script, Typed
     from itouch_tools.study.plugin_tasks import device_of
 
     if options.answers and (options.window or options.answers_from):
@@ -72,7 +72,7 @@ def answers_of(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, C
 
         page = file.instructions()
         window = WindowAnswers(page, light=options.light, fullscreen=options.full_screen)
-        return window if brought is None else Beside(brought, window), window.show
+        return window if brought is None else FirstAnswer(brought, window), window.show
     if options.answers == "-":
         return Script(sys.stdin), None
     if options.answers:

@@ -66,7 +66,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
                 def note(trial: int, words: str) -> None:
                     keep_note(folder, options.participant, trial, words)
 
-                session = rig_windows.Desk(handle, answers, show=show, operator=operator, note=note)
+                session = rig_windows.RigWindows(handle, answers, show=show, operator=operator, note=note)
                 for told in session.attend():
                     if told["kind"] == "trial":
                         made += 1
@@ -108,7 +108,7 @@ def serve(file: StudyFile, key: Path, options: argparse.Namespace) -> int:
     with Stopping() as stop:
         try:
             with waiting(f"starting {options.study}"):
-                handle = rig_windows.launch_door(file, key, options.port)
+                handle = rig_windows.launch_server(file, key, options.port)
             stop.bind(handle.request_stop)
             with handle:
                 port = handle.others.get(timeout=10.0)["port"]

@@ -44,7 +44,7 @@ def serve(file: StudyFile, options: argparse.Namespace) -> int:
     from itouch.schema.terminal import did
     from itouch_tools.cli import study_rig
     from itouch_tools.study.external_control import Served
-    from itouch_tools.study.server import Door
+    from itouch_tools.study.server import StudyServer
 
     if not 0 <= options.port < 1 << 16 or not 0 <= options.seed < 1 << 63:
         raise ItouchError("--port must be 0 to 65535, --seed 0 to 2^63 - 1")
@@ -55,7 +55,7 @@ def serve(file: StudyFile, options: argparse.Namespace) -> int:
     clock = WallClock() if options.pace == "real" else VirtualClock()
     with Stopping() as stop:
         try:
-            served = Served(file, Catalog(), Door(key, options.port), clock=clock, seed=options.seed)
+            served = Served(file, Catalog(), StudyServer(key, options.port), clock=clock, seed=options.seed)
             with served.door as door:
                 stop.bind(served.end)
                 print(f"'{file.name}' is served on port {door.port} of this machine; the key is in {key}", flush=True)

@@ -108,7 +108,7 @@ def measure(scene: str, count: int, port: str | None, seed: int) -> list[Delays]
     try:
         wire = port or (terminal.path if terminal else "")
         keep = Outputs(records=False, trigger=wire)
-        with Far(port, terminal) as far, launch(scene, twin="all", seconds=600.0 + count, keep=keep) as handle:
+        with FarEnd(port, terminal) as far, launch(scene, twin="all", seconds=600.0 + count, keep=keep) as handle:
             while handle.running and handle.link.tick < _SETTLED:
                 time.sleep(_LOOK)
             return _marks(handle.link, far, count, random.Random(seed))
@@ -117,14 +117,14 @@ def measure(scene: str, count: int, port: str | None, seed: int) -> list[Delays]
             terminal.close()
 
 
-class Far:
+class FarEnd:
     """The far end of the wire: it says when a code arrives."""
 
     def __init__(self, port: str | None, terminal: Terminal | None) -> None:
         self._port, self._terminal = port, terminal
         self._handle = -1
 
-    def __enter__(self) -> Far:
+    def __enter__(self) -> FarEnd:
         if self._port is None:
             return self
         try:
@@ -157,7 +157,7 @@ class Far:
             return b""
 
 
-def _marks(link: Link, far: Far, count: int, rng: random.Random) -> list[Delays]:
+def _marks(link: Link, far: FarEnd, count: int, rng: random.Random) -> list[Delays]:
     """Set marks at random times; return their delays since they were asked for, and since their tick."""
     state, follower = link.state, link.follow()
     asked: list[float] = []

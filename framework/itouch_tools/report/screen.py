@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO
 from itouch.loop.plate_notices import missed_plates
 from itouch.loop.skin_waits import vain_waits, waiting_now
 from itouch.loop.told import status
-from itouch.schema.terminal import MANNER, colours, control, is_terminal, number_of, plain
+from itouch.schema.terminal import VERBOSITY, colours, control, is_terminal, number_of, plain
 from itouch_tools.report import columns
 from itouch_tools.viewer.fault_messages import outcome, what
 
@@ -51,7 +51,7 @@ class Screen:
 
     def __init__(self, engine: Followed, stream: TextIO) -> None:
         self._engine, self._stream = engine, stream
-        self._live = is_terminal(stream) and not MANNER.quiet
+        self._live = is_terminal(stream) and not VERBOSITY.quiet
         self._next = 0.0
         self._told = len(engine.statistics.contacts)
         self._missed = _noted(engine)
@@ -60,7 +60,7 @@ class Screen:
         """Show progress; to be called every now and then."""
         self._tell_missed()
         if not self._live:
-            if not MANNER.quiet:
+            if not VERBOSITY.quiet:
                 self._new_contacts()
             return
         now = time.monotonic()
@@ -124,7 +124,7 @@ class Screen:
         rows = columns.rows(self._engine.model, report["contacts"])
         if self._live:
             control(self._stream, "\r\x1b[2K")
-        elif not MANNER.quiet:
+        elif not VERBOSITY.quiet:
             self._new_contacts()
         if not report["contacts"]:  # heads without rows would look as if something was lost
             self._stream.write("no contact with a virtual object\n")

@@ -49,7 +49,7 @@ class Answers(Protocol):
         """Show the participant a message."""
 
 
-class Beside:
+class FirstAnswer:
     """Two sources of answers at once, such as a pedal and a window: the first that answers counts."""
 
     def __init__(self, first: Answers, second: Answers) -> None:

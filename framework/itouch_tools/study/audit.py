@@ -22,7 +22,7 @@ from itouch_tools.study import orders
 from itouch_tools.study import statistics as stats
 from itouch_tools.study.machine import Machine, Phase
 from itouch_tools.study.reading import StudyFile
-from itouch_tools.study.scene_switching import Room
+from itouch_tools.study.scene_switching import SceneSwitcher
 from itouch_tools.study.touches import rules_of
 
 #: Folds of the cross-validation, quantile bins of a feature, and ridge penalty of the discriminant.
@@ -105,7 +105,7 @@ def _fitted(table: Floats, codes: NDArray[np.intp], kinds: int) -> Callable[[Flo
     return classes
 
 
-class _Ear:
+class _ApproachSignals:
     """Follows what can be seen and heard of the machines until the touch, as means over the ticks before it."""
 
     def __init__(self, session: Session) -> None:
@@ -162,7 +162,7 @@ def observe(
     rng = orders.generator(seed, "audit")
     conditions = file.conditions()
     order = [int(index) for _ in range(-(-trials // len(conditions))) for index in rng.permutation(len(conditions))]
-    room = Room(file, catalog, seed=seed)
+    room = SceneSwitcher(file, catalog, seed=seed)
     labels: list[str] = []
     table: list[list[float]] = []
     try:
@@ -176,10 +176,10 @@ def observe(
     return labels, np.array(table)
 
 
-def _features(file: StudyFile, room: Room, condition: Mapping[str, str], reaction: float) -> list[float]:
+def _features(file: StudyFile, room: SceneSwitcher, condition: Mapping[str, str], reaction: float) -> list[float]:
     """Run one trial, and return its features in the order of `GROUPS`."""
     feeling = room.present(condition)
-    machine, ear = Machine(rules_of(file.study, feeling.index, 1, None)), _Ear(room.session)
+    machine, ear = Machine(rules_of(file.study, feeling.index, 1, None)), _ApproachSignals(room.session)
     lasted = dict.fromkeys(Phase, 0.0)
     faces = 0
 

@@ -19,8 +19,8 @@ from itouch.session import SessionError
 from itouch_tools.study.answers import Stopped
 from itouch_tools.study.machine import Sensed
 from itouch_tools.study.reading import StudyFile
-from itouch_tools.study.scene_switching import Room
-from itouch_tools.study.server import Door, Request
+from itouch_tools.study.scene_switching import SceneSwitcher
+from itouch_tools.study.server import Request, StudyServer
 from itouch_tools.study.touches import felt_by, figures
 
 #: Longest wait [s] that a caller may ask for, and how long [s] the door is watched in one go while time stands still.
@@ -65,9 +65,9 @@ class Served:
         If the first condition can't be presented.
     """
 
-    def __init__(self, file: StudyFile, catalog: Catalog, door: Door, *, clock: Clock, seed: int = 0) -> None:
+    def __init__(self, file: StudyFile, catalog: Catalog, door: StudyServer, *, clock: Clock, seed: int = 0) -> None:
         self._file, self.door, self._virtual = file, door, clock.pace != "real"
-        self.room = Room(file, catalog, seed=seed, clock=clock)
+        self.room = SceneSwitcher(file, catalog, seed=seed, clock=clock)
         self.room.on_wait = self._waited
         self._levels = self._first()
         self.room.prepare(self._levels)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from itouch.loop import Status
-from itouch_tools.study.scene_switching import Room
+from itouch_tools.study.scene_switching import SceneSwitcher
 from itouch_tools.study.session_display import Shown
 
 
@@ -29,7 +29,7 @@ class Operator(Protocol):
         """Return the notes that were written since the last call."""
 
 
-def lines_of(room: Room) -> list[tuple[str, bool]]:
+def lines_of(room: SceneSwitcher) -> list[tuple[str, bool]]:
     """Return lines on devices, dead-man's switch, readiness and losses, as pairs (words, whether all is well)."""
     state = room.session.state
     found = []

@@ -28,7 +28,7 @@ class TaskError(ItouchError, ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Brought:
+class PluginTask:
     """A plugin's task: the object that it ``made``, and ``whose`` it is, for messages."""
 
     made: Any
@@ -124,7 +124,7 @@ def offered(name: str) -> bool:
     return name in find(GROUP)
 
 
-def task_of(name: str) -> Brought:
+def task_of(name: str) -> PluginTask:
     """Return a plugin's task.
 
     Raises
@@ -138,14 +138,14 @@ def task_of(name: str) -> Brought:
 
 
 @functools.lru_cache(maxsize=32)
-def _task(name: str, path: tuple[str, ...]) -> Brought:
+def _task(name: str, path: tuple[str, ...]) -> PluginTask:
     made, whose = _made(name)
     if not _is_task(made):
         raise TaskError(f"{whose} is not a task: it has no method right(self, answer, trial)")
     intervals = getattr(made, "intervals", 1)
     if isinstance(intervals, bool) or not isinstance(intervals, int) or not 1 <= intervals <= MOST:
         raise TaskError(f"{whose}: intervals = {intervals!r} must be 1 to {MOST}")
-    return Brought(made, whose, intervals, str(getattr(made, "question", "")) or "What was it?")
+    return PluginTask(made, whose, intervals, str(getattr(made, "question", "")) or "What was it?")
 
 
 def device_of(name: str, say: Callable[[str], None] = lambda words: None) -> Device:

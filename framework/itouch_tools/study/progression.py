@@ -13,7 +13,7 @@ from itouch_tools.study.trials import Trial, trials_of
 
 
 @dataclass(frozen=True, slots=True)
-class Due:
+class NextTrial:
     """The trial that comes next.
 
     ``place`` counts the participant's rows, ``repeats`` is the place of the void trial that it repeats, ``shown`` has
@@ -51,7 +51,7 @@ class Course:
         """Note the row of a trial that has ended."""
         self.rows.append(row)
 
-    def next(self) -> Due | None:
+    def next(self) -> NextTrial | None:
         """Return the trial that is due; None: all are done."""
         begun = _begun(self.planned, self.rows)
         for trial in self.planned[begun[-1] + 1 if begun else 0 :]:
@@ -68,17 +68,17 @@ class Course:
         first = row.place if row.repeats is None else row.repeats
         return first in _to_repeat(self.rows, self._file.study.contact.repeats)
 
-    def _due(self, trial: Trial, repeats: int | None) -> Due | None:
+    def _due(self, trial: Trial, repeats: int | None) -> NextTrial | None:
         """Return a trial as it is due now; None: its staircase has ended."""
         place = len(self.rows)
         if not trial.staircase:
-            return Due(trial, place, repeats, trial.shown)
+            return NextTrial(trial, place, repeats, trial.shown)
         running = self._running(trial.staircase)
         if running.finished:
             return None
         level = running.level()
         rule = next(one for one in self._file.study.staircases if one.name == trial.staircase)
-        return Due(trial, place, repeats, _stepped(trial, rule, level), level)
+        return NextTrial(trial, place, repeats, _stepped(trial, rule, level), level)
 
     def _running(self, name: str) -> Running:
         rule = next(one for one in self._file.study.staircases if one.name == name)

@@ -27,8 +27,8 @@ from itouch_tools.study.answers import Question, Stopped
 from itouch_tools.study.external_control import Served
 from itouch_tools.study.reading import each_level_once, load_study
 from itouch_tools.study.run import Run
-from itouch_tools.study.scene_switching import Room
-from itouch_tools.study.server import Door
+from itouch_tools.study.scene_switching import SceneSwitcher
+from itouch_tools.study.server import StudyServer
 from itouch_tools.study.session_display import Shown
 from itouch_tools.study.store import Store, StoreError
 
@@ -76,7 +76,7 @@ class PostedOperator:
         return []
 
 
-class Sitting(Servo):
+class RigSession(Servo):
     """Runs the work in a room in this servo process: session after session, on the same open devices.
 
     Parameters
@@ -95,7 +95,7 @@ class Sitting(Servo):
     """
 
     def __init__(
-        self, room: Room, work: Callable[[], None], obey: Callable[[str, Any], None], segment: SharedMemory,
+        self, room: SceneSwitcher, work: Callable[[], None], obey: Callable[[str, Any], None], segment: SharedMemory,
         outbox: Outbox, config: dict[str, Any],
     ) -> None:  # fmt: skip
         session = room.session
@@ -217,7 +217,7 @@ def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> tupl
         if not run.prepare():
             return {}, None
         work = partial(_make, run, outbox)
-        sitting = Sitting(run.room, work, partial(_obey, answers, operator), segment, outbox, config)
+        sitting = RigSession(run.room, work, partial(_obey, answers, operator), segment, outbox, config)
         report, error = sitting.run()
         if isinstance(error, DeviceFaultError):  # all devices are safe, and released
             try:
@@ -227,19 +227,19 @@ def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> tupl
         return report, error
 
 
-def serve_door(
+def serve_study(
     segment: SharedMemory, outbox: Outbox, config: dict[str, Any]
 ) -> tuple[dict[str, Any], BaseException | None]:
     """Serve a study to another program, as ``config["study"]`` says; see `itouch_tools.study.external_control`.
 
     Raises
     ------
-    SceneError, SessionError, DoorError
+    SceneError, SessionError, StudyServerError
         If study or scene are wrong, or the door can't be opened.
     """
     asked, catalog = config["study"], Catalog()
     file = load_study(asked["path"], catalog)
-    with Door(Path(asked["key"]), asked["port"]) as door:
+    with StudyServer(Path(asked["key"]), asked["port"]) as door:
         served = Served(file, catalog, door, clock=WallClock())
         served.room.survey(each_level_once(file))
 
@@ -247,7 +247,7 @@ def serve_door(
             with contextlib.suppress(Stopped):
                 served.run()
 
-        sitting = Sitting(served.room, work, lambda what, value: None, segment, outbox, config)
+        sitting = RigSession(served.room, work, lambda what, value: None, segment, outbox, config)
         outbox.tell("door", {"port": door.port})
         return sitting.run()
 

@@ -68,7 +68,7 @@ def launch(
     return _start(file, "itouch_tools.study.rig_session:serve", f"{file.name}-{participant}", asked, realtime=realtime)
 
 
-def launch_door(file: StudyFile, key: Path, port: int, *, realtime: bool = True) -> Handle:
+def launch_server(file: StudyFile, key: Path, port: int, *, realtime: bool = True) -> Handle:
     """Start a study led by another program, in a servo process; the first message of ``Handle.others`` has the port.
 
     Raises
@@ -89,7 +89,7 @@ def _start(file: StudyFile, serves: str, name: str, asked: dict[str, Any], *, re
     return start(f"{name}-{os.getpid()}", config)
 
 
-class Desk:
+class RigWindows:
     """Shows a session to people, and passes on what they answer, write and hold.
 
     Parameters

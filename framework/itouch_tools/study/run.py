@@ -18,11 +18,11 @@ from itouch_tools.study.elements import PRACTICE
 from itouch_tools.study.figures import FLUX
 from itouch_tools.study.machine import Machine, Phase
 from itouch_tools.study.operating import Operator, keep_note, lines_of
-from itouch_tools.study.progression import Course, Due
+from itouch_tools.study.progression import Course, NextTrial
 from itouch_tools.study.reading import StudyFile
-from itouch_tools.study.scene_switching import Room, note_stop
+from itouch_tools.study.scene_switching import SceneSwitcher, note_stop
 from itouch_tools.study.session_display import Show, Shown
-from itouch_tools.study.store import Row, Standing, Store
+from itouch_tools.study.store import Row, Store, StoredSession
 from itouch_tools.study.tasks import choices_of, is_right, question_of, taken_answer
 from itouch_tools.study.touches import Presented, figures, rules_of
 
@@ -60,9 +60,9 @@ class Run:
         #: This session of the participant, as it stands in the rows; its recording has that name, if there is one.
         self.name = _unused(recordings, code, {row.session for row in self.course.rows})
         kept = recordings / f"{self.name}.mcap" if record else None
-        self.room = Room(file, catalog, seed=seed, clock=clock, record=kept)
+        self.room = SceneSwitcher(file, catalog, seed=seed, clock=clock, record=kept)
         self.room.on_wait = lambda cue: self._wait(cue)
-        self._due: Due | None = None
+        self._due: NextTrial | None = None
         self._goes_on = False
         self._described: Mapping[str, Any] = {}
         self._baseline: float | None = None
@@ -136,11 +136,11 @@ class Run:
         note_stop(self.room.session)
         self._store.stand(self._code, self.room.standing(len(self.course.rows) - 1))
 
-    def _keep(self, row: Row, standing: Standing) -> None:
+    def _keep(self, row: Row, standing: StoredSession) -> None:
         self._store.add(row, standing)
         self.course.made(row)
 
-    def _begin(self, due: Due) -> None:
+    def _begin(self, due: NextTrial) -> None:
         """Begin the session, with a break first if one is due; measure the baseline of the skin if it is not known."""
         if self._goes_on:
             self.room.rest()
@@ -168,7 +168,7 @@ class Run:
             described = {**self._described, "skin_baseline_K": round(self._baseline, 3)}
             self.room.beside(partial(self._store.describe, self._code, described), whole=True)
 
-    def _trial(self, due: Due) -> Row:
+    def _trial(self, due: NextTrial) -> Row:
         feeling = self.room.present(due.shown[0])
         self.room.session.mark("trial", {"place": due.place})  # marks its beginning in the recording
         machine = Machine(rules_of(self._study, feeling.index, len(due.shown), self._baseline))
@@ -213,7 +213,7 @@ class Run:
             raise
         return machine.phase
 
-    def _asked(self, machine: Machine, due: Due) -> tuple[str | None, float | None]:
+    def _asked(self, machine: Machine, due: NextTrial) -> tuple[str | None, float | None]:
         """Ask, and run until there is an answer; return it as it is kept, and the reaction time [s]."""
         choices = tuple(shown for _, shown in choices_of(self._study))
         self._answers.ask(Question(due.place, question_of(self._study), choices))
@@ -242,7 +242,8 @@ class Run:
         return found[0], round(reaction, 6)
 
     def _row(
-        self, due: Due, void: str, touches: list[Presented], answer: str | None, reaction: float | None, begun: float
+        self, due: NextTrial, void: str, touches: list[Presented], answer: str | None, reaction: float | None,
+        begun: float
     ) -> Row:  # fmt: skip
         felt = [figures(touch) for touch in touches]
         fluxes = [one[FLUX.key] for one in felt]
@@ -261,7 +262,7 @@ class Run:
             self._said = "right" if row.right else "wrong"
             self._answers.tell(self._said)
 
-    def _rest(self, due: Due) -> None:
+    def _rest(self, due: NextTrial) -> None:
         """Run a break, if the study has one before this trial."""
         breaks = self._study.breaks
         if breaks is None or due.place == 0 or due.place % breaks.every:

@@ -23,12 +23,12 @@ from itouch.loop.release import in_turn
 from itouch.plugin.discovery import Catalog
 from itouch.safety import LOSSES, Outcome, Status, Trip
 from itouch.session import Session, SessionError
-from itouch.session.recorder import Onwards, Recorder
+from itouch.session.recorder import Continuation, Recorder
 from itouch.world import DeviceModel, Model
 from itouch_tools.study.machine import Sensed
 from itouch_tools.study.reading import StudyFile
-from itouch_tools.study.store import Standing
-from itouch_tools.study.touches import STILL, Feeling, Presented, Toucher, TouchError, felt_by, steer_hands
+from itouch_tools.study.store import StoredSession
+from itouch_tools.study.touches import STILL, IntervalRecorder, Presented, Toucher, TouchError, felt_by, steer_hands
 
 Result = TypeVar("Result")
 #: Number of attempts to put hardware to rest, of half a second each.
@@ -48,7 +48,7 @@ _GOES_ON = ("tick", "seed", "ready", "hold", "events.count", "events.table", "ma
 _BASELINE = ("baseline", "averaged")
 
 
-class Room:
+class SceneSwitcher:
     """One session after the other, each of which continues from the State of the one before.
 
     Parameters
@@ -86,7 +86,7 @@ class Room:
         self.clock = clock
         self._models = Toucher(file, catalog)
         self._session: Session | None = None
-        self._feeling: Feeling | None = None
+        self._feeling: IntervalRecorder | None = None
         self.condition: Mapping[str, str] = {}
 
     @property
@@ -103,7 +103,7 @@ class Room:
         return self._session
 
     @property
-    def feeling(self) -> Feeling:
+    def feeling(self) -> IntervalRecorder:
         """What is noted of the present interval.
 
         Raises
@@ -115,7 +115,7 @@ class Room:
             raise ValueError("nothing was presented yet")
         return self._feeling
 
-    def present(self, condition: Mapping[str, str]) -> Feeling:
+    def present(self, condition: Mapping[str, str]) -> IntervalRecorder:
         """Put a condition's scene over the devices; the hand of a twin waits at the start of its path.
 
         A twin's hand that is still moving ends its path first: no arm can be at another place at once.  Hardware rests
@@ -284,12 +284,14 @@ class Room:
             sys.setswitchinterval(before)
         return doing.result()
 
-    def _made(self, condition: Mapping[str, str]) -> tuple[Session, Feeling, tuple[Recorder, Onwards] | None]:
+    def _made(
+        self, condition: Mapping[str, str]
+    ) -> tuple[Session, IntervalRecorder, tuple[Recorder, Continuation] | None]:
         """Return the next session, what will be noted of it, and the recording in which it goes on."""
         session = self._built(condition)
         return session, self._feel(session), self._recorded(session)
 
-    def _recorded(self, session: Session) -> tuple[Recorder, Onwards] | None:
+    def _recorded(self, session: Session) -> tuple[Recorder, Continuation] | None:
         """Return the recording of all sessions with this one's State, and what it needs to go on with this one."""
         if self._record is None or self.losses:
             return None
@@ -328,7 +330,7 @@ class Room:
 
         self.run(so)
 
-    def take_up(self, standing: Standing) -> bool:
+    def take_up(self, standing: StoredSession) -> bool:
         """Continue from the State in which a participant's session was left; tell whether that was possible.
 
         It is not if State has other fields in this program.
@@ -354,10 +356,10 @@ class Room:
         self._begin_recording(session)
         return True
 
-    def standing(self, place: int) -> Standing:
+    def standing(self, place: int) -> StoredSession:
         """Return what is kept of the session after a trial, from which it can be continued."""
         session = self.session
-        return Standing(place, dict(self.condition), layout_of(session), session.state.tobytes())
+        return StoredSession(place, dict(self.condition), layout_of(session), session.state.tobytes())
 
     @property
     def _under_way(self) -> bool:
@@ -412,15 +414,15 @@ class Room:
         session.records = False
         return session
 
-    def _feel(self, session: Session) -> Feeling:
+    def _feel(self, session: Session) -> IntervalRecorder:
         """Return the object that will note what is felt in a session that has not begun."""
         try:
             truth = felt_by(session.model)
         except TouchError:  # a scene without heat, or hardware: the report's figures are taken for what was felt
             truth = None
-        return Feeling(session.model, self._file.study.contact, truth)
+        return IntervalRecorder(session.model, self._file.study.contact, truth)
 
-    def _take(self, session: Session, condition: Mapping[str, str], feeling: Feeling) -> None:
+    def _take(self, session: Session, condition: Mapping[str, str], feeling: IntervalRecorder) -> None:
         """Make a session the present one."""
         before, self._session, self.condition = self._session, session, dict(condition)
         self._feeling = feeling

@@ -29,7 +29,7 @@ LONGEST, BACKLOG, MOST, PATIENCE = 1 << 16, 8 << 20, 8, 5.0
 _HOST = "127.0.0.1"
 
 
-class DoorError(ItouchError):
+class StudyServerError(ItouchError):
     """A door that can't be opened."""
 
 
@@ -56,7 +56,7 @@ class Request:
     given: dict[str, Any]
 
 
-class Door:
+class StudyServer:
     """Listens to callers; also a context manager that writes the key's file, and removes it at the end.
 
     Parameters
@@ -68,14 +68,14 @@ class Door:
 
     Raises
     ------
-    DoorError
+    StudyServerError
         If the port is taken, or the file can't be written, or leads to a study that is served now.
     """
 
     def __init__(self, key: Path, port: int = 0) -> None:
         self.path, self._token = key, secrets.token_urlsafe(24)
         if _answers(key):
-            raise DoorError(
+            raise StudyServerError(
                 f"'{key}' belongs to a study that is being served; end that one, or name another --key FILE"
             )
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
@@ -85,7 +85,9 @@ class Door:
             self._listener.bind((_HOST, port))
         except (OSError, OverflowError) as error:
             self._listener.close()
-            raise DoorError(f"cannot listen on port {port}: {getattr(error, 'strerror', None) or error}") from error
+            raise StudyServerError(
+                f"cannot listen on port {port}: {getattr(error, 'strerror', None) or error}"
+            ) from error
         self._listener.listen(MOST)
         self._listener.setblocking(False)
         self.port = int(self._listener.getsockname()[1])
@@ -93,14 +95,14 @@ class Door:
         self._events.register(self._listener, selectors.EVENT_READ)
         self.callers: list[Caller] = []
 
-    def __enter__(self) -> Door:
+    def __enter__(self) -> StudyServer:
         """Write the key's file: from now on the door is polled."""
         content = {"host": _HOST, "port": self.port, "token": self._token, "process": os.getpid()}
         try:
             _write(self.path, content)
         except OSError as error:
             self.close()
-            raise DoorError(f"cannot write '{self.path}': {error.strerror or error}") from error
+            raise StudyServerError(f"cannot write '{self.path}': {error.strerror or error}") from error
         return self
 
     def __exit__(self, *exception: object) -> None:

@@ -29,7 +29,7 @@ from itouch_tools.study.elements import TASKS
 from itouch_tools.study.observer_catalog import observer_of
 from itouch_tools.study.observers import Felt, Person
 from itouch_tools.study.plugin_tasks import TaskError, task_of
-from itouch_tools.study.progression import Course, Due
+from itouch_tools.study.progression import Course, NextTrial
 from itouch_tools.study.reading import StudyFile, load_study
 from itouch_tools.study.store import Row, Store, StoreError
 from itouch_tools.study.tasks import is_right, taken_answer
@@ -98,7 +98,7 @@ class Simulation:
             course.made(row)
             yield row
 
-    def _trial(self, due: Due, rows: Sequence[Row]) -> Row:
+    def _trial(self, due: NextTrial, rows: Sequence[Row]) -> Row:
         trial, place = due.trial, due.place
         seeds = self._rng("touch", str(place)).integers(2**31, size=len(due.shown))
         touches = [self._toucher.touch(condition, int(seed)) for condition, seed in zip(due.shown, seeds, strict=True)]

@@ -116,7 +116,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class StoredSession:
     """Scene and State of a participant's session at the end of the last trial, to continue from; see `SCHEMA_2`."""
 
     place: int
@@ -232,7 +232,7 @@ class Store:
         with _sentences(self.folder / "trials.sqlite"):
             return list(self._trials.execute("SELECT at, what FROM deviations ORDER BY id"))
 
-    def add(self, row: Row, standing: Standing | None = None) -> None:
+    def add(self, row: Row, standing: StoredSession | None = None) -> None:
         """Add a trial, and the session's State after it, in one transaction; when this returns they are on disk.
 
         Raises
@@ -252,7 +252,7 @@ class Store:
                 self._put(row.participant, standing)
         self._check_place(", this one too")
 
-    def stand(self, participant: str, standing: Standing) -> None:
+    def stand(self, participant: str, standing: StoredSession) -> None:
         """Keep the State of a session that a fault has ended: what the broken trial used of a budget stays used.
 
         Raises
@@ -289,12 +289,12 @@ class Store:
             "command goes on from there"
         )
 
-    def _put(self, participant: str, standing: Standing) -> None:
+    def _put(self, participant: str, standing: StoredSession) -> None:
         condition = json.dumps(dict(standing.condition), sort_keys=True)
         stood = (participant, standing.place, condition, standing.layout, standing.state)
         self._trials.execute("INSERT OR REPLACE INTO standing VALUES (?, ?, ?, ?, ?)", stood)
 
-    def standing(self, participant: str) -> Standing | None:
+    def standing(self, participant: str) -> StoredSession | None:
         """Return scene and State of a participant's session at the end of the last trial; None if none were kept."""
         query = "SELECT place, condition, layout, state FROM standing WHERE participant = ?"
         with _sentences(self.folder / "trials.sqlite"):
@@ -302,7 +302,7 @@ class Store:
         if row is None:
             return None
         try:
-            return Standing(row[0], json.loads(row[1]), row[2], row[3])
+            return StoredSession(row[0], json.loads(row[1]), row[2], row[3])
         except ValueError as error:
             raise StoreError(
                 f"'{self.folder / 'trials.sqlite'}': the State after trial {row[0] + 1} of {participant} cannot be "

@@ -102,7 +102,7 @@ class Toucher:
             If no twin of the scene feels heat, a device is no twin, or nothing moves the finger.
         """
         model = self.model(condition)
-        feeling = Feeling(model, self._file.study.contact, felt_by(model))
+        feeling = IntervalRecorder(model, self._file.study.contact, felt_by(model))
         session = Session(model, seed=seed, catalog=self._catalog)
         session.records = False
         if not session.scripted:
@@ -150,7 +150,7 @@ def steer_hands(session: Session, step: tuple[float, float, float] | None) -> No
         session.steer(probe, step)
 
 
-class Feeling:
+class IntervalRecorder:
     """Notes what is felt in one interval, and says what a trial's machine is told of it, tick by tick."""
 
     def __init__(self, model: Model, rules: Touching, truth: tuple[str, str] | None) -> None:

@@ -59,7 +59,7 @@ class Swept:
         return self.rows >= self.runs
 
 
-class Pours(Protocol):
+class TaskPool(Protocol):
     """A pool that hands tasks to workers, ``count`` of them at once."""
 
     @property
@@ -77,7 +77,7 @@ class Pours(Protocol):
         ...
 
 
-class Works(Protocol):
+class SweepEngine(Protocol):
     """An engine as the client sees it."""
 
     @property
@@ -85,7 +85,7 @@ class Works(Protocol):
         """The engine's name."""
         ...
 
-    def working(self) -> AbstractContextManager[Pours]:
+    def working(self) -> AbstractContextManager[TaskPool]:
         """Return a context with the pool in which tasks are done."""
         ...
 
@@ -93,7 +93,7 @@ class Works(Protocol):
 class Client:
     """Runs one sweep into one folder."""
 
-    def __init__(self, file: SweepFile, folder: Path, engine: Works, catalog: Catalog, told: Told | None) -> None:
+    def __init__(self, file: SweepFile, folder: Path, engine: SweepEngine, catalog: Catalog, told: Told | None) -> None:
         self._file, self._engine, self._told = file, engine, told
         self._work: Work = work_of(file, catalog)
         self._plan: Plan = file.plan(self._work.digest)
@@ -183,7 +183,7 @@ class Client:
                 return
             time.sleep(1.0)
 
-    def _pour(self, pool: Pours) -> None:
+    def _pour(self, pool: TaskPool) -> None:
         """Hand out tasks, and take the rows that come back.
 
         Raises
@@ -210,7 +210,7 @@ class Client:
         if self._flight:
             raise EngineLostError(f"{len(self._flight)} tasks did not come back")
 
-    def _look(self, pool: Pours) -> None:
+    def _look(self, pool: TaskPool) -> None:
         if self._store.due:
             self._store.flush()
         if not self._ending:
@@ -269,7 +269,7 @@ class Client:
         self._ending = "interrupted"
 
 
-def _feed(pool: Pours, tasks: Iterator[Task], found: queue.Queue[Done | BaseException | None]) -> None:
+def _feed(pool: TaskPool, tasks: Iterator[Task], found: queue.Queue[Done | BaseException | None]) -> None:
     try:
         for one in pool.results(tasks):
             found.put(one if isinstance(one, Done) else EngineLostError(f"a task came back as {type(one).__name__}"))
@@ -278,7 +278,7 @@ def _feed(pool: Pours, tasks: Iterator[Task], found: queue.Queue[Done | BaseExce
         found.put(error)
 
 
-def _end_workers(engine: Works) -> None:
+def _end_workers(engine: SweepEngine) -> None:
     if engine.name != "processes":
         return
     from joblib.externals.loky import reusable_executor

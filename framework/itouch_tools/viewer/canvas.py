@@ -13,7 +13,7 @@ from itouch_tools.viewer import colours, shaders, shading, solids
 from itouch_tools.viewer.buffers import Frame, HeightMap, Paint, Program, ShadowMap, Triangles
 from itouch_tools.viewer.camera import Camera
 from itouch_tools.viewer.colours import look
-from itouch_tools.viewer.finishes import FINISHES, Carved
+from itouch_tools.viewer.finishes import FINISHES, CarvedSurface
 from itouch_tools.viewer.flat_shapes import rectangle
 from itouch_tools.viewer.scales import grid_step
 from itouch_tools.viewer.scene_graph import Draw, SceneGraph, from_pose
@@ -147,7 +147,7 @@ class Canvas:
             self._meshes[draw.solid].draw(program)
         gl.glDisable(gl.GL_CULL_FACE)
 
-    def _carve(self, carved: Carved | None) -> None:
+    def _carve(self, carved: CarvedSurface | None) -> None:
         """Set the height map that is carved into what is drawn next; None: a flat one."""
         size = (1.0, 1.0, 0.0, -1.0) if carved is None else (*carved.size, carved.depth, float(carved.axis))
         self._solid.vector("carve", *size)

@@ -42,7 +42,7 @@ COLDEST, HOTTEST = 200.0, 400.0
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class Palette:
     """The colours of a picture: backgrounds, lines, words by weight; ``curve`` darkens curves on a light background."""
 
     panel: Tint
@@ -70,13 +70,13 @@ class Look:
         return (self.curve * colour[0], self.curve * colour[1], self.curve * colour[2])
 
 
-DARK = Look(
+DARK = Palette(
     panel=(0.045, 0.052, 0.068, 0.86), axis=(0.55, 0.58, 0.63, 0.9), fine=(0.45, 0.48, 0.53, 0.28),
     words=(0.88, 0.90, 0.93), quiet=(0.62, 0.65, 0.70), good=(0.45, 0.85, 0.65), warn=(0.95, 0.80, 0.35),
     bad=(1.00, 0.62, 0.48), help=(0.045, 0.052, 0.068, 0.97), alarm=(0.30, 0.06, 0.04, 0.94),
     ground=(0.105, 0.118, 0.145), sky=(0.045, 0.052, 0.068), grid=GRID,
 )  # fmt: skip
-LIGHT = Look(
+LIGHT = Palette(
     panel=(0.975, 0.98, 0.985, 0.92), axis=(0.35, 0.38, 0.43, 0.9), fine=(0.45, 0.48, 0.53, 0.30),
     words=(0.10, 0.12, 0.15), quiet=(0.33, 0.36, 0.41), good=(0.00, 0.40, 0.24), warn=(0.52, 0.36, 0.00),
     bad=(0.68, 0.12, 0.02), help=(0.975, 0.98, 0.985, 0.98), alarm=(1.00, 0.90, 0.87, 0.97),
@@ -88,12 +88,12 @@ class _Shown:
     look = DARK
 
 
-def look() -> Look:
+def look() -> Palette:
     """Return the colours of the picture that is being drawn."""
     return _Shown.look
 
 
-def draw_in(chosen: Look) -> None:
+def draw_in(chosen: Palette) -> None:
     """Draw in these colours from now on."""
     _Shown.look = chosen
 

@@ -18,7 +18,7 @@ FINISHES = {"matte": 0, "metal": 1, "glass": 2, "wood": 3, "foam": 4}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Carved:
+class CarvedSurface:
     """A height map that is carved into a surface.
 
     ``heights`` (rows, columns) are 0 to 1, the bottom row first; ``size`` is the width and the height of the map on the
@@ -37,7 +37,7 @@ class Finish:
 
     colour: Colour = UNPAINTED
     kind: int = 0
-    carved: Carved | None = None
+    carved: CarvedSurface | None = None
 
 
 def finishes(model: Model) -> dict[str, Finish]:
@@ -52,7 +52,7 @@ def finishes(model: Model) -> dict[str, Finish]:
             rows, columns = heights.shape
             size = (texture.width, texture.width * rows / columns)
             lowest_first = np.ascontiguousarray(heights[::-1], np.float32)
-            carved = Carved(lowest_first, size, texture.depth, AXES[texture.projection])
+            carved = CarvedSurface(lowest_first, size, texture.depth, AXES[texture.projection])
         kind = 0 if visual is None else FINISHES[visual.finish]
         found[material.name] = Finish(UNPAINTED if visual is None else visual.color, kind, carved)
     return found

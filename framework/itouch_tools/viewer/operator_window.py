@@ -9,7 +9,7 @@ from pyglet.window import key
 
 from itouch_tools.viewer.buffers import Frame
 from itouch_tools.viewer.context import config
-from itouch_tools.viewer.study_screens import DARK, Board, Face, Look
+from itouch_tools.viewer.study_screens import DARK, Palette, SessionView, StudyScreen
 
 #: Longest note [letters].
 LONGEST = 200
@@ -31,10 +31,10 @@ class OperatorWindow(pyglet.window.Window):
         Whether the dead-man's switch is held.
     """
 
-    def __init__(self, *, look: Look = DARK, width: int = 1280, height: int = 720) -> None:
+    def __init__(self, *, look: Palette = DARK, width: int = 1280, height: int = 720) -> None:
         super().__init__(width=width, height=height, caption="itouch-py study: operator", resizable=True,
                          config=config(), vsync=False)  # fmt: skip
-        self.board = Board(look)
+        self.board = StudyScreen(look)
         self._frame = Frame(*self.get_framebuffer_size())
         self._shown: tuple[object, ...] | None = None
         self._note: str | None = None
@@ -46,7 +46,7 @@ class OperatorWindow(pyglet.window.Window):
         found, self._notes = self._notes, []
         return found
 
-    def show(self, face: Face, lines: Sequence[tuple[str, bool]]) -> None:
+    def show(self, face: SessionView, lines: Sequence[tuple[str, bool]]) -> None:
         """Handle the keys, and draw if anything has changed; ``lines`` are pairs of words and whether all is well."""
         self.switch_to()
         self.dispatch_events()

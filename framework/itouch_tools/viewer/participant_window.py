@@ -10,7 +10,7 @@ from pyglet.window import key
 
 from itouch_tools.viewer.buffers import Frame
 from itouch_tools.viewer.context import config
-from itouch_tools.viewer.study_screens import DARK, Board, Face, Look
+from itouch_tools.viewer.study_screens import DARK, Palette, SessionView, StudyScreen
 
 
 class AskingWindow(pyglet.window.Window):
@@ -28,14 +28,14 @@ class AskingWindow(pyglet.window.Window):
     """
 
     def __init__(
-        self, *, look: Look = DARK, words: Mapping[str, str] | None = None, page: Sequence[str] = (),
+        self, *, look: Palette = DARK, words: Mapping[str, str] | None = None, page: Sequence[str] = (),
         width: int = 1280, height: int = 720, fullscreen: bool = False,
     ) -> None:  # fmt: skip
         room: dict[str, Any] = {"fullscreen": True} if fullscreen else {"width": width, "height": height}
         super().__init__(caption="itouch-py study", resizable=not fullscreen, config=config(), vsync=False, **room)
-        self.board = Board(look, words)
+        self.board = StudyScreen(look, words)
         self._frame = Frame(*self.get_framebuffer_size())
-        self._face: Face | None = None
+        self._face: SessionView | None = None
         self._choices: tuple[str, ...] = ()
         self._typed, self._asking, self._chosen = "", False, 0
         self.page, self.answer, self.stopped = tuple(page), "", False
@@ -50,7 +50,7 @@ class AskingWindow(pyglet.window.Window):
         answer, self.answer = self.answer, ""
         return answer
 
-    def show_face(self, face: Face) -> None:
+    def show_face(self, face: SessionView) -> None:
         """Handle keys and mouse, and draw a face if it differs from the last one."""
         self.dispatch_events()
         if self.stopped or face == self._face:

@@ -19,7 +19,7 @@ from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
 from itouch.recording import Recording, RecordingError
 from itouch.servo.prepare import prepare_replay
-from itouch.session.replay import Place
+from itouch.session.replay import ReplayPosition
 from itouch.world import Model
 from itouch_tools.viewer.signals import WINDOW, Chart, charts, rows_of, spans
 
@@ -70,11 +70,13 @@ class SeekableRecording:
         self.row, self.shown = 0, -1
         self._seen = np.zeros(len(self.ticks), bool)
         self._block = max(1, round(EVERY / self.model.period), -(-len(self.ticks) // MOST))
-        self._places: dict[int, Place] = {}
+        self._places: dict[int, ReplayPosition] = {}
         self._letters = self._stated()
-        self._here: Place | None = None
-        self._filler: Place | None = None
-        self._stands: Place | None = None  # where the replay is now, if that is a place: going there again takes time
+        self._here: ReplayPosition | None = None
+        self._filler: ReplayPosition | None = None
+        self._stands: ReplayPosition | None = (
+            None  # where the replay is now, if that is a place: going there again takes time
+        )
         self._caught = False
         self.session.taps.append(self._tap)
 
@@ -149,19 +151,19 @@ class SeekableRecording:
                 return begin + int(np.argmin(part))
         return None
 
-    def _nearest(self, row: int) -> Place | Mapping[str, Any]:
+    def _nearest(self, row: int) -> ReplayPosition | Mapping[str, Any]:
         """Return the last place or recorded State from which a row can be reached."""
         rows = [at for at in self._letters if at <= row]
         letter = rows[-1] if rows else min(self._letters, default=0)
         for block in range(row // self._block, letter // self._block - 1, -1):
             place = self._places.get(block)
             if place is not None and letter <= place.at <= row:
-                return Place(place.at, zlib.decompress(place.state), place.going, place.parks)
+                return ReplayPosition(place.at, zlib.decompress(place.state), place.going, place.parks)
         return self._letters[letter]
 
-    def _stand(self, start: Place | Mapping[str, Any]) -> None:
+    def _stand(self, start: ReplayPosition | Mapping[str, Any]) -> None:
         self._stands = None
-        if isinstance(start, Place):
+        if isinstance(start, ReplayPosition):
             self._replay.go(start)
             return
         self._replay.begin_at(start)
@@ -187,11 +189,11 @@ class SeekableRecording:
             return
         place = self._replay.place()
         if place.going:
-            self._places[block] = Place(place.at, zlib.compress(place.state, 1), True, place.parks)
+            self._places[block] = ReplayPosition(place.at, zlib.compress(place.state, 1), True, place.parks)
 
 
-def _row(start: Place | Mapping[str, Any], ticks: NDArray[np.int64]) -> int:
-    return start.at if isinstance(start, Place) else int(np.searchsorted(ticks, int(start["tick"])))
+def _row(start: ReplayPosition | Mapping[str, Any], ticks: NDArray[np.int64]) -> int:
+    return start.at if isinstance(start, ReplayPosition) else int(np.searchsorted(ticks, int(start["tick"])))
 
 
 class RecordedCurves:

@@ -16,7 +16,7 @@ from itouch.world import Model
 from itouch.world.rig import DeviceModel
 from itouch_tools.viewer import colours, solids
 from itouch_tools.viewer.colours import Colour
-from itouch_tools.viewer.finishes import Carved, Finish, finishes
+from itouch_tools.viewer.finishes import CarvedSurface, Finish, finishes
 from itouch_tools.viewer.solids import Solid
 from itouch_tools.viewer.temperatures import Range, plate_temperature, skin_temperature
 
@@ -52,7 +52,7 @@ class Draw:
     cast: bool = True
     through: bool = False
     finish: int = 0
-    carved: Carved | None = None
+    carved: CarvedSurface | None = None
 
 
 class SceneGraph:

@@ -1,7 +1,7 @@
 """The screens of a study: the participant's, readable at 2 m, and the operator's; neither shows the condition.
 
-What is shown comes as a `Face`: any object with these attributes.  Letters on the participant's screen are at least 4 %
-of its height tall: 12 mm on a screen of 0.3 m, 20 minutes of arc at 2 m (ISO 9241-303 asks for 16).
+What is shown comes as a `SessionView`: any object with these attributes.  Letters on the participant's screen are at
+least 4 % of its height tall: 12 mm on a screen of 0.3 m, 20 minutes of arc at 2 m (ISO 9241-303 asks for 16).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ WORDS: Mapping[str, str] = {
 _LETTER, _POINT = 0.73, 96.0 / 72.0
 
 
-class Face(Protocol):
+class SessionView(Protocol):
     """What is shown of a session; see `itouch_tools.study.session_display.Shown`."""
 
     @property
@@ -80,7 +80,7 @@ GO_ON = "Enter: go on"
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class Palette:
     """Colours of a screen."""
 
     ground: Tint
@@ -92,25 +92,25 @@ class Look:
     bad: Tint
 
 
-DARK = Look((0.06, 0.07, 0.09, 1.0), (0.95, 0.96, 0.97), (0.70, 0.73, 0.77), (0.16, 0.19, 0.24, 1.0),
+DARK = Palette((0.06, 0.07, 0.09, 1.0), (0.95, 0.96, 0.97), (0.70, 0.73, 0.77), (0.16, 0.19, 0.24, 1.0),
             (0.55, 0.62, 0.70, 1.0), (0.35, 0.75, 0.55, 1.0), (0.95, 0.60, 0.30, 1.0))  # fmt: skip
-LIGHT = Look((0.97, 0.97, 0.96, 1.0), (0.08, 0.10, 0.13), (0.27, 0.30, 0.34), (0.88, 0.90, 0.93, 1.0),
+LIGHT = Palette((0.97, 0.97, 0.96, 1.0), (0.08, 0.10, 0.13), (0.27, 0.30, 0.34), (0.88, 0.90, 0.93, 1.0),
              (0.35, 0.40, 0.47, 1.0), (0.10, 0.55, 0.35, 1.0), (0.80, 0.38, 0.10, 1.0))  # fmt: skip
 
 
-class Board:
+class StudyScreen:
     """Draws a participant's or an operator's screen into frames; needs a current OpenGL context.
 
     ``targets`` are the areas of the choices in the last picture, for the mouse.
     """
 
-    def __init__(self, look: Look = DARK, words: Mapping[str, str] | None = None) -> None:
+    def __init__(self, look: Palette = DARK, words: Mapping[str, str] | None = None) -> None:
         self.look, self.words = look, {**WORDS, **(words or {})}
         self._paint = Paint(Program(shaders.PAINT_VERTEX, shaders.PAINT_FRAGMENT))
         self._text = Text()
         self.targets: list[Rectangle] = []
 
-    def participant(self, face: Face, frame: Frame, *, page: Sequence[str] = ()) -> None:
+    def participant(self, face: SessionView, frame: Frame, *, page: Sequence[str] = ()) -> None:
         """Draw the participant's screen: instructions (``page``, lines of Markdown), else choices or what to do now."""
         self._clear(frame)
         self.targets = []
@@ -123,7 +123,7 @@ class Board:
         self._progress(face, frame)
         self._text.draw()
 
-    def operator(self, face: Face, lines: Sequence[tuple[str, bool]], frame: Frame) -> None:
+    def operator(self, face: SessionView, lines: Sequence[tuple[str, bool]], frame: Frame) -> None:
         """Draw the operator's screen: trial, phase, time left, and ``lines`` of (words, whether all is well)."""
         self._clear(frame)
         left = "" if face.left is None else f", {face.left:.0f} s left"
@@ -174,7 +174,7 @@ class Board:
     def _lines(self, words: str, size: float, room: float) -> list[str]:
         return textwrap.wrap(words, max(8, int(room / self._text.width(size)))) or [""]
 
-    def _cue(self, face: Face, frame: Frame) -> None:
+    def _cue(self, face: SessionView, frame: Frame) -> None:
         size = self._points(frame, 0.06)
         y, middle = 0.62 * frame.height, frame.width / 2
         for line in self._lines(self.words.get(face.cue, face.cue), size, 0.9 * frame.width):
@@ -208,7 +208,7 @@ class Board:
         middle = span[0] + span[2] / 2
         self._text.put(words, middle, bottom + 1.25 * tall, self.look.ink, size=size, anchor="center")
 
-    def _choices(self, face: Face, frame: Frame) -> None:
+    def _choices(self, face: SessionView, frame: Frame) -> None:
         """Draw the question above the choices: large targets with numbers, in rows that fill the width."""
         size = self._points(frame, 0.05)
         y = 0.86 * frame.height
@@ -269,7 +269,7 @@ class Board:
             found += [(line, heading) for line in self._lines(words, size * (1.15 if heading else 1.0), room)]
         return found
 
-    def _progress(self, face: Face, frame: Frame) -> None:
+    def _progress(self, face: SessionView, frame: Frame) -> None:
         """Draw the progress of the session, as a bar at the foot."""
         if face.trials <= 0:
             return

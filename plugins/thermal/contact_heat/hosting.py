@@ -30,7 +30,7 @@ class Host(Protocol):
         """Tell whether caches of objects built from stored arrays must not be used now."""
 
 
-class Alone:
+class NoHost:
     """No host: Numba's own cache, and no other store."""
 
     def compiled(self, function: Any, nogil: bool) -> Any:
@@ -48,7 +48,7 @@ class Alone:
         return False
 
 
-_HOST: list[Host] = [Alone()]
+_HOST: list[Host] = [NoHost()]
 
 
 def use(host: Host) -> None:

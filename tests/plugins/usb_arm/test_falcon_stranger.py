@@ -40,6 +40,7 @@ HABITS = [
 ]  # fmt: skip
 
 
+@pytest.mark.punctual  # a frame that is answered late is followed by one without force
 @pytest.mark.parametrize("running", [False, True])
 @pytest.mark.parametrize("habits", HABITS, ids=str)
 def test_from_power_on_to_a_force(habits: dict[str, Any], running: bool) -> None:

@@ -101,7 +101,7 @@ def _server(name: str) -> Iterator[Any]:
     """Yield the library's server, which listens on this machine only and does not print its address."""
     import viser
 
-    class Quiet(viser.ViserServer):
+    class UnsharedServer(viser.ViserServer):
         """Does not share the view through a server on the internet, even if a browser asks for it."""
 
         def request_share_url(self, verbose: bool = True) -> str | None:
@@ -109,7 +109,7 @@ def _server(name: str) -> Iterator[Any]:
             return None
 
     with contextlib.redirect_stdout(io.StringIO()):  # it would print an address that bypasses the gate
-        server = Quiet(host=_inner_host(), port=0, label=name, verbose=False)
+        server = UnsharedServer(host=_inner_host(), port=0, label=name, verbose=False)
     try:
         server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=True)
         yield server

@@ -133,9 +133,9 @@ class DisplayTwin(Twin):
         by_current = self.params.command == "current"
         wanted = command["current"] if by_current else command["temperature_target"]
         return Bound(
-            plant.display_step, plant.Made(numbers, parts.tissue, parts.plate, self._shares),
-            plant.Held(state["memory"], state["tissue"], state["plate"], state["line"], state["noise"]), self._law,
-            self._finger, wanted,
+            plant.display_step, plant.PlantConstants(numbers, parts.tissue, parts.plate, self._shares),
+            plant.PlantState(state["memory"], state["tissue"], state["plate"], state["line"], state["noise"]),
+            self._law, self._finger, wanted,
             np.ones(1) if by_current else command["output"], touch.face, float(touch.ambient), state["true_flux"],
             state["true_skin"], state["true_plate"], touch.beside,
         )  # fmt: skip

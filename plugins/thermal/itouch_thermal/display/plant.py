@@ -54,7 +54,7 @@ FULL_FORCE, FACTOR, PRESS, PAD, PAD_EXPONENT, FINGER = range(6)
 _resistance_at, _press_factor, _contact_area = kernel(resistance_at), kernel(press_factor), kernel(contact_area)
 
 
-class Made(NamedTuple):
+class PlantConstants(NamedTuple):
     """What the plant is made of, which never changes.
 
     Constants, shape (CONSTANTS,); packed column: tissue and plate, shapes (4, n) and (P_ROWS, m); weights of the
@@ -67,7 +67,7 @@ class Made(NamedTuple):
     shares: Any
 
 
-class Held(NamedTuple):
+class PlantState(NamedTuple):
     """State of the plant, changed in place.
 
     ``memory`` (MEMORY,), mode coordinates of tissue and plate (n,) and (m,), delayed currents (d,), and the generator's
@@ -98,8 +98,8 @@ def contact_resistance(law: Any, finger: Any, force: float) -> float:
 
 @kernel
 def display_step(
-    made: Made, held: Held, law: Any, finger: Any, wanted: Any, output: Any, face: Any, ambient: float, flux: Any,
-    skin: Any, surface: Any, beside: Any,
+    made: PlantConstants, held: PlantState, law: Any, finger: Any, wanted: Any, output: Any, face: Any,
+    ambient: float, flux: Any, skin: Any, surface: Any, beside: Any,
 ) -> int:  # fmt: skip
     """Advance the twin by one step under its command and what presses on it; return 0.
 
@@ -136,7 +136,14 @@ def display_step(
 
 @linked
 def plant_step(
-    made: Made, held: Held, command: float, contact: float, under: float, gap: float, ambient: float, beside: float
+    made: PlantConstants,
+    held: PlantState,
+    command: float,
+    contact: float,
+    under: float,
+    gap: float,
+    ambient: float,
+    beside: float,
 ) -> None:
     """Advance the plant by one step; for its equations see docs/explanation/thermal-estimator.md.
 

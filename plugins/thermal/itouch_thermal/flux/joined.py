@@ -51,7 +51,7 @@ class Tick:
         models = _models(model, law, model.preview)
         unclear, alone, passes, wait = np.zeros((4, 1), np.int64)
         hold = np.array([model.hold], np.int64)
-        self.taken = views.Taken(np.ones(1), np.zeros(1), unclear, hold, wait, np.zeros(3), alone, passes)
+        self.taken = views.LawInputs(np.ones(1), np.zeros(1), unclear, hold, wait, np.zeros(3), alone, passes)
         self._of_law = *self._plain, course, models
         self._state, self._law = weakref.ref(state), law
         memory = law.memory(state)
@@ -144,8 +144,8 @@ def _scene(model: FluxModel, state: Record) -> views.Scene:
     return views.Scene(*found)
 
 
-def _own(model: FluxModel, state: Record) -> views.Own:
-    return views.Own(*(state[f"{model.name}.{name}"] for name in views.Own._fields))
+def _own(model: FluxModel, state: Record) -> views.OwnFields:
+    return views.OwnFields(*(state[f"{model.name}.{name}"] for name in views.OwnFields._fields))
 
 
 def _course(model: FluxModel, state: Record) -> views.Course:

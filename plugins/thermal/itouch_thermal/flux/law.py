@@ -72,7 +72,7 @@ class Bounds(NamedTuple):
     capacity: float
 
 
-class Coming(NamedTuple):
+class FutureCurrent(NamedTuple):
     """What will become of the current that is asked for now.
 
     It leaves in ``wait`` periods and is held for ``hold`` periods.  ``out`` says what leaves before it: one current
@@ -85,7 +85,7 @@ class Coming(NamedTuple):
 
 
 #: A current that leaves at once and is held for one period, as without a wire.
-AT_ONCE = Coming()
+AT_ONCE = FutureCurrent()
 #: Length of the plan's coarse steps [s], as near as the period allows.
 COARSE = 5e-3
 #: How far a display may differ from its data sheet, before its first touch shows it: the standard deviation of each
@@ -139,7 +139,7 @@ _MEANINGS = {
 
 @linked
 def _coming(line: Any, slot: int, delay: int, out: Any, i: int) -> float:
-    """Return the current [A] that will act ``i`` periods from now if no other leaves; ``out`` as in `Coming`."""
+    """Return the current [A] that will act ``i`` periods from now if no other leaves; ``out`` as in `FutureCurrent`."""
     if i < delay:
         return float(line[(slot + i) % delay])
     return float(out[0] if i - delay < out[2] else out[1])
@@ -229,7 +229,7 @@ def _limits(band: Any, trace: Any, first: int, allowed: float, out: Any) -> None
 def _approach(basis: Any, own: Any, bounds: Any, leaving: Any, target: float, within: float) -> Any:
     """Return the current [A] that brings the plate to a target [K], its flux [W/m2], and the error [K] as it acts.
 
-    ``leaving`` is a `Coming`: what leaves before the current that is asked for.
+    ``leaving`` is a `FutureCurrent`: what leaves before the current that is asked for.
     """
     c, tissue, plate = basis.c, basis.tissue, basis.plate
     x, theta, memory, line, slots = own.x, own.theta, own.memory, own.line, own.slots
@@ -277,7 +277,7 @@ def _pumped(c: Any, theta: Any, current: float, back: float, hot: float) -> floa
 def _follow(fixed: Any, own: Any, bounds: Any, leaving: Any, scale: float, doubt: float, every: int) -> Any:
     """Return the current [A] that follows the plan, and the pumped flux [W/m2] that it is for.
 
-    ``leaving`` is a `Coming`: what leaves before the current that is asked for.
+    ``leaving`` is a `FutureCurrent`: what leaves before the current that is asked for.
     """
     c, tissue, plate = fixed.coarse.c, fixed.coarse.tissue, fixed.coarse.plate
     x, theta, memory, slots = own.x, own.theta, own.memory, own.slots
@@ -522,7 +522,7 @@ class ModelLaw:
         found: tuple[float, float] = late.estimate(state[self.prefix + "x"], state[self.prefix + "cover"], column)
         return found
 
-    def approach(self, state: Record, target: float, coming: Coming = AT_ONCE) -> tuple[float, float, float]:
+    def approach(self, state: Record, target: float, coming: FutureCurrent = AT_ONCE) -> tuple[float, float, float]:
         """Return current [A] and flux [W/m2] that bring the plate to ``target`` [K], and its error [K] as they act."""
         within = max(DEADBEAT, 1.5 * coming.hold * self.period)
         found: tuple[float, float, float] = _approach(
@@ -542,7 +542,7 @@ class ModelLaw:
         _begin(self.fixed, self.memory(state), flux, scale, onset)
 
     def follow(
-        self, state: Record, scale: float = 1.0, every: int = 1, coming: Coming = AT_ONCE
+        self, state: Record, scale: float = 1.0, every: int = 1, coming: FutureCurrent = AT_ONCE
     ) -> tuple[float, float]:
         """Return current [A] and flux [W/m2] that make the contact flux follow the field ``wanted``.
 

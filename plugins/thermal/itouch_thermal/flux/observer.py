@@ -102,7 +102,7 @@ class Basis(NamedTuple):
     plate: Any
 
 
-class Flowing(NamedTuple):
+class StepCurrent(NamedTuple):
     """The current of a step: mean [A] and mean square [A2], and by how much a second of delay would lower them."""
 
     acting: float
@@ -111,7 +111,7 @@ class Flowing(NamedTuple):
     rise_square: float
 
 
-class Pumping(NamedTuple):
+class PumpedFlux(NamedTuple):
     """The flux pumped out of the plate, its derivative with respect to the back's temperature, and what gives them."""
 
     flux: float
@@ -122,7 +122,7 @@ class Pumping(NamedTuple):
     hot: float
 
 
-class Closing(NamedTuple):
+class ContactFlux(NamedTuple):
     """What gives the contact flux at the end of a step: gains of both halves, resistance, covered parts, denominator.
 
     ``cover`` and ``covered`` are the parts of plate and sensor that the finger covers; ``whole`` is the denominator.
@@ -191,7 +191,7 @@ def advance(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any, cu
 
 
 @inlined
-def _flowing(c: Any, theta: Any, memory: Any, current: float) -> Flowing:
+def _flowing(c: Any, theta: Any, memory: Any, current: float) -> StepCurrent:
     """Return the current that flows in a step, after the driver's slew rate and the unknown part of the delay."""
     dt = c[O_PERIOD]
     if c[O_SLEW] > 0.0:
@@ -202,11 +202,11 @@ def _flowing(c: Any, theta: Any, memory: Any, current: float) -> Flowing:
         rise, rise_square = (current - memory[M_BEFORE]) / dt, (current**2 - memory[M_BEFORE] ** 2) / dt
     if memory.shape[0] > M_BEFORE:
         memory[M_BEFORE] = current
-    return Flowing(acting, square, rise, rise_square)
+    return StepCurrent(acting, square, rise, rise_square)
 
 
 @inlined
-def _pumping(c: Any, row: Any, o: int, theta: Any, memory: Any, flowing: Flowing) -> Pumping:
+def _pumping(c: Any, row: Any, o: int, theta: Any, memory: Any, flowing: StepCurrent) -> PumpedFlux:
     """Return what the module pumps in a step, and warm the sink by it; ``row``: the column, ``o``: number of modes."""
     dt = c[O_PERIOD]
     cold, hot = row[o + X_BACK], memory[M_SINK]
@@ -218,11 +218,11 @@ def _pumping(c: Any, row: Any, o: int, theta: Any, memory: Any, flowing: Flowing
     memory[M_SINK] += dt / c[O_SINK_CAPACITY] * heat
     memory[M_SINK_SEEN] += dt / (c[O_SINK_LAG] + dt) * (memory[M_SINK] - memory[M_SINK_SEEN])
     flux = pumped / c[O_AREA] + theta[FLUX] + row[o + X_DRIFT]
-    return Pumping(flux, (seebeck * flowing.acting + legs) / c[O_AREA], seebeck, ohmic, cold, hot)
+    return PumpedFlux(flux, (seebeck * flowing.acting + legs) / c[O_AREA], seebeck, ohmic, cold, hot)
 
 
 @inlined
-def _closing(c: Any, tissue: Any, plate: Any, theta: Any, memory: Any, scale: float) -> Closing:
+def _closing(c: Any, tissue: Any, plate: Any, theta: Any, memory: Any, scale: float) -> ContactFlux:
     """Return what relates the flux at the end of a step to the temperatures of both faces without it."""
     touching = memory[M_TOUCHING] > 0.0
     tissue_gain, plate_gain = 1.0 / (1.0 + theta[TISSUE]), 1.0 / (1.0 + theta[PLATE])
@@ -236,7 +236,7 @@ def _closing(c: Any, tissue: Any, plate: Any, theta: Any, memory: Any, scale: fl
         plate_self += plate[P_PORT, i] * plate[P_END, i]
     whole = resistance + tissue_gain * tissue_self + plate_gain * plate_self
     cover, covered = (c[O_COVER], memory[M_PART]) if touching else (0.0, 0.0)
-    return Closing(tissue_gain, plate_gain, resistance, pressing, touching, cover, covered, tissue_self, whole)
+    return ContactFlux(tissue_gain, plate_gain, resistance, pressing, touching, cover, covered, tissue_self, whole)
 
 
 @inlined
@@ -249,7 +249,9 @@ def _lags(c: Any, theta: Any) -> Lags:
 
 
 @inlined
-def _step_column(c: Any, tissue: Any, plate: Any, row: Any, pumping: Pumping, closing: Closing, lags: Lags) -> Stepped:
+def _step_column(
+    c: Any, tissue: Any, plate: Any, row: Any, pumping: PumpedFlux, closing: ContactFlux, lags: Lags
+) -> Stepped:
     """Advance the column: both halves without the flux at the end of the step, that flux, and both halves with it."""
     n, o = tissue.shape[1], tissue.shape[1] + plate.shape[1]
     gain, begin, end, skin = closing.plate_gain, row[o + X_FLUX], 0.0, 0.0
@@ -278,7 +280,7 @@ def _step_column(c: Any, tissue: Any, plate: Any, row: Any, pumping: Pumping, cl
 @inlined
 def _step_derivative(
     c: Any, tissue: Any, plate: Any, row: Any, k: int, scale: float,
-    flowing: Flowing, pumping: Pumping, closing: Closing, lags: Lags, column: Stepped,
+    flowing: StepCurrent, pumping: PumpedFlux, closing: ContactFlux, lags: Lags, column: Stepped,
 ) -> None:  # fmt: skip
     """Advance the column's derivative with respect to parameter ``k``, with what the column did in this step."""
     n, o = tissue.shape[1], tissue.shape[1] + plate.shape[1]
@@ -315,7 +317,7 @@ def _step_derivative(
 
 
 @inlined
-def _pumped_by(c: Any, k: int, flowing: Flowing, pumping: Pumping) -> float:
+def _pumped_by(c: Any, k: int, flowing: StepCurrent, pumping: PumpedFlux) -> float:
     """Return the partial derivative of the pumped flux [W/m2] with respect to parameter ``k``, for a given column."""
     if k == SEEBECK:
         return float(c[O_SEEBECK] * pumping.cold * flowing.acting / c[O_AREA])
@@ -332,7 +334,7 @@ def _pumped_by(c: Any, k: int, flowing: Flowing, pumping: Pumping) -> float:
 
 
 @inlined
-def _resisted_by(k: int, scale: float, closing: Closing, flux: float) -> float:
+def _resisted_by(k: int, scale: float, closing: ContactFlux, flux: float) -> float:
     """Return the partial derivative of the drop [K] at the contact resistance by parameter ``k``, at a flux [W/m2]."""
     if k == RESISTANCE:
         return float(closing.resistance * flux)
@@ -604,7 +606,7 @@ def _come_later(c: Any, tissue: Any, plate: Any, x: Any, theta: Any, memory: Any
     begin there.  What the module pumps is the same in both cases.
     """
     n, o = tissue.shape[1], tissue.shape[1] + plate.shape[1]
-    pumping, lags = Pumping(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), _lags(c, theta)
+    pumping, lags = PumpedFlux(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), _lags(c, theta)
     met, later, row = x[0].copy(), x[0].copy(), x[1 + ONSET]
     _step_column(c, tissue, plate, met, pumping, _closing(c, tissue, plate, theta, memory, memory[M_CONTACT]), lags)
     memory[M_TOUCHING], later[o + X_FLUX] = 0.0, 0.0

@@ -49,7 +49,7 @@ def run_ahead(
         out[(first + i) % size] = live.contact_step(finger, above, body, below, now)
 
 
-class Ahead(NamedTuple):
+class PreviewState(NamedTuple):
     """A contact that runs ahead of the touch: finger and object, packed, their modes, and a ring buffer of the flux.
 
     ``reached`` (1,): up to which tick of the touch it has come.

@@ -18,10 +18,10 @@ from itouch_thermal.flux import account, aiming, contact_events, late, observer,
 from itouch_thermal.flux import law as laws
 from itouch_thermal.flux.contact_events import PYTHON
 from itouch_thermal.flux.curve import flux_at
-from itouch_thermal.flux.law import DEADBEAT, MISSED, PRIOR_ONSET, Coming, Memory
+from itouch_thermal.flux.law import DEADBEAT, MISSED, PRIOR_ONSET, FutureCurrent, Memory
 from itouch_thermal.flux.masking import masked
-from itouch_thermal.flux.preview import Ahead, begin_ahead, keep_ahead, look_ahead
-from itouch_thermal.flux.views import Course, Figures, Floats, Given, Models, Own, Scene, Taken
+from itouch_thermal.flux.preview import PreviewState, begin_ahead, keep_ahead, look_ahead
+from itouch_thermal.flux.views import Course, Figures, Floats, Given, LawInputs, Models, OwnFields, Scene
 from itouch_thermal.laws import press_factor
 
 #: Least and greatest contact resistance that the force may explain, as multiples of the expected one.
@@ -73,7 +73,7 @@ def _aims(scene: Any, own: Any, given: Any, figures: Any) -> bool:
 
 
 @kernel
-def attend(scene: Scene, own: Own, given: Given, figures: Figures) -> int:
+def attend(scene: Scene, own: OwnFields, given: Given, figures: Figures) -> int:
     """Begin and end what the plate renders; in a touch note what was obtained and is desired, before it take aim."""
     if _turns(scene, own, given):
         if own.touching[0] != 0:
@@ -96,7 +96,7 @@ def attend(scene: Scene, own: Own, given: Given, figures: Figures) -> int:
 
 
 @kernel
-def attend_and_judge(scene: Scene, own: Own, given: Given, figures: Figures) -> int:
+def attend_and_judge(scene: Scene, own: OwnFields, given: Given, figures: Figures) -> int:
     """Do the same, and judge by the reading of the plate how ready it is."""
     attend(scene, own, given, figures)
     if own.touching[0] == 0:
@@ -143,7 +143,7 @@ def _desired(scene: Any, own: Any, given: Any, figures: Any) -> float:
 
 @kernel
 def begin(
-    scene: Scene, own: Own, given: Given, figures: Figures, course: Course, models: Models, memory: Memory,
+    scene: Scene, own: OwnFields, given: Given, figures: Figures, course: Course, models: Models, memory: Memory,
 ) -> int:  # fmt: skip
     """Let the law know before a finger leaves the plate, and compare its estimate with the sensor's reading.
 
@@ -164,8 +164,8 @@ def begin(
 
 @kernel
 def prepare(
-    scene: Scene, own: Own, given: Given, figures: Figures, course: Course, models: Models, memory: Memory,
-    taken: Taken,
+    scene: Scene, own: OwnFields, given: Given, figures: Figures, course: Course, models: Models, memory: Memory,
+    taken: LawInputs,
 ) -> int:  # fmt: skip
     """Determine what the law takes in: all is set anew in each tick, as ``taken`` is not in State."""
     taken.scale[0], taken.press[0], taken.unclear[0] = 1.0, 0.0, 0
@@ -236,7 +236,7 @@ def _scale(scene: Any, own: Any, models: Any, figures: Any, later: int) -> float
 
 
 @kernel
-def track(scene: Scene, course: Course, models: Models, memory: Memory, taken: Taken, size: int) -> int:
+def track(scene: Scene, course: Course, models: Models, memory: Memory, taken: LawInputs, size: int) -> int:
     """Let the law take in what was sent and read; periods in which nothing was taken in pass without readings before.
 
     ``taken.passes`` is 1 if only these pass.  A driver that holds a temperature may give another current than was asked
@@ -262,7 +262,7 @@ def _look_on(
 ) -> None:
     """Keep the preview a horizon ahead, with the resistance that is expected to last at the felt force."""
     index = course.preview_index[0]
-    ahead = Ahead(
+    ahead = PreviewState(
         models.finger, course.preview_finger, given.bodies[index], course.preview_object, future, course.reached
     )  # fmt: skip
     resistance = figures.alone if figures.steady else _resistance_at(models.law, scene.felt_force[0])
@@ -319,7 +319,7 @@ def _set_down(scene: Any, own: Any, figures: Any, course: Any, models: Any, memo
 
 @kernel
 def feel_between(
-    scene: Scene, own: Own, figures: Figures, models: Models, taken: Taken
+    scene: Scene, own: OwnFields, figures: Figures, models: Models, taken: LawInputs
 ) -> int:  # fmt: skip
     """Return 1 if the finger is on the plate in the tick in which its touch begins, and what that means for the law."""
     taken.scale[0] = 1.0 if figures.plate_steady else _scale(scene, own, models, figures, _NOTHING)
@@ -328,8 +328,8 @@ def feel_between(
 
 @kernel
 def set_between(
-    scene: Scene, own: Own, given: Given, figures: Figures, course: Course, models: Models, memory: Memory,
-    taken: Taken,
+    scene: Scene, own: OwnFields, given: Given, figures: Figures, course: Course, models: Models, memory: Memory,
+    taken: LawInputs,
 ) -> int:  # fmt: skip
     """Begin a touch between two updates, in the tick in which it began; ticks before it have been caught up with."""
     memory.memory[observer.M_PART] = observer.seen(given.pad, _force(scene))
@@ -340,12 +340,12 @@ def set_between(
 
 @kernel
 def command(
-    scene: Scene, own: Own, given: Given, figures: Figures, course: Course, models: Models, memory: Memory,
-    taken: Taken,
+    scene: Scene, own: OwnFields, given: Given, figures: Figures, course: Course, models: Models, memory: Memory,
+    taken: LawInputs,
 ) -> int:  # fmt: skip
     """Command the current [A] by which the law follows the plan, or brings the plate to its start temperature."""
     touching, ticks = own.touching[0] != 0, scene.tick[0] - own.begun[0]
-    leaving = Coming(taken.hold[0], taken.wait[0], (taken.out[0], taken.out[1], taken.out[2]))
+    leaving = FutureCurrent(taken.hold[0], taken.wait[0], (taken.out[0], taken.out[1], taken.out[2]))
     comes = own.on_plate[0] == 0 and aiming.pressed(scene, figures.heat)
     if comes or (figures.hold > 1 and scene.ready[0] == 0):
         memory.memory[observer.M_QUIET] = observer.QUIET

@@ -49,7 +49,7 @@ class Scene(NamedTuple):
     guess: Floats
 
 
-class Own(NamedTuple):
+class OwnFields(NamedTuple):
     """Views of the modality's own State fields that all controllers have, scalars as (1,)."""
 
     open: Numbers
@@ -176,13 +176,13 @@ class Figures(NamedTuple):
     believes: bool
 
 
-class Taken(NamedTuple):
+class LawInputs(NamedTuple):
     """What has been found for the law, which is no State, each of shape (1,), and ``out`` of (3,).
 
     ``scale`` is the contact resistance as a multiple of the expected one, ``press`` how strongly the finger is being
     pressed on; ``unclear`` is 1 where the readings are ambiguous, because the finger hovers.  ``hold``, ``wait`` and
-    ``out`` are a `Coming`: what becomes of the current that is asked for.  ``alone`` is 1 while Python runs the calls,
-    and can do what is between them; ``passes`` is 1 if time is only to pass, see `usual.track`.
+    ``out`` are a `FutureCurrent`: what becomes of the current that is asked for.  ``alone`` is 1 while Python runs the
+    calls, and can do what is between them; ``passes`` is 1 if time is only to pass, see `usual.track`.
     """
 
     scale: Floats

@@ -8,7 +8,7 @@ it will wait for that, and for how long it will stand then, is learnt from the l
 from __future__ import annotations
 
 from itouch.plugin import Field, Record
-from itouch_thermal.flux.law import MISSED, Coming, ModelLaw
+from itouch_thermal.flux.law import MISSED, FutureCurrent, ModelLaw
 from itouch_thermal.flux.setting import FluxModel
 
 #: Weight of the newest departure in the estimate for the next one (exponential smoothing), and the greatest number of
@@ -32,12 +32,12 @@ FIELDS = (
 )
 
 
-def coming(model: FluxModel, state: Record, tick: int) -> Coming:
+def coming(model: FluxModel, state: Record, tick: int) -> FutureCurrent:
     """Return what will become of a current that is asked for in this tick."""
     names = model.names
     wait, span = int(state[names.waited].item() + 0.5), int(state[names.interval].item() + 0.5)
     later = max(0.0, float(state[names.departed].item() - tick))
-    return Coming(max(1, span), wait, (state[names.before].item(), state[names.acting].item(), later))
+    return FutureCurrent(max(1, span), wait, (state[names.before].item(), state[names.acting].item(), later))
 
 
 def take(model: FluxModel, law: ModelLaw, state: Record, hovering: bool, tick: int, scale: float, press: float) -> None:

@@ -14,7 +14,7 @@ from itouch_thermal.display.device import ThermalDisplay
 from itouch_thermal.display.display_twin import DisplayTwin
 from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.display.peltier import current_for
-from itouch_thermal.flux.law import Coming, ModelLaw
+from itouch_thermal.flux.law import FutureCurrent, ModelLaw
 from itouch_thermal.flux.limits import BAND, RATE, RATE_OVER
 from itouch_thermal.flux.preview import contact_course, rising
 from itouch_thermal.flux.proportional import proportional_integral
@@ -128,7 +128,7 @@ def simulate(
     state = Record.of(twin.fields())
     twin.reset(state, np.random.default_rng(seed))
     known = believed or replace(display, mismatch=Mismatch())
-    brain = _Brain(case, course, known, controller, gains, start)
+    brain = _Controller(case, course, known, controller, gains, start)
     reads, commands = ThermalDisplay.channels(plant)
     reading = Record.of(Field.of(c) for c in reads)
     command = Record.of(Field.of(c) for c in commands)
@@ -155,7 +155,7 @@ def simulate(
     return Run(flux, skin, plate, pump, current, sensed, brain.start, course.flux[:count], course.skin[:count])
 
 
-class _Brain:
+class _Controller:
     """A controller outside a scene."""
 
     def __init__(
@@ -231,14 +231,14 @@ class _Brain:
 
     def _predictive(self, law: ModelLaw, i: int, hold: int) -> float:
         if i < 0:
-            current, self.flux, _ = law.approach(self.state, self.start, Coming(hold))
+            current, self.flux, _ = law.approach(self.state, self.start, FutureCurrent(hold))
             return current
         if i == 0:
             law.place(self.state, self.finger)
             law.begin(self.state, self.flux, press_factor(PERIOD, self.case.press))
         self.state["wanted"][:] = self.course.flux[i + law.offsets]
         scale = press_factor(max(i, 1) * PERIOD + self.display.delay, self.case.press)
-        current, self.flux = law.follow(self.state, scale, hold, Coming(hold))
+        current, self.flux = law.follow(self.state, scale, hold, FutureCurrent(hold))
         return current
 
 

@@ -177,7 +177,7 @@ def _system(touched: Touched, grid: _Grid) -> tuple[Array, Array, Array, float]:
     areas, rings, tip = grid.areas, len(grid.areas), grid.tip
     np_, nt = len(grid.plate), len(grid.tissue)
     size = rings * np_ + tip * nt
-    book = _Book(np.zeros((size, size)), np.zeros(size))
+    book = _Network(np.zeros((size, size)), np.zeros(size))
     h = touched.display
     for i in range(rings):
         column = [i * np_ + k for k in range(np_)]
@@ -209,7 +209,7 @@ def _system(touched: Touched, grid: _Grid) -> tuple[Array, Array, Array, float]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Book:
+class _Network:
     """Conductances [W/K] between cells, and heat capacities [J/K]."""
 
     matrix: Array
