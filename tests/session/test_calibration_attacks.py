@@ -65,15 +65,35 @@ def test_a_second_calibration_begins_from_the_first(scene: Path) -> None:
     assert scale(scene) == pytest.approx(2500.0)
 
 
+def test_records_that_a_link_shares_stay_shared(scene: Path) -> None:
+    shared = scene.parent / "laboratory.json"
+    link = scene.parent / "records/arm.json"
+    assert fit(scene, GOOD) == 0
+    link.rename(shared)
+    link.symlink_to(shared)
+    assert fit(scene, [(a, 0.5 * b) for a, b in GOOD]) == 0
+    assert link.is_symlink()
+    (record,) = calibration.read_records(shared)
+    assert record.values["force_scale"] == pytest.approx(scale(scene)) == pytest.approx(6250.0)
+
+
+def test_a_calibration_makes_the_folder_that_the_scene_names(scene: Path) -> None:
+    (scene.parent / "records").rmdir()
+    assert fit(scene, GOOD) == 0
+    assert scale(scene) == pytest.approx(2500.0)
+
+
 @pytest.mark.parametrize(
     "change",
     [
         {"mount": [0, 0, 0]}, {"mount": [0, 0, 0, 0, 0, 0, 0]}, {"mount": [0, 0, float("inf"), 1, 0, 0, 0]},
+        {"mount": [10**400, 0, 0, 1, 0, 0, 0]}, {"mount": [1e300, 0, 0, 1, 0, 0, 0]}, {"mount": [0, 0, 0, 1e-300, 0, 0, 0]},
+        {"mount": [0, 0, 0, 1e200, 1e200, 0, 0]}, {"residual": 10**400},
         {"mount": "1234567"}, {"values": {"force_scale": "x"}}, {"values": [1]}, {"values": {"force_scale": True}},
         {"made": "yesterday"}, {"made": "2026-01-01T00:00:00"}, {"expires": None}, {"residual": "small"},
         {"residual": None}, {"samples": [3]}, {"twin": "no"}, {"device": 5}, {"kind": None}, {"more": 1},
     ],
-    ids=str,
+    ids=lambda change: str(change)[:60],
 )  # fmt: skip
 def test_a_record_that_was_changed_by_hand_is_told(scene: Path, change: dict[str, Any]) -> None:
     assert fit(scene, GOOD) == 0
@@ -174,6 +194,22 @@ def test_a_value_out_of_its_range_refuses_the_scene(scene: Path, value: float) -
         load_scene(scene)
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("grip", "its parameter 'grip' is not a single number"), ("usbip", "its parameter 'usbip' is not a single number"),
+        ("grip.x", "the device has no parameter 'x'"), ("force", "the device has no parameter 'force'"),
+    ],
+)  # fmt: skip
+def test_a_value_of_what_is_no_number_refuses_the_scene(scene: Path, name: str, said: str) -> None:
+    assert fit(scene, GOOD) == 0
+    stored = scene.parent / "records/arm.json"
+    (record,) = calibration.read_records(stored)
+    calibration.write_records(stored, [replace(record, values={name: 1.0})])
+    with pytest.raises(SceneError, match=f"force-scale.*cannot be used: {said}"):
+        load_scene(scene)
+
+
 def test_what_has_expired_can_be_measured_anew(tmp_path: Path) -> None:
     text = (SCENES / "four_materials.xml").read_text()
     (tmp_path / "scene.xml").write_text(text)
@@ -208,7 +244,7 @@ def test_days_out_of_range(scene: Path, days: str, extend: bool, capsys: pytest.
         [], [[1.0, 1.0]], [[1.0, 1.0]] * 5, [[1.0, -1.0], [2.0, -2.0], [3.0, -3.0]], [["nan", 1], [2, 2], [3, 3]],
         [[1, 1e-9], [2, 2e-9], [3, 3e-9]], [[1, 1e6], [2, 2e6], [3, 3e6]], [[1, 2, 3]] * 3, [["1,5", "x"]],
     ],
-    ids=str,
+    ids=lambda change: str(change)[:60],
 )  # fmt: skip
 def test_samples_that_make_no_scale(scene: Path, rows: list[Any], capsys: pytest.CaptureFixture[str]) -> None:
     assert fit(scene, rows) == 2

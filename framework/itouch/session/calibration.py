@@ -14,7 +14,7 @@ import json
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,8 @@ from itouch.scene import Scene
 from itouch.scene.elements import Mount
 from itouch.schema import ItouchError, Problem, SceneError
 from itouch.schema.diagnostics import Place, did_you_mean, meant
-from itouch.schema.fields import specs, validate
+from itouch.schema.durable import write_whole
+from itouch.schema.fields import Spec, check_range, specs, validate
 from itouch.schema.files import open_regular
 
 FORMAT = "itouch-py calibration 1"
@@ -154,14 +155,30 @@ def _wrong_value(name: str, value: Any) -> str:
         return "" if right else "'values' must be an object of finite numbers"
     if name == "mount":
         right = isinstance(value, list) and len(value) in (0, 7) and all(_is_number(number) for number in value)
-        return (
-            "" if right and (not value or any(value[3:])) else "'mount' must be a position and a quaternion, 7 numbers"
-        )
+        return _wrong_mount(value) if right else "'mount' must be a position and a quaternion, 7 numbers"
     return "" if _is_number(value) else f"'{name}' must be a finite number"
 
 
+def _wrong_mount(value: Sequence[float]) -> str:
+    """Return what is wrong with a mount of seven numbers, or of none: it must be one that a scene can have."""
+    if not value:
+        return ""
+    try:
+        check_range(specs(Mount)["pos"], "position", tuple(value[:3]))
+        poses.normalized(value[3:])
+    except ValueError as error:
+        return f"'mount': {error}"
+    return ""
+
+
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    """Tell whether a value is a finite number; JSON has integers that no float can hold."""
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
 
 
 def _is_time(value: Any) -> bool:
@@ -172,7 +189,7 @@ def _is_time(value: Any) -> bool:
 
 
 def write_records(path: Path, records: Sequence[CalibrationRecord]) -> None:
-    """Write the records.
+    """Write the records, in place of earlier ones or not at all; a link goes on pointing to the file that it points to.
 
     Raises
     ------
@@ -180,12 +197,9 @@ def write_records(path: Path, records: Sequence[CalibrationRecord]) -> None:
         If the file cannot be written.
     """
     text = json.dumps({"format": FORMAT, "records": [asdict(record) for record in records]}, indent=1, allow_nan=False)
-    draft = path.with_name(path.name + ".new")
     try:
-        draft.write_text(text + "\n", encoding="utf-8")
-        os.replace(draft, path)
+        write_whole(str(path), f"{text}\n".encode())
     except OSError as error:
-        draft.unlink(missing_ok=True)
         raise ItouchError(f"calibration file '{path}' cannot be written: {error.strerror or error}") from error
 
 
@@ -331,11 +345,29 @@ def _mount_error(mount: Any, found: Sequence[float]) -> Any:
 
 
 def _set(params: Any, names: list[str], value: float) -> Any:
-    """Return parameters with one value changed, in a nested element if the name has several parts."""
-    inner = getattr(params, names[0])
-    changed = replace(params, **{names[0]: value if len(names) == 1 else _set(inner, names[1:], value)})
+    """Return parameters with one value changed, in a nested element if the name has several parts.
+
+    Raises
+    ------
+    ValueError
+        If there is no such parameter, or it is no single number, or cannot have this value.
+    """
+    name, *inside = names
+    if not is_dataclass(params) or isinstance(params, type) or name not in {each.name for each in fields(params)}:
+        raise ValueError(f"the device has no parameter '{name}'")
+    inner = getattr(params, name)
+    if not inside and not _is_single(specs(type(params)).get(name), inner):
+        raise ValueError(f"its parameter '{name}' is not a single number")
+    changed = replace(params, **{name: _set(inner, inside, value) if inside else value})
     validate(changed)
     return changed
+
+
+def _is_single(spec: Spec | None, value: Any) -> bool:
+    """Tell whether a parameter with this grammar, or without one, and with this value, is a single number."""
+    if spec is not None:
+        return spec.kind in ("quantity", "integer") and spec.size == 1
+    return _is_number(value)
 
 
 def _misfit(scene: Scene, device: Any, record: CalibrationRecord, path: Path, error: Exception) -> Problem:
