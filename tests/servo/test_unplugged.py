@@ -9,16 +9,22 @@ import pytest
 import itouch
 
 SCENE = """<itouch version="1.0">
-  <devices><device name="arm" plugin="usb-arm" twin="no"/></devices>
+  <devices><device name="arm" plugin="usb-arm" twin="no">%s</device></devices>
 </itouch>
 """
+#: Nothing listens at port 1.
+BEHIND_A_SERVER = '<usb-arm:hardware xmlns:usb-arm="urn:itouch:plugin:usb-arm" usbip="127.0.0.1:1"/>'
 
 
-def test_what_is_not_there_is_told_before_anybody_holds_the_switch(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("hardware", "said"), [("", "device 'arm': "), (BEHIND_A_SERVER, "device 'arm': USB/IP server 127.0.0.1:1: ")],
+    ids=["on the bus", "behind a server"],
+)  # fmt: skip
+def test_what_is_not_there_is_told_before_anybody_holds_the_switch(tmp_path: Path, hardware: str, said: str) -> None:
     path = tmp_path / "s.xml"
-    path.write_text(SCENE, encoding="utf-8")
+    path.write_text(SCENE % hardware, encoding="utf-8")
     with (
-        pytest.raises(itouch.DeviceError, match="device 'arm': "),
+        pytest.raises(itouch.DeviceError, match=said),
         itouch.launch(path, seconds=1.0, realtime=False) as handle,  # nobody enables it, nobody holds a switch
     ):
         handle.wait(300.0)

@@ -150,9 +150,16 @@ class UsbArm(ImpedanceArm[Falcon]):
 
     @classmethod
     def missing(cls, bound: UsbArmParams) -> str:
-        """Say why no arm can be used, from a look on the USB bus; empty if one can, or if a USB/IP server is named."""
-        found = () if bound.usbip else look()
-        if bound.usbip or any(one.usable for one in found):
+        """Say why no arm can be used: by a look on the USB bus, or at what the USB/IP server has; empty if one can."""
+        if bound.usbip:
+            try:
+                with Remote(bound.usbip) as remote:
+                    find(remote.backend, bound.serial)
+            except FalconError as error:
+                return f"USB/IP server {bound.usbip}: {error}"
+            return ""
+        found = look()
+        if any(one.usable for one in found):
             return ""
         return "; ".join(f"{one.where}: {one.note}" for one in found) or "no arm is on the USB bus: check its plug"
 

@@ -76,7 +76,7 @@ class Odrives:
         self._mode: list[int | None] = [None] * len(self._ids)
         self._limits: list[tuple[float, float] | None] = [None] * len(self._ids)
         self._found: dict[tuple[int, int], tuple[float, ...]] = {}
-        self._bus = _opened(bus)
+        self._name, self._bus = bus, _opened(bus)
         try:
             self._await("sends no heartbeat: check its cable and supply", lambda axis: self._heard[axis] > -math.inf)
             self._prove_watchdog()
@@ -290,8 +290,11 @@ class Odrives:
                     time.sleep(_LOOK)
                     continue
                 why = "; no frame leaves it: check its cable, its terminators and the servos' supply" if full else ""
-                raise ServoError(f"the servos' bus failed: {error}{why}") from error
+                raise self._failed(error, why) from error
             return
+
+    def _failed(self, error: Exception, why: str = "") -> ServoError:
+        return ServoError(f"the servos' bus {self._name} failed: {error}{why or '; check its plug'}")
 
     def _listen(self, wait: float) -> None:
         """Process frames: the first if it comes within ``wait`` seconds, and those that have arrived with it.
@@ -309,7 +312,7 @@ class Odrives:
                 wait = 0.0
                 continue
             except (can.CanError, OSError) as error:
-                raise ServoError(f"the servos' bus failed: {error}") from error
+                raise self._failed(error) from error
             if message is None:
                 return
             wait = 0.0

@@ -116,7 +116,8 @@ class Servos:
         except TimeoutError as error:
             raise ServoError(f"the servos did not answer within {patience * 1e3:.0f} ms") from error
         except (OSError, RuntimeError) as error:
-            raise ServoError(f"the servos' bus failed: {error}") from error
+            advice = "; check its plug" if isinstance(error, OSError) else ""
+            raise ServoError(f"the servos' bus {self._port or '(fdcanusb)'} failed: {error}{advice}") from error
         except (ValueError, LookupError, struct.error) as error:  # from a servo's invalid answer
             raise ServoError(f"the servos' bus delivered something that is not an answer: {error}") from error
 

@@ -89,7 +89,7 @@ class Steppers:
         self._driven, self._count = False, 0
         self._limits: list[int] = [0] * len(self._motors)
         self._last: list[tuple[float, float]] = []
-        self._serial = _opened(port, baud)
+        self._port, self._serial = port, _opened(port, baud)
         try:
             self._settle()
             self.stop()
@@ -431,13 +431,16 @@ class Steppers:
                 return True
         return False
 
+    def _failed(self, error: OSError) -> ServoError:
+        return ServoError(f"the module's port {self._port} failed: {error}; check its plug")
+
     def _send(self, frame: bytes) -> None:
         if self._trace is not None:
             self._trace.sent(frame.hex().encode())
         try:
             self._serial.write(frame)
         except OSError as error:
-            raise ServoError(f"the module's port failed: {error}") from error
+            raise self._failed(error) from error
 
     def _receive(self, end: float) -> bytes:
         """Return the bytes of a frame, or those that have arrived by a time [s]."""
@@ -446,7 +449,7 @@ class Steppers:
             while len(data) < tm.SIZE and self._clock() < end:
                 data += self._serial.read(tm.SIZE - len(data))
         except OSError as error:
-            raise ServoError(f"the module's port failed: {error}") from error
+            raise self._failed(error) from error
         if data and self._trace is not None:
             self._trace.received(data.hex().encode())
         return data
@@ -459,7 +462,7 @@ class Steppers:
                 if self._serial.read(256):
                     quiet = self._clock()
         except OSError as error:
-            raise ServoError(f"the module's port failed: {error}") from error
+            raise self._failed(error) from error
 
 
 def _opened(port: str, baud: int) -> Any:

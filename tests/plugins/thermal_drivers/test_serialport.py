@@ -167,6 +167,15 @@ def test_a_port_that_the_system_keeps_for_another_program_is_told(monkeypatch: p
             opener("/dev/bench")
 
 
+def test_a_port_that_a_user_may_not_open_says_who_may(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(self: object) -> None:  # root may open any
+        raise OSError(errno.EACCES, os.strerror(errno.EACCES), "/dev/bench")
+
+    monkeypatch.setattr(type(serialx.serial_for_url("/dev/bench", 9600)), "_open", refused)
+    with pytest.raises(DeviceError, match="'/dev/bench' cannot be opened: Permission denied: its group may open it, "):
+        SerialLine("/dev/bench", 57600, end=b"\r")
+
+
 def test_a_port_that_is_unplugged_is_named() -> None:
     terminal = Terminal()
     line = SerialLine(terminal.path, 57600, end=b"\r")
@@ -184,6 +193,7 @@ def test_a_port_that_is_unplugged_is_named() -> None:
     ("port", "said"),
     [
         ("/dev/no-such-port", "No such file or directory: check its plug"),
+        ("/", "Is a directory: it is not a serial port"),
         ("FILE", "Inappropriate ioctl for device: it is not a serial port"),
         ("nonsense://here", "No handler registered for URI scheme 'nonsense://'"),
         ("socket://127.0.0.1", "Invalid socket URI, expected both host and port: socket://127.0.0.1"),

@@ -254,7 +254,7 @@ def test_the_loop_writes_live_parameters_only(terminal: Terminal) -> None:
 def test_a_controller_in_error_is_told(terminal: Terminal) -> None:
     with mecom(terminal) as device:
         device.error = 108
-        with pytest.raises(DeviceError, match="in error 108"):
+        with pytest.raises(DeviceError, match="in error 108: see its manual, then reset it: switch it off and on"):
             TecDriver(Mecom(port=terminal.path), patience=8.0)
         device.error = 0
         tec = TecDriver(Mecom(port=terminal.path), patience=8.0)

@@ -69,6 +69,8 @@ class Bench:
                 servo.zero = -servo.place
 
     def close(self) -> None:
+        if self._stop:  # unplugged before
+            return
         self._stop = True
         self._thread.join()
         self.terminal.close()
@@ -173,6 +175,18 @@ def test_a_fault_is_named_with_its_axis(bench: Bench, code: int, words: str) -> 
     bench.bus.servos[2].trip(code)
     with pytest.raises(ServoFault, match=f"servo y stopped: {words} .code {code}."):
         go(device, (0.0, 0.0, 0.004), 0.1, arrive=False)
+    device.close()
+
+
+def test_a_port_that_vanishes_while_the_table_is_led_is_named(bench: Bench) -> None:
+    device = table(bench, homing="absolute")
+    device.open()
+    reading, _ = records()
+    device.read(reading)
+    bench.close()
+    with pytest.raises(ServoError, match=f"the servos' bus {bench.terminal.path} failed: .*; check its plug"):
+        for _ in range(100):
+            device.read(reading)
     device.close()
 
 

@@ -349,7 +349,7 @@ def test_a_port_that_vanishes_while_the_table_is_led_is_named(bench: Bench) -> N
     reading, _ = records()
     device.read(reading)
     bench.unplug()
-    with pytest.raises(ServoError, match="the module's port failed"):
+    with pytest.raises(ServoError, match=f"the module's port {bench.terminal.path} failed: .*; check its plug"):
         for _ in range(100):
             device.read(reading)
 

@@ -173,7 +173,10 @@ class TecDriver:
     def _check(self, state: int) -> None:
         if state == 3:
             code = self._client.read_int(ERROR_NUMBER)
-            raise DeviceError(f"the TEC controller is in error {code}: see its manual, then reset it")
+            raise DeviceError(
+                f"the TEC controller is in error {code}: see its manual, then reset it: switch it off and on (one of a "
+                "virtual rig: start that again)"
+            )
         if state not in (1, 2):
             raise DeviceError(f"the TEC controller is not ready: it says '{STATES.get(state, state)}'")
 
