@@ -12,7 +12,7 @@ SCENE = """<itouch version="1.0" xmlns:usb-arm="urn:itouch:plugin:usb-arm">
   <world><box name="board" size="60 60 10 mm" pos="0 0 -20 mm" material="oak"/></world>
   <devices><device name="grip" plugin="usb-arm" twin="no">
     <mount pos="0 125 0 mm" rpy="90 0 0 deg"/><limits force="3 N"/>
-    <usb-arm:hardware serial="any" usbip="127.0.0.1:0" deadman="centre"/>
+    <usb-arm:hardware serial="any" usbip="127.0.0.1:3240" deadman="centre"/>
   </device></devices>
   <interaction>
     <probe name="pen" radius="8 mm" pose-from="grip" force-to="grip"/>
