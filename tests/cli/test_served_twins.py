@@ -16,6 +16,14 @@ pytestmark = pytest.mark.punctual  # what is driven is a thread or a process bes
 
 ARM = '<device name="{}" plugin="usb-arm"/>'
 SCENE = '<itouch version="1.0"><devices>\n{}\n{}\n</devices></itouch>'
+MOVED = """<itouch version="1.0">
+  <devices><device name="arm" plugin="usb-arm"/></devices>
+  <interaction>
+    <probe name="finger" radius="8 mm" pose-from="arm" force-to="arm"/>
+    <operator probe="finger"><motion><to pos="0 0 0 mm" in="10 ms"/></motion></operator>
+  </interaction>
+</itouch>
+"""
 DISPLAY = """<itouch version="1.0" xmlns:thermal="urn:itouch:plugin:thermal"><devices>
   <device name="peltier" plugin="thermal" twin="no"><thermal:hardware><thermal:line port="port"/></thermal:hardware></device>
 </devices></itouch>
@@ -63,6 +71,22 @@ def test_an_emulator_that_can_not_open_is_named_with_its_place(tmp_path: Path, w
     assert said in str(caught.value)
     assert f"{path}:3:1" in str(caught.value)
     assert first.calls == second.calls == ["open", "close"]
+
+
+def test_that_the_motion_is_over_is_told_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_text(MOVED, "utf-8")
+    with itouch.build(path) as session:
+        rig = VirtualRig(session, wires={"arm": Line()})
+        rig.open()
+        rests = iter([False] * 50 + [True])
+        rig.run(lambda: next(rests))  # nobody drives it: the motion does not begin
+        assert "motion" not in capsys.readouterr().err
+        rig.driven = True
+        rests = iter([False] * 50 + [True])
+        rig.run(lambda: next(rests) if session.done else False)
+        assert capsys.readouterr().err.count("the scene's motion has ended") == 1
+        rig.close()
 
 
 @pytest.mark.parametrize("pace", ["step", "real"])

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 #: A simulation that is later than this [s] gives up catching up; and the width [s] of the bins of its lateness.
 BEHIND, _BIN = 0.1, 1e-5
+#: What a person is told at the end of a motion, as a second session on the same rig would touch nothing.
+_OVER = "the scene's motion has ended, and the operator rests where it ends: start virtual-rig again to repeat it"
 
 
 class VirtualRig:
@@ -101,8 +103,12 @@ class VirtualRig:
         """Simulate in real time until ``stop`` returns true, with a thread for each device to answer its host."""
         served = [(runner, ServedEmulator(emulator, runner.reading, runner.sent)) for runner, emulator in self._lines]
         due = time.monotonic()
+        told = self._truth is not None  # the session is one with this rig, and neither goes on
         try:
             while not stop():
+                if not told and self._session.done:
+                    told = True
+                    note(_OVER)
                 if self.driven:  # lateness does not matter while nobody drives a device
                     self.lateness.add(max(0.0, time.monotonic() - due))
                 due += self._period
