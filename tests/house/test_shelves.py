@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import re
 import subprocess
 import sys
 import warnings
@@ -9,6 +11,7 @@ from importlib import import_module
 
 import pytest
 from shipped import SCENES
+from sources import PACKAGES, modules
 
 import itouch
 from itouch.moved import PLACES
@@ -94,3 +97,16 @@ def test_the_safety_report_is_a_command_like_any_other(capsys: pytest.CaptureFix
         "  safety-report  write limits, trips, worst case and tests of a scene, for a board\n"
         in capsys.readouterr().out
     )
+
+
+def test_what_is_named_as_module_and_function_is_there() -> None:
+    """What a lower room may not import it has by name (decision 104): a name that was changed in one place is found."""
+    name = re.compile(rf"((?:{'|'.join(PACKAGES)})(?:\.\w+)*):(\w+)")
+    named = {
+        (module.name, *found.groups())
+        for module in modules().values()
+        for node in ast.walk(module.tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and (found := name.fullmatch(node.value))
+    }
+    assert len(named) > 5
+    assert [one for one in sorted(named) if not hasattr(import_module(one[1]), one[2])] == []

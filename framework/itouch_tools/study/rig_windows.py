@@ -77,7 +77,7 @@ def launch_server(file: StudyFile, key: Path, port: int, *, realtime: bool = Tru
         If it can't begin.
     """
     asked = {"key": os.path.abspath(key), "port": port}
-    return _start(file, "itouch_tools.study.rig_session:serve_door", f"{file.name}-served", asked, realtime=realtime)
+    return _start(file, "itouch_tools.study.rig_session:serve_study", f"{file.name}-served", asked, realtime=realtime)
 
 
 def _start(file: StudyFile, serves: str, name: str, asked: dict[str, Any], *, realtime: bool) -> Handle:
