@@ -260,7 +260,7 @@ def test_two_that_compile_at_once_never_take_a_kernel_for_another(tmp_path: Path
 def test_every_kernel_of_the_package_is_kept_with_its_fingerprint() -> None:
     from itouch.compiling import KernelCache, fingerprint
     from itouch.contact.step import step
-    from itouch_thermal.flux.usual import prepare
+    from itouch_thermal.flux.flux_tick import prepare
 
     for function in (prepare, step):
         compiled = function

@@ -45,7 +45,7 @@ LITERALS = {
     "itouch.loop.touchoff": 4,  # the rotation in a pose: place (3,), quaternion (4,)
     "itouch.monitors.arm_kernels": 6,  # the torque in a wrench: force (3,), torque (3,)
     "itouch.safety.limiting": 2,  # figures whose meaning depends on the kind of channel
-    "itouch_thermal.flux.late": 1,  # the derivatives in a row, which are all that follows the first number
+    "itouch_thermal.flux.late_readings": 1,  # the derivatives in a row, which are all that follows the first number
     "itouch_xyz_table.axes": 2,  # the rotation in a pose, and the last component of a force
 }
 

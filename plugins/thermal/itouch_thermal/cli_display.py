@@ -114,8 +114,8 @@ def _record_flux(options: argparse.Namespace) -> None:
 
 def _switching(options: argparse.Namespace) -> None:
     """Print the least time of a switch between any two materials of a scene, the driver's delay included."""
+    from itouch_thermal.flux.flux_report import switches
     from itouch_thermal.flux.modality import FluxControl
-    from itouch_thermal.flux.telling import switches
 
     session = framework().build(options.scene, rig=options.rig)
     controls = [m for m in session.model.modalities if isinstance(m.instance, FluxControl)]

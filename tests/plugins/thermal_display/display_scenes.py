@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from itouch_thermal.flux.flux_model import FluxModel
 from itouch_thermal.flux.onset import start_for
-from itouch_thermal.flux.setting import FluxModel
 
 HEAT = '<thermal:heat probe="finger"/>'
 CONTROL = '<thermal:flux-control display="peltier" desired-from="heat"/>'

@@ -7,8 +7,8 @@ import pytest
 from shipped import SCENES
 
 import itouch
+from itouch_thermal.flux.model_over_wire import take
 from itouch_thermal.flux.predictive import leave_out
-from itouch_thermal.flux.wires import take
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,10 @@ from shipped import SCENES
 
 import itouch
 from itouch.plugin import Record
-from itouch_thermal.flux import contact_events, joined, predictive, usual
-from itouch_thermal.flux.aiming import TOUCHED
+from itouch_thermal.flux import contact_events, flux_tick, joined, predictive
+from itouch_thermal.flux.approach import TOUCHED
+from itouch_thermal.flux.flux_model import FluxModel
 from itouch_thermal.flux.law import PRIOR_ONSET
-from itouch_thermal.flux.setting import FluxModel
 
 #: When the finger came, and how fast its force grows [N a tick], up to how much [N].
 CAME, GROWS, FULL = 300, 0.02, 0.9
@@ -33,7 +33,7 @@ def force(tick: int) -> float:
 def came(model: FluxModel, state: Record) -> tuple[int, float]:
     """Return how many ticks ago the finger came, and the standard deviation of that [s]."""
     scene, own, _, figures, course, *_ = joined.tick_of(model, state).prepare.arguments
-    return usual.since(scene, own, figures, course)
+    return flux_tick.since(scene, own, figures, course)
 
 
 def leave(model: FluxModel, state: Record) -> None:

@@ -8,8 +8,8 @@ import pytest
 from display_scenes import start_of
 
 import itouch
+from itouch_thermal.flux.flux_model import FluxModel
 from itouch_thermal.flux.onset import warmth
-from itouch_thermal.flux.setting import FluxModel
 
 ONCE = """
     <to pos="22 0 48 mm" in="0.8 s" hold="2 s"/>

@@ -11,7 +11,7 @@ import pytest
 
 from itouch_thermal.display import DisplayParams
 from itouch_thermal.display.column import plate_capacity
-from itouch_thermal.flux import account, aiming, published, usual
+from itouch_thermal.flux import approach, flux_error, flux_tick, published
 from itouch_thermal.flux.modality import FluxControl
 
 
@@ -40,8 +40,8 @@ def test_the_greatest_rate_is_a_mean_over_the_last_half_second(way: float, extre
 
 def test_a_virtual_rig_compares_an_estimate_only_when_it_is_new(monkeypatch: pytest.MonkeyPatch) -> None:
     found = list[tuple[float, float, float]]()
-    monkeypatch.setattr(account, "scored", lambda *_: True)
-    monkeypatch.setattr(account, "witness", lambda state, name, *numbers: found.append(numbers))
+    monkeypatch.setattr(flux_error, "scored", lambda *_: True)
+    monkeypatch.setattr(flux_error, "witness", lambda state, name, *numbers: found.append(numbers))
     names = SimpleNamespace(
         truth="truth", touching="touching", object="object", heat_desired="desired", begun="begun", obtained="obtained"
     )
@@ -66,7 +66,7 @@ def test_a_virtual_rig_compares_an_estimate_only_when_it_is_new(monkeypatch: pyt
 @pytest.mark.parametrize(("load", "force"), [((0.0, 0.0, -1.5, 0.0, 0.0, 0.0), 1.5), ((), 2.5)])
 def test_the_force_on_the_plate_is_what_is_measured_else_the_virtual_one(load: tuple[float, ...], force: float) -> None:
     scene = SimpleNamespace(load=np.array(load), normal_force=np.array([2.5]))
-    assert usual._force(scene) == force
+    assert flux_tick._force(scene) == force
 
 
 @pytest.mark.parametrize(
@@ -80,4 +80,4 @@ def test_a_finger_presses_by_its_resistance_where_there_is_heat_else_by_its_forc
     heat: bool, resistance: float, force: float, touches: bool
 ) -> None:
     scene = SimpleNamespace(resistance=np.array([resistance]), normal_force=np.array([force]))
-    assert aiming.in_contact(scene, heat) is touches
+    assert approach.in_contact(scene, heat) is touches

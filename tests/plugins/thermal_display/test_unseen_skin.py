@@ -9,7 +9,7 @@ import pytest
 from display_scenes import start_of
 
 from itouch_thermal.drivers.virtual import VirtualLine
-from itouch_thermal.flux.setting import FluxModel
+from itouch_thermal.flux.flux_model import FluxModel
 from itouch_tools.cli.lockstep import Lockstep
 
 #: A touch of aluminium that cools the skin by two kelvins, and the way to foam.

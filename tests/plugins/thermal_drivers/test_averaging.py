@@ -24,7 +24,7 @@ from itouch_thermal.drivers.emulator import ModbusServer
 from itouch_thermal.drivers.labjack import LabJackDriver
 from itouch_thermal.drivers.virtual import VirtualT7
 from itouch_thermal.flux import observer
-from itouch_thermal.flux.setting import FluxModel
+from itouch_thermal.flux.flux_model import FluxModel
 from itouch_tools.cli.lockstep import Lockstep
 
 PLATE = 300.0

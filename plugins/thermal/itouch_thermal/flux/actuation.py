@@ -14,7 +14,7 @@ import numpy as np
 
 from itouch.plugin import Bound, Field, Record
 from itouch.plugin.kernels import kernel, linked
-from itouch_thermal.flux.setting import FluxModel
+from itouch_thermal.flux.flux_model import FluxModel
 from itouch_thermal.flux.views import Scene
 
 #: Time constants [s] of the filters of the plate's level and slope, and of the driver's integral.

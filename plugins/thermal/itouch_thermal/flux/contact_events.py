@@ -7,7 +7,7 @@ from typing import Any
 
 from itouch.plugin import Contact, HeardContact
 from itouch.plugin.kernels import inlined, kernel, linked
-from itouch_thermal.flux import aiming, observer, onset
+from itouch_thermal.flux import approach, observer, onset
 from itouch_thermal.flux.law import Memory
 from itouch_thermal.flux.views import Course, Figures, Given, LawInputs, Models, OwnFields, Scene
 
@@ -47,9 +47,9 @@ def part_from(scene: Any, own: Any, given: Any, figures: Any) -> None:
     """
     touched = own.touching[0] != 0
     own.touching[0] = 0
-    aiming.aim(scene, own, given, figures, aiming.coming(scene), scene.tick[0])
+    approach.aim(scene, own, given, figures, approach.coming(scene), scene.tick[0])
     if touched:
-        aiming.judge(scene, own, figures, scene.plate_temperature[0] - own.start_temperature[0])
+        approach.judge(scene, own, figures, scene.plate_temperature[0] - own.start_temperature[0])
 
 
 @inlined
@@ -83,7 +83,7 @@ def _take_in(event: Any, scene: Any, own: Any, given: Any, figures: Any) -> int:
         return 0
     kind, tick, index = event.kind[0], event.tick[0], event.object[0]
     if kind == _NEAR and own.touching[0] == 0:
-        aiming.aim(scene, own, given, figures, aiming.coming(scene), tick)
+        approach.aim(scene, own, given, figures, approach.coming(scene), tick)
     elif kind == _BEGIN:
         own.account[:] = 0.0
         own.beside[:] = 0.0
@@ -113,7 +113,7 @@ def hear(
         kind, ends = event.kind[0], _ends(event, scene, own, given)
         if ends and own.on_plate[0] != 0 and course.tracked[0] != scene.tick[0] - 1:
             return PYTHON
-        if (ends or (kind == _NEAR and own.touching[0] == 0)) and aiming.blind(scene, figures):
+        if (ends or (kind == _NEAR and own.touching[0] == 0)) and approach.blind(scene, figures):
             return PYTHON
         if kind == _BEGIN and figures.hold > 1 and taken.alone[0] == 0:
             return PYTHON

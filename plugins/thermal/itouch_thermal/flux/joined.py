@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from itouch.plugin import Bound, ContactEvent, HeardContact, Record
-from itouch_thermal.flux import actuation, contact_events, usual, views
+from itouch_thermal.flux import actuation, contact_events, flux_tick, views
 from itouch_thermal.flux.curve import Curve
+from itouch_thermal.flux.flux_model import FluxModel
+from itouch_thermal.flux.flux_tick import PRESS_FILTER
 from itouch_thermal.flux.law import Bounds, ModelLaw
 from itouch_thermal.flux.preview import Preview, first_steps
-from itouch_thermal.flux.setting import FluxModel
-from itouch_thermal.flux.usual import PRESS_FILTER
 from itouch_thermal.heat import table_of
 
 #: The calls that Python has run, by State and model.
@@ -45,7 +45,7 @@ class Tick:
         #: Turns the current into a target, for a driver that holds a temperature.
         self.issued = actuation.bound(model, state, self.scene)
         if model.law is None or model.preview is None:
-            self.attend = Bound(usual.attend_and_judge, *self._plain)
+            self.attend = Bound(flux_tick.attend_and_judge, *self._plain)
             return
         law, course = model.law, _course(model, state)
         models = _models(model, law, model.preview)
@@ -56,13 +56,13 @@ class Tick:
         self._state, self._law = weakref.ref(state), law
         memory = law.memory(state)
         self._hears = *self._of_law, memory, self.taken
-        self.begin = Bound(usual.begin, *self._of_law, memory)
-        self.attend = Bound(usual.attend, *self._plain)
-        self.prepare = Bound(usual.prepare, *self._hears)
-        self.track = Bound(usual.track, self.scene, course, models, memory, self.taken, law.coarse_ticks)
-        self._commands[0] = Bound(usual.command, *self._hears)
-        self.feel_between = Bound(usual.feel_between, self.scene, self.own, figures, models, self.taken)
-        self.set_between = Bound(usual.set_between, *self._hears)
+        self.begin = Bound(flux_tick.begin, *self._of_law, memory)
+        self.attend = Bound(flux_tick.attend, *self._plain)
+        self.prepare = Bound(flux_tick.prepare, *self._hears)
+        self.track = Bound(flux_tick.track, self.scene, course, models, memory, self.taken, law.coarse_ticks)
+        self._commands[0] = Bound(flux_tick.command, *self._hears)
+        self.feel_between = Bound(flux_tick.feel_between, self.scene, self.own, figures, models, self.taken)
+        self.set_between = Bound(flux_tick.set_between, *self._hears)
 
     @property
     def bounds(self) -> tuple[Bound, ...]:
@@ -73,7 +73,7 @@ class Tick:
         """Return the call that commands the display, for a command that leaves in ``wait`` periods."""
         state = self._state()
         if wait not in self._commands and state is not None:
-            self._commands[wait] = Bound(usual.command, *self._of_law, self._law.memory(state, wait), self.taken)
+            self._commands[wait] = Bound(flux_tick.command, *self._of_law, self._law.memory(state, wait), self.taken)
         return self._commands[wait]
 
     def issue(self) -> None:

@@ -16,7 +16,7 @@ from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.display.peltier import current_for
 from itouch_thermal.display.sideways import Sideways
 from itouch_thermal.drivers.driver_params import SAMPLING
-from itouch_thermal.flux import late, planner
+from itouch_thermal.flux import late_readings, planner
 from itouch_thermal.flux import observer as at
 from itouch_thermal.flux.limits import RATE, RATE_OVER
 
@@ -185,7 +185,7 @@ def _track(
             trace[int(memory[at.M_AGE] / size) % trace.shape[0]] = x[0, column + at.X_FACE]
         memory[at.M_AGE] += 1.0
     if own.past.shape[0] > 1:
-        late.remember(x, own.theta, memory, own.past, own.kept, column)
+        late_readings.remember(x, own.theta, memory, own.past, own.kept, column)
 
 
 @kernel
@@ -213,7 +213,7 @@ def _begin(fixed: Any, own: Any, flux: float, scale: float, onset: float) -> Non
     own.knots[:] = flux
     own.trace[:] = own.x[0, tissue.shape[1] + plate.shape[1] + at.X_FACE]
     memory[at.M_TICKS] = memory[at.M_AGE] = 0.0
-    own.kept[late.VALID] = 0.0  # what was measured before knows nothing of this finger
+    own.kept[late_readings.VALID] = 0.0  # what was measured before knows nothing of this finger
 
 
 @linked
@@ -447,7 +447,7 @@ class ModelLaw:
             "wanted": self.steps, "response": (planner.HATS, self.steps), "knots": planner.HATS,
             "work": wide + planner.HATS * (planner.HATS + 1), "future": self.ahead + 1,
             "trace": round(RATE_OVER / self.step), "span": (2, self.steps),
-            "past": (1 + self.longest, late.width(count)), "kept": late.KEPT,
+            "past": (1 + self.longest, late_readings.width(count)), "kept": late_readings.KEPT,
         }  # fmt: skip
         low = {"slots": (0.0, float(self.delay)), "kept": (0.0, 0.0, 0.0)}
         high = {
@@ -514,12 +514,14 @@ class ModelLaw:
         readings before, ``press`` as in `track`.
         """
         own = self.memory(state)
-        late.recall(self.fixed.fine, own, press, flux_back, flux, film_back, film, sink, since)
+        late_readings.recall(self.fixed.fine, own, press, flux_back, flux, film_back, film, sink, since)
 
     def estimate(self, state: Record) -> tuple[float, float]:
         """Return the estimated contact flux [W/m2], and its standard deviation."""
         column = self.fine.tissue.shape[1] + self.fine.plate.shape[1]
-        found: tuple[float, float] = late.estimate(state[self.prefix + "x"], state[self.prefix + "cover"], column)
+        found: tuple[float, float] = late_readings.estimate(
+            state[self.prefix + "x"], state[self.prefix + "cover"], column
+        )
         return found
 
     def approach(self, state: Record, target: float, coming: FutureCurrent = AT_ONCE) -> tuple[float, float, float]:

@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from itouch.plugin import Bound, Contact, ContactEvent, Field, HeardContact, Modality, Record, Role, World
-from itouch_thermal.flux import account, actuation, condensation, joined, predictive, published, telling
+from itouch_thermal.flux import actuation, condensation, flux_error, flux_report, joined, predictive, published
 from itouch_thermal.flux.flux_control_params import FluxControlParams
-from itouch_thermal.flux.setting import FluxModel, setting
+from itouch_thermal.flux.flux_model import FluxModel, flux_model
 from itouch_thermal.flux.start import within
 
 #: State fields of flux, approach and calibration.
@@ -75,11 +75,11 @@ class FluxControl(Modality):
         "single", "condensation_time", "sent_log", "before", "waited", "interval",
     )  # fmt: skip
     lengthened = frozenset({"preview_object"})
-    measured = account.MEASURED
+    measured = flux_error.MEASURED
 
     def compile(self, name: str, params: FluxControlParams, world: World) -> FluxModel:
         """Gather what is known of display, finger and objects."""
-        return setting(name, params, world)
+        return flux_model(name, params, world)
 
     def notices(self, model: FluxModel) -> tuple[str, ...]:
         """Warn of water on the plate, and of a display that another finger touches than the one that is followed."""
@@ -101,7 +101,7 @@ class FluxControl(Modality):
         touched = Field("object", "i8", low=-1, high=len(model.curves) - 1, unit="1", doc=what)
         own = (*_APPROACH, covered, *_BEGIN, touched, *_TOUCH)
         memory = predictive.memory(model) if model.law is not None else published.memory(model)
-        return own + account.FIELDS + actuation.fields(model) + memory
+        return own + flux_error.FIELDS + actuation.fields(model) + memory
 
     def commands(self, model: FluxModel) -> tuple[str, ...]:
         """Return the display's channels that it commands: a current, or a temperature and whether the output is on."""
@@ -174,7 +174,7 @@ class FluxControl(Modality):
         if (
             not truth
             or not model.in_contact(state)
-            or not account.scored(state[f"{model.name}.account"], model.period * model.hold)
+            or not flux_error.scored(state[f"{model.name}.account"], model.period * model.hold)
         ):
             return
         curve, tick = model.curves[state[names.object].item()], state["tick"].item() - 1
@@ -183,7 +183,7 @@ class FluxControl(Modality):
         else:
             desired = curve.at((tick - state[names.begun].item() + 1) * model.period)
         estimate = math.nan if tick % model.hold else state[names.obtained].item()
-        account.witness(state, model.name, truth, estimate, desired)
+        flux_error.witness(state, model.name, truth, estimate, desired)
 
     def measures(
         self, model: FluxModel, state: Record, probe: str, object_index: int
@@ -193,20 +193,20 @@ class FluxControl(Modality):
             return {}
         truth = model.truth and model.names.true_flux in state
         source = "estimate" if model.estimates else "twin" if truth else "sensor"
-        return account.measures(state, model.name, source)
+        return flux_error.measures(state, model.name, source)
 
     def ended(self, model: FluxModel, entry: Mapping[str, Any]) -> str:
         """Return a few words on the contact: its mean flux."""
-        return account.ended(entry) if entry["probe"] == model.probe else ""
+        return flux_error.ended(entry) if entry["probe"] == model.probe else ""
 
     def remarks(self, model: FluxModel, entry: Mapping[str, Any]) -> tuple[str, ...]:
         """Return remarks on a plate that was not ready, or limited, and on how good an estimated flux is."""
-        return account.remarks(entry) if entry["probe"] == model.probe else ()
+        return flux_error.remarks(entry) if entry["probe"] == model.probe else ()
 
     def status(self, model: FluxModel, state: Record) -> str:
         """Return the plate's temperature, with its readiness or, in a touch, the desired flux."""
-        return telling.status(model, state)
+        return flux_report.status(model, state)
 
     def report(self, model: FluxModel, state: Record) -> dict[str, Any]:
         """Return the modality's part of the report: settings, switching times, readiness and condensation."""
-        return telling.report(model, state)
+        return flux_report.report(model, state)

@@ -12,13 +12,13 @@ import numpy as np
 from contact_heat.live import state_size
 from itouch.plugin import Contact, ContactEvent, Field, Record
 from itouch_thermal.display.column import F_PORT
-from itouch_thermal.flux import wires
-from itouch_thermal.flux.aiming import TOUCHED
+from itouch_thermal.flux import model_over_wire
+from itouch_thermal.flux.approach import TOUCHED
+from itouch_thermal.flux.flux_model import FluxModel
 from itouch_thermal.flux.joined import Tick
 from itouch_thermal.flux.law import PRIOR_ONSET, ModelLaw
 from itouch_thermal.flux.onset import LATE, converted
 from itouch_thermal.flux.preview import Preview
-from itouch_thermal.flux.setting import FluxModel
 
 #: Measured force [N] below which the plate may be untouched.
 UNFELT = 0.01
@@ -56,7 +56,7 @@ def memory(model: FluxModel) -> tuple[Field, ...]:
         Field("came", "i8", unit="tick", doc="when the finger came to the plate, as the force tells"),
         Field("came_doubt", low=0.0, unit="s", doc="standard deviation of that, 0: it is not there", show="no"),
         Field("scale_before", unit="1", doc="factor on the contact resistance in the update before"),
-        *wires.FIELDS,
+        *model_over_wire.FIELDS,
     )
 
 
@@ -76,8 +76,8 @@ def control(model: FluxModel, law: ModelLaw, course: Preview, tick: Tick, state:
             if model.force_from and not state[names.on_plate].item():
                 feel(model, state)
             taken = tick.taken
-            wires.take(model, law, state, bool(taken.unclear[0]), now, taken.scale.item(), taken.press.item())
-            coming = wires.coming(model, state, now)
+            model_over_wire.take(model, law, state, bool(taken.unclear[0]), now, taken.scale.item(), taken.press.item())
+            coming = model_over_wire.coming(model, state, now)
             taken.hold[0], taken.wait[0], taken.out[:] = coming
             tick.command(coming.wait).run()
     tick.issue()
@@ -142,13 +142,13 @@ def leave_out(model: FluxModel, state: Record, periods: int) -> None:
     """
     state[model.names.tracked] -= periods
     if model.wire:
-        wires.leave_out(model, state, periods)
+        model_over_wire.leave_out(model, state, periods)
 
 
 def catch_up(model: FluxModel, law: ModelLaw, tick: Tick, state: Record, scale: float) -> None:
     """Let the periods before this one in which nothing was taken in pass without readings; too many are cut short."""
     if model.wire:
-        wires.pass_by(model, law, state, state["tick"].item() - 1, scale)
+        model_over_wire.pass_by(model, law, state, state["tick"].item() - 1, scale)
         return
     taken = tick.taken
     taken.scale[0], taken.press[0], taken.passes[0] = scale, 0.0, 1

@@ -8,11 +8,11 @@ from __future__ import annotations
 from itouch.plugin import Field, Record
 from itouch_thermal.display.column import plate_capacity
 from itouch_thermal.display.peltier import current_for
+from itouch_thermal.flux.flux_model import APPROACH, FluxModel
 from itouch_thermal.flux.joined import Tick
 from itouch_thermal.flux.limits import RATE, RATE_OVER
 from itouch_thermal.flux.masking import masked
 from itouch_thermal.flux.proportional import proportional_integral
-from itouch_thermal.flux.setting import APPROACH, FluxModel
 from itouch_thermal.flux.start import MARGIN
 
 #: The share of the plate's greatest rate in a touch that is used.

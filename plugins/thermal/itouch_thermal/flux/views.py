@@ -182,7 +182,7 @@ class LawInputs(NamedTuple):
     ``scale`` is the contact resistance as a multiple of the expected one, ``press`` how strongly the finger is being
     pressed on; ``unclear`` is 1 where the readings are ambiguous, because the finger hovers.  ``hold``, ``wait`` and
     ``out`` are a `FutureCurrent`: what becomes of the current that is asked for.  ``alone`` is 1 while Python runs the
-    calls, and can do what is between them; ``passes`` is 1 if time is only to pass, see `usual.track`.
+    calls, and can do what is between them; ``passes`` is 1 if time is only to pass, see `flux_tick.track`.
     """
 
     scale: Floats

@@ -7,8 +7,8 @@ from typing import Any
 
 from itouch.plugin import Record
 from itouch_thermal.display.switching import least_time, strongest
+from itouch_thermal.flux.flux_model import FluxModel
 from itouch_thermal.flux.observer import DELAY
-from itouch_thermal.flux.setting import FluxModel
 from itouch_thermal.flux.start import within
 
 #: Cached, for reports are made again and again: for each run of a sweep, and for each cell of a matrix of faults.

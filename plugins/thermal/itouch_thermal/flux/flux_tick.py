@@ -14,7 +14,7 @@ import numpy as np
 
 from contact_heat.resistance import resistance_at
 from itouch.plugin.kernels import inlined, kernel, linked
-from itouch_thermal.flux import account, aiming, contact_events, late, observer, onset
+from itouch_thermal.flux import approach, contact_events, flux_error, late_readings, observer, onset
 from itouch_thermal.flux import law as laws
 from itouch_thermal.flux.contact_events import PYTHON
 from itouch_thermal.flux.curve import flux_at
@@ -64,7 +64,7 @@ def _aims(scene: Any, own: Any, given: Any, figures: Any) -> bool:
     begins_or_ends, touched = _turns(scene, own, given), own.touching[0] != 0
     if touched or begins_or_ends:
         return touched and begins_or_ends
-    near = aiming.coming(scene)
+    near = approach.coming(scene)
     return bool(
         scene.ready[0] != 0
         and near >= 0
@@ -85,9 +85,9 @@ def attend(scene: Scene, own: OwnFields, given: Given, figures: Figures) -> int:
         own.desired[0] = _desired(scene, own, given, figures)
         return 0
     if scene.ready[0] == 0:
-        aiming.aim_for_skin(scene, own, given, figures)
+        approach.aim_for_skin(scene, own, given, figures)
     else:
-        aiming.look_near(scene, own, given, figures)
+        approach.look_near(scene, own, given, figures)
     if own.desired[0] != 0.0:
         own.desired[0] = 0.0
     if scene.plate_temperature[0] < figures.dew:
@@ -100,7 +100,7 @@ def attend_and_judge(scene: Scene, own: OwnFields, given: Given, figures: Figure
     """Do the same, and judge by the reading of the plate how ready it is."""
     attend(scene, own, given, figures)
     if own.touching[0] == 0:
-        aiming.judge(scene, own, figures, scene.plate_temperature[0] - own.start_temperature[0])
+        approach.judge(scene, own, figures, scene.plate_temperature[0] - own.start_temperature[0])
     return 0
 
 
@@ -112,16 +112,18 @@ def _note(scene: Any, own: Any, given: Any, figures: Any) -> None:
     later still.  Such updates wait, and count only if the finger comes back to the plate, or stays away for long: then
     the plate is missing.  What was desired in them is nearly what is desired now.
     """
-    contact, before, after = aiming.in_contact(scene, figures.heat), own.pressing[0], 1
+    contact, before, after = approach.in_contact(scene, figures.heat), own.pressing[0], 1
     if contact and before != 0:
-        lifts = scene.true_flux.shape[0] > 0 and own.obtained[0] == 0.0 and account.scored(own.account, figures.update)
+        lifts = (
+            scene.true_flux.shape[0] > 0 and own.obtained[0] == 0.0 and flux_error.scored(own.account, figures.update)
+        )
         if lifts and 0 < before <= LIFTS / figures.update:
             after = before + 1
         else:
             skin = scene.true_skin[0] if scene.true_skin.shape[0] > 0 else math.nan
             for _ in range(before - 1):
-                account.enter(own.account, 0.0, own.desired[0], skin, figures.update)
-            account.enter(own.account, own.obtained[0], own.desired[0], skin, figures.update)
+                flux_error.enter(own.account, 0.0, own.desired[0], skin, figures.update)
+            flux_error.enter(own.account, own.obtained[0], own.desired[0], skin, figures.update)
             after = -1 if lifts else 1
     own.pressing[0] = after if contact else 0
     if scene.true_flux.shape[0] > 0:
@@ -153,7 +155,7 @@ def begin(
     parts = own.touching[0] != 0 and _turns(scene, own, given)
     if parts and own.on_plate[0] != 0 and course.tracked[0] != scene.tick[0] - 1:
         return PYTHON
-    if aiming.blind(scene, figures) and _aims(scene, own, given, figures):
+    if approach.blind(scene, figures) and _aims(scene, own, given, figures):
         return PYTHON
     if parts:
         contact_events.take_off(scene, own, course, figures, models, memory)
@@ -172,7 +174,7 @@ def prepare(
     memory.memory[observer.M_PART] = 1.0
     if own.touching[0] != 0:
         memory.memory[observer.M_PART] = observer.seen(given.pad, _force(scene))
-        taken.unclear[0] = int(not aiming.pressed(scene, figures.heat))
+        taken.unclear[0] = int(not approach.pressed(scene, figures.heat))
         if not figures.plate_steady:
             scale = _scale(scene, own, models, figures, _NOTHING)
             now = math.log(scale)
@@ -188,10 +190,10 @@ def prepare(
 @inlined
 def _compare(scene: Any, own: Any, figures: Any, models: Any, memory: Any) -> None:
     """Enter what stands beside the estimate of the last update, if that is entered into the account."""
-    entered = own.pressing[0] != 0 and aiming.in_contact(scene, figures.heat)
-    if entered and account.scored(own.account, figures.update):
-        deviation = late.estimate(memory.x, memory.cover, _column(models))[1]
-        account.compare(own.beside, scene.heat_flux[0], deviation, own.desired[0])
+    entered = own.pressing[0] != 0 and approach.in_contact(scene, figures.heat)
+    if entered and flux_error.scored(own.account, figures.update):
+        deviation = late_readings.estimate(memory.x, memory.cover, _column(models))[1]
+        flux_error.compare(own.beside, scene.heat_flux[0], deviation, own.desired[0])
 
 
 @inlined
@@ -323,7 +325,7 @@ def feel_between(
 ) -> int:  # fmt: skip
     """Return 1 if the finger is on the plate in the tick in which its touch begins, and what that means for the law."""
     taken.scale[0] = 1.0 if figures.plate_steady else _scale(scene, own, models, figures, _NOTHING)
-    return int(aiming.pressed(scene, figures.heat))
+    return int(approach.pressed(scene, figures.heat))
 
 
 @kernel
@@ -346,7 +348,7 @@ def command(
     """Command the current [A] by which the law follows the plan, or brings the plate to its start temperature."""
     touching, ticks = own.touching[0] != 0, scene.tick[0] - own.begun[0]
     leaving = FutureCurrent(taken.hold[0], taken.wait[0], (taken.out[0], taken.out[1], taken.out[2]))
-    comes = own.on_plate[0] == 0 and aiming.pressed(scene, figures.heat)
+    comes = own.on_plate[0] == 0 and approach.pressed(scene, figures.heat)
     if comes or (figures.hold > 1 and scene.ready[0] == 0):
         memory.memory[observer.M_QUIET] = observer.QUIET
     played = touching and own.object[0] >= 0 and given.played[own.object[0]] != 0
@@ -381,11 +383,11 @@ def command(
         current, flux, error = laws._approach(  # noqa: SLF001
             models.fixed.fine, memory, figures.bounds, leaving, own.start_temperature[0], within
         )
-        aiming.judge(scene, own, figures, error)
+        approach.judge(scene, own, figures, error)
         if not touching:
             current = masked(current, figures.noise, figures.most, scene.tick[0])
     own.fresh[0] = 0
     own.flux[0], scene.command[0] = flux, current
     if figures.estimates:
-        own.obtained[0] = late.estimate(memory.x, memory.cover, _column(models))[0]
+        own.obtained[0] = late_readings.estimate(memory.x, memory.cover, _column(models))[0]
     return 0

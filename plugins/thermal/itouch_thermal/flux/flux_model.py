@@ -14,11 +14,11 @@ from itouch_thermal.display.column import REACH, Array, Column, column
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.flux.condensation import dew_of, driest
 from itouch_thermal.flux.curve import Curve
-from itouch_thermal.flux.desire import start_for_curve
+from itouch_thermal.flux.curve_start import start_for_curve
+from itouch_thermal.flux.field_names import Names, driven
 from itouch_thermal.flux.flux_control_params import FluxControlParams
 from itouch_thermal.flux.law import DEADBEAT, ModelLaw
 from itouch_thermal.flux.limits import BAND
-from itouch_thermal.flux.names import Names, driven
 from itouch_thermal.flux.object_curves import curves_of
 from itouch_thermal.flux.onset import SKIN_STEP
 from itouch_thermal.flux.preview import Preview, preview
@@ -140,7 +140,7 @@ class FluxModel:
         return bool(state[self.names.normal_force].item() > 0.0)
 
 
-def setting(name: str, params: FluxControlParams, world: World) -> FluxModel:
+def flux_model(name: str, params: FluxControlParams, world: World) -> FluxModel:
     """Gather what is known of display, finger and objects.
 
     Raises
