@@ -37,7 +37,7 @@ def test_a_plate_that_is_taken_away_goes_down_slowly_along_its_own_axis(
     c[plate.PAD_STIFFNESS], c[plate.PERIOD], c[plate.HAS_LOAD], c[plate.RADIUS] = 1000.0, PERIOD, 1.0, RADIUS
     sent, goal = (np.array((0.0, 0.0, z, 1.0, 0.0, 0.0, 0.0)) for z in (0.02, 0.03))
     memory[plate.LEVEL] = plate.top(c, sent) + 1e-3
-    lowest = python_of(plate.leave)(c, memory, goal, sent, pressed)
+    lowest = python_of(plate.withdrawal_floor)(c, memory, goal, sent, pressed)
     if pressed == 0.0:
         assert lowest == -math.inf  # clear of the finger, it may go as fast as it can
     else:

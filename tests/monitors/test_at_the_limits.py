@@ -811,11 +811,11 @@ def test_silence_is_looked_at_in_the_time_that_has_truly_passed() -> None:
 
 def test_what_acts_elsewhere_on_the_finger_counts_from_its_first_word() -> None:
     device, _ = listened(Moments)
-    device.gate.device_monitors.leave("tip", 0.0)
+    device.gate.device_monitors.limit_share("tip", 0.0)
     assert device.gate.device_monitors.share == 0.0
-    device.gate.device_monitors.leave("thumb", 0.5)
+    device.gate.device_monitors.limit_share("thumb", 0.5)
     assert device.gate.device_monitors.share == 0.0
-    device.gate.device_monitors.leave("tip", 1.0)
+    device.gate.device_monitors.limit_share("tip", 1.0)
     assert device.gate.device_monitors.share == 0.5
 
 

@@ -14,7 +14,7 @@ from itouch.plugin import Field, Moment, Monitor, Record, Rule, Watched
 from itouch.safety import Gate
 from itouch.safety.check_warm_up import warm_up
 
-ENTRANCES = ("look", "watch_placed", "guard", "glance", "fault")
+ENTRANCES = ("look", "watch_placed", "guard", "verify", "fault")
 
 
 @pytest.mark.parametrize("channels", [ARM, TABLE, PLATE], ids=["arm", "table", "plate"])

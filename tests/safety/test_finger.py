@@ -39,7 +39,7 @@ def hand(parts: Parts, limits: DeviceLimits = LIMITS, on: str = "") -> tuple[Rec
         device.lifecycle.enable()
     finger = Finger("tip", [one.gate for one in devices])
     for arm in finger.arms:
-        arm.leave_room = lambda arm=arm: finger.leave(arm)  # type: ignore[misc]
+        arm.leave_room = lambda arm=arm: finger.reduce(arm)  # type: ignore[misc]
     return data, devices, finger
 
 

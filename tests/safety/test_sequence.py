@@ -374,13 +374,13 @@ def test_a_glance_that_brings_nothing_judges_nothing() -> None:
     rig.table.gate.device_monitors.believe = lambda tick, seconds: seen.append(tick)  # type: ignore[method-assign]
     assert rig.table.gate.device is not None
     rig.table.gate.device.read = lambda reading: False  # type: ignore[method-assign]
-    assert not rig.table.gate.glance(5)
+    assert not rig.table.gate.verify(5)
     assert not seen
     rig.table.gate.device.read = lambda reading: True  # type: ignore[method-assign]
-    assert rig.table.gate.glance(6)
+    assert rig.table.gate.verify(6)
     assert seen == [6]
     rig.table.gate.fault(Trip.SPEED, 7)
-    assert rig.table.gate.glance(8)
+    assert rig.table.gate.verify(8)
     assert seen == [6]
 
 

@@ -462,7 +462,7 @@ def test_closing_sends_what_is_safe_and_releases_even_if_that_fails() -> None:
     assert rig.last() == [0.0] * 6
     failing = Rig().enabled()
     failing.device.write_fails = OSError("gone")
-    failing.it.lifecycle.leave()
+    failing.it.lifecycle.abandon()
     assert failing.it.latch.status is Status.CLOSED
     assert failing.device.calls == ["open", "close"]
 
@@ -527,35 +527,35 @@ def test_a_limit_of_an_optional_device_stops_all() -> None:
 
 def test_a_glance_judges_but_does_not_raise() -> None:
     rig = Rig().enabled()
-    assert rig.it.gate.glance(1) is True
+    assert rig.it.gate.verify(1) is True
     rig.device.says = lambda reading: False
-    assert rig.it.gate.glance(2) is False
+    assert rig.it.gate.verify(2) is False
     rig.device.says = lost
     rig.it.latch.disable()
-    assert rig.it.gate.glance(3) is False
+    assert rig.it.gate.verify(3) is False
     assert (rig.it.latch.status, rig.it.latch.trip) == (Status.FAULT, Trip.DEVICE_ERROR)
     assert rig.state["it.tripped"].item() == 3
-    assert rig.it.gate.glance(4) is False
+    assert rig.it.gate.verify(4) is False
     assert rig.state["it.tripped"].item() == 3
     rig.device.says = rig.say
     rig.place[0] = math.nan
-    assert rig.it.gate.glance(5) is True
+    assert rig.it.gate.verify(5) is True
     assert rig.it.reading["pose"][0] == 0.0
-    rig.it.lifecycle.leave()
-    assert rig.it.gate.glance(6) is False
+    rig.it.lifecycle.abandon()
+    assert rig.it.gate.verify(6) is False
 
 
 def test_a_glance_at_a_jump_is_a_fault() -> None:
     rig = Rig().enabled()
     rig.place[0] = 0.0069
-    assert rig.it.gate.glance(1) is True
+    assert rig.it.gate.verify(1) is True
     assert rig.it.latch.status is Status.ENABLED
     rig.place[0] = 0.0141
-    assert rig.it.gate.glance(2) is True
+    assert rig.it.gate.verify(2) is True
     assert (rig.it.latch.status, rig.it.latch.trip) == (Status.FAULT, Trip.SENSOR_JUMP)
     slow = Rig(cls=Slow).enabled()
     slow.place[0] = 0.0269
-    assert slow.it.gate.glance(5) is True
+    assert slow.it.gate.verify(5) is True
     assert slow.it.latch.status is Status.ENABLED
 
 
@@ -745,10 +745,10 @@ def test_a_glance_knows_for_how_long_its_tick_was_held(
     rig.it.gate.read(1)
     for _ in range(300):
         clock[0] += PERIOD
-        assert rig.it.gate.glance(1)
+        assert rig.it.gate.verify(1)
     clock[0] += PERIOD + seconds
     rig.place[2] += away
-    rig.it.gate.glance(2)
+    rig.it.gate.verify(2)
     assert (rig.it.latch.trip is Trip.SENSOR_JUMP) is trips
     if not trips:  # and what was glanced at is no time that a later reading has not been looked at
         clock[0] += PERIOD

@@ -38,9 +38,9 @@ def commands(*, twin: bool) -> tuple[Commands, OperatorRequests, list[Any]]:
 
 def test_a_session_of_twins_pauses_and_goes_on() -> None:
     obeyed, asked, told = commands(twin=True)
-    obeyed.obey({"what": "pause"})
+    obeyed.carry_out({"what": "pause"})
     assert asked.paused
-    obeyed.obey({"what": "resume"})
+    obeyed.carry_out({"what": "resume"})
     assert not asked.paused
     assert not told
     assert [entry["what"] for entry in obeyed.log] == ["pause", "resume"]
@@ -48,7 +48,7 @@ def test_a_session_of_twins_pauses_and_goes_on() -> None:
 
 def test_a_session_with_hardware_does_not_pause() -> None:
     obeyed, asked, told = commands(twin=False)
-    obeyed.obey({"what": "pause"})
+    obeyed.carry_out({"what": "pause"})
     assert not asked.paused
     assert told == [("refused", {"what": "pause", "cause": "a session with hardware can't pause; stop it"})]
     assert not obeyed.log

@@ -80,7 +80,7 @@ def test_a_word_of_ones_own_is_given_back_and_those_of_the_dead_are_taken(segmen
     extra.say(False)  # lets go of nothing
     with pytest.raises(ServoError, match="16 others hold"):
         extra.say(True)
-    holders[3].leave()
+    holders[3].release()
     extra.say(True)
     segment.words[at.HOLDERS + 10] = (1 << 22) - 1 << 40  # a process that there is not
     Holder(segment).say(True)

@@ -55,7 +55,7 @@ class OperatorCommands:
         failures = connect([one.lifecycle for one in wanted], tick)
         for name, why in failures.items():
             if self._runners[name].model.optional:
-                self._runners[name].lifecycle.leave()
+                self._runners[name].lifecycle.abandon()
                 self._statistics.faults.append(self._absent(name, why))
         needed = [f"device '{name}': {why}" for name, why in failures.items() if not self._runners[name].model.optional]
         if needed:
@@ -164,7 +164,7 @@ class OperatorCommands:
         runner.lifecycle.reconnect()
         failures = connect([runner.lifecycle], self._tick.item())
         if failures:
-            runner.lifecycle.leave()
+            runner.lifecycle.abandon()
             raise DeviceError(f"device '{device}': {failures[device]}")
 
     def _runner(self, device: str) -> Runner:

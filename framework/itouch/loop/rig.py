@@ -242,7 +242,7 @@ class ProbeRig:
             self.touch_off.update()
         elif table.gate.device_monitors.withdrawn:
             target = table.commanded(Role.SURFACE_POSE)
-            leaves = self.toucher.leave(target, table.sent_as(Role.SURFACE_POSE))
+            leaves = self.toucher.withdrawal_floor(target, table.sent_as(Role.SURFACE_POSE))
             target[2] = table.gate.device_monitors.follow(target[2].item(), self.toucher.current.item() < 0, leaves)
             self.toucher.gone()
 

@@ -213,7 +213,7 @@ class Toucher:
         )  # fmt: skip
         self.looks, self.carries = (look,), (taken,)
         nothing = np.zeros(7)
-        self.leave(nothing, nothing)  # called once now, so that no tick has to compile it
+        self.withdrawal_floor(nothing, nothing)  # called once now, so that no tick has to compile it
 
     def restore(self) -> None:
         """Go on from a State that was restored: how stiff objects are follows from the scene, or behind a wire anew."""
@@ -237,12 +237,12 @@ class Toucher:
         elif missed == memory.WITHDRAWN:
             self.surface[memory.MISSED] = 0.0
 
-    def leave(self, target: render.Floats, sent: render.Floats) -> float:
+    def withdrawal_floor(self, target: render.Floats, sent: render.Floats) -> float:
         """Return how low [m] a surface that safety takes away may go in this tick; -inf: it is clear of the finger.
 
         ``target`` and ``sent`` (7,) [m; quaternion]: the pose that it is commanded, and the one that was sent last.
         """
-        return plate.leave(self._constants, self.surface, target, sent, max(0.0, -self._load[2].item()))
+        return plate.withdrawal_floor(self._constants, self.surface, target, sent, max(0.0, -self._load[2].item()))
 
     def gone(self) -> None:
         """Mark a surface that safety has taken away as not present, once it is clear of the finger."""

@@ -43,4 +43,4 @@ def _acts(gate: Gate, touched: bool) -> Iterator[Callable[[], object]]:
     yield lambda: gate.device_monitors.closing(gate.device_monitors.moment.gap, 0.0)
     yield lambda: gate.device_monitors.follow(0.0, not touched, 0.0)
     yield lambda: gate.guard(tick)
-    yield lambda: gate.glance(tick)
+    yield lambda: gate.verify(tick)

@@ -124,7 +124,7 @@ class DeviceMonitors:
         self.left[0] = min((post.share.item() for post in self.installed), default=1.0)
         self.left[0] = min(self.left[0], *self._others.values(), 1.0)
 
-    def leave(self, finger: str, part: float) -> None:
+    def limit_share(self, finger: str, part: float) -> None:
         """Allow at most this share of force, current or speed, because of what else acts on a finger."""
         if part != self._others.get(finger, 1.0):
             self._others[finger] = part

@@ -139,7 +139,7 @@ class Finger:
         for table in self.tables:
             table.device_monitors.told_of_contact(tick)
 
-    def leave(self, arm: Gate) -> None:
+    def reduce(self, arm: Gate) -> None:
         """Reduce an arm's force and torque to what the other arms leave, too, just before its command is limited."""
         others = [views for one, views in zip(self.arms_of, self._wrenches, strict=True) if one is not arm]
         left = self.force - self.taken()
@@ -162,7 +162,7 @@ class Finger:
         if self.worn:
             part = 0.0 if any(table.device_monitors.withdrawn for table in self.tables) else 1.0
             for one, _ in self.worn:
-                one.device_monitors.leave(self.name, part)
+                one.device_monitors.limit_share(self.name, part)
 
     def _doses(self, tick: int) -> None:
         said = self._over()

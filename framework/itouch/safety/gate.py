@@ -639,7 +639,7 @@ class Gate:
         with contextlib.suppress(TripError):  # the device is lost; the others must still be made safe
             self.send_safe()
 
-    def glance(self, tick: int) -> bool:
+    def verify(self, tick: int) -> bool:
         """Take the newest reading to verify that the device is safe; tell whether it answered.
 
         A reading that can't be believed is a fault of its own here: it is latched, but nothing is raised.

@@ -144,7 +144,7 @@ class Lifecycle:
             If the device is missing or refuses (it stays CLOSED), or a budget such as its thermal dose is used up.
         """
         self._refuse_spent()
-        self.leave()
+        self.abandon()
         if self.latch.trip in LOSSES:
             self.latch.release()
         self.open()
@@ -169,7 +169,7 @@ class Lifecycle:
         other.latch.become(CLOSED)
         self.latch.open()
 
-    def leave(self) -> None:
+    def abandon(self) -> None:
         """Give the device up, whatever it raises; any status -> CLOSED."""
         with contextlib.suppress(Exception, SystemExit):  # a lost device may refuse to be closed
             self.close()

@@ -241,7 +241,7 @@ class SafeSequence:
             self._tick[...] = tick + 1
             self._passed += 1
         for gate in self._gates:
-            if gate.glance(tick):
+            if gate.verify(tick):
                 self._answered[gate.model.name] = self._passed
         oldest = self._passed - ANSWER / self._period
         self._mute = {g.model.name for g in self._gates if self._answered.get(g.model.name, -1) <= max(0, oldest)}

@@ -53,7 +53,7 @@ class Commands:
             "save": self._save,
         }
 
-    def obey(self, message: dict[str, Any]) -> None:
+    def carry_out(self, message: dict[str, Any]) -> None:
         """Obey the command in a message."""
         what, value = str(message.get("what")), message.get("value")
         try:

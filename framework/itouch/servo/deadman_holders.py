@@ -59,7 +59,7 @@ class Holder:
                     return place
         raise ServoError(f"{at.MOST_HOLDERS} others hold the dead-man's switch of session '{self._segment.name}'")
 
-    def leave(self) -> None:
+    def release(self) -> None:
         """Let go of the switch, and give the word back."""
         words = self._segment.words
         if self._place >= 0 and int(words[self._place]) == self._token:

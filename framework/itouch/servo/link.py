@@ -202,7 +202,7 @@ class Link:
 
     def close(self) -> None:
         """Let go of the switch, and detach."""
-        self._holder.leave()
+        self._holder.release()
         self._segment.close()
 
     def __enter__(self) -> Link:

@@ -309,7 +309,7 @@ class Servo:
         words = self.words
         if words[at.ASKED] != words[at.TAKEN]:
             for message in self._inbox.take():
-                self._commands.obey(message)
+                self._commands.carry_out(message)
         self._hold()
         return bool(words[at.STOP]) or self._asked.paused or (self._scripted and self.session.done)
 
@@ -317,7 +317,7 @@ class Servo:
         """Do what the loop does between ticks while it does not tick, and sleep a little."""
         self.words[at.BEAT] = monotonic()
         for message in self._inbox.take():
-            self._commands.obey(message)
+            self._commands.carry_out(message)
         self._hold()
         self.outbox.flush()
         self._watch_others()

@@ -140,7 +140,7 @@ class RigSession(Servo):
         self._beat()
         for message in self._inbox.take():
             if message.get("what") == "enable":
-                self._commands.obey(message)
+                self._commands.carry_out(message)
             else:
                 self._obey(str(message.get("what")), message.get("value"))
         self._hold()

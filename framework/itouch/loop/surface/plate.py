@@ -160,7 +160,7 @@ def top(c: Floats, pose: Floats) -> float:
 
 
 @kernel
-def leave(c: Floats, memory: Floats, goal: Floats, sent: Floats, pressed: float) -> float:
+def withdrawal_floor(c: Floats, memory: Floats, goal: Floats, sent: Floats, pressed: float) -> float:
     """Return how low [m] a plate that safety takes away may go in this tick, along its device's third axis.
 
     It leaves the finger slowly, however the finger moves, and never comes up; -inf: it is clear of the finger.
