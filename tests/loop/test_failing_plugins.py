@@ -14,7 +14,7 @@ from needed import meant
 
 import itouch
 from itouch.joining import can_join
-from itouch.loop import told
+from itouch.loop import contact_report
 from itouch.plugin import (
     Bound,
     Channel,
@@ -606,8 +606,8 @@ def test_words_that_fail_are_told_in_their_place(tmp_path: Path, act: Callable[[
     (one,) = session.model.modalities
     entry: dict[str, Any] = {"probe": "finger", "object": "block"}
     said_by = {
-        "ended": told.ended(one, entry), "remarks": " ".join(told.remarks(one, entry)),
-        "status": told.status(one, session.state),
+        "ended": contact_report.ended(one, entry), "remarks": " ".join(contact_report.remarks(one, entry)),
+        "status": contact_report.status(one, session.state),
     }  # fmt: skip
     for method, words in said_by.items():
         assert words.startswith("hum") and why.format(method) in words
@@ -616,7 +616,7 @@ def test_words_that_fail_are_told_in_their_place(tmp_path: Path, act: Callable[[
 def test_nothing_and_one_text_are_words_too(tmp_path: Path) -> None:
     own = {"ended": lambda *rest: None, "remarks": lambda *rest: "it was soft", "status": lambda *rest: ""}
     (one,) = engine(tmp_path, type("Terse", (Hum,), own)).model.modalities
-    assert (told.ended(one, {}), told.remarks(one, {})) == ("", ("it was soft",))
+    assert (contact_report.ended(one, {}), contact_report.remarks(one, {})) == ("", ("it was soft",))
 
 
 @kernel

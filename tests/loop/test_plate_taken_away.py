@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from kernels_in_python import python_of
 
-from itouch.loop import carrying, render
+from itouch.loop import probe_steps, render
 from itouch.loop.surface import memory as at
 from itouch.loop.surface import plate
 from itouch.twin import frame_rotation
@@ -23,7 +23,7 @@ def python(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the kernels call one another as Python."""
     for name in ("turned_in", "turned_out", "beside", "top"):
         monkeypatch.setattr(plate, name, python_of(getattr(plate, name)))
-    monkeypatch.setattr(carrying, "_load", python_of(carrying._load))
+    monkeypatch.setattr(probe_steps, "_load", python_of(probe_steps._load))
 
 
 @pytest.mark.parametrize(("mounted", "part"), [(0.0, 1.0), (math.radians(60.0), 0.5)])
@@ -50,15 +50,15 @@ def test_what_a_modality_does_not_say_of_its_surface_is_as_it_was_read(
     risen: float, higher: float, presses: float, load: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told: list[float] = []
-    monkeypatch.setattr(carrying, "ground", SimpleNamespace(find=lambda *words: 3))
+    monkeypatch.setattr(probe_steps, "ground", SimpleNamespace(find=lambda *words: 3))
     monkeypatch.setattr(
-        carrying, "plate", SimpleNamespace(foresee=lambda c, table, figures, kept, *of: told.extend(of))
+        probe_steps, "plate", SimpleNamespace(foresee=lambda c, table, figures, kept, *of: told.extend(of))
     )
     own: Any = SimpleNamespace(c=None, figures=None, kept=None)
     objects: Any = SimpleNamespace(world=None, mesh=None, poses=None, twists=None)
     below, read = np.zeros(1, np.int64), np.array((0.0, 0.0, -1.5, 0.0, 0.0, 0.0))
     parts = np.zeros(7), read, np.array([presses]), np.array([risen]), below, np.zeros(3), np.zeros(3), np.zeros(3)
-    assert python_of(carrying.look_below)(own, objects, *parts) == 0
+    assert python_of(probe_steps.look_below)(own, objects, *parts) == 0
     assert (told, below.tolist()) == ([load, higher], [3])
 
 

@@ -49,7 +49,7 @@ MEANT = {
     "itouch/scene/loader.py": "an attribute", "itouch/scene/rigs.py": "a kind of attribute", "itouch_tools/viewer/scales.py": "titles of units",
     "itouch/world/limits.py": "limits", "itouch/world/limit_texts.py": "limits",
     "itouch/world/replaced_limits.py": "limits", "itouch/recording/tracks.py": "recordings of before",
-    "itouch/loop/told.py": "the end of a key that says what is missing",
+    "itouch/loop/contact_report.py": "the end of a key that says what is missing",
     "itouch/loop/contact_log.py": "keys that reports of before have", "itouch_tools/authoring/lint.py": "an attribute of a scene",
     "itouch_tools/sweeps/collecting.py": "a kind of figure", "itouch_tools/sweeps/elements.py": "a kind of figure",
     "itouch/recording/views.py": "keys of a viewer's schema", "itouch/recording/wellknown.py": "keys of a viewer's schema",

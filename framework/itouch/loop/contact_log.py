@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.compiling import kernel
-from itouch.loop import render, told
-from itouch.loop.happening import BEGIN
+from itouch.loop import contact_report, render
+from itouch.loop.contact_report import ContactFigures
+from itouch.loop.event_detection import BEGIN
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.runner import Runner
 from itouch.loop.surface.memory import MISSED, RENDERS, SETTLED, WITHDRAWN
-from itouch.loop.told import ContactFigures
 from itouch.loop.touch import Toucher
 from itouch.plugin import Bound, HeardContact, Modality, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
@@ -181,7 +181,7 @@ class ContactLog:
         entry = self._own(tick, then)
         for modality in self._measuring:
             yield True
-            told.enter(entry, modality, then.seen, entry["probe"], then.entry.object.item())
+            contact_report.enter(entry, modality, then.seen, entry["probe"], then.entry.object.item())
         self._statistics.closed.append(entry)
 
     def kept(self, state: Record, seen: Record) -> EntryInputs:
@@ -207,7 +207,7 @@ class ContactLog:
         """Return the report's entry of the open contact, which ends at a tick or, if that is None, is still open."""
         entry = self._own(end, self._now)
         for modality in self._measuring:
-            told.enter(entry, modality, self._now.seen, entry["probe"], self._now.entry.object.item())
+            contact_report.enter(entry, modality, self._now.seen, entry["probe"], self._now.entry.object.item())
         return entry
 
     def _own(self, end: int | None, kept: EntryInputs) -> dict[str, Any]:

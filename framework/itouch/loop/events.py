@@ -13,7 +13,7 @@ from typing import NoReturn
 import numpy as np
 
 from itouch.joining import Chain, can_join, is_newest, runner
-from itouch.loop import carrying, happening, interpreter
+from itouch.loop import event_detection, interpreter, probe_steps
 from itouch.loop.fault_attribution import foreign_write, modality_fault, with_replaced
 from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
@@ -27,7 +27,7 @@ from itouch.world import ModalityModel, Model
 #: Calls per listener and event: its fence's copy of State, its own call, and the fence's comparison with the copy.
 _CALLS = 3
 #: After one of these nothing more happens at a probe in a tick: the first MOVE comes in the tick after BEGIN.
-_LAST = frozenset({happening.BEGIN, happening.MOVE})
+_LAST = frozenset({event_detection.BEGIN, event_detection.MOVE})
 
 
 class _Listener:
@@ -40,7 +40,7 @@ class _Listener:
         if self.kinds and self._joins():
             with failing(f"modality '{one.name}'", "bound_contact", model.place_of(one.name)):
                 bound = bound_by(one.instance.bound_contact, one.model, view, event)
-        asks = Bound(happening.asks, event, sum(1 << kind for kind in self.kinds))
+        asks = Bound(event_detection.asks, event, sum(1 << kind for kind in self.kinds))
         #: Its calls in a chain; the second stops the chain if Python is needed, the third if it wrote what is not its.
         self.calls = (self.fence.keep, *(bound or (asks,)), self.fence.look)
         self.call = runner(self.calls) if bound else None
@@ -58,21 +58,21 @@ class _Listener:
 class _Probe:
     """A probe with the calls that find and deliver its contact events."""
 
-    def __init__(self, rig: ProbeRig, moves: bool, event: HeardContact, ended: happening.Ended) -> None:
+    def __init__(self, rig: ProbeRig, moves: bool, event: HeardContact, ended: event_detection.Ended) -> None:
         self.rig, arguments = rig, rig.toucher.happens(moves, event)
-        self.next = Bound(happening.next_told, *arguments, ended)
-        self.begins, self.ends = rig.log.begins(event), Bound(happening.close, event, rig.toucher.current, ended)
+        self.next = Bound(event_detection.next_told, *arguments, ended)
+        self.begins, self.ends = rig.log.begins(event), Bound(event_detection.close, event, rig.toucher.current, ended)
         #: What finds the next event, and what begins an entry of the log, as called from Python.
-        self.find, self.begin = runner((Bound(happening.happens, *arguments),)), runner((self.begins,))
+        self.find, self.begin = runner((Bound(event_detection.happens, *arguments),)), runner((self.begins,))
         #: Where the chain that delivers an event has stopped, shape (1,).
         self.left = np.zeros(1, np.int64)
         self.chain: Chain | None = None
 
 
-def _ended(state: Record, kept: Record) -> happening.Ended:
+def _ended(state: Record, kept: Record) -> event_detection.Ended:
     """Return the memory in which State is kept for the log entry of a contact that ends."""
     kind = np.uint8 if state.nbytes % 8 else np.int64
-    return happening.Ended(state.raw.view(kind), kept.raw.view(kind), *(np.zeros(1, np.int64) for _ in range(3)))
+    return event_detection.Ended(state.raw.view(kind), kept.raw.view(kind), *(np.zeros(1, np.int64) for _ in range(3)))
 
 
 class Events:
@@ -84,7 +84,7 @@ class Events:
     ) -> None:  # fmt: skip
         self._model = model
         #: The numbers of the event that is being delivered.
-        self._event = happening.silent()
+        self._event = event_detection.silent()
         self._listeners = [_Listener(model, one, views[one.name], state, self._event) for one in model.modalities]
         #: Whether any modality hears MOVE, an event in each tick of a contact.
         self._moves = any(Contact.MOVE in one.instance.hears for one in model.modalities)
@@ -113,12 +113,12 @@ class Events:
     def _bound(self, probe: _Probe, number: int) -> Bound:
         stirring = probe.rig.toucher.stirring
         if not can_join():
-            return Bound(carrying.quiet, *stirring, self._moves)
+            return Bound(probe_steps.quiet, *stirring, self._moves)
         own = [call for listener in self._listeners for call in (listener.calls if listener.kinds else ())]
         fence = ((self._around.look,), (self._around.keep,)) if self._around is not None else ((), ())
         probe.chain = Chain([*fence[0], probe.next, probe.begins, *own, probe.ends, *fence[1]])
         probe.chain.warm_up()
-        return Bound(happening.tell, *stirring, self._moves, self._event, probe.chain.place, probe.left, number)
+        return Bound(event_detection.tell, *stirring, self._moves, self._event, probe.chain.place, probe.left, number)
 
     def settle(self) -> None:
         """Make the entry of the contact that ended last, as far as it is still to be made."""
@@ -219,14 +219,14 @@ class Events:
 
     def _deliver(self, probe: _Probe, kind: int, tick: int, hears: Sequence[_Listener]) -> None:
         """Deliver an event; the log hears of BEGIN before the modalities, and of END after them."""
-        if kind == happening.BEGIN:
+        if kind == event_detection.BEGIN:
             probe.begin()
         self._deliver_to(probe, kind, tick, hears)
         self._close(probe, kind, tick)
 
     def _close(self, probe: _Probe, kind: int, tick: int) -> None:
         """At END, end the entry of the log."""
-        if kind == happening.END:
+        if kind == event_detection.END:
             probe.rig.log.end(tick)
             probe.rig.toucher.current[...] = -1
 

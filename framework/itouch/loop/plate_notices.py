@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itouch.loop.happening import SEPARATION_TIME
+from itouch.loop.event_detection import SEPARATION_TIME
 from itouch.plugin import Record
 from itouch.world import Model
 

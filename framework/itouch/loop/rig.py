@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from itouch.loop import carrying, render
+from itouch.loop import probe_steps, render
 from itouch.loop.contact_log import ContactLog
 from itouch.loop.frames import Frame, Vector
 from itouch.loop.run_statistics import RunStatistics
@@ -183,7 +183,7 @@ class ProbeRig:
     @property
     def bound_follow(self) -> tuple[Bound, ...]:
         """``follow`` as compiled calls, which leave it to Python while frames may move."""
-        return (Bound(carrying.placed, self._fixed), *self.toucher.follows)
+        return (Bound(probe_steps.placed, self._fixed), *self.toucher.follows)
 
     @property
     def bound_contact(self) -> tuple[Bound, ...]:
@@ -196,9 +196,9 @@ class ProbeRig:
         post = table.gate.device_monitors.surface if table is not None else None
         if table is None or post is None or not isinstance(post.monitor, Surface):
             return ()
-        led = Bound(carrying.led, post.state["withdrawn"], self.toucher.surface)
+        led = Bound(probe_steps.led, post.state["withdrawn"], self.toucher.surface)
         closing = Bound(
-            carrying.close_in,
+            probe_steps.close_in,
             self._figures,
             self._radius,
             *post.monitor.paces,

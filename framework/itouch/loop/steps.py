@@ -12,17 +12,17 @@ from typing import NoReturn
 
 import numpy as np
 
-from itouch.contact.given import GREATEST, NO_SUCH_OBJECT, NOT_A_NORMAL, NOT_A_RESULT
+from itouch.contact.stated_contact import GREATEST, NO_SUCH_OBJECT, NOT_A_NORMAL, NOT_A_RESULT
 from itouch.joining import is_newest
-from itouch.loop import carrying, interpreter
+from itouch.loop import interpreter, probe_steps
 from itouch.loop.events import Events
 from itouch.loop.fault_attribution import foreign_write, modality_fault, with_replaced
 from itouch.loop.objects import Objects
-from itouch.loop.placing import bound_supervision, bound_together
 from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import Counts
 from itouch.loop.runner import Runner
 from itouch.loop.step import CALLS_KERNELS, PYTHON, Answer, Step, joinable
+from itouch.loop.supervision_steps import bound_supervision, bound_together
 from itouch.loop.touchoff import DONE
 from itouch.loop.write_access import Fence, mended, shown_fields
 from itouch.plugin import Bound, Record, Role
@@ -153,7 +153,7 @@ def given_contact(rig: ProbeRig, model: Model, one: ModalityModel) -> Step:
 
 
 def _wrong(code: int, one: ModalityModel, model: Model) -> str:
-    """Return what is wrong with what a modality says of its contact, by the code of `itouch.contact.given`."""
+    """Return what is wrong with what a modality says of its contact, by the code of `itouch.contact.stated_contact`."""
     touches = one.touches
     if touches is None:
         return ""
@@ -285,14 +285,14 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[F
         with failing(f"modality '{one.name}'", "bound_update", model.place_of(one.name)):
             calls = bound_by(one.instance.bound_update, compiled, state, period, several=True)
     if calls:
-        bounds = calls if every == 1 else (Bound(carrying.turn, state["tick"], every), *calls)
+        bounds = calls if every == 1 else (Bound(probe_steps.turn, state["tick"], every), *calls)
         joined = joinable(
             one.name, bounds, reads, own, lambda code, tick, ready: run(tick, ready),
             lambda error, which, tick: fail("update", error, tick),
         )  # fmt: skip
         return replace(joined, every=every)
     if every > 1 and not one.attends:  # between its updates Python has nothing to do
-        due = Bound(carrying.due, state["tick"], every)
+        due = Bound(probe_steps.due, state["tick"], every)
         work = lambda code, tick, ready: run(tick, ready)  # noqa: E731
         return replace(joinable(one.name, due, reads, own, work), every=every, code=PYTHON)
     return Step(one.name, run, reads, own, 1 if one.attends else every)
@@ -495,7 +495,7 @@ def twin(runner: Runner) -> Step:
     if runner.worn_by:
         own, reads = (*own, f"{runner.worn_by}.taken"), (*reads, f"{runner.worn_by}.skin")
     if bound is not None:
-        bounds = (Bound(carrying.original, runner.gate.replaced), bound)
+        bounds = (Bound(probe_steps.original, runner.gate.replaced), bound)
         answer: Answer = lambda code, tick, ready: runner.step_twin(tick)  # noqa: E731
         return joinable(f"twin {name}", bounds, reads, own, answer, runner.not_stepped)
     return Step(f"twin {name}", lambda tick, ready: runner.step_twin(tick), reads, own)

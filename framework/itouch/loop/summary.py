@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from itouch.exchange import ThreadedDevice
+from itouch.loop.contact_report import of_run
 from itouch.loop.engine_view import Running
 from itouch.loop.late_coupling import late_couplings
 from itouch.loop.plate_notices import lingering_plates, missed_plates
 from itouch.loop.skin_waits import vain_waits, waits_of
 from itouch.loop.timing import Timing
-from itouch.loop.told import of_run
 from itouch.world import limits
 
 

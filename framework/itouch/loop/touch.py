@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from itouch.contact.effects import render_effects
-from itouch.contact.given import StatedContact, found, given
+from itouch.contact.stated_contact import StatedContact, found, given
 from itouch.contact.step import step
 from itouch.contact.surfaces import effects_table
 from itouch.joining import runner
-from itouch.loop import carrying, happening, render
+from itouch.loop import event_detection, probe_steps, render
 from itouch.loop.frames import Frame
 from itouch.loop.late_coupling import Late, ease
 from itouch.loop.runner import Runner
@@ -60,7 +60,7 @@ class Toucher:
         self._nearest, self._afresh = np.full(1, -1, np.int64), np.zeros(1, np.int64)
         #: How fast the surface rises [m/s], shape (1,); computed anew in each tick.
         self._rising = np.zeros(1)
-        self._patience = round(happening.SEPARATION_TIME / model.period)
+        self._patience = round(event_detection.SEPARATION_TIME / model.period)
         self._tick, self._events, self._count = state["tick"], state["events.table"], state["events.count"]
         self._constants = _constants(model, probe, arm, table)
         #: Views of State with the frames of tracker, arm and table.
@@ -94,7 +94,7 @@ class Toucher:
         self.newer: tuple[str, ...] = ()
         self._poses, self._twists = state["objects.pose"], state["objects.twist"]
         follow = Bound(
-            carrying.follow, self._constants, tracker.read_as(Role.TRACKED_POSE), self.figures, self._afresh,
+            probe_steps.follow, self._constants, tracker.read_as(Role.TRACKED_POSE), self.figures, self._afresh,
             state["tick"],
         )  # fmt: skip
         eased = self._bind_ease(model, probe, state, tracker, arm) if model.objects else ()
@@ -108,9 +108,9 @@ class Toucher:
         if table is not None:
             self._bind_surface(model, probe, state, table)
         else:  # nothing but the virtual force can be felt
-            self.finds += (Bound(carrying.only_virtual, self.figures, state[f"{probe.name}.felt_force"]),)
+            self.finds += (Bound(probe_steps.only_virtual, self.figures, state[f"{probe.name}.felt_force"]),)
         self.pushes = Bound(
-            carrying.push, self._constants, self.figures, self.surface,
+            probe_steps.push, self._constants, self.figures, self.surface,
             arm.sent_as(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6),
             arm.commanded(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6), self._load,
             self._presses, self.object,
@@ -156,14 +156,21 @@ class Toucher:
             )  # fmt: skip
             calls.append(effect)
         touched = Bound(
-            carrying.touch, self._constants, self._poses, self._twists, damping, figures, self.result, self.object,
+            probe_steps.touch, self._constants, self._poses, self._twists, damping, figures, self.result, self.object,
             self._nearest,
         )  # fmt: skip
         calls.append(touched)
         if len(model.objects) > 1:
             place = (figures[render.POINT : render.POINT + 3], figures[render.NORMAL : render.NORMAL + 3])
             beside = Bound(
-                carrying.look_beside, world, mesh, self._poses, self.object, *place, probe.scene.radius, *self._beside
+                probe_steps.look_beside,
+                world,
+                mesh,
+                self._poses,
+                self.object,
+                *place,
+                probe.scene.radius,
+                *self._beside,
             )
             calls.append(beside)
         return tuple(calls)
@@ -197,10 +204,10 @@ class Toucher:
             for kind, field in zip(one.carries._fields[2:], one.carries[2:], strict=True)
         )
         self.newer = tuple(f"{one.name}.{field}" for field in (one.carries.presses, one.carries.risen) if field)
-        own = carrying.ProbeArrays(self._constants, self.figures, self.surface)
-        objects = carrying.Objects(model.geometry.world, model.geometry.mesh, self._poses, self._twists)
+        own = probe_steps.ProbeArrays(self._constants, self.figures, self.surface)
+        objects = probe_steps.Objects(model.geometry.world, model.geometry.mesh, self._poses, self._twists)
         look = Bound(
-            carrying.look_below, own, objects, here, self._load, self._presses, risen, self.below,
+            probe_steps.look_below, own, objects, here, self._load, self._presses, risen, self.below,
             np.array([0.0, 0.0, -1.0]), np.zeros(3), np.zeros(3),
         )  # fmt: skip
         measured, read = table.gate.measured_of(Role.TRACKED_POSE), np.zeros(0)
@@ -208,8 +215,8 @@ class Toucher:
             read = state.flat(f"{probe.name}.rising.read_at", f"{probe.name}.rising.between")
         sent, goal = table.sent_as(Role.SURFACE_POSE), table.commanded(Role.SURFACE_POSE)
         taken = Bound(
-            carrying.carried, own, carrying.Carrier(here, sent, goal, self._load, measured, read),
-            carrying.StatedSurface(*said), self.object, self.plate, self._rising, state["tick"], model.period,
+            probe_steps.carried, own, probe_steps.Carrier(here, sent, goal, self._load, measured, read),
+            probe_steps.StatedSurface(*said), self.object, self.plate, self._rising, state["tick"], model.period,
         )  # fmt: skip
         self.looks, self.carries = (look,), (taken,)
         nothing = np.zeros(7)
@@ -298,7 +305,7 @@ class Toucher:
         self._followed()
 
     def find(self) -> int:
-        """Find what the finger touches; return what stopped it, as `itouch.contact.given` tells, or 0."""
+        """Find what the finger touches; return what stopped it, as `itouch.contact.stated_contact` tells, or 0."""
         found = self._found()
         return found & 0xFFFFFFFF if found >= 0 else 0
 
@@ -312,16 +319,16 @@ class Toucher:
 
     @property
     def stirring(self) -> tuple[Any, ...]:
-        """The views that show whether there is an event in a tick: the first arguments of `carrying.quiet`."""
+        """The views that show whether there is an event in a tick: the first arguments of `probe_steps.quiet`."""
         return self._nearest, self.near_object, self.current, self.object, self.separated
 
     def happens(self, moves: bool, event: HeardContact) -> tuple[Any, ...]:
-        """Return the arguments of `happening.happens`; ``moves``: MOVE is an event, too."""
-        seen = happening.EventInputs(
+        """Return the arguments of `event_detection.happens`; ``moves``: MOVE is an event, too."""
+        seen = event_detection.EventInputs(
             self._nearest, self.object, self.figures, self.result, self._poses, self._twists, self._tick
         )  # fmt: skip
         table = self._events.view(np.int64).reshape(len(self._events), -1)
-        kept = happening.EventMemory(
+        kept = event_detection.EventMemory(
             self.near_object, self.current, self.separated, self.begin, self._count, table, table.view(np.float64)
         )  # fmt: skip
         return seen, kept, event, self.probe.index, self._moving, moves, self._patience

@@ -4,13 +4,13 @@ from itouch.monitors import LOSSES, DeviceFaultError, Trip, TripError
 from itouch.safety.blind_retreat import TrackedFinger
 from itouch.safety.connect import claim_wires, connect
 from itouch.safety.device_monitors import DeviceMonitors
-from itouch.safety.finger import Finger
 from itouch.safety.gate import Gate
 from itouch.safety.guard import Guard
 from itouch.safety.hold_to_run import HoldToRun
 from itouch.safety.latch import Status
 from itouch.safety.lifecycle import Lifecycle
 from itouch.safety.sequence import Outcome, SafeSequence
+from itouch.safety.shared_finger import Finger
 
 __all__ = [
     "LOSSES",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.loop.happening import silent
+from itouch.loop.event_detection import silent
 from itouch.plugin import Channel, Contact, ContactEvent, Field, HeardContact, Record, Role, TwinInputs
 from itouch.testing.harness import TwinBench, limits
 from itouch.world import Model

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from itouch.loop.told import of_contact
+from itouch.loop.contact_report import of_contact
 from itouch.plugin import Contact, Modality, Record
 from itouch.schema import SceneError
 from itouch.schema.fields import Spec, specs, validate, xml_name

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from itouch.loop import told
-from itouch.loop.told import figures_of
+from itouch.loop import contact_report
+from itouch.loop.contact_report import figures_of
 from itouch.plugin import Measured
 from itouch.world import Model
 
@@ -41,7 +41,7 @@ def _row(entry: Mapping[str, Any], what: Iterable[str], shown: Iterable[Measured
 
 def ended(model: Model, entry: Mapping[str, Any]) -> list[str]:
     """Return what the modalities say of a contact that has ended."""
-    found = (told.ended(one, entry) for one in model.modalities)
+    found = (contact_report.ended(one, entry) for one in model.modalities)
     return [words for words in found if words]
 
 
@@ -68,5 +68,5 @@ def remarks(model: Model, entry: Mapping[str, Any]) -> list[str]:
             "on it as long as it may (T4, contact-time); the arm gave its force"
         )
     for one in model.modalities:
-        found += told.remarks(one, entry)
+        found += contact_report.remarks(one, entry)
     return found

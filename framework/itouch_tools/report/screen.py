@@ -7,9 +7,9 @@ import sys
 import time
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
+from itouch.loop.contact_report import status
 from itouch.loop.plate_notices import missed_plates
 from itouch.loop.skin_waits import vain_waits, waiting_now
-from itouch.loop.told import status
 from itouch.schema.terminal import VERBOSITY, colours, control, is_terminal, number_of, plain
 from itouch_tools.report import columns
 from itouch_tools.viewer.fault_messages import outcome, what

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from itouch.loop import DeviceFaultError
-from itouch.loop.told import figures_of
+from itouch.loop.contact_report import figures_of
 from itouch.plugin import Measured, Role
 from itouch.plugin.discovery import Catalog
 from itouch.scene.edits import Edit

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from itouch.loop import Status, told
+from itouch.loop import Status, contact_report
 from itouch.plugin import Channel, Record, Role
 from itouch.plugin.quantity import PLAIN
 from itouch.world import Model, declared
@@ -219,7 +219,7 @@ def _heat(model: Model, state: Record) -> list[str]:
         if channel is not None and kelvin is not None:
             lines.append(f"{device.name}: {channel.name.replace('_', ' ')} {kelvin - 273.15:.2f} degC")
     for modality in model.modalities:
-        if words := told.status(modality, state):
+        if words := contact_report.status(modality, state):
             lines.append(f"{modality.name}: {words}")
     return lines
 

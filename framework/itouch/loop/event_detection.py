@@ -11,7 +11,7 @@ from itouch.compiling import kernel, linked
 from itouch.contact import layout as at
 from itouch.joining import run_chain
 from itouch.loop import render
-from itouch.loop.carrying import quiet
+from itouch.loop.probe_steps import quiet
 from itouch.plugin import Contact, HeardContact
 from itouch.world.state import EVENT_DTYPE
 
@@ -234,7 +234,7 @@ def tell(
     Parameters
     ----------
     nearest, near, current, primary, separated, moves
-        As in `carrying.quiet`.
+        As in `probe_steps.quiet`.
     event
         The numbers of the event, a `HeardContact`; written.
     chain
