@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -141,6 +142,13 @@ def test_a_limit_beyond_the_default_is_refused_in_rig_and_scene_though_the_tight
     (problem,) = raised.value.problems
     assert problem.code == "loosened-limit" and problem.place is not None
     assert str(problem.place.file).endswith(which)
+
+
+def test_what_a_script_puts_in_place_of_both_is_looked_at_too(write: Write) -> None:
+    tight = xml(more='<safety force="1 N"/>')
+    scene = itouch.load(write("s.xml", tight), rig=write("rig.xml", tight))
+    with pytest.raises(itouch.SceneError, match="20 N is above the default of 3 N"):
+        itouch.build(replace(scene, safety=replace(scene.safety, force=20.0)))
 
 
 @pytest.mark.parametrize(("own", "rigs"), [("P01", ""), ("", "P01"), ("P01", "P01")])

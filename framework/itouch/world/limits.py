@@ -268,15 +268,22 @@ def _without(name: str, commands: tuple[Channel, ...]) -> str:
 
 def safety_problems(scene: Scene, defaults: Mapping[str, Any]) -> Iterator[Problem]:
     """Find limits of ``<safety>`` that are looser than the defaults: of the scene, and of a rig under it."""
+    told: list[Problem] = []
     swapped = scene.swapped
-    for safety in (scene.safety,) if swapped is None else (swapped.safety, swapped.brought):
-        for name, unit in _UNITS.items():
-            wanted, most = getattr(safety, name, None), defaults.get(name)
-            if wanted is not None and most is not None and wanted > most:
-                what = f"<safety {xml_name(name)}>: {wanted:g} {unit} is above the default of {most:g} {unit}"
-                yield _loose(scene, safety, name, what)
-        if safety.temperature is not None:
-            yield from _temperature(scene, safety, "<safety>", defaults["temperature"])
+    # what holds, which a script may have replaced, and what it is the tighter one of
+    for safety in (scene.safety, *((swapped.safety, swapped.brought) if swapped is not None else ())):
+        told += [problem for problem in _loose_safety(scene, safety, defaults) if problem not in told]
+    yield from told
+
+
+def _loose_safety(scene: Scene, safety: Any, defaults: Mapping[str, Any]) -> Iterator[Problem]:
+    for name, unit in _UNITS.items():
+        wanted, most = getattr(safety, name, None), defaults.get(name)
+        if wanted is not None and most is not None and wanted > most:
+            what = f"<safety {xml_name(name)}>: {wanted:g} {unit} is above the default of {most:g} {unit}"
+            yield _loose(scene, safety, name, what)
+    if safety.temperature is not None:
+        yield from _temperature(scene, safety, "<safety>", defaults["temperature"])
 
 
 def _temperature(scene: Scene, element: Any, what: str, allowed: tuple[float, float]) -> Iterator[Problem]:
