@@ -22,6 +22,7 @@ import socket
 import subprocess
 import sys
 import time
+import types
 from typing import Any
 
 #: Names of each module that neither system has, and those that Windows has not.
@@ -117,7 +118,7 @@ def _with_free_space() -> None:
     def usage(path: Any) -> Any:
         found = asked(path)
         total, free = found.f_blocks * found.f_frsize, found.f_bavail * found.f_frsize
-        return shutil._ntuple_diskusage(total, total - free, free)  # type: ignore[attr-defined]
+        return types.SimpleNamespace(total=total, used=total - free, free=free)
 
     shutil.disk_usage = usage
 

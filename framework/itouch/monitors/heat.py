@@ -71,9 +71,8 @@ class History:
 
     def past(self, state: Record) -> history_kernels.ReadingRing:
         """Return the readings, for compiled code."""
-        from itouch.monitors.history_kernels import (
-            ReadingRing,  # here, so that the compiler is loaded only if a device runs
-        )
+        # here, so that the compiler is loaded only if a device runs
+        from itouch.monitors.history_kernels import ReadingRing
 
         samples, flux = state["samples"].reshape(1), state["flux"].reshape(1)
         return ReadingRing(samples, state["history"], flux, state["tails"], np.array(self._windows))

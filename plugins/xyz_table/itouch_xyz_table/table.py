@@ -200,7 +200,7 @@ class XyzTable(Device):
         kind, _, bus = bound.bus.partition(":")
         place = bound.port or bound.tmcl or bus.partition("@")[0]  # behind @: the speed of the port
         if not place:
-            return _without_adaptor()
+            return "" if bound.bus else _without_adaptor()  # opening says what is wrong with a bus without a channel
         if kind == "socketcan" and not os.path.exists(f"/sys/class/net/{place}"):
             return f"there is no network interface '{place}': plug the CAN adaptor in, and set the interface up"
         if not place.startswith("/"):

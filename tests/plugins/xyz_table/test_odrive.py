@@ -357,6 +357,7 @@ def test_what_is_missing_is_told_with_what_to_do(quiet: Bench) -> None:
     assert XyzTable.missing(XyzTableParams(bus="slcan:/dev/ptmx@115200")) == ""  # the speed is not part of the place
     assert "no network interface 'nocan7'" in XyzTable.missing(XyzTableParams(bus="socketcan:nocan7"))
     assert XyzTable.missing(XyzTableParams(bus="socketcan:lo")) == ""
+    assert XyzTable.missing(XyzTableParams(bus="socketcan:")) == ""  # ODrive servos have no CAN-FD adaptor
     for wrong in ({"bus": "can0"}, {"bus": "socketcan:can0", "port": "/dev/ttyACM0"}):
         with pytest.raises(ValueError, match="bus"):
             XyzTableParams(**wrong)  # type: ignore[arg-type]
