@@ -74,9 +74,8 @@ class SeekableRecording:
         self._letters = self._stated()
         self._here: ReplayPosition | None = None
         self._filler: ReplayPosition | None = None
-        self._stands: ReplayPosition | None = (
-            None  # where the replay is now, if that is a place: going there again takes time
-        )
+        # where the replay is now, if that is a place: going there again takes time
+        self._stands: ReplayPosition | None = None
         self._caught = False
         self.session.taps.append(self._tap)
 

@@ -11,6 +11,8 @@ from typing import Any
 from itouch.plugin import DeviceError, Trace, schema
 
 PORT = 502
+#: What goes wrong is said once, by this program: without a handler Python prints the client's own lines as well.
+_SILENT = logging.NullHandler()
 #: How long [s] an answer may take, for how many such times a request is repeated, and how often at most.
 PATIENCE, SILENT, TRIES = 0.2, 2, 8
 #: Time [s] after which a request is repeated at the earliest, and how many usual answer times: a reading must not get
@@ -48,8 +50,7 @@ class ModbusLine:
             address, port = schema.host_port(host, port=PORT)
         except ValueError as error:
             raise DeviceError(f"host = {error}") from error
-        # what goes wrong is said once, by this program: without a handler Python prints the client's own line as well
-        logging.getLogger("pymodbus").addHandler(logging.NullHandler())
+        logging.getLogger("pymodbus").addHandler(_SILENT)
         self._name, self._host, self._trace, self._failure = name, host, trace, ModbusException
         client: Any = ModbusTcpClient
         self._patience = PATIENCE * patience
