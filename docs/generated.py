@@ -74,7 +74,7 @@ def draw_played(recording: str, picture: Path) -> None:
     from itouch.recording import read
     from itouch_tools.viewer.context import write_png
     from itouch_tools.viewer.offscreen import Offscreen
-    from itouch_tools.viewer.playback import Playback
+    from itouch_tools.viewer.played_session import Playback
     from itouch_tools.viewer.recording_seek import SeekableRecording
 
     reel = SeekableRecording(read(recording))

@@ -49,7 +49,7 @@ def write_pages() -> None:
     page = HERE / "reference" / "errors.md"
     if page.exists() and stamp.exists() and stamp.read_text(encoding="utf-8") == digest:
         return
-    from itouch_tools.cli.explain.page import page as errors
+    from itouch_tools.cli.explain.code_page import page as errors
 
     _put(page, errors())
     stamp.parent.mkdir(exist_ok=True)
@@ -75,7 +75,7 @@ def _scene() -> str:
 
 def _sweeps() -> str:
     from itouch_tools.authoring.grammar import elements_of
-    from itouch_tools.sweeps.elements import Sweep
+    from itouch_tools.sweeps.sweep_elements import Sweep
 
     head = "# Elements of sweeps\n\nGenerated from the classes that read the files, as are those of scenes.\n"
     return head + elements_of(Sweep, "outermost")

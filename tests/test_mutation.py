@@ -147,7 +147,7 @@ def test_who_waits_on_a_busy_machine_does_not_hang(monkeypatch: pytest.MonkeyPat
 
 def test_every_decorator_that_compiles_is_known() -> None:
     """Coverage does not see what they decorate: its mutants meet those that reach its callers."""
-    made_in = ("itouch.compiling", "itouch.plugin.kernels", "itouch.contact.compiling", "numba")
+    made_in = ("itouch.compiling", "itouch.plugin.kernels", "itouch.contact.kernel_decorators", "numba")
     used = set[str]()
     for path in (path for root in ("framework", "plugins") for path in (REPOSITORY / root).rglob("*.py")):
         text = path.read_text(encoding="utf-8")
@@ -310,7 +310,7 @@ def test_the_order_is_one_case_of_each_then_the_room_then_what_it_costs() -> Non
     ("text", "does"),
     [
         ("import itouch.loop.run_statistics as s", True), ("from itouch.loop.run_statistics import Histogram", True),
-        ("from itouch.loop import (", True), ("from itouch.loop.frames import Frame", False),
+        ("from itouch.loop import (", True), ("from itouch.loop.rigid_transforms import Frame", False),
         ("from itouch.loop.run_statistics_of import Histogram", False),
     ],
 )  # fmt: skip

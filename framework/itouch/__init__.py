@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from itouch.session import Session, SessionError, build, restore
     from itouch.session import load_scene as load
     from itouch.session.batch import batch
-    from itouch.session.replay import replay
+    from itouch.session.replaying import replay
 
 #: Public name -> the module that has it, imported on first access, so that the command line starts fast.  ``sweep`` is
 #: one of the tools, and is listed only because users write ``itouch.sweep``: the core imports nothing from the tools.
@@ -62,9 +62,9 @@ _HOMES = {
     "launch": "itouch.servo",
     "load": "itouch.session:load_scene",
     "read": "itouch.recording",
-    "replay": "itouch.session.replay",
+    "replay": "itouch.session.replaying",
     "restore": "itouch.session",
-    "sweep": "itouch_tools.sweeps.client",
+    "sweep": "itouch_tools.sweeps.sweep_client",
     "write": "itouch.scene",
 }
 

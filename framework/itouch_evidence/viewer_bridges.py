@@ -96,7 +96,7 @@ class Reruns(Told):
 class Listeners(Told):
     """Opens a Zenoh router with a listener to all topics, as ROS 2 has them."""
 
-    program = ("-m", "itouch_evidence.ros2")
+    program = ("-m", "itouch_evidence.bench_ros2")
     extra = "ros2"
 
     def told(self, port: int) -> list[str]:

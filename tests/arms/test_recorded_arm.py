@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import itouch
 from itouch.arms import Recorded, pose_table
 from itouch.arms.pose_table import checked, example, from_csv
-from itouch.arms.recorded import Played, RecordedParams
+from itouch.arms.recorded_arm import Played, RecordedParams
 from itouch.plugin import ParameterError, Role
 from itouch.recording import read
 from itouch.recording.tracks import Column, Track

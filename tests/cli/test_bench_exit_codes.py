@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 from shipped import SCENES
 
-from itouch_evidence import batch, contact, sessions, tick
-from itouch_evidence.contact.figures import Figure as Limited
+from itouch_evidence import bench_batch, bench_tick, contact, sessions
+from itouch_evidence.contact.step_bounds import Figure as Limited
 from itouch_evidence.sessions import Figure
 from itouch_thermal import bench_display
-from itouch_thermal.rendering.table import Line
+from itouch_thermal.rendering.performance_table import Line
 from itouch_tools.cli import main
 
 FIRST = str(SCENES / "first_touch.xml")
@@ -25,7 +25,7 @@ def batches(patch: pytest.MonkeyPatch, good: bool) -> list[str]:
         "scene": "s", "cores": 2, "sessions_per_s": {"one": 1.0, "all": 2.0}, "times_real_time": {"one": 1.0, "all": 2.0},
         "gain": 2.0, "gain_of_plain_loops": 2.0, "share_of_that": 1.0 if good else 0.5,
     }  # fmt: skip
-    patch.setattr(batch, "measure", lambda *_, **__: found)
+    patch.setattr(bench_batch, "measure", lambda *_, **__: found)
     return ["batch", FIRST]
 
 
@@ -56,8 +56,10 @@ def ticks(changed: dict[str, Any]) -> Bench:
             "fence_us": 1.0,
         }  # fmt: skip
         wrong = {} if good else changed
-        patch.setattr(tick, "measure", lambda *_: {**found, **wrong})
-        patch.setattr(tick, "turns", lambda *_: {"begins": wrong.get("begins", 1e-4), "ends": None, "changes": 1e-5})
+        patch.setattr(bench_tick, "measure", lambda *_: {**found, **wrong})
+        patch.setattr(
+            bench_tick, "turns", lambda *_: {"begins": wrong.get("begins", 1e-4), "ends": None, "changes": 1e-5}
+        )
         return ["tick"]
 
     return bench

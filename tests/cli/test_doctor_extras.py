@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from itouch_tools.cli.doctor.checks import extras, named
+from itouch_tools.cli.doctor.machine_checks import extras, named
 
 PROJECT = Path(__file__).resolve().parents[2] / "pyproject.toml"
 
@@ -26,7 +26,7 @@ def test_every_extra_of_the_project_is_told(monkeypatch: pytest.MonkeyPatch) -> 
             raise PackageNotFoundError(package)
         return version(package)
 
-    monkeypatch.setattr("itouch_tools.cli.doctor.checks.version", without)
+    monkeypatch.setattr("itouch_tools.cli.doctor.machine_checks.version", without)
     lacking = extras()
     assert "web" in lacking.found.partition("; not: ")[2].split(", ") and "viser" not in lacking.found
     assert lacking.status == "note" and "pip install 'itouch-py[" in lacking.advice

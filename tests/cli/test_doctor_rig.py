@@ -11,7 +11,7 @@ from program import program
 from shipped import SCENES
 
 from itouch.session import Session, build
-from itouch_tools.cli.doctor import rig
+from itouch_tools.cli.doctor import rig_checks
 from itouch_tools.cli.doctor.diagnosis import Diagnosis
 from itouch_tools.cli.lockstep import Lockstep
 
@@ -23,7 +23,7 @@ def _scene(tmp_path: Path, more: str) -> str:
 
 
 def _found(session: Session, seconds: float = 0.3) -> dict[str, Diagnosis]:
-    found = {finding.name: finding for finding in rig.examine_rig(session, seconds)}
+    found = {finding.name: finding for finding in rig_checks.examine_rig(session, seconds)}
     assert not any(runner.latch.enabled and not runner.model.twin for runner in session.runners)
     return found
 

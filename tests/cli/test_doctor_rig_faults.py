@@ -14,7 +14,7 @@ from itouch.plugin import Channel, Device, DeviceError, Record, Role, current, m
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch.session import Session
 from itouch_tools.cli import main
-from itouch_tools.cli.doctor import rig
+from itouch_tools.cli.doctor import rig_checks
 from itouch_tools.cli.doctor.diagnosis import Diagnosis
 
 SCENE = """<itouch version="1.0">
@@ -85,7 +85,7 @@ def path(tmp_path: Path) -> Path:
 def examined(path: Path, catalog: Catalog, seconds: float = 0.02) -> tuple[dict[str, Diagnosis], Session]:
     session = itouch.build(path, catalog=catalog)
     session.clock = VirtualClock()
-    return {one.name: one for one in rig.examine_rig(session, seconds)}, session
+    return {one.name: one for one in rig_checks.examine_rig(session, seconds)}, session
 
 
 def test_a_stage_that_is_well(path: Path) -> None:

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from itouch_tools.cli.doctor import checks
-from itouch_tools.cli.explain import page
+from itouch_tools.cli.doctor import machine_checks
+from itouch_tools.cli.explain import code_page
 from itouch_tools.cli.explain.example import Example
 
 
@@ -24,7 +24,7 @@ from itouch_tools.cli.explain.example import Example
 def test_short_texts_stand_beside_the_file_that_is_wrong(
     files: dict[str, str | bytes], more: dict[str, str], names: list[str]
 ) -> None:
-    assert [name for name, _ in page._beside(Example(files, **more))] == names  # type: ignore[arg-type]
+    assert [name for name, _ in code_page._beside(Example(files, **more))] == names  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("usual", "status"), [(50e-6, "ok"), (900e-6, "lack")])
@@ -38,7 +38,7 @@ def test_the_doctor_tells_the_usual_and_the_greatest_lateness_of_a_sleep(
         sleeps[0] += 1
 
     clock = SimpleNamespace(CLOCK_MONOTONIC=1, clock_getres=lambda kind: 1e-9, perf_counter=lambda: now[0], sleep=sleep)
-    monkeypatch.setattr(checks, "time", clock)
-    found = checks.timer()
+    monkeypatch.setattr(machine_checks, "time", clock)
+    found = machine_checks.timer()
     assert found.status == status
     assert f"ends {usual * 1e6:.0f} us late, at worst 2000" in found.found

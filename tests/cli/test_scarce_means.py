@@ -35,10 +35,10 @@ def test_a_part_of_the_program_that_is_missing_is_told_and_no_other_module(monke
         raise ModuleNotFoundError(f"No module named '{name}'", name=name)
 
     monkeypatch.setattr(itouch_tools.cli, "_dispatch", missing)
-    name = "itouch.servo.errors"
+    name = "itouch.servo.error_transport"
     done = program("check", FIRST)
     assert done.returncode == 2
-    assert done.stderr.startswith("error: a part of the program is missing (itouch.servo.errors)\n")
+    assert done.stderr.startswith("error: a part of the program is missing (itouch.servo.error_transport)\n")
     name = "another"
     with pytest.raises(ModuleNotFoundError):
         program("check", FIRST)

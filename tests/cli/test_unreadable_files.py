@@ -95,7 +95,7 @@ def test_a_file_that_may_not_be_read_gets_advice_for_that(tmp_path: Path, monkey
     def refused(path: object) -> object:
         if str(path).endswith("a.xml"):
             raise PermissionError(13, "Permission denied", str(path))
-        return itouch.schema.files.open_regular(path)  # type: ignore[arg-type]
+        return itouch.schema.regular_files.open_regular(path)  # type: ignore[arg-type]
 
     monkeypatch.setattr("itouch.scene.source.open_regular", refused)
     for name in ("a.xml", "b.xml"):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from itouch_evidence.contact.workload import icosphere
+from itouch_evidence.contact.contact_workload import icosphere
 
 Floats = NDArray[np.float64]
 Mesh = tuple[Floats, NDArray[np.int32]]

@@ -12,7 +12,7 @@ import pytest
 from probing import box_mesh, grid
 
 from itouch.contact import Box, Capsule, Friction, Mesh, Proxy, Sphere, Surface
-from itouch_evidence.contact.workload import icosphere
+from itouch_evidence.contact.contact_workload import icosphere
 
 
 @cache

@@ -10,7 +10,7 @@ from probing import Floats, box_mesh, grid, needle
 from itouch.contact import Surface, bvh, layout
 from itouch.contact.neighbours import NEIGHBOUR
 from itouch.contact.stored import can_be_searched
-from itouch_evidence.contact.workload import height_field, icosphere
+from itouch_evidence.contact.contact_workload import height_field, icosphere
 
 SOUP = np.random.default_rng(5).normal(size=(600, 3))
 MESHES = {

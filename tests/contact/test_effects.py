@@ -9,7 +9,7 @@ from probing import Floats, random_pose, rotation
 from itouch.contact import Box, Friction, Geometry
 from itouch.contact.effects import EFFECTS_MEMORY, carved, render_effects
 from itouch.contact.step import step
-from itouch.contact.surfaces import Effects, Texture, effects_table
+from itouch.contact.surface_effects import Effects, Texture, effects_table
 from itouch.plugin import Bound
 
 K, PERIOD, RADIUS, TOP = 1000.0, 1e-3, 0.005, 0.105

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from itouch.contact import layout as at
-from itouch.contact.compiling import entry
 from itouch.contact.halfspaces import nearest_inside, set_loads
+from itouch.contact.kernel_decorators import entry
 
 
 @entry

@@ -8,7 +8,7 @@ from campaign import seeds
 from probing import Floats, Probe, box_mesh, grid, mesh, needle, quads, random_pose, winding
 
 from itouch.contact import Box, Mesh, Shape, Surface
-from itouch_evidence.contact.workload import icosphere
+from itouch_evidence.contact.contact_workload import icosphere
 
 CORNER = quads(
     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]],

@@ -20,7 +20,7 @@ from probing import grid
 from itouch import caches
 from itouch.contact import Proxy, bvh
 from itouch.contact.meshfile import LoadedMesh, MeshFile, cache, load_source
-from itouch_evidence.contact.workload import icosphere
+from itouch_evidence.contact.contact_workload import icosphere
 
 BALL = MeshFile.of("ball.stl", stl(*icosphere(2, 0.05)))
 

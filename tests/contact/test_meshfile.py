@@ -16,8 +16,8 @@ from meshfiles import BOX, POLYGONS, WRITERS, glb_of, gltf_document, obj, off, p
 from probing import grid
 
 from itouch.contact.meshfile import MeshError, MeshFile, load_mesh, load_source, read_mesh_file
-from itouch.contact.meshfile import source as source_module
-from itouch.contact.meshfile.limits import MAX_FACES
+from itouch.contact.meshfile import mesh_bytes as source_module
+from itouch.contact.meshfile.size_limits import MAX_FACES
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,7 @@ from probing import Floats, box_mesh, grid, winding
 
 from itouch.contact.meshfile import LoadedMesh, MeshError, MeshFile, MeshFinding, load_source
 from itouch.contact.meshfile.mend import mended
-from itouch_evidence.contact.workload import icosphere
+from itouch_evidence.contact.contact_workload import icosphere
 
 BALL = icosphere(2, 0.05)
 

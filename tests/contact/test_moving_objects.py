@@ -6,7 +6,7 @@ from probing import Floats, box_mesh, grid, mesh, random_pose, rotation
 
 from itouch.contact import Box, Cylinder, Friction, Geometry, Plane, Shape, Sphere
 from itouch.contact import layout as at
-from itouch.contact.motion import carry
+from itouch.contact.object_motion import carry
 from itouch.contact.step import step
 
 

@@ -5,7 +5,7 @@ import pytest
 from probing import Floats, box_mesh, grid, random_pose, rotation
 
 from itouch.contact import Box, Mesh, Plane, Proxy, Surface
-from itouch_evidence.contact.workload import Work, standard
+from itouch_evidence.contact.contact_workload import Work, standard
 
 K = 1000.0
 SMOOTH = [("hf", "10k"), ("hf", "100k"), ("ico", "10k"), ("ico", "100k")]
@@ -48,7 +48,7 @@ def depth_of(kind: str, hips: Floats) -> Floats:
     """Height of points above the smooth surface (the height field's along z, at most its slope's factor too big)."""
     if kind == "ico":
         return np.linalg.norm(hips, axis=1) - 0.5
-    from itouch_evidence.contact.workload import height
+    from itouch_evidence.contact.contact_workload import height
 
     return hips[:, 2] - height(hips[:, 0], hips[:, 1])
 

@@ -8,7 +8,7 @@ from probing import Floats, winding
 from random_meshes import KINDS, Mesh, normals
 
 from itouch.contact import Proxy, Surface
-from itouch_evidence.contact.workload import standard
+from itouch_evidence.contact.contact_workload import standard
 
 STEPS = 260
 

@@ -5,8 +5,8 @@ import pytest
 from probing import box_mesh, mesh, random_pose
 
 from itouch.contact import Box, Capsule, Cylinder, Proxy, Shape, Sphere, Surface
-from itouch.contact.shading import vertex_normals
-from itouch_evidence.contact.workload import icosphere
+from itouch.contact.force_shading import vertex_normals
+from itouch_evidence.contact.contact_workload import icosphere
 
 
 def directions(count: int) -> np.ndarray:

@@ -6,7 +6,7 @@ from probing import Floats, box_mesh, mesh, random_pose, rotation
 
 from itouch.contact import Box, Capsule, Cylinder, Geometry, Mesh, Plane, Shape, Sphere, Surface
 from itouch.contact.cast import BACK, sphere_cast
-from itouch_evidence.contact.workload import icosphere
+from itouch_evidence.contact.contact_workload import icosphere
 
 POSES = np.array([[0, 0, -0.1, 1, 0, 0, 0], [0.3, 0, 0.1, 1, 0, 0, 0], [0, 0.3, 0.05, 1, 0, 0, 0]])
 DOWN = np.array([0.0, 0.0, -1.0])

@@ -7,7 +7,7 @@ from test_bvh import MESHES
 
 from itouch.contact import Surface
 from itouch.contact.triangle import nearest_on_triangle
-from itouch_evidence.contact.workload import icosphere
+from itouch_evidence.contact.contact_workload import icosphere
 
 
 def brute_force(vertices: Floats, faces: Floats, p: Floats) -> float:

@@ -67,7 +67,7 @@ def test_no_problem_has_a_code_outside_the_table() -> None:
     assert not unknown
     handed_on = {where.partition(":")[0] for code, where in made() if not code}
     assert handed_on <= {
-        "binding.py", "documents.py", "rig.py", "surfaces.py", "shapes.py", "motion.py", "errors.py", "source.py", "findings.py",
+        "binding.py", "documents.py", "rig.py", "surfaces.py", "object_shapes.py", "motion_tables.py", "error_transport.py", "source.py", "findings.py",
     }, "a problem with a code that is no literal: let it be one, or handed on from another problem"  # fmt: skip
 
 
@@ -138,7 +138,7 @@ def test_explain_lists_and_explains(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_page_shows_input_files_command_and_message() -> None:
-    from itouch_tools.cli.explain.page import _entry
+    from itouch_tools.cli.explain.code_page import _entry
 
     text = "\n".join(_entry(CODES["rig"], EXAMPLES["rig"]))
     for part in ('<device name="arm"', "`rig.xml` beside it", "itouch-py check scene.xml --rig rig.xml", "error[rig]:"):
@@ -147,13 +147,13 @@ def test_the_page_shows_input_files_command_and_message() -> None:
 
 
 def test_the_page_names_the_files_in_which_each_code_is_told() -> None:
-    from itouch_tools.cli.explain.page import told_in
+    from itouch_tools.cli.explain.code_page import told_in
 
     assert [code for code in CODES if not told_in(code)] == ["injected"]  # that is no reason, but who asked for it
     for code, where in made():
         if code in CODES:
             assert where.partition(":")[0] in {Path(file).name for file in told_in(code)}
-    assert told_in("released") == ["itouch/safety/hold_to_run.py", "itouch_tools/cli/doctor/rig.py"]
-    from itouch_tools.cli.explain.page import _entry
+    assert told_in("released") == ["itouch/safety/hold_to_run.py", "itouch_tools/cli/doctor/rig_checks.py"]
+    from itouch_tools.cli.explain.code_page import _entry
 
     assert "Reported in `itouch/scene/rigs.py`." in "\n".join(_entry(CODES["rig"], EXAMPLES["rig"]))

@@ -10,8 +10,8 @@ from itouch.contact import Box, Capsule, Cylinder, Mesh, Plane, Shape, Sphere, S
 from itouch.contact import layout as at
 from itouch.dynamics import Bodies, Body, BodyError, bodies, build_bodies
 from itouch.dynamics.bodies import FREE, MOVED, STILL
-from itouch.dynamics.kernels import push_bodies
-from itouch_evidence.contact.workload import icosphere
+from itouch.dynamics.mujoco_link import push_bodies
+from itouch_evidence.contact.contact_workload import icosphere
 
 T, G = 1e-3, (0.0, 0.0, -9.81)
 UP = (1.0, 0.0, 0.0, 0.0)

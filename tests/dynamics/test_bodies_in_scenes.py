@@ -11,7 +11,7 @@ from shipped import SCENES
 
 import itouch
 from itouch.schema import SceneError
-from itouch.world import motion
+from itouch.world import motion_tables
 
 Write = Callable[[str, str], Path]
 FINGERS = SCENES / "two_fingers.xml"
@@ -108,7 +108,7 @@ def test_a_scripted_wall_pushes_a_body(write: Write) -> None:
 
 
 def test_without_mujoco_a_scene_says_what_to_install(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(motion, "available", lambda: False)
+    monkeypatch.setattr(motion_tables, "available", lambda: False)
     with pytest.raises(SceneError) as caught:
         build(write, GROUND + body())
     (problem,) = [p for p in caught.value.problems if p.severity == "error"]

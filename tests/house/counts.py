@@ -27,6 +27,16 @@ def longest(every: dict[str, Module], many: int = 5) -> list[tuple[int, str]]:
     return sorted(found, reverse=True)[:many]
 
 
+def repeated(every: dict[str, Module]) -> dict[tuple[str, str], list[str]]:
+    """Return the modules whose file has the name of another one of the framework, or of the same plugin."""
+    found = dict[tuple[str, str], list[str]]()
+    for name, module in every.items():
+        if module.path.name not in ("__init__.py", "__main__.py"):
+            home = room(name) if shelf(name) == "plugins" else "framework"
+            found.setdefault((home, module.path.name), []).append(name)
+    return {of: names for of, names in found.items() if len(names) > 1}
+
+
 def counts(root: Path = ROOT) -> dict[str, int | str]:
     """Return what is counted, by its name."""
     every = modules(root)
@@ -40,7 +50,7 @@ def counts(root: Path = ROOT) -> dict[str, int | str]:
     names = Counter(
         module.path.name for module in every.values() if module.path.name not in ("__init__.py", "__main__.py")
     )
-    twice = Counter((room(name), module.path.name) for name, module in every.items())
+    twice = repeated(every)
     found: dict[str, int | str] = {"lines of code": code.total(), "files": files.total()}
     for kind in ("core", "tools", "evidence", "plugins"):
         found[f"  {kind}: lines of code"] = code[kind]
@@ -52,7 +62,7 @@ def counts(root: Path = ROOT) -> dict[str, int | str]:
         "files with one importer": sum(importers[name] == 1 for name, module in every.items() if not module.is_package),
         f"  of them under {SMALL} lines of code": len(small_with_one_importer(every, graph)),
         "file names that occur twice or more": sum(count > 1 for count in names.values()),
-        "  within one room or plugin": sum(count > 1 for (_, name), count in twice.items() if name not in ("__init__.py", "__main__.py")),
+        "  within the framework, or within one plugin": len(twice),
         "import circles, TYPE_CHECKING included": len(circles(imports(every, deferred=False))),
         "import circles, imports inside functions included": len(circles(graph)),
     }  # fmt: skip

@@ -17,7 +17,7 @@ import module_pages
 import pytest
 import rooms
 import sentence_page
-from counts import counts, longest
+from counts import counts, longest, repeated
 from sources import ROOT, Module, circles, imports, modules, shelf, syntax
 
 DECISIONS = sorted((ROOT / "docs" / "explanation" / "decisions").glob("*.md"))
@@ -270,6 +270,11 @@ def test_no_two_modules_need_one_another() -> None:
     assert circles(imports(modules())) == []
 
 
+def test_a_file_name_is_of_one_file() -> None:
+    """Nowhere twice in the framework, nor in one plugin: who hears a file's name finds the file."""
+    assert repeated(modules()) == {}
+
+
 def test_the_counts_of_a_checkout(tmp_path: Path) -> None:
     """A small house whose figures are known."""
     files = {
@@ -287,7 +292,7 @@ def test_the_counts_of_a_checkout(tmp_path: Path) -> None:
     assert (found["lines of code"], found["files"], found["  core: lines of code"]) == (6, 5, 5)
     assert found["files with one importer"] == found["  of them under 60 lines of code"] == 1
     assert found["file names that occur twice or more"] == 1
-    assert found["  within one room or plugin"] == 0
+    assert found["  within the framework, or within one plugin"] == 1
     assert found["import circles, TYPE_CHECKING included"] == 0
     assert found["import circles, imports inside functions included"] == 1
     assert found["longest function 1"] == "3 f (itouch.loop.plan)"

@@ -43,9 +43,9 @@ MOVED = (
     ("itouch.study.statistics", "logistic_gee", "itouch_tools.study.statistics"),
     ("itouch.study.client", "connect", "itouch_tools.study.client"),
     ("itouch.study.observers", "FluxObserver", "itouch_tools.study.observers"),
-    ("itouch.report.notebook", "curve", "itouch_tools.report.notebook"),
-    ("itouch.sweeps.figures", "bits", "itouch_tools.sweeps.figures"),
-    ("itouch.bench.faults.truth", "Truth", "itouch_evidence.faults.truth"),
+    ("itouch.report.notebook", "curve", "itouch_tools.report.notebook_view"),
+    ("itouch.sweeps.figures", "bits", "itouch_tools.sweeps.page_statistics"),
+    ("itouch.bench.faults.truth", "Truth", "itouch_evidence.faults.true_state"),
     ("itouch_thermal.identify.command", "main", "itouch_thermal.identify.estimate"),
 )
 
@@ -88,7 +88,7 @@ def test_a_module_that_never_was_is_not_found() -> None:
 
 
 def test_tools_that_users_ask_for_by_the_name_of_the_core_are_there() -> None:
-    assert itouch.sweep is import_module("itouch_tools.sweeps.client").sweep
+    assert itouch.sweep is import_module("itouch_tools.sweeps.sweep_client").sweep
 
 
 def test_the_safety_report_is_a_command_like_any_other(capsys: pytest.CaptureFixture[str]) -> None:
@@ -110,3 +110,13 @@ def test_what_is_named_as_module_and_function_is_there() -> None:
     }
     assert len(named) > 5
     assert [one for one in sorted(named) if not hasattr(import_module(one[1]), one[2])] == []
+
+
+def test_what_a_package_offers_is_there() -> None:
+    """Each name of ``__all__``, also where it is imported only when it is asked for."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # an old name of a package says so when it is imported
+        packages = [import_module(name) for name, module in sorted(modules().items()) if module.is_package]
+    offered = [(package, name) for package in packages for name in getattr(package, "__all__", ())]
+    assert len(offered) > 100
+    assert [f"{package.__name__}.{name}" for package, name in offered if not hasattr(package, name)] == []

@@ -27,7 +27,7 @@ import itouch
 from itouch.monitors.thresholds import DOUBT_GAP, DOUBT_GAP_UNCALIBRATED
 from itouch.plugin.carried_surfaces import ROOM, SLOPE_AHEAD
 from itouch.plugin.discovery import Catalog, Found, find
-from itouch.session import layout
+from itouch.session import layout_mapping
 from itouch.testing.checks import examine
 from itouch.testing.scenario import ModalitySubject
 from itouch.testing.suites import MODALITY_CHECKS
@@ -435,7 +435,7 @@ def test_a_session_that_was_stored_before_goes_on_with_the_same_commands(world: 
         stored[name] = session.state[name]
     other = itouch.build(tmp_path / "scene.xml", seed=3)
     other.records = False
-    other.adopt(layout.adopt(stored, other.state, {})[0])
+    other.adopt(layout_mapping.adopt(stored, other.state, {})[0])
     for _ in range(1000):
         session.tick()
         other.tick()
@@ -450,7 +450,7 @@ def test_of_a_probe_without_a_surface_nothing_is_refused_that_meant_nothing(tmp_
     stored = np.zeros(1, np.dtype([*kinds, *((f"finger.surface.{name}", "<f8") for name, _ in old)]))
     for name, value in old:
         stored[f"finger.surface.{name}"] = value
-    assert layout.adopt(stored, session.state, {}) == (np.zeros(1, session.state.dtype).tobytes(), [])
+    assert layout_mapping.adopt(stored, session.state, {}) == (np.zeros(1, session.state.dtype).tobytes(), [])
 
 
 if __name__ == "__main__":

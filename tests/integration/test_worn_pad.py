@@ -12,8 +12,8 @@ from strangers import install
 
 import itouch
 from itouch.plugin import Bound
-from itouch.twin import skin
-from itouch.world.fields import CELLS
+from itouch.twin import skin_under_devices
+from itouch.world.state_fields import CELLS
 from itouch_tools.cli import main as cli
 
 PLUGIN = '''"""A small Peltier pad strapped to the fingertip, and a tactor, from an outside distribution."""
@@ -210,15 +210,15 @@ def test_the_skin_is_a_thick_body_at_first(period: float) -> None:
     tissue, now = np.zeros(CELLS), np.zeros(3)
     taken, flux = np.array([400.0]), 400.0
     step = Bound(
-        skin.wear, skin.column(period), tissue, now, np.zeros(0), taken, np.zeros(1), np.zeros(1), np.zeros((1, 2)),
+        skin_under_devices.wear, skin_under_devices.column(period), tissue, now, np.zeros(0), taken, np.zeros(1), np.zeros(1), np.zeros((1, 2)),
         0.0, 0.0,
     )  # fmt: skip
-    effusivity = math.sqrt(skin.CONDUCTIVITY * skin.CAPACITY)
+    effusivity = math.sqrt(skin_under_devices.CONDUCTIVITY * skin_under_devices.CAPACITY)
     for tick in range(1, round(0.8 / period) + 1):
         step()
         if tick * period in (0.1, 0.2, 0.4, 0.8):
-            assert now[skin.NOW] == pytest.approx(
+            assert now[skin_under_devices.NOW] == pytest.approx(
                 -2.0 * flux * math.sqrt(tick * period / math.pi) / effusivity, rel=0.03
             )
-    thick = skin.FIRST * skin.GROWTH ** np.arange(CELLS)
-    assert (tissue * thick).sum() * skin.CAPACITY == pytest.approx(-flux * 0.8, rel=0.02)
+    thick = skin_under_devices.FIRST * skin_under_devices.GROWTH ** np.arange(CELLS)
+    assert (tissue * thick).sum() * skin_under_devices.CAPACITY == pytest.approx(-flux * 0.8, rel=0.02)

@@ -9,9 +9,15 @@ import trimesh
 
 from itouch.schema import ItouchError
 from itouch_evidence.contact import main
-from itouch_evidence.contact.figures import judged
+from itouch_evidence.contact.contact_workload import (
+    HEIGHT_FIELD_CELLS,
+    SPHERE_SUBDIVISIONS,
+    around,
+    height_field,
+    icosphere,
+)
 from itouch_evidence.contact.measure import Row
-from itouch_evidence.contact.workload import HEIGHT_FIELD_CELLS, SPHERE_SUBDIVISIONS, around, height_field, icosphere
+from itouch_evidence.contact.step_bounds import judged
 
 
 def test_a_small_bench(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

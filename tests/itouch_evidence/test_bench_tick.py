@@ -8,20 +8,20 @@ import pytest
 from shipped import SCENES
 
 from itouch.session import build, load_scene
-from itouch_evidence import tick
+from itouch_evidence import bench_tick
 from itouch_tools.cli import main
 
 
 def test_the_command_prints_its_figures(capsys: pytest.CaptureFixture[str]) -> None:
     code = main(["bench", "tick", "--ticks", "60", "--json"])
     found = json.loads(capsys.readouterr().out)
-    held = [tick.is_near(found), tick.is_cheap(found), *map(tick.fits, found["turns"])]
+    held = [bench_tick.is_near(found), bench_tick.is_cheap(found), *map(bench_tick.fits, found["turns"])]
     assert code == (not all(held))
     assert found["compiled_us"] > 0.0  # how long a tick takes beside it is no matter of a test: machines are shared
     assert 0.0 < found["tick_us"]["p50"] <= found["tick_us"]["p99"]
     assert 0 < found["joined_steps"] == found["steps"]  # nothing of it is Python
     assert [row["rate_hz"] for row in found["turns"]] == [1000.0, 4000.0]
-    assert all(row[turn] > 0.0 for row in found["turns"] for turn in tick.TURNS)
+    assert all(row[turn] > 0.0 for row in found["turns"] for turn in bench_tick.TURNS)
     code = main(["bench", "tick", "--ticks", "30"])
     out = capsys.readouterr().out
     assert "compiled steps" in out and "at 4 kHz: begins" in out and "(bound 250 us" in out
@@ -29,12 +29,12 @@ def test_the_command_prints_its_figures(capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_measuring_a_part_puts_the_state_back() -> None:
-    session = build(tick.scene_of(probes=2, devices=3))
-    assert tick.in_contact(session)
+    session = build(bench_tick.scene_of(probes=2, devices=3))
+    assert bench_tick.in_contact(session)
     before = session.state.tobytes()
-    whole, compiled, left = tick.beside_the_limit(session, 3)
+    whole, compiled, left = bench_tick.beside_the_limit(session, 3)
     assert whole > 0.0 and compiled > 0.0 and left == 0
-    assert isinstance(tick.cost_of_a_split(session, 20), float)
+    assert isinstance(bench_tick.cost_of_a_split(session, 20), float)
     assert session.state.tobytes() == before
     session.close()
 
@@ -42,8 +42,8 @@ def test_measuring_a_part_puts_the_state_back() -> None:
 @pytest.mark.parametrize("name", ["four_materials.xml", ""])
 def test_the_limit_has_all_that_a_tick_has(name: str) -> None:
     """The compiled loop to which a tick is compared makes the same State: no step of the touch is missing in it."""
-    session = build(load_scene(SCENES / name) if name else tick.scene_of())
-    assert tick.in_contact(session)
+    session = build(load_scene(SCENES / name) if name else bench_tick.scene_of())
+    assert bench_tick.in_contact(session)
     kept, found = session.state.tobytes(), []
     for whole in (True, False):
         session.adopt(kept)
@@ -60,11 +60,11 @@ def test_the_limit_has_all_that_a_tick_has(name: str) -> None:
 
 
 def test_a_scene_without_a_touch_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tick, "SEARCH", 0.01)
+    monkeypatch.setattr(bench_tick, "SEARCH", 0.01)
     with pytest.raises(SystemExit):
         main(["bench", "tick", "--scene", str(SCENES / "first_touch.xml")])
 
 
 def test_the_scenes_have_what_they_count() -> None:
-    scene = tick.scene_of(probes=2, objects=40, devices=5)
+    scene = bench_tick.scene_of(probes=2, objects=40, devices=5)
     assert (len(scene.probes), len(scene.objects), len(scene.devices)) == (2, 40, 5)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from itouch_evidence import sound, sound_analysis
+from itouch_evidence import bench_sound, sound_analysis
 from itouch_tools.sound import Bank
 from itouch_tools.sound.modal import RATE
 
@@ -17,7 +17,7 @@ from itouch_tools.sound.modal import RATE
 @pytest.fixture(scope="module")
 def judged(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sounds")
-    code = sound.main(["--judge", "--keep", str(folder), "--json", str(folder / "rows.json")])
+    code = bench_sound.main(["--judge", "--keep", str(folder), "--json", str(folder / "rows.json")])
     return code, json.loads((folder / "rows.json").read_text()), folder
 
 

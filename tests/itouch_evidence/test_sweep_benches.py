@@ -18,11 +18,11 @@ from needed import meant
 
 from itouch_evidence.sweeps import backends, deaths, failures
 from itouch_evidence.sweeps.backends import Measured, Rate, plain, shown, steady
+from itouch_evidence.sweeps.bench_sweep import main as bench
 from itouch_evidence.sweeps.deaths import main as campaign
 from itouch_evidence.sweeps.growth import Client, Parts, SweepCost, extrapolated, line, process
-from itouch_evidence.sweeps.rates import main as bench
 from itouch_tools.cli import main
-from itouch_tools.sweeps.store import RUNS
+from itouch_tools.sweeps.sweep_store import RUNS
 
 SCENE = """<itouch version="1.0"><world><box name="block" size="1 1 1" material="wood"/></world>
   <materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>

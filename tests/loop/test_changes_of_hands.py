@@ -13,7 +13,7 @@ from shipped import SCENES
 
 from itouch import Session, build
 from itouch.loop import render
-from itouch.loop.surface import force, memory
+from itouch.loop.surface import force, surface_memory
 from itouch_evidence.surface import run
 from itouch_evidence.surface.course import Course, Floats, follow
 from itouch_evidence.surface.draw import draw
@@ -185,13 +185,13 @@ def test_the_noise_of_a_force_sensor_is_no_plate_that_bounces(tmp_path: Path, se
 
 def part(share: float, normal: float, pressed: float = 0.0, *, renders: bool = False) -> float:
     """Return the arm's share a tick after it was another, of a normal force [N] of which 2 N are allowed."""
-    c, kept = np.zeros(render.CONSTANTS), np.zeros(memory.MEMORY)
+    c, kept = np.zeros(render.CONSTANTS), np.zeros(surface_memory.MEMORY)
     c[render.FORCE_LIMIT], c[render.HAS_TABLE], c[render.TABLE + 11] = 2.0, 1.0, 1.0
     figures = np.zeros(render.FIGURES)
     figures[render.NORMAL + 2] = 1.0
-    kept[memory.SHARE], kept[memory.RENDERS] = share, float(renders)
+    kept[surface_memory.SHARE], kept[surface_memory.RENDERS] = share, float(renders)
     _part(c, figures, kept, normal, pressed, True)
-    return float(kept[memory.SHARE])
+    return float(kept[surface_memory.SHARE])
 
 
 def test_the_share_of_an_arm_at_its_limit_changes_in_steps_of_what_it_may_give() -> None:
@@ -212,19 +212,19 @@ def test_the_share_of_an_arm_goes_on_from_what_the_plate_leaves_it() -> None:
 )  # fmt: skip
 def test_an_arm_gives_what_a_plate_leaves_of_the_limit(left: float, before: float, most: float) -> None:
     """``before``: what it was cut by a tick ago [N]; the limit of 3 N comes back in small steps."""
-    c, kept, given = np.zeros(render.CONSTANTS), np.zeros(memory.MEMORY), np.array([3.0, 4.0, 0.0])
-    c[render.FORCE_LIMIT], kept[memory.CUT] = 3.0, before
+    c, kept, given = np.zeros(render.CONSTANTS), np.zeros(surface_memory.MEMORY), np.array([3.0, 4.0, 0.0])
+    c[render.FORCE_LIMIT], kept[surface_memory.CUT] = 3.0, before
     _within(c, kept, given, left, np.inf)
     assert given == pytest.approx([0.6 * most, 0.8 * most, 0.0])
 
 
 def test_what_an_arm_is_cut_by_grows_in_steps_where_the_plates_force_is_a_guess() -> None:
-    c, kept, given = np.zeros(render.CONSTANTS), np.zeros(memory.MEMORY), np.array([0.0, 0.0, 3.0])
-    c[render.FORCE_LIMIT], kept[memory.CUT] = 3.0, 0.5
+    c, kept, given = np.zeros(render.CONSTANTS), np.zeros(surface_memory.MEMORY), np.array([0.0, 0.0, 3.0])
+    c[render.FORCE_LIMIT], kept[surface_memory.CUT] = 3.0, 0.5
     _within(c, kept, given, 1.0, force.HAND_STEP)
     assert given[2] == pytest.approx(2.5 - force.HAND_STEP)
     _within(c, kept, given, 2.49, force.HAND_STEP)
-    assert kept[memory.CUT] == pytest.approx(0.51)  # no farther than it must be
+    assert kept[surface_memory.CUT] == pytest.approx(0.51)  # no farther than it must be
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from shipped import SCENES
 
 import itouch
 from itouch.loop import render
-from itouch.loop.frames import Frame
+from itouch.loop.rigid_transforms import Frame
 
 
 @pytest.mark.parametrize(

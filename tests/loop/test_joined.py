@@ -18,7 +18,7 @@ from test_failing_plugins import SCENE, Hum, engine
 
 import itouch
 from itouch.loop import Engine
-from itouch.loop.runner import DeviceFaultError
+from itouch.loop.device_runner import DeviceFaultError
 from itouch.plugin import Bound, Contact, ContactEvent, Device, Field, HeardContact, Record, TwinInputs
 from itouch.plugin.kernels import kernel
 from itouch.testing import joined

@@ -10,7 +10,7 @@ import pytest
 from program import program
 from shipped import SCENES
 
-from itouch.loop.surface import memory as surface
+from itouch.loop.surface import surface_memory as surface
 from itouch.plugin import carried_surfaces
 from itouch_encountered import own
 from itouch_encountered.choosing import FAR_UNCALIBRATED, doubt, touches_unasked

@@ -11,11 +11,11 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch.contact.motion import PIECE_WIDTH, SCRIPT_WIDTH, carry, move_scripted
-from itouch.loop.frames import frame, quaternion
+from itouch.contact.object_motion import PIECE_WIDTH, SCRIPT_WIDTH, carry, move_scripted
+from itouch.loop.rigid_transforms import frame, quaternion
 from itouch.plugin import Contact, poses
 from itouch.schema import SceneError
-from itouch.world.motion import read_motion
+from itouch.world.motion_tables import read_motion
 
 Write = Callable[[str, str], Path]
 MOVING = SCENES / "moving.xml"

@@ -13,7 +13,7 @@ import itouch
 from itouch.joining import is_newest
 from itouch.loop.clock import now
 from itouch.loop.plan import Plan, PlanError
-from itouch.loop.step import Step
+from itouch.loop.tick_step import Step
 from itouch.plugin import Record, TwinInputs
 from itouch.session import Session
 from itouch_tools.cli.__main__ import main

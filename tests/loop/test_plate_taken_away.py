@@ -11,8 +11,8 @@ import pytest
 from kernels_in_python import python_of
 
 from itouch.loop import probe_steps, render
-from itouch.loop.surface import memory as at
 from itouch.loop.surface import plate
+from itouch.loop.surface import surface_memory as at
 from itouch.twin import frame_rotation
 
 ORIGIN, RADIUS, PERIOD = np.array((0.3, -0.2, 0.1)), 0.008, 1e-3

@@ -12,7 +12,7 @@ from shipped import SCENES
 
 import itouch
 from itouch.loop import DeviceFaultError
-from itouch.loop.runner import Status
+from itouch.loop.device_runner import Status
 from itouch.plugin import Device, Modality, Record, World, deadman, pose, wrench
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch_thermal.heat import LEFT_OUT

@@ -135,7 +135,7 @@ def test_these_are_no_more_than_twelve_files() -> None:
 def test_no_other_rows_of_the_tick_decide_on_the_way(traced: dict[str, list[list[str]]]) -> None:
     """What is called of safety, monitors and loop beside them is run by the plan for other steps, or decides nothing."""
     beside = {
-        "loop/engine.py", "loop/clock.py", "loop/step.py", "loop/steps.py", "loop/timing.py",  # run the plan
+        "loop/engine.py", "loop/clock.py", "loop/tick_step.py", "loop/steps.py", "loop/timing.py",  # run the plan
         "loop/surface/ground.py", "monitors/surface_kernels.py", "safety/latch.py",  # asked by one of the rows
         "loop/contact_log.py", "safety/hold_to_run.py",  # another step's
     }  # fmt: skip

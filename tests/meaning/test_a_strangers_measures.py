@@ -11,8 +11,8 @@ import pytest
 import itouch
 from itouch.plugin import Contact, Field, Measured, Modality, discovery, schema
 from itouch_tools.report.collect import collect
-from itouch_tools.report.page import page
 from itouch_tools.report.screen import Screen
+from itouch_tools.report.session_page import page
 
 SCENE = """<itouch version="1.0" xmlns:buzz="urn:itouch:plugin:buzz">
   <materials><material name="wood"><contact stiffness="1.2 N/mm" damping="2 N*s/m" static-friction="0.4"/></material></materials>

@@ -19,7 +19,7 @@ from itouch.world import undeclared
 from itouch_tools.export.bids import export_bids
 from itouch_tools.export.tables import export_csv, export_parquet
 from itouch_tools.report.collect import collect
-from itouch_tools.report.page import page
+from itouch_tools.report.session_page import page
 from itouch_tools.viewer import overlay
 from itouch_tools.viewer.signals import charts
 

@@ -11,7 +11,7 @@ import itouch
 from itouch.plugin import Channel, Device, Field, Twin, discovery
 from itouch.recording import read
 from itouch.schema import SceneError
-from itouch.session.replay import replay
+from itouch.session.replaying import replay
 from itouch.world.state import _device, layout
 
 

@@ -42,7 +42,7 @@ def names() -> frozenset[str]:
 
 #: Words that are names of channels or fields, and stand for something else: file, what they are there.
 MEANT = {
-    "itouch/monitors/heat.py": "limits", "itouch/monitors/limits.py": "limits", "itouch/monitors/every_device.py": "limits",
+    "itouch/monitors/heat.py": "limits", "itouch/monitors/default_limits.py": "limits", "itouch/monitors/every_device.py": "limits",
     "itouch/plugin/__init__.py": "what it exports", "itouch/plugin/channel.py": "default names of factories",
     "itouch/plugin/device.py": "what a twin is told", "itouch/plugin/impedance.py": "the twin's own channels",
     "itouch/schema/__init__.py": "what it exports",
@@ -51,7 +51,7 @@ MEANT = {
     "itouch/world/replaced_limits.py": "limits", "itouch/recording/tracks.py": "recordings of before",
     "itouch/loop/contact_report.py": "the end of a key that says what is missing",
     "itouch/loop/contact_log.py": "keys that reports of before have", "itouch_tools/authoring/lint.py": "an attribute of a scene",
-    "itouch_tools/sweeps/collecting.py": "a kind of figure", "itouch_tools/sweeps/elements.py": "a kind of figure",
+    "itouch_tools/sweeps/collecting.py": "a kind of figure", "itouch_tools/sweeps/sweep_elements.py": "a kind of figure",
     "itouch/recording/views.py": "keys of a viewer's schema", "itouch/recording/wellknown.py": "keys of a viewer's schema",
     "itouch_tools/export/rerun_viewer.py": "keys of a viewer's schema",
     "itouch_evidence/surface/course.py": "devices of the bench's own scenes", "itouch_evidence/surface/laws.py": "a key of the report",

@@ -20,17 +20,17 @@ from itouch.monitors import (
     Surface,
     Trip,
     TripError,
+    carried_surface,
     heat_kernels,
     history_kernels,
     readings,
     runaway_kernels,
-    surface,
     surface_kernels,
     thresholds,
 )
-from itouch.monitors import limits as default
+from itouch.monitors import default_limits as default
+from itouch.monitors.default_limits import DeviceLimits
 from itouch.monitors.heat import History
-from itouch.monitors.limits import DeviceLimits
 from itouch.monitors.runaway import Runaway, drive_of
 from itouch.monitors.runaway_kernels import Look
 from itouch.monitors.surface_kernels import FingerAbove, Load, SurfaceObservation, felt, rise
@@ -994,7 +994,7 @@ PROMISED: dict[Any, dict[str, Any]] = {
               "RUNAWAY_DRIVE": 0.5,
               "RUNAWAY_TIME": 2.0, "RUNAWAY_STILL": 0.1, "RUNAWAY_WRONG": 2.0, "LAG": 0.15, "DRIFT_DRIVE": 0.1,
               "DRIFT_TIME": 10.0, "DRIFT": 10.0, "FULL_STRENGTH": 10.0, "COLDEST_TARGET": 200.0},
-    surface: {"LEVER": 0.1},
+    carried_surface: {"LEVER": 0.1},
     readings: {"TEMPERATURE_JUMP": 20.0, "TEMPERATURE_RANGE": (263.15, 353.15), "FINGER_SPEED": 5.0, "STEPS": 0.002,
                "WORKSPACE": 2.0, "SURFACE_MARGIN": 3.0, "DISAGREEMENT": 3.0, "SATURATED": 1.01},
 }  # fmt: skip

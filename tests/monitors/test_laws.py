@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from parts import LIMITS, PLATE, TABLE, Asked
 
 from itouch.monitors import Heat, Surface, TripError
-from itouch.monitors.limits import DeviceLimits
+from itouch.monitors.default_limits import DeviceLimits
 from itouch_evidence.faults.random_rigs import NARROWEST, campaign, draw, run, tightened
 
 K0 = 273.15

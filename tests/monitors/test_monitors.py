@@ -24,7 +24,7 @@ from itouch.monitors import (
     TripError,
     own_monitors,
 )
-from itouch.monitors.limits import DeviceLimits
+from itouch.monitors.default_limits import DeviceLimits
 from itouch.plugin import (
     Channel,
     Moment,

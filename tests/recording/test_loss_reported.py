@@ -140,7 +140,7 @@ def _recorder_of(launcher: int) -> int:
                 grand = int(Path(f"/proc/{servo}/stat").read_text().rpartition(")")[2].split()[1]) if servo else 0
             except OSError:
                 continue
-            if b"itouch.recording.process" in line and grand == launcher:
+            if b"itouch.recording.writing_process" in line and grand == launcher:
                 return int(folder.name)
         time.sleep(0.02)
     raise AssertionError("nothing is recorded")

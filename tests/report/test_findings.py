@@ -20,9 +20,9 @@ from itouch_tools.report import safety, screen, sections
 from itouch_tools.report.collect import _Shown, collect
 from itouch_tools.report.curves import thinned
 from itouch_tools.report.markup import number, table
-from itouch_tools.report.page import page
 from itouch_tools.report.problem_formats import as_sarif
 from itouch_tools.report.screen import _closing
+from itouch_tools.report.session_page import page
 
 SCENE = """<itouch version="1.0">
   <materials><material name="wood"><contact stiffness="1.2 N/mm" damping="1 N*s/m" static-friction="0.4"/></material>

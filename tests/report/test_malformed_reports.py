@@ -13,7 +13,7 @@ from shipped import SCENES
 
 import itouch
 from itouch_tools.report import collect as collecting
-from itouch_tools.report.page import page
+from itouch_tools.report.session_page import page
 
 JUNK = [None, True, -1, 10**400, float("nan"), float("inf"), "x", "</script>", [], [1, [2]], {}, {"a": {"b": []}}, 0.5]
 

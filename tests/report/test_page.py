@@ -23,7 +23,7 @@ import itouch
 from itouch_tools.report import sections
 from itouch_tools.report.collect import collect
 from itouch_tools.report.curves import NUMBERS_CONTACTS, NUMBERS_WHOLE, Block
-from itouch_tools.report.page import Packer, page, scene_picture
+from itouch_tools.report.session_page import Packer, page, scene_picture
 
 SETTLE = """new Promise(done => { const wait = () => document.querySelector("path.curve") ? setTimeout(() => done(true), 300)
   : setTimeout(wait, 50); wait(); })"""

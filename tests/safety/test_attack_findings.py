@@ -16,8 +16,8 @@ from test_unknown_devices import Nothing, Plate, catalog, plate, scene
 import itouch
 from itouch.loop import WallClock
 from itouch.monitors import Ordinary
-from itouch.monitors import limits as default
-from itouch.monitors.limits import DeviceLimits
+from itouch.monitors import default_limits as default
+from itouch.monitors.default_limits import DeviceLimits
 from itouch.plugin import (
     HOLD,
     Channel,

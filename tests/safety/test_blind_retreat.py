@@ -17,7 +17,7 @@ import pytest
 from numpy.typing import NDArray
 from parts import ARM, LIMITS, PERIOD, TABLE, Fake, Supervised, model, state
 
-from itouch.monitors.limits import PLATE_FORCE_ABSOLUTE
+from itouch.monitors.default_limits import PLATE_FORCE_ABSOLUTE
 from itouch.plugin import Record
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, TrackedFinger, Trip

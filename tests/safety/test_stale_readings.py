@@ -11,7 +11,7 @@ from test_unknown_devices import Nothing, catalog, scene
 
 import itouch
 from itouch.loop import WallClock
-from itouch.monitors.limits import WATCHDOG
+from itouch.monitors.default_limits import WATCHDOG
 from itouch.plugin import Device, Record, Role, current, deadman, pose, wrench
 from itouch.safety import DeviceFaultError, Trip
 from itouch.world.safe_values import oldest, stale

@@ -15,9 +15,9 @@ from test_unknown_devices import Nothing, catalog
 
 from itouch.plugin import Channel, Device, Record, pose, wrench
 from itouch.session.building import load_scene
-from itouch.session.limits import stated
+from itouch.session.stored_limits import stated
 from itouch.world.model import compile_scene
-from itouch_tools.report.limits import limit_rows
+from itouch_tools.report.limits_in_words import limit_rows
 
 PROBE = '<interaction><probe name="finger" pose-from="pad"/></interaction>'
 HANDLE = wrench(force=8.0, torque=0.2)

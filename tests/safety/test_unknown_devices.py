@@ -31,7 +31,7 @@ from itouch.plugin import (
 from itouch.plugin.discovery import Catalog, Found
 from itouch.schema import SceneError
 from itouch_tools.cli.check import main as check
-from itouch_tools.report.limits import limit_rows
+from itouch_tools.report.limits_in_words import limit_rows
 from itouch_tools.report.safety.rules import rules
 
 K0, ROOM = 273.15, 296.15

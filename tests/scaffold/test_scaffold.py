@@ -19,7 +19,7 @@ from itouch.plugin import DeviceError, Terminal
 from itouch.schema import ItouchError
 from itouch_tools.cli import main
 from itouch_tools.scaffold import make_plugin, make_scene
-from itouch_tools.scaffold.plugin import KINDS, TRANSPORTS
+from itouch_tools.scaffold.plugin_distribution import KINDS, TRANSPORTS
 
 #: Each kind and each transport is finished once in the short form; all of them together in the long one.
 #: In the long form: CI goes the same way with the built wheel (.ci/kit_from_wheel.sh).

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import itouch
-from itouch.monitors.limits import FORCE
+from itouch.monitors.default_limits import FORCE
 from itouch.scene.elements.materials import Magnetic, StickSlip
 from itouch.schema import SceneError
 from itouch_tools.cli import main

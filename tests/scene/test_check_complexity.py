@@ -10,7 +10,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene.loader import read_scene
 from itouch.schema import diagnostics
 from itouch.schema.diagnostics import Adviser, Place, Problem
-from itouch_evidence import check as bench
+from itouch_evidence import bench_check as bench
 
 _SCENE = '<itouch version="1.0"><materials>{}</materials><world temperature="23 °C">{}</world></itouch>'
 

@@ -15,7 +15,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene import loads, read_scene, write
 from itouch.schema import Problem, SceneError
 from itouch.world import Model, compile_scene
-from itouch.world.files import contents
+from itouch.world.scene_files import contents
 from itouch_tools.cli import main
 
 
@@ -201,9 +201,9 @@ def test_its_attributes_are_checked(folder: Path, attribute: str, code: str) -> 
 
 
 def test_all_meshes_together_have_a_bound(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from itouch.world import shapes
+    from itouch.world import object_shapes
 
-    monkeypatch.setattr(shapes, "MAX_TRIANGLES", 30)
+    monkeypatch.setattr(object_shapes, "MAX_TRIANGLES", 30)
     bodies = [MESH.replace('"a"', f'"m{n}" scale="{n + 1}"') for n in range(4)]
     assert not compiled(folder, scene("\n".join(bodies[:2] + bodies[:1]).replace("m0", "x", 1)))[1]
     _, problems = compiled(folder, scene("\n".join(bodies)))
@@ -212,10 +212,10 @@ def test_all_meshes_together_have_a_bound(folder: Path, monkeypatch: pytest.Monk
 
 
 def test_all_files_together_have_a_bound(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from itouch.world import files
+    from itouch.world import scene_files
 
     (folder / "other.stl").write_bytes(cube(0.03))
-    monkeypatch.setattr(files, "MOST_BYTES", 1000)
+    monkeypatch.setattr(scene_files, "MOST_BYTES", 1000)
     problem = the_problem(folder, scene(MESH + MESH.replace('"a" file="cube', '"b" file="other')))
     assert problem.code == "mesh-too-large"
     assert problem.place is not None

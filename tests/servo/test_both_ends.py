@@ -15,9 +15,9 @@ from itouch.plugin import DeviceError, Field, Record, Role, Twin
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import control_block as control
-from itouch.servo import wire
-from itouch.servo.commands import Commands, OperatorRequests
+from itouch.servo import twin_protocol
 from itouch.servo.link import Link
+from itouch.servo.operator_requests import Commands, OperatorRequests
 from itouch.servo.remote import RemoteTwin
 from itouch.servo.serve import Servo
 from itouch.servo.twin_server import TwinServer
@@ -96,14 +96,14 @@ def test_the_newest_of_a_remote_twin_counts_until_it_makes_itself_safe() -> None
     state, reading = Record.of([Field("height")]), Record.of([Field("pose")])
 
     def says(height: float, flags: int) -> None:
-        far.send(wire.head(wire.TELL, 1, flags) + np.array([height, -height]).tobytes())
+        far.send(twin_protocol.head(twin_protocol.TELL, 1, flags) + np.array([height, -height]).tobytes())
 
     assert twin.read(state, reading) is False
-    says(1.0, wire.BEGUN)
-    says(2.0, wire.BEGUN | wire.OUTPUTS_SAFE | wire.CLEAR)
+    says(1.0, twin_protocol.BEGUN)
+    says(2.0, twin_protocol.BEGUN | twin_protocol.OUTPUTS_SAFE | twin_protocol.CLEAR)
     assert twin.read(state, reading) is True
     assert (state["height"].item(), reading["pose"].item()) == (2.0, -2.0)
-    says(3.0, wire.BEGUN | wire.LATCHED)
+    says(3.0, twin_protocol.BEGUN | twin_protocol.LATCHED)
     with pytest.raises(DeviceError, match="made itself safe"):
         twin.read(state, reading)
     far.close()
@@ -117,7 +117,7 @@ def table() -> Iterator[TwinServer]:
     catalog = Catalog()
     model = build_devices(loads(TABLE.encode(), catalog), catalog, [])["table"]
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    listener.bind(wire.address(f"test-{os.getpid()}", "table"))
+    listener.bind(twin_protocol.address(f"test-{os.getpid()}", "table"))
     found = TwinServer(model, listener, watchdog=0.1, period=1e-3)
     yield found
     found.close()
@@ -131,7 +131,7 @@ def test_a_plate_is_safe_as_it_sinks_and_at_the_bottom_and_not_where_it_stands(t
     def safe(height: float) -> bool:
         goal[2] = height
         table._steps += 1
-        return bool(table._judge() & wire.OUTPUTS_SAFE)
+        return bool(table._judge() & twin_protocol.OUTPUTS_SAFE)
 
     assert not safe(bottom + 0.02)
     assert safe(bottom + 0.019)  # it sinks

@@ -15,7 +15,7 @@ import pytest
 from program import program as run
 from shipped import SCENES
 
-from itouch_evidence.loop import PROCESS, PYTHON, THREAD, Row, measure
+from itouch_evidence.bench_loop import PROCESS, PYTHON, THREAD, Row, measure
 from itouch_tools.cli.doctor.diagnosis import Diagnosis
 from itouch_tools.cli.doctor.verdict import Measured, judge
 

@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import pytest
 
 import itouch
-from itouch.servo import wire
+from itouch.servo import twin_protocol
 from itouch_evidence.deaths import kills_at_start
 from itouch_evidence.deaths.campaign import cases, strike_again
 from itouch_evidence.deaths.observer import Observer
@@ -147,7 +147,7 @@ def test_without_a_guardian_nothing_begins_to_obey(tmp_path: Path) -> None:
         with pytest.raises(itouch.ServoError, match="nothing is enabled without it"):
             handle.wait(300)
         assert observer.wait(300)
-        assert not any(flags & wire.BEGUN for steps in observer.seen.values() for _, flags in steps)
+        assert not any(flags & twin_protocol.BEGUN for steps in observer.seen.values() for _, flags in steps)
         assert handle.link.tick == 0
 
 
@@ -162,8 +162,8 @@ def test_what_is_on_its_way_out_holds_its_socket_for_a_while(monkeypatch: pytest
 @pytest.mark.punctual
 def test_a_second_opener_makes_one_twin_safe_and_the_session_notices(remote: Path) -> None:
     with itouch.launch(remote) as handle:
-        line = wire.connect(wire.address(handle.name, "table"), 10.0)
-        line.send(wire.SAFE + b"a test")
+        line = twin_protocol.connect(twin_protocol.address(handle.name, "table"), 10.0)
+        line.send(twin_protocol.SAFE + b"a test")
         with pytest.raises(itouch.DeviceFaultError, match="table") as caught:
             handle.wait(300)
         assert "made itself safe" in str(caught.value)

@@ -51,7 +51,7 @@ import sys
 
 def serve(segment, outbox, config):
     if config["here"]:
-        sys.modules["itouch.servo.errors"] = None
+        sys.modules["itouch.servo.error_transport"] = None
     raise ValueError("what went wrong")
 """
 
@@ -64,7 +64,7 @@ def test_a_part_of_the_program_that_is_missing_while_it_is_upgraded_is_told(
     (tmp_path / "broken_build.py").write_text(MISSING, encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
     if not here:
-        monkeypatch.setitem(sys.modules, "itouch.servo.errors", None)
+        monkeypatch.setitem(sys.modules, "itouch.servo.error_transport", None)
     handle = launching.begin("missing", {"serves": "broken_build:serve", "here": here})
     with pytest.raises(ServoError, match=said):
         assert handle.wait(120.0)

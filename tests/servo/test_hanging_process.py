@@ -14,7 +14,7 @@ import pytest
 
 import itouch
 from itouch.servo import control_block as at
-from itouch.servo.errors import let_go
+from itouch.servo.error_transport import let_go
 from itouch.servo.guardian import ORPHAN_TIME, SILENCE, Guardian, LastWords, Process
 from itouch.servo.shared_memory import monotonic
 from itouch_evidence.deaths.observer import Observer

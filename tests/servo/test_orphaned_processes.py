@@ -13,14 +13,14 @@ import pytest
 from itouch.plugin import Field, Record, TwinInputs
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
-from itouch.servo import wire
+from itouch.servo import twin_protocol
 from itouch.servo.twin_server import TwinServer
 from itouch.world.rig import build_devices
 from itouch_tools.cli.doctor.touch_scene import scene
 
 
 @pytest.mark.parametrize(
-    "words", [("itouch.servo.twin", "0", "1"), ("itouch.servo.compile_ahead", "no such scene", "--parent", "1")]
+    "words", [("itouch.servo.twin_process", "0", "1"), ("itouch.servo.compile_ahead", "no such scene", "--parent", "1")]
 )
 def test_a_process_whose_parent_has_gone_does_not_begin(words: tuple[str, ...]) -> None:
     """It neither waits for what it is to do, which never comes here, nor looks at it."""
@@ -42,14 +42,14 @@ def table() -> Iterator[tuple[TwinServer, socket.socket]]:
     """Return a remote table with a watchdog of 100 ms of its own clock, and who commands it."""
     catalog = Catalog()
     model = build_devices(loads(scene().encode(), catalog), catalog, [])["table"]
-    address = wire.address(f"alone-{os.getpid()}", "table")
+    address = twin_protocol.address(f"alone-{os.getpid()}", "table")
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     listener.bind(address)
     listener.listen(8)
     server = TwinServer(model, listener, watchdog=0.1, period=1e-3)
     server._heard = 1 << 62  # its watchdog looks at the clock on the wall, which is not what is tried here
-    line = wire.connect(address)
-    line.send(wire.head(wire.INIT, 0, 0) + server.state.tobytes())
+    line = twin_protocol.connect(address)
+    line.send(twin_protocol.head(twin_protocol.INIT, 0, 0) + server.state.tobytes())
     server.step()
     yield server, line
     line.close()
@@ -67,10 +67,14 @@ def test_a_plate_whose_next_step_down_is_late_is_still_on_its_way_down(
         for _ in range(steps):
             if height is not None:
                 command[name][2] = height
-                line.send(wire.head(wire.COMMAND, 1, 0) + command.tobytes() + wire.pack_touch(TwinInputs()))
+                line.send(
+                    twin_protocol.head(twin_protocol.COMMAND, 1, 0)
+                    + command.tobytes()
+                    + twin_protocol.pack_touch(TwinInputs())
+                )
             server.step()
             server._heard = 1 << 62
-        return bool(server.flags & wire.OUTPUTS_SAFE)
+        return bool(server.flags & twin_protocol.OUTPUTS_SAFE)
 
     assert not safe(0.03)  # the first height is no way down
     assert not safe(0.03, 5) and safe(0.029)
@@ -87,7 +91,7 @@ from itouch.servo.shared_memory import SharedMemory
 
 class Endless:
     def find_spec(self, name, path=None, target=None):
-        if name in ("itouch.servo.errors", "itouch.loop"):
+        if name in ("itouch.servo.error_transport", "itouch.loop"):
             threading.Event().wait()
 
 sys.meta_path.insert(0, Endless())

@@ -17,7 +17,7 @@ from itouch.platforms import lives
 from itouch.plugin import TwinInputs
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
-from itouch.servo import twin_server, wire
+from itouch.servo import twin_protocol, twin_server
 from itouch.servo.parent_process import ProcessEnd, gone
 from itouch.servo.twin_server import TwinServer
 from itouch.world.rig import build_devices
@@ -54,7 +54,7 @@ def server() -> Iterator[tuple[TwinServer, str]]:
     """Return a remote twin that steps when it is told to, and where it listens."""
     catalog = Catalog()
     model = build_devices(loads(SCENE.encode(), catalog), catalog, [])["arm"]
-    address = wire.address(f"test-{os.getpid()}", "arm")
+    address = twin_protocol.address(f"test-{os.getpid()}", "arm")
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     listener.bind(address)
     listener.listen(8)
@@ -75,23 +75,31 @@ def test_only_the_same_user_can_stop_a_remote_twin(server: tuple[TwinServer, str
     stranger.join()
     flags = twin.flags
     assert told == ["heard" if heard else "hung up"]
-    assert bool(flags & wire.LATCHED) is heard
+    assert bool(flags & twin_protocol.LATCHED) is heard
 
 
 def test_a_second_opener_does_not_take_a_twin_from_its_session(server: tuple[TwinServer, str]) -> None:
     twin, address = server
-    first, second = wire.connect(address, 5.0), wire.connect(address, 5.0)
-    begin = wire.head(wire.INIT, 0, 0) + twin.state.tobytes()
+    first, second = twin_protocol.connect(address, 5.0), twin_protocol.connect(address, 5.0)
+    begin = twin_protocol.head(twin_protocol.INIT, 0, 0) + twin.state.tobytes()
     first.send(begin)
     twin.step()
     twin.step()
     second.send(begin)
-    second.send(wire.head(wire.COMMAND, 7, 0) + twin.command.tobytes() + wire.pack_touch(TwinInputs()))
+    second.send(
+        twin_protocol.head(twin_protocol.COMMAND, 7, 0)
+        + twin.command.tobytes()
+        + twin_protocol.pack_touch(TwinInputs())
+    )
     twin.step()
-    assert not twin.flags & wire.BEGUN  # nobody's command was taken
-    first.send(wire.head(wire.COMMAND, 1, 0) + twin.command.tobytes() + wire.pack_touch(TwinInputs()))
+    assert not twin.flags & twin_protocol.BEGUN  # nobody's command was taken
+    first.send(
+        twin_protocol.head(twin_protocol.COMMAND, 1, 0)
+        + twin.command.tobytes()
+        + twin_protocol.pack_touch(TwinInputs())
+    )
     twin.step()
-    assert twin.flags & wire.BEGUN
+    assert twin.flags & twin_protocol.BEGUN
     first.close()
     second.close()
 
@@ -101,17 +109,17 @@ def test_a_packet_that_is_cut_off_ends_its_sender_and_not_the_twin(
     server: tuple[TwinServer, str], packet: bytes
 ) -> None:  # fmt: skip
     twin, address = server
-    first, second = wire.connect(address, 5.0), wire.connect(address, 5.0)
-    if packet[:1] == wire.COMMAND:
-        first.send(wire.head(wire.INIT, 0, 0) + twin.state.tobytes())
-    second.send(wire.WATCH)
+    first, second = twin_protocol.connect(address, 5.0), twin_protocol.connect(address, 5.0)
+    if packet[:1] == twin_protocol.COMMAND:
+        first.send(twin_protocol.head(twin_protocol.INIT, 0, 0) + twin.state.tobytes())
+    second.send(twin_protocol.WATCH)
     twin.step()
     first.send(packet)
     for _ in range(3):
         twin.step()
-    assert bool(twin.flags & wire.LATCHED) is (packet[:1] == wire.COMMAND)  # its session has gone
-    assert second.recv(wire.PACKET)
-    while first.recv(wire.PACKET):
+    assert bool(twin.flags & twin_protocol.LATCHED) is (packet[:1] == twin_protocol.COMMAND)  # its session has gone
+    assert second.recv(twin_protocol.PACKET)
+    while first.recv(twin_protocol.PACKET):
         pass  # what it was told before; then it is hung up on
     first.close()
     second.close()
@@ -122,7 +130,7 @@ def test_who_talks_without_an_end_does_not_hold_up_a_step(
 ) -> None:  # fmt: skip
     twin, address = server
     monkeypatch.setattr(twin_server, "PACKETS", 3)
-    line = wire.connect(address, 5.0)
+    line = twin_protocol.connect(address, 5.0)
     twin.step()
     heard = list[bytes]()
     monkeypatch.setattr(twin, "_hear", lambda client, packet: heard.append(packet))
@@ -137,7 +145,7 @@ def test_who_talks_without_an_end_does_not_hold_up_a_step(
 
 
 def test_where_strangers_take_every_place_a_session_waits_for_one() -> None:
-    address = wire.address(f"test-{os.getpid()}", "crowd")
+    address = twin_protocol.address(f"test-{os.getpid()}", "crowd")
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     listener.bind(address)
     listener.listen(1)
@@ -148,8 +156,8 @@ def test_where_strangers_take_every_place_a_session_waits_for_one() -> None:
             crowd[-1].setblocking(False)
             crowd[-1].connect(address)
     with pytest.raises(OSError):
-        wire.connect(address, 0.05)
-    session = threading.Thread(target=lambda: found.append(wire.connect(address, 60.0)))
+        twin_protocol.connect(address, 0.05)
+    session = threading.Thread(target=lambda: found.append(twin_protocol.connect(address, 60.0)))
     session.start()
     session.join(0.2)
     assert session.is_alive()  # it waits, and is not refused
@@ -173,14 +181,14 @@ def test_a_session_does_not_talk_to_a_strangers_twin() -> None:
         assert process.stdout is not None
         assert process.stdout.readline() == b"up\n"
         with pytest.raises(PermissionError, match="another user"):
-            wire.connect("\0" + name, 5.0)
+            twin_protocol.connect("\0" + name, 5.0)
         process.kill()
 
 
 def test_the_same_user_is_known_by_the_kernel() -> None:
     one, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    assert wire.same_user(one)
-    assert wire.same_user(other)
+    assert twin_protocol.same_user(one)
+    assert twin_protocol.same_user(other)
     one.close()
     other.close()
 

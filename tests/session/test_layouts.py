@@ -14,7 +14,7 @@ from shipped import SCENES
 import itouch
 from itouch.plugin import Field, Modality, Record
 from itouch.plugin.discovery import Catalog, Found, find
-from itouch.session.layout import ChangedFields, adopt, compare
+from itouch.session.layout_mapping import ChangedFields, adopt, compare
 
 SCENE = """<itouch version="1.0" xmlns:tone="urn:itouch:plugin:tone">
   <materials><material name="wood"><contact stiffness="1 N/mm"/></material></materials>

@@ -14,12 +14,12 @@ from itouch.loop.timing import WAKE_UP, Timing
 from itouch.plugin.discovery import Catalog
 from itouch.session import load_scene
 from itouch.world import Model
-from itouch_evidence import batch as bench
+from itouch_evidence import bench_batch as bench
 from itouch_evidence import start as start_bench
 from itouch_evidence.start import Start, table
 from itouch_tools.cli import main
-from itouch_tools.cli.doctor import rates, timer
-from itouch_tools.cli.doctor.rates import Held
+from itouch_tools.cli.doctor import held_rates, timer
+from itouch_tools.cli.doctor.held_rates import Held
 from itouch_tools.cli.doctor.timer import waited
 
 FIRST = SCENES / "first_touch.xml"
@@ -47,8 +47,8 @@ def test_a_rate_is_held_only_if_nearly_no_tick_overran(changes: dict[str, Any], 
 
 def test_the_fastest_rate_that_is_held_is_named() -> None:
     rows = [GOOD, replace(GOOD, rate_hz=2000.0), replace(GOOD, rate_hz=4000.0, overruns_own=50)]
-    assert rates.best(rows) == "this machine holds 2000 Hz for this scene"
-    assert rates.best(rows[2:]) == "this machine holds none of these rates"
+    assert held_rates.best(rows) == "this machine holds 2000 Hz for this scene"
+    assert held_rates.best(rows[2:]) == "this machine holds none of these rates"
 
 
 def test_each_rate_is_run_and_a_modality_that_does_not_divide_it_is_told(
@@ -65,7 +65,7 @@ def test_each_rate_is_run_and_a_modality_that_does_not_divide_it_is_told(
         times.record["overruns"][...], times.record["culprits"][:2] = 5, (1, 4)
         return times
 
-    monkeypatch.setattr(rates, "in_process", run)
+    monkeypatch.setattr(held_rates, "in_process", run)
     assert main(["doctor", "--rates", str(FIRST), "--measure", "2s", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert asked == [(1000.0, 2.0, True), (2000.0, 2.0, True), (4000.0, 2.0, True)]
@@ -128,8 +128,8 @@ def test_rates_beside_busy_processes_are_set_beside_a_bare_timer(
             times.add([0.0, 3e-5])
         return times
 
-    monkeypatch.setattr(rates, "in_process", run)
-    monkeypatch.setattr(rates, "RATES", (4000.0,))
+    monkeypatch.setattr(held_rates, "in_process", run)
+    monkeypatch.setattr(held_rates, "RATES", (4000.0,))
     assert main(["doctor", "--rates", str(FIRST), "--measure", "0.1s", "--busy", "1", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rates"]
     assert [row["bare_ticks"] for row in rows] == [400]

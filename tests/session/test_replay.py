@@ -15,7 +15,7 @@ from shipped import SCENES
 import itouch
 from itouch.recording import Recording
 from itouch.session.manifest import host_facts
-from itouch.session.replay import Mismatch, Replay
+from itouch.session.replaying import Mismatch, Replay
 from itouch_tools.cli import main
 
 
@@ -85,7 +85,7 @@ def test_other_versions_are_named_where_commands_differ(
 ) -> None:
     record(tmp_path / "r.mcap", "first_touch", 0.2)
     facts = host_facts()
-    monkeypatch.setattr("itouch.session.replay.host_facts", lambda: {**facts, "numpy": "9.9.9", "cores": 96})
+    monkeypatch.setattr("itouch.session.replaying.host_facts", lambda: {**facts, "numpy": "9.9.9", "cores": 96})
     outcome = itouch.replay(tmp_path / "r.mcap")
     assert outcome.elsewhere == (f"numpy {np.__version__} (9.9.9 here)",)
     assert main(["replay", str(tmp_path / "r.mcap")]) == 0  # equal: then nothing is to be said of versions

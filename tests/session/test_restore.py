@@ -15,7 +15,7 @@ from running import RUNNABLE, advance, digest, in_a_new_process
 from shipped import SCENES
 
 import itouch
-from itouch.session.errors import SessionError
+from itouch.session.session_error import SessionError
 
 #: The run of the promise: its ticks, and where it is stopped.
 TICKS, STOP = size(3111, 7777), size(1571, 3141)

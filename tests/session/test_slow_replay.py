@@ -12,7 +12,7 @@ from test_hardware import SCENE, Params, catalog, stick
 import itouch
 from itouch.plugin import Channel, Device, Field, Record, Timing, Twin, TwinInputs
 from itouch.recording import read
-from itouch.session.replay import Replay
+from itouch.session.replaying import Replay
 
 
 @pytest.mark.parametrize("every", [1, 3, 7])

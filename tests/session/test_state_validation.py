@@ -11,7 +11,7 @@ from shipped import SCENES
 
 import itouch
 from itouch.plugin import Field
-from itouch.session.engine import Session
+from itouch.session.session import Session
 from itouch.session.state_validation import validate_state
 
 HUGE = float(1 << 62)

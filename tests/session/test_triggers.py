@@ -19,8 +19,8 @@ from shipped import SCENES
 
 import itouch
 from itouch.plugin import Terminal
-from itouch.session.errors import SessionError
 from itouch.session.outputs import Outputs, open_outputs
+from itouch.session.session_error import SessionError
 from itouch.session.trigger_ports import ParallelWire, wire
 from itouch.session.triggers import CONTACT, LOST, PULSE, Triggers
 from itouch_tools.cli import sync

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import itouch
 from itouch.schema import ItouchError
-from itouch_evidence.sound import peaks
+from itouch_evidence.bench_sound import peaks
 from itouch_tools.sound import Bank, SoundTrack, Synth, write_wav
 from itouch_tools.sound.modal import RATE
 from itouch_tools.sound.sliding import Sliding

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from shipped import SCENES
 
 import itouch
-from itouch_evidence.sound import peaks
+from itouch_evidence.bench_sound import peaks
 from itouch_tools.cli import main
 from itouch_tools.sound import Bank, SoundTrack, Synth
 from itouch_tools.sound.modal import RATE

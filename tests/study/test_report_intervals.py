@@ -15,7 +15,7 @@ from test_study import Hands, written
 from itouch_tools.cli import main
 from itouch_tools.study import simulate as simulation
 from itouch_tools.study import statistics as stats
-from itouch_tools.study.store import Row, Store
+from itouch_tools.study.study_store import Row, Store
 
 LEVELS = '<factor name="gain" levels="0.6 0.8 1.0 1.2 1.4" set="wood/contact.static-friction"/>'
 ODD = 'kind="odd" factor="material" standard="wood"'

@@ -27,15 +27,15 @@ from shipped import SCENES
 from itouch.plugin.discovery import Catalog
 from itouch_tools.cli import main
 from itouch_tools.study.analysis import analyse
-from itouch_tools.study.answers import AnswerError, Question, Script, Stopped
-from itouch_tools.study.elements import Task
+from itouch_tools.study.answer_sources import AnswerError, Question, Script, Stopped
 from itouch_tools.study.frozen import digest_of
-from itouch_tools.study.page import page
+from itouch_tools.study.participant_session import Run
 from itouch_tools.study.progression import Course
-from itouch_tools.study.reading import load_study
-from itouch_tools.study.run import Run
 from itouch_tools.study.session_display import Shown
-from itouch_tools.study.store import Row, Store
+from itouch_tools.study.study_elements import Task
+from itouch_tools.study.study_page import page
+from itouch_tools.study.study_reading import load_study
+from itouch_tools.study.study_store import Row, Store
 from itouch_tools.study.tasks import is_right, taken_answer
 from itouch_tools.study.trials import Trial
 
@@ -112,7 +112,7 @@ def test_a_session_that_is_stopped_goes_on_to_the_same_rows(
 _KILLED = """
 import os, signal, sys
 from itouch_tools.cli import main
-from itouch_tools.study.store import Store
+from itouch_tools.study.study_store import Store
 when, number, argv = sys.argv[1], int(sys.argv[2]), sys.argv[3:]
 made = 0
 add = Store.add

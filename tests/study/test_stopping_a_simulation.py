@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from itouch_tools.study.store import Store
+from itouch_tools.study.study_store import Store
 
 SCENE = """<itouch version="1.0" xmlns:thermal="urn:itouch:plugin:thermal">
   <include file="itouch:materials.xml"/>

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from itouch_tools.study.store import Row, Store, StoredSession, StoreError
+from itouch_tools.study.study_store import Row, Store, StoredSession, StoreError
 
 ROW = Row("P01", 0, "main", "identify", {"material": "wood"}, ["wood"], 1.0, 2.0, "s1.mcap", "2026-01-01T00:00:00Z",
           answer="wood", right=1, reaction_s=0.8, felt=[{"mean_flux_W_m2": 830.0}])  # fmt: skip

@@ -9,11 +9,11 @@ import pytest
 from sweeping import COLLECT, VARIED, written
 
 from itouch.plugin.discovery import Catalog
+from itouch_evidence.sweeps.bench_sweep import main as bench
 from itouch_evidence.sweeps.empty_runs import InstantPool, client_alone
-from itouch_evidence.sweeps.rates import main as bench
-from itouch_tools.sweeps.client import Client
-from itouch_tools.sweeps.reading import load_sweep
-from itouch_tools.sweeps.store import table
+from itouch_tools.sweeps.sweep_client import Client
+from itouch_tools.sweeps.sweep_reading import load_sweep
+from itouch_tools.sweeps.sweep_store import table
 
 
 def many(folder: Path, seeds: int) -> Path:

@@ -16,7 +16,7 @@ import pytest
 from sweeping import COLLECT, VARIED, written
 from test_sweeping import Breaking, swept
 
-from itouch_tools.sweeps.store import rows, table
+from itouch_tools.sweeps.sweep_store import rows, table
 from itouch_tools.sweeps.worker import close_runners
 
 

@@ -11,8 +11,8 @@ from sweeping import COLLECT, VARIED, written
 
 from itouch.plugin.discovery import Catalog
 from itouch_tools.cli import main
-from itouch_tools.sweeps.elements import Sweep
-from itouch_tools.sweeps.reading import load_sweep, read_sweep
+from itouch_tools.sweeps.sweep_elements import Sweep
+from itouch_tools.sweeps.sweep_reading import load_sweep, read_sweep
 
 
 def problems(folder: Path, inside: str) -> list[tuple[str, int, str]]:

@@ -14,10 +14,10 @@ from sweeping import COLLECT, written
 
 from itouch.plugin.discovery import Catalog
 from itouch_tools.sweeps import sampling
-from itouch_tools.sweeps.elements import Draws, Over
-from itouch_tools.sweeps.plan import Axis, Level, Plan, digest_of
-from itouch_tools.sweeps.reading import load_sweep
+from itouch_tools.sweeps.run_plan import Axis, Level, Plan, digest_of
 from itouch_tools.sweeps.sampling import Points, value_of
+from itouch_tools.sweeps.sweep_elements import Draws, Over
+from itouch_tools.sweeps.sweep_reading import load_sweep
 from itouch_tools.sweeps.sweepfile import SweepFile
 
 OVER = (

@@ -17,11 +17,11 @@ from sweeping import COLLECT, OWN, VARIED, written
 import itouch
 from itouch.plugin.discovery import Catalog
 from itouch_tools.sweeps import worker
-from itouch_tools.sweeps.paths import advice, values
-from itouch_tools.sweeps.plan import Run
 from itouch_tools.sweeps.provenance import differences
-from itouch_tools.sweeps.reading import load_sweep
+from itouch_tools.sweeps.report_paths import advice, values
+from itouch_tools.sweeps.run_plan import Run
 from itouch_tools.sweeps.running import Running
+from itouch_tools.sweeps.sweep_reading import load_sweep
 from itouch_tools.sweeps.work import Work, work_of
 from itouch_tools.sweeps.worker import close_runners, work_on
 

@@ -13,8 +13,8 @@ import pytest
 from sweeping import written
 
 from itouch.plugin.discovery import Catalog
-from itouch_tools.sweeps.reading import load_sweep
-from itouch_tools.sweeps.store import INCOMING, RUNS, Store, StoreError, paths_of, table
+from itouch_tools.sweeps.sweep_reading import load_sweep
+from itouch_tools.sweeps.sweep_store import INCOMING, RUNS, Store, StoreError, paths_of, table
 from itouch_tools.sweeps.sweepfile import SweepFile
 from itouch_tools.sweeps.work import Work, work_of
 

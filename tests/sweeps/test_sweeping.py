@@ -22,14 +22,14 @@ from sweeping import COLLECT, VARIED, written
 import itouch
 from itouch.plugin.discovery import Catalog
 from itouch_tools.cli import main
-from itouch_tools.sweeps.client import Client, SweepError
 from itouch_tools.sweeps.cost_estimate import estimate
-from itouch_tools.sweeps.elements import Enough, Stop
 from itouch_tools.sweeps.engines import Engine, EngineLostError, NoEngineError
-from itouch_tools.sweeps.progress import Progress
-from itouch_tools.sweeps.reading import load_sweep
 from itouch_tools.sweeps.running import Running
-from itouch_tools.sweeps.store import PLAN, RUNS, paths_of, rows, table
+from itouch_tools.sweeps.sweep_client import Client, SweepError
+from itouch_tools.sweeps.sweep_elements import Enough, Stop
+from itouch_tools.sweeps.sweep_progress import Progress
+from itouch_tools.sweeps.sweep_reading import load_sweep
+from itouch_tools.sweeps.sweep_store import PLAN, RUNS, paths_of, rows, table
 from itouch_tools.sweeps.work import work_of
 from itouch_tools.sweeps.worker import close_runners
 

@@ -21,9 +21,9 @@ from shipped import SCENES
 from slider import Slider, SliderParams
 
 from itouch.plugin import Timing, schema
-from itouch.testing import DeviceSubject, DeviceTests, EmulatorTests, timing
+from itouch.testing import DeviceSubject, DeviceTests, EmulatorTests, call_times
 from itouch.testing.checks import CheckResult
-from itouch.testing.running import last_error
+from itouch.testing.engine_checks import last_error
 from itouch.testing.score_card import Card
 from itouch.testing.suites import DEVICE_CHECKS, EMULATOR_CHECKS
 
@@ -158,7 +158,7 @@ def test_where_parameters_check_the_form_of_an_address_nowhere_has_that_form() -
 
 def test_what_one_attempt_leaves_running_excuses_nothing_in_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
     found = iter([0.0])  # before the first attempt; from then on nothing runs undisturbed
-    monkeypatch.setattr(timing, "_held_up", lambda: next(found, 1e6))
+    monkeypatch.setattr(call_times, "_held_up", lambda: next(found, 1e6))
     finding = CHECKS["twin-timing"].examine(DeviceSubject(of("WaitsNowAndThen"), "slider"))
     assert finding.outcome == "failed" and "calls of the twin wait" in finding.note, finding.note
 

@@ -16,12 +16,12 @@ from shipped import SCENES
 
 import itouch
 from itouch.plugin.discovery import Catalog
-from itouch.scene.writer import write
+from itouch.scene.canonical_xml import write
 from itouch.schema.hold_until import Until
 from itouch.twin import waits
 from itouch.twin.mechanics import AlongPath
 from itouch.world import Model
-from itouch.world.skin import LONGEST, SkinSource, skin_of, window_ticks
+from itouch.world.skin_source import LONGEST, SkinSource, skin_of, window_ticks
 from itouch_tools.authoring.xsd import schemas
 from itouch_tools.cli import main
 from itouch_tools.report.screen import Screen

@@ -12,7 +12,7 @@ from shipped import SCENES
 
 import itouch
 from itouch.recording import RecordingError
-from itouch_tools.viewer.playback import FASTEST, Playback
+from itouch_tools.viewer.played_session import FASTEST, Playback
 from itouch_tools.viewer.recording_seek import SeekableRecording
 from itouch_tools.viewer.signals import Ring
 from itouch_tools.viewer.timeline import Timeline

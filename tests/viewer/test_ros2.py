@@ -22,7 +22,7 @@ import itouch
 if not os.environ.get("CI"):
     pytest.importorskip("zenoh_ros2_sdk")
 
-from itouch_evidence.ros2 import listening, measure
+from itouch_evidence.bench_ros2 import listening, measure
 from itouch_tools.viewer.live.published_states import Moment
 from itouch_tools.viewer.live.ros2 import Place, Topics
 

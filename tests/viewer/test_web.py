@@ -131,7 +131,7 @@ class Served:
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Any]:
-    from itouch_tools.viewer.web.serve import _server
+    from itouch_tools.viewer.web.session_stream import _server
 
     with _server("a session") as found:
         yield found

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from itouch.contact import Box as BoxShape
-from itouch.contact import motion as at
+from itouch.contact import object_motion as at
 from itouch.plugin import Role
 from itouch.scene.elements import Box, Key, ObjectMotion, Operator, Probe
 from itouch.world.bindings import check_reach
-from itouch.world.fields import probe_fields, skin_fields
 from itouch.world.limits import PLATE_FORCE
-from itouch.world.motion import build_motions
+from itouch.world.motion_tables import build_motions
 from itouch.world.presented_surfaces import surfaces_of
+from itouch.world.state_fields import probe_fields, skin_fields
 
 PLACES: Any = SimpleNamespace(of=lambda *_: None)
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itouch.world.coupling import stable
+from itouch.world.virtual_coupling import stable
 
 positive = st.floats(1e-3, 1e5)
 

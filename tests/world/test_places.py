@@ -6,13 +6,19 @@ import pytest
 
 from itouch.blocks import Block, places, width
 from itouch.plugin import Field, Record
-from itouch.world import fields
+from itouch.world import state_fields
 from itouch_encountered import own
 
 
 @pytest.mark.parametrize(
     "declared",
-    [fields.FIGURES, fields.SURFACE, fields.PLATE, fields.rising_fields(), (*own.FIELDS, *own.OVER_WIRE)],
+    [
+        state_fields.FIGURES,
+        state_fields.SURFACE,
+        state_fields.PLATE,
+        state_fields.rising_fields(),
+        (*own.FIELDS, *own.OVER_WIRE),
+    ],
     ids=["figures", "surface", "plate", "rising", "encountered"],
 )
 def test_a_field_has_the_same_place_in_a_kernel_and_in_state(declared: tuple[Field, ...]) -> None:

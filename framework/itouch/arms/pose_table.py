@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import ParameterError, Role
-from itouch.recording.errors import RecordingError
 from itouch.recording.reader import parse, unread
+from itouch.recording.recording_error import RecordingError
 from itouch.recording.tracks import Track
 from itouch.schema.diagnostics import did_you_mean
 

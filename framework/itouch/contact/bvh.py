@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.blocks import Block
-from itouch.contact.compiling import entry, inner, making
+from itouch.contact.kernel_decorators import entry, inner, making
 from itouch.contact.vectors import Floats
 
 Floats32 = NDArray[np.float32]

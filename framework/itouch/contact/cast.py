@@ -8,11 +8,11 @@ import numpy as np
 
 from itouch.contact import layout as at
 from itouch.contact.array_views import borrowed
-from itouch.contact.compiling import entry, inner
 from itouch.contact.distance import distance
-from itouch.contact.frames import rotate, to_local, unrotate
+from itouch.contact.kernel_decorators import entry, inner
 from itouch.contact.layout import FRAME_FIRST, ZERO
 from itouch.contact.meshcast import mesh_cast
+from itouch.contact.object_poses import rotate, to_local, unrotate
 from itouch.contact.reset import mesh_overlap
 from itouch.contact.scratch import Mesh, empty_site, put_object, site_rows
 from itouch.contact.vectors import Floats, Vector, along, dot, norm, place_of, put, sub, vector

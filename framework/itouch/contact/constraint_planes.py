@@ -1,11 +1,11 @@
 """Constraint planes of the god-object: one for each near primitive, and for each mesh triangle in view."""
 
 from itouch.contact import layout as at
-from itouch.contact.compiling import inlined, inner
 from itouch.contact.distance import distance
-from itouch.contact.frames import rotate, to_local
+from itouch.contact.kernel_decorators import inlined, inner
 from itouch.contact.layout import ZERO
 from itouch.contact.meshcast import off_triangle
+from itouch.contact.object_poses import rotate, to_local
 from itouch.contact.scratch import Mesh, put_plane
 from itouch.contact.vectors import Floats, Vector
 

@@ -8,7 +8,7 @@ that property carries the whole solver.
 
 import numpy as np
 
-from itouch.contact.compiling import inner
+from itouch.contact.kernel_decorators import inner
 from itouch.contact.layout import (
     FRAME_KIND,
     FRAME_SIZE,

@@ -4,10 +4,10 @@ import numpy as np
 
 from itouch.contact import layout as at
 from itouch.contact.array_views import borrowed, lent
-from itouch.contact.compiling import entry, inner
 from itouch.contact.distance import distance
-from itouch.contact.frames import rotate, to_local, to_world
+from itouch.contact.kernel_decorators import entry, inner
 from itouch.contact.meshcast import off_triangle
+from itouch.contact.object_poses import rotate, to_local, to_world
 from itouch.contact.scratch import Mesh, empty_site, put_object, site_rows
 from itouch.contact.search import nearest, steepest
 from itouch.contact.triangle import height

@@ -21,7 +21,7 @@ import math
 
 from itouch.blocks import Block
 from itouch.contact import layout as at
-from itouch.contact.compiling import entry, inner
+from itouch.contact.kernel_decorators import entry, inner
 from itouch.contact.outcome import surface_velocity
 from itouch.contact.rotations import to_body, to_space
 from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, place_of, put, sub, vector
@@ -258,7 +258,7 @@ def render_effects(
     Parameters
     ----------
     table, samples
-        From ``itouch.contact.surfaces``: (n, EFFECTS_WIDTH), and the samples of all height maps.
+        From ``itouch.contact.surface_effects``: (n, EFFECTS_WIDTH), and the samples of all height maps.
     world, poses, twists, stiffness, hip_at
         As in ``step``.
     velocity_at

@@ -7,9 +7,9 @@ N is the length of the resultant normal force and mu the mean of the contacts' c
 """
 
 from itouch.contact import layout as at
-from itouch.contact.compiling import inlined, inner
 from itouch.contact.constraint_planes import gather, touching
 from itouch.contact.halfspaces import Solution, nearest_allowed, normal_of, set_loads
+from itouch.contact.kernel_decorators import inlined, inner
 from itouch.contact.scratch import Mesh
 from itouch.contact.slide import cut, slide
 from itouch.contact.vectors import Floats, Vector, along, dot, norm, sub

@@ -8,7 +8,7 @@ Coordinates are relative to an anchor, so that rounding does not grow with the d
 
 import numpy as np
 
-from itouch.contact.compiling import inlined, inner
+from itouch.contact.kernel_decorators import inlined, inner
 from itouch.contact.layout import PLANE_GAP, PLANE_LOAD, PLANE_NORMAL
 from itouch.contact.vectors import Floats, Vector, along, cross, dot, norm, sub
 

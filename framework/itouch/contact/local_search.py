@@ -7,13 +7,13 @@ intrudes.
 """
 
 from itouch.contact import layout as at
-from itouch.contact.compiling import inner
 from itouch.contact.constraint_planes import gather
 from itouch.contact.distance import distance
-from itouch.contact.frames import rotate, to_local
 from itouch.contact.halfspaces import Solution, nearest_inside
+from itouch.contact.kernel_decorators import inner
 from itouch.contact.meshcast import counts
 from itouch.contact.neighbours import NEIGHBOUR
+from itouch.contact.object_poses import rotate, to_local
 from itouch.contact.scratch import Mesh, add_seed
 from itouch.contact.search import intruder
 from itouch.contact.triangle import nearest_of

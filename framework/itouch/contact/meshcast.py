@@ -4,8 +4,8 @@ import numpy as np
 
 from itouch.contact import layout as at
 from itouch.contact.bvh import CHILD_COUNT, CHILD_REF, CHILD_WIDTH, Floats32, Ints32
-from itouch.contact.compiling import inner
-from itouch.contact.frames import to_local, to_local_then
+from itouch.contact.kernel_decorators import inner
+from itouch.contact.object_poses import to_local, to_local_then
 from itouch.contact.scratch import Mesh
 from itouch.contact.search import box_distance2
 from itouch.contact.triangle import face_normal, height, nearest_of, plane_distance2

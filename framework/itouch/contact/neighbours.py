@@ -3,7 +3,7 @@
 import numpy as np
 
 from itouch.contact.bvh import Ints32
-from itouch.contact.compiling import entry
+from itouch.contact.kernel_decorators import entry
 
 NEIGHBOUR = 4  # first of the three columns of the triangles table: across the edges 0-1, 1-2 and 2-0; -1: none
 

@@ -3,14 +3,14 @@
 import numpy as np
 
 from itouch.contact import layout as at
-from itouch.contact.compiling import inner
 from itouch.contact.distance import distance
-from itouch.contact.frames import rotate, to_local
+from itouch.contact.force_shading import NORMAL, shaded, turned
 from itouch.contact.friction import Pressed, into_cone
 from itouch.contact.halfspaces import normal_of
+from itouch.contact.kernel_decorators import inner
+from itouch.contact.object_poses import rotate, to_local
 from itouch.contact.scratch import Mesh
 from itouch.contact.search import nearest
-from itouch.contact.shading import NORMAL, shaded, turned
 from itouch.contact.triangle import height
 from itouch.contact.vectors import Floats, Vector, add, along, cross, dot, norm, place_of, put, sub, vector
 

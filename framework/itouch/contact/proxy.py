@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from itouch.contact import layout as at
-from itouch.contact.geometry import Friction, Geometry
+from itouch.contact.geometry_tables import Friction, Geometry
+from itouch.contact.mesh_surface import Surface, checked_numbers
 from itouch.contact.shapes import Mesh, Shape
 from itouch.contact.step import follow_path, step
-from itouch.contact.surface import Surface, checked_numbers
 from itouch.contact.vectors import Floats
 
 

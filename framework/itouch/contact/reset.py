@@ -3,12 +3,12 @@
 import numpy as np
 
 from itouch.contact import layout as at
-from itouch.contact.compiling import inner
 from itouch.contact.distance import distance
-from itouch.contact.frames import rotate, to_local
 from itouch.contact.halfspaces import nearest_inside, normal_of
+from itouch.contact.kernel_decorators import inner
 from itouch.contact.layout import ZERO
 from itouch.contact.meshcast import off_triangle
+from itouch.contact.object_poses import rotate, to_local
 from itouch.contact.scratch import Mesh, add_seed, put_plane
 from itouch.contact.search import nearest, steepest
 from itouch.contact.triangle import height

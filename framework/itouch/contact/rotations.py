@@ -1,6 +1,6 @@
 """Turn directions between an object's frame and the world by its pose; for kernels that have no site."""
 
-from itouch.contact.compiling import inner
+from itouch.contact.kernel_decorators import inner
 from itouch.contact.vectors import Floats, Vector, add, along, cross
 
 

@@ -2,8 +2,8 @@
 
 from itouch.contact import layout as at
 from itouch.contact.bvh import Floats32, Ints32
-from itouch.contact.compiling import inner
-from itouch.contact.frames import set_frame
+from itouch.contact.kernel_decorators import inner
+from itouch.contact.object_poses import set_frame
 from itouch.contact.vectors import Floats, Vector, norm, place_of, sub
 
 Mesh = tuple[Floats, Ints32, Floats32]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from itouch.contact.bvh import CHILD_COUNT, CHILD_HIGH, CHILD_LOW, CHILD_REF, CHILD_WIDTH, Floats32, Ints32
-from itouch.contact.compiling import entry, inner
+from itouch.contact.kernel_decorators import entry, inner
 from itouch.contact.layout import SITE_WIDTH, STACK_KEY, STACK_NODE, STACK_ROWS
 from itouch.contact.triangle import corner, nearest_of, plane_distance2
 from itouch.contact.vectors import Floats, Vector, dot, sub

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from typing import ClassVar
 
 from itouch.contact import layout
-from itouch.contact.surface import Surface
+from itouch.contact.mesh_surface import Surface
 
 
 def _check_lengths(shape: object, values: tuple[float, ...], names: tuple[str, ...]) -> None:

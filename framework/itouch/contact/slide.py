@@ -12,14 +12,14 @@ the nearest point is tried, the first triangle that it touches gives a plane, an
 """
 
 from itouch.contact import layout as at
-from itouch.contact.compiling import inner
 from itouch.contact.constraint_planes import gather
 from itouch.contact.distance import distance
-from itouch.contact.frames import rotate, to_local, unrotate
 from itouch.contact.halfspaces import Solution, nearest_allowed, normal_of
+from itouch.contact.kernel_decorators import inner
 from itouch.contact.layout import ZERO
 from itouch.contact.local_search import search_locally
 from itouch.contact.meshcast import mesh_cast
+from itouch.contact.object_poses import rotate, to_local, unrotate
 from itouch.contact.scratch import Mesh, add_seed, put_plane
 from itouch.contact.surface_walk import walk_surface
 from itouch.contact.vectors import Floats, Vector, add, along, dot, norm, sub

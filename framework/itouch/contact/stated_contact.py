@@ -6,7 +6,7 @@ import numpy as np
 
 from itouch.contact import layout as at
 from itouch.contact.array_views import borrowed
-from itouch.contact.compiling import entry, inner
+from itouch.contact.kernel_decorators import entry, inner
 from itouch.contact.outcome import clear, report_near, surface_velocity
 from itouch.contact.scratch import Mesh, empty_site, put_near_objects, site_rows
 from itouch.contact.vectors import Floats, along, dot, norm, put, sub, vector

@@ -4,14 +4,14 @@ import numpy as np
 
 from itouch.contact import layout as at
 from itouch.contact.array_views import borrowed, lent
-from itouch.contact.compiling import entry, inlined, inner
 from itouch.contact.constraint_planes import touching
 from itouch.contact.distance import distance
-from itouch.contact.frames import rotate, to_local, to_local_then, to_world
 from itouch.contact.friction import Pressed, drag, first_touch, press
 from itouch.contact.halfspaces import nearest_inside
+from itouch.contact.kernel_decorators import entry, inlined, inner
 from itouch.contact.layout import ZERO
 from itouch.contact.meshcast import mesh_cast, place_then
+from itouch.contact.object_poses import rotate, to_local, to_local_then, to_world
 from itouch.contact.outcome import clear, report, report_near
 from itouch.contact.reset import mesh_overlap, nearest_free
 from itouch.contact.scratch import Mesh, add_seed, empty_site, put_near_objects, put_object, put_plane, site_rows

@@ -4,7 +4,7 @@ import numpy as np
 
 from itouch.contact import bvh
 from itouch.contact.bvh import CHILD_COUNT, CHILD_REF, CHILD_WIDTH, Floats32, Ints32
-from itouch.contact.compiling import entry, inner, making
+from itouch.contact.kernel_decorators import entry, inner, making
 from itouch.contact.neighbours import NEIGHBOUR
 from itouch.contact.vectors import Floats
 

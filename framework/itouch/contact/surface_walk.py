@@ -9,10 +9,10 @@ piece of surface in its way - it is left to the general search.
 
 from itouch.contact import layout as at
 from itouch.contact.bvh import Ints32
-from itouch.contact.compiling import inner
-from itouch.contact.frames import to_local, to_world
+from itouch.contact.kernel_decorators import inner
 from itouch.contact.meshcast import mesh_cast
 from itouch.contact.neighbours import NEIGHBOUR
+from itouch.contact.object_poses import to_local, to_world
 from itouch.contact.scratch import Mesh, add_seed
 from itouch.contact.triangle import corner, face_normal
 from itouch.contact.vectors import Floats, Vector, along, cross, dot, norm, sub

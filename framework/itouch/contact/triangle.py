@@ -1,7 +1,7 @@
 """Nearest point of one triangle, and the tests that decide whether it counts."""
 
 from itouch.contact.bvh import Ints32
-from itouch.contact.compiling import inner
+from itouch.contact.kernel_decorators import inner
 from itouch.contact.vectors import Floats, Vector, along, cross, dot, norm, sub
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.contact.compiling import inner
+from itouch.contact.kernel_decorators import inner
 
 Vector = tuple[float, float, float]
 Floats = NDArray[np.float64]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.contact.shapes import Box, Capsule, Cylinder, Mesh, Plane, Shape, Sphere
-from itouch.dynamics.kernels import apply_forces, read_back
+from itouch.dynamics.mujoco_link import apply_forces, read_back
 
 Floats = NDArray[np.float64]
 

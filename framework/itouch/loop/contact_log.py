@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from itouch.compiling import kernel
 from itouch.loop import contact_report, render
 from itouch.loop.contact_report import ContactFigures
+from itouch.loop.device_runner import Runner
 from itouch.loop.event_detection import BEGIN
 from itouch.loop.run_statistics import RunStatistics
-from itouch.loop.runner import Runner
-from itouch.loop.surface.memory import MISSED, RENDERS, SETTLED, WITHDRAWN
+from itouch.loop.surface.surface_memory import MISSED, RENDERS, SETTLED, WITHDRAWN
 from itouch.loop.touch import Toucher
 from itouch.plugin import Bound, HeardContact, Modality, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
-from itouch.twin.coupling import Coupling
+from itouch.twin.finger_coupling import Coupling
 from itouch.world import Model
 
 

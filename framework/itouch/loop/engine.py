@@ -19,18 +19,18 @@ from itouch.faults import FOREVER, Injection, Kind
 from itouch.joining import runner as as_one_call
 from itouch.loop import interpreter
 from itouch.loop.clock import Clock, VirtualClock, now
+from itouch.loop.device_runner import DeviceFaultError, Runner, Status
 from itouch.loop.engine_view import Notifications, tell
 from itouch.loop.events import Events
 from itouch.loop.fault_attribution import before_touch_off, broken_off, changed_python, with_replaced, with_writer
 from itouch.loop.fingers import join_fingers
-from itouch.loop.objects import Objects
+from itouch.loop.moving_objects import Objects
 from itouch.loop.operator_commands import LatchedError, OperatorCommands
 from itouch.loop.pacing import Pacing, leave_out
 from itouch.loop.plan import PYTHON, STOPPED, Plan, advance, build
+from itouch.loop.probe_rig import ProbeRig
 from itouch.loop.release import in_turn, raise_unless_failing, released
-from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
-from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.loop.safe_shutdown import SafeShutdown
 from itouch.loop.timing import Timing
 from itouch.loop.warm_up import reset_modalities, warm_up

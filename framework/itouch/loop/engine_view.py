@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.loop.clock import Clock
+from itouch.loop.device_runner import DeviceFaultError, Runner, Status
 from itouch.loop.run_statistics import RunStatistics
-from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.loop.timing import Timing
 from itouch.plugin import Record
 from itouch.world import Model

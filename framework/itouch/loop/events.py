@@ -15,7 +15,7 @@ import numpy as np
 from itouch.joining import Chain, can_join, is_newest, runner
 from itouch.loop import event_detection, interpreter, probe_steps
 from itouch.loop.fault_attribution import foreign_write, modality_fault, with_replaced
-from itouch.loop.rig import ProbeRig
+from itouch.loop.probe_rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.write_access import Fence
 from itouch.plugin import Bound, Contact, HeardContact, Record

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
-from itouch.loop.rig import ProbeRig
-from itouch.loop.runner import Runner
+from itouch.loop.device_runner import Runner
+from itouch.loop.probe_rig import ProbeRig
 from itouch.monitors.surface_kernels import FingerAbove, rise
 from itouch.plugin import Role
 from itouch.safety import Finger

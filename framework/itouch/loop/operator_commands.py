@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from itouch.faults import FOREVER, FaultyTwin, Injection, Kind
-from itouch.loop.rig import ProbeRig
+from itouch.loop.device_runner import DeviceFaultError, Runner, Status
+from itouch.loop.probe_rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
-from itouch.loop.runner import DeviceFaultError, Runner, Status
 from itouch.plugin import DeviceError, Record, Role
 from itouch.safety import LOSSES, HoldToRun, Trip, connect
 from itouch.world import Model

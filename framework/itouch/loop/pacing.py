@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from itouch.loop.clock import asleep, now, processor_time
+from itouch.loop.device_runner import DeviceFaultError, Runner
 from itouch.loop.engine_view import Running
 from itouch.loop.events import Events
-from itouch.loop.rig import ProbeRig
-from itouch.loop.runner import DeviceFaultError, Runner
+from itouch.loop.probe_rig import ProbeRig
 from itouch.platforms import waits
 from itouch.safety import Trip
 from itouch.schema.quantities import checked_time

@@ -18,13 +18,13 @@ from itouch.compiling import kernel
 from itouch.joining import Chain, can_join, host_time, run_chain
 from itouch.loop import steps
 from itouch.loop.clock import now
+from itouch.loop.device_runner import Runner
 from itouch.loop.events import Events
 from itouch.loop.fingers import fingers
-from itouch.loop.objects import Objects
-from itouch.loop.rig import ProbeRig
+from itouch.loop.moving_objects import Objects
+from itouch.loop.probe_rig import ProbeRig
 from itouch.loop.run_statistics import Counts
-from itouch.loop.runner import Runner
-from itouch.loop.step import Step
+from itouch.loop.tick_step import Step
 from itouch.loop.timing import count
 from itouch.loop.write_access import Fence, Fences
 from itouch.plugin import Record

@@ -12,7 +12,7 @@ from itouch.compiling import kernel, linked
 from itouch.contact.distance_queries import beside
 from itouch.joining import SKIP
 from itouch.loop import render
-from itouch.loop.surface import force, ground, memory, plate, taking_over
+from itouch.loop.surface import force, ground, plate, surface_memory, taking_over
 from itouch.monitors.surface_kernels import pace
 
 Floats = NDArray[np.float64]
@@ -133,9 +133,9 @@ def led(withdrawn: Any, kept: Floats) -> int:
     """Leave the step to Python while safety, not the modality, leads the surface (T4).
 
     ``withdrawn`` (1,) holds a code; ``kept`` (MEMORY,) is the memory of the surface, with the units of
-    `itouch.loop.surface.memory`.
+    `itouch.loop.surface.surface_memory`.
     """
-    return PYTHON if withdrawn[0] != 0 or kept[memory.MISSED] == memory.WITHDRAWN else 0
+    return PYTHON if withdrawn[0] != 0 or kept[surface_memory.MISSED] == surface_memory.WITHDRAWN else 0
 
 
 @kernel
@@ -208,7 +208,7 @@ def carried(
     plate.spare(c, figures, kept, carrier.goal, pressed, yields[0])
     force.feel(c, figures, kept, load[2], touching)
     force.linger(c, figures, kept, load[2], touching, tick[0] * period)
-    there[0] = int(kept[memory.PRESENT])
+    there[0] = int(kept[surface_memory.PRESENT])
     moved = figures[render.PLATE_TOP] - before
     rising[0] = plate.rises(read, carrier.measured[0], top, moved, period) if read.shape[0] else moved / period
     return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 
-from itouch.loop.runner import Runner
+from itouch.loop.device_runner import Runner
 from itouch.plugin import DeviceError
 from itouch.schema import ItouchError
 from itouch.schema.diagnostics import spoken

@@ -18,12 +18,12 @@ from itouch.blocks import Block, places, width
 from itouch.compiling import linked
 from itouch.contact import layout as at
 from itouch.twin.frame_rotation import FRAME, turned_out
-from itouch.world import fields
+from itouch.world import state_fields
 
 Floats = NDArray[np.float64]
 
 # --- figures of a probe: their places follow from the State fields -----------------------------------------------
-_at = places(fields.FIGURES)
+_at = places(state_fields.FIGURES)
 HIP, VELOCITY, PROXY = _at["hip"], _at["velocity"], _at["proxy"]
 FORCE, NORMAL, POINT = _at["force"], _at["normal"], _at["point"]
 PENETRATION, NORMAL_FORCE = _at["penetration"], _at["normal_force"]
@@ -31,7 +31,7 @@ NEAR_DISTANCE, TIME_TO_CONTACT = _at["near_distance"], _at["time_to_contact"]
 CONTACT_FORCE, EFFECT_FORCE, AREA = _at["contact_force"], _at["effect_force"], _at["area"]
 PLATE_GAP, SURFACE_HEIGHT, PLATE_YIELD = _at["plate_gap"], _at["surface_height"], _at["plate_yield"]
 PLATE_TOP, TRACKING = _at["plate_top"], _at["tracking"]
-FIGURES = width(fields.FIGURES)
+FIGURES = width(state_fields.FIGURES)
 
 # --- constants of a probe ----------------------------------------------------------------------------------------
 _constants = Block()

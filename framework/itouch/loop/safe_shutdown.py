@@ -8,9 +8,9 @@ from functools import partial
 from typing import Any
 
 from itouch.loop.clock import Clock
-from itouch.loop.rig import ProbeRig
+from itouch.loop.device_runner import Runner
+from itouch.loop.probe_rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
-from itouch.loop.runner import Runner
 from itouch.plugin import Record, Role
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, TrackedFinger, Trip
 from itouch.schema.diagnostics import named

@@ -15,14 +15,14 @@ import numpy as np
 from itouch.contact.stated_contact import GREATEST, NO_SUCH_OBJECT, NOT_A_NORMAL, NOT_A_RESULT
 from itouch.joining import is_newest
 from itouch.loop import interpreter, probe_steps
+from itouch.loop.device_runner import Runner
 from itouch.loop.events import Events
 from itouch.loop.fault_attribution import foreign_write, modality_fault, with_replaced
-from itouch.loop.objects import Objects
-from itouch.loop.rig import ProbeRig
+from itouch.loop.moving_objects import Objects
+from itouch.loop.probe_rig import ProbeRig
 from itouch.loop.run_statistics import Counts
-from itouch.loop.runner import Runner
-from itouch.loop.step import CALLS_KERNELS, PYTHON, Answer, Step, joinable
 from itouch.loop.supervision_steps import bound_supervision, bound_together
+from itouch.loop.tick_step import CALLS_KERNELS, PYTHON, Answer, Step, joinable
 from itouch.loop.touchoff import DONE
 from itouch.loop.write_access import Fence, mended, shown_fields
 from itouch.plugin import Bound, Record, Role
@@ -30,14 +30,14 @@ from itouch.plugin.bound import bound_by
 from itouch.safety import Finger, Gate, HoldToRun
 from itouch.safety.monitor_step import LOOK, TOLD
 from itouch.schema.plugin_errors import failing
-from itouch.twin.skin import Skin
+from itouch.twin.skin_under_devices import Skin
 from itouch.world import DeviceModel, ModalityModel, Model
 from itouch.world.answers import texts_of
 
 #: Fields of a device that a trip changes, besides what is sent to it.
 _TRIPPED = ("status", "trip", "tripped", "ramp")
 
-#: Fields of a surface's memory that follow from what its modality says; see ``itouch.loop.surface.memory``.
+#: Fields of a surface's memory that follow from what its modality says; see ``itouch.loop.surface.surface_memory``.
 _TAKEN_OVER = (
     "renders", "present", "settled", "clear", "pressed", "felt", "felt_weight", "missed", "misses", "missed_at",
     "missed_depth", "missed_load", "changing", "lingers", "lets_go", "lingered", "lingered_at", "rises",

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel
 from itouch.joining import SKIP
+from itouch.loop.device_runner import Runner
+from itouch.loop.probe_rig import ProbeRig
 from itouch.loop.render import TABLE
-from itouch.loop.rig import ProbeRig
 from itouch.loop.run_statistics import Counts, counted
-from itouch.loop.runner import Runner
 from itouch.monitors import Arm, Surface
 from itouch.monitors.arm_kernels import Pushing, check
 from itouch.monitors.surface_kernels import (

@@ -14,13 +14,13 @@ import numpy as np
 from itouch.contact.effects import render_effects
 from itouch.contact.stated_contact import StatedContact, found, given
 from itouch.contact.step import step
-from itouch.contact.surfaces import effects_table
+from itouch.contact.surface_effects import effects_table
 from itouch.joining import runner
 from itouch.loop import event_detection, probe_steps, render
-from itouch.loop.frames import Frame
+from itouch.loop.device_runner import Runner
 from itouch.loop.late_coupling import Late, ease
-from itouch.loop.runner import Runner
-from itouch.loop.surface import memory, plate
+from itouch.loop.rigid_transforms import Frame
+from itouch.loop.surface import plate, surface_memory
 from itouch.loop.surface.force import SOON
 from itouch.monitors.surface_kernels import FingerAbove
 from itouch.plugin import Bound, Contact, ContactEvent, HeardContact, Record, Role, Touches
@@ -234,15 +234,16 @@ class Toucher:
             view[...] = -1
         self._beside[1][...] = math.inf
         self.figures[render.NEAR_DISTANCE] = self.figures[render.TIME_TO_CONTACT] = math.inf
-        self.surface[memory.RENDERS], self.surface[memory.SETTLED], self.surface[memory.SHARE] = 1.0, 1.0, -1.0
+        self.surface[surface_memory.RENDERS] = self.surface[surface_memory.SETTLED] = 1.0
+        self.surface[surface_memory.SHARE] = -1.0
 
     def stay_away(self, withdrawn: bool) -> None:
         """Note whether safety keeps the surface away (T4): then it renders no contact."""
-        missed = self.surface[memory.MISSED]
+        missed = self.surface[surface_memory.MISSED]
         if withdrawn:
-            self.surface[memory.MISSED] = memory.WITHDRAWN
-        elif missed == memory.WITHDRAWN:
-            self.surface[memory.MISSED] = 0.0
+            self.surface[surface_memory.MISSED] = surface_memory.WITHDRAWN
+        elif missed == surface_memory.WITHDRAWN:
+            self.surface[surface_memory.MISSED] = 0.0
 
     def withdrawal_floor(self, target: render.Floats, sent: render.Floats) -> float:
         """Return how low [m] a surface that safety takes away may go in this tick; -inf: it is clear of the finger.
@@ -255,7 +256,7 @@ class Toucher:
         """Mark a surface that safety has taken away as not present, once it is clear of the finger."""
         away = self.figures[render.HIP + 2] - self._constants[render.RADIUS] - self.figures[render.PLATE_TOP]
         if away > (SOON if self._constants[render.HAS_LOAD] > 0.0 else ABOUT) and -self._load[2] < LEFT:
-            self.surface[memory.PRESENT] = self.plate[...] = 0
+            self.surface[surface_memory.PRESENT] = self.plate[...] = 0
 
     def restart(self) -> None:
         """Forget how the tracker moved before: take the position that it reads now, without a velocity."""

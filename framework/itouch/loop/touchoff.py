@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from itouch.compiling import kernel, linked
 from itouch.joining import SKIP, runner
 from itouch.loop import render
-from itouch.loop.frames import Vector
-from itouch.loop.runner import DeviceFaultError, Runner
+from itouch.loop.device_runner import DeviceFaultError, Runner
+from itouch.loop.rigid_transforms import Vector
 from itouch.loop.surface import plate
 from itouch.loop.touch import Toucher
 from itouch.plugin import Bound, Record, Role

@@ -10,8 +10,8 @@ import math
 from collections.abc import Iterable, Mapping
 
 from itouch.loop.contact_report import of_contact
+from itouch.loop.device_runner import Runner
 from itouch.loop.run_statistics import Histogram
-from itouch.loop.runner import Runner
 from itouch.loop.write_access import Fence, view_for
 from itouch.plugin import Contact, ContactEvent, DeviceError, Record, Role, TwinInputs
 from itouch.safety import check_warm_up

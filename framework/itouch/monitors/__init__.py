@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from itouch.monitors.arm import Arm
+from itouch.monitors.carried_surface import Surface
 from itouch.monitors.every_device import Ordinary
 from itouch.monitors.fluid_pressure import Push
 from itouch.monitors.heat import Heat
 from itouch.monitors.readings import Readings
-from itouch.monitors.surface import Surface
 from itouch.monitors.trips import DOUBTS, LOSSES, DeviceFaultError, Trip, TripError
 from itouch.plugin import Monitor, Watched
 

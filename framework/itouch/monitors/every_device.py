@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import ClassVar
 
-from itouch.monitors import limits as default
+from itouch.monitors import default_limits as default
 from itouch.monitors.trips import Trip
 from itouch.plugin import HURTING, Channel, Field, Moment, Monitor, Record, Role, Rule, Watched
 

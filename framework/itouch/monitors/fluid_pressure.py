@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import ClassVar
 
-from itouch.monitors import limits as default
+from itouch.monitors import default_limits as default
 from itouch.monitors.trips import Trip
 from itouch.plugin import Field, Moment, Monitor, Record, Role, Rule, Watched
 

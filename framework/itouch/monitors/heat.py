@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.monitors import limits as default
+from itouch.monitors import default_limits as default
 from itouch.monitors.readings import drives, plates, separate
 from itouch.monitors.runaway import Runaway, drive_of, signed
 from itouch.monitors.thresholds import COLDEST_TARGET, DRIVEN, READINGS, WINDOWS

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel, linked
 from itouch.monitors import history_kernels, runaway_kernels
-from itouch.monitors.limits import COLD_FROM, SINK, SINK_TRIP
+from itouch.monitors.default_limits import COLD_FROM, SINK, SINK_TRIP
 from itouch.monitors.thresholds import (
     AHEAD,
     CONTACT_RATE_TIME,

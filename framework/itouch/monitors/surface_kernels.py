@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.compiling import kernel, linked
-from itouch.monitors.limits import (
+from itouch.monitors.default_limits import (
     NEAR,
     SPEED_NEAR_TRIP,
     SPEED_TRIP,

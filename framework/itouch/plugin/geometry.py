@@ -7,7 +7,7 @@ that renders contact needs that.  Functions here are compiled: call them from Py
 from __future__ import annotations
 
 from itouch.contact.distance_queries import point_distance
-from itouch.contact.geometry import Geometry
+from itouch.contact.geometry_tables import Geometry
 from itouch.contact.layout import RESULT_SIZE as FOUND
 from itouch.contact.step import step_within as proxy_step
 

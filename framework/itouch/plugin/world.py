@@ -11,7 +11,7 @@ from itouch.plugin.quantity import Role
 from itouch.plugin.record import Field
 
 if TYPE_CHECKING:
-    from itouch.contact.geometry import Geometry
+    from itouch.contact.geometry_tables import Geometry
 
 Vector = tuple[float, float, float]
 

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from itouch.platforms import why_unread
 from itouch.recording.codec import HEAD, Codec
-from itouch.recording.errors import RecordingError
+from itouch.recording.recording_error import RecordingError
 from itouch.recording.tracks import Track, load_track
 from itouch.recording.writer import LETTERS, MAGIC
-from itouch.schema.files import open_regular
+from itouch.schema.regular_files import open_regular
 
 #: Largest chunk, unpacked, and largest content of all rows together [bytes].
 MAX_CHUNK, MAX_CONTENT = 64 << 20, 4 << 30

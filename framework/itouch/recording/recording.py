@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.recording.errors import RecordingError
 from itouch.recording.reader import Content, read_content
+from itouch.recording.recording_error import RecordingError
 from itouch.recording.tracks import SCENE, Track
 from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.notebook import Shown
@@ -35,7 +35,7 @@ class Recording(Shown, Mapping[str, NDArray[Any]]):
     """
 
     #: Imported by name when a notebook asks: the core imports nothing from the tools.
-    PAGE = "itouch_tools.report.notebook:recording"
+    PAGE = "itouch_tools.report.notebook_view:recording"
 
     def __init__(self, content: Content) -> None:
         if not isinstance(content, Content):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from itouch.exchange import failed_in
 from itouch.joining import is_newest
 from itouch.monitors import LOSSES, DeviceFaultError, Heat, Push, Readings, Trip, TripError
-from itouch.monitors.limits import TIMELY
+from itouch.monitors.default_limits import TIMELY
 from itouch.plugin import Bound, Channel, Device, DeviceError, Record, Role, Twin
 from itouch.plugin.bound import bound_by
 from itouch.plugin.device import is_new

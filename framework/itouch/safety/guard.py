@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.monitors import Trip, TripError
-from itouch.monitors import limits as default
-from itouch.monitors.limits import DeviceLimits
+from itouch.monitors import default_limits as default
+from itouch.monitors.default_limits import DeviceLimits
 from itouch.monitors.readings import not_finite
 from itouch.monitors.thresholds import COLDEST_TARGET
 from itouch.plugin import HURTING, RETRACT, Bound, Channel, Role

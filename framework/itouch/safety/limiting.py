@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from itouch.compiling import kernel, linked
 from itouch.joining import SKIP
-from itouch.monitors.limits import FINGER_LEVER
+from itouch.monitors.default_limits import FINGER_LEVER
 from itouch.monitors.thresholds import COLDEST_TARGET
 
 Floats = NDArray[np.float64]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.monitors import DeviceFaultError, Heat, Push, Surface, Trip
-from itouch.monitors import limits as default
+from itouch.monitors import default_limits as default
 from itouch.monitors.thresholds import TOUCH_FORCE
 from itouch.plugin import Role
 from itouch.safety.device_monitors import InstalledMonitor

@@ -49,7 +49,7 @@ class Scene(Shown):
     """
 
     #: Imported by name when a notebook asks: the core imports nothing from the tools.
-    PAGE: ClassVar[str] = "itouch_tools.report.notebook:scene"
+    PAGE: ClassVar[str] = "itouch_tools.report.notebook_view:scene"
 
     world: WorldElement = WorldElement()
     materials: tuple[Material, ...] = ()

@@ -21,7 +21,7 @@ Element = TypeVar("Element", Limits, Safety)
 #: Sections of a rig file that have an effect; files that it includes are checked by themselves.
 _EFFECTIVE = frozenset({"include", "defaults", "devices", "safety"})
 #: T4: time [s] of one contact if a scene does not give it: a rig may not ask for more.  It is that of
-#: `itouch.monitors.limits`, which this room lies below; a test compares the two.
+#: `itouch.monitors.default_limits`, which this room lies below; a test compares the two.
 CONTACT_TIME = 10.0
 
 

@@ -19,7 +19,7 @@ from lxml import etree
 from itouch.platforms import reading_advice
 from itouch.schema.diagnostics import Place, Problem
 from itouch.schema.fields import PLUGIN_NAMESPACE
-from itouch.schema.files import kind_of, open_regular
+from itouch.schema.regular_files import kind_of, open_regular
 
 #: Caps on a scene file: its size [bytes], the nesting of its elements, the attributes of one element, all elements.
 MAX_BYTES = 8 << 20

@@ -22,7 +22,7 @@ from typing import Final
 
 from itouch.garbage import seldom_for_good
 from itouch.servo import control_block as at
-from itouch.servo import realtime, wire
+from itouch.servo import realtime, twin_protocol
 from itouch.servo.guardian_link import OWN
 from itouch.servo.shared_memory import SharedMemory, monotonic
 
@@ -292,11 +292,11 @@ def _acts(segment: SharedMemory) -> dict[str, Act]:
 
 
 def _safe_packet(where: str) -> Act:
-    line = wire.connect(where, 10.0)
+    line = twin_protocol.connect(where, 10.0)
     line.settimeout(0.1)
 
     def act() -> None:
-        line.send(wire.SAFE + b"the guardian")
+        line.send(twin_protocol.SAFE + b"the guardian")
 
     return act
 

@@ -123,7 +123,7 @@ class Handle:
             self._error = ServoError(told["message"])
         elif told is not None:
             try:
-                from itouch.servo.errors import decode
+                from itouch.servo.error_transport import decode
             except ImportError:  # the program has been upgraded in place, or removed, meanwhile
                 self._error = ServoError(f"{told['message']} (the program was changed while it ran)")
                 return

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from itouch.plugin.discovery import Catalog
     from itouch.recording import Recording
     from itouch.session import Session
-    from itouch.session.replay import Replay
+    from itouch.session.replaying import Replay
 
 #: After what time [s] a start that had to compile a kernel is helped, and how often [s] that is checked.
 _PATIENCE, _LOOK = 1.6, 0.3
@@ -181,7 +181,7 @@ def prepare_replay(recording: Recording, *, catalog: Catalog | None = None, comp
     RecordingError, SessionError
         If the recording does not hold its session, or that can't be built here.
     """
-    from itouch.session.replay import Replay
+    from itouch.session.replaying import Replay
 
     with _Companion([recording.path]):
         return Replay(recording, catalog=catalog, compares=compares)

@@ -117,7 +117,7 @@ def _told(error: BaseException | None) -> dict[str, Any] | None:
     if isinstance(error, _EndedEarly):
         return _plain(_ENDED_EARLY)
     try:
-        from itouch.servo.errors import encode
+        from itouch.servo.error_transport import encode
     except ImportError as missing:  # while the program is upgraded in place, parts of it are missing
         return _plain(f"{missing}: the program was changed while it ran; start it again")
     return encode(error)

@@ -13,11 +13,11 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.loop.runner import Runner
+from itouch.loop.device_runner import Runner
 from itouch.platforms import SERVO_PROCESS
 from itouch.plugin import DeviceError, Field, Record, Twin, TwinInputs
 from itouch.scene import write
-from itouch.servo import wire
+from itouch.servo import twin_protocol
 from itouch.servo.shared_memory import ServoError, monotonic
 from itouch.session import Session
 
@@ -60,9 +60,9 @@ class RemoteTwin(Twin):
             If it does not answer.
         """
         try:
-            line = wire.connect(where, START_TIME)
-            line.send(wire.head(wire.INIT, 0, monotonic()) + state.tobytes())
-            answer = line.recv(wire.PACKET)
+            line = twin_protocol.connect(where, START_TIME)
+            line.send(twin_protocol.head(twin_protocol.INIT, 0, monotonic()) + state.tobytes())
+            answer = line.recv(twin_protocol.PACKET)
         except OSError as error:
             raise ServoError(f"a remote twin does not answer: {error}") from error
         if not answer:
@@ -76,7 +76,11 @@ class RemoteTwin(Twin):
             self.twin.step(state, command, touch, period)
             return
         self._sent += 1
-        packet = wire.head(wire.COMMAND, self._sent, monotonic()) + command.tobytes() + wire.pack_touch(touch)
+        packet = (
+            twin_protocol.head(twin_protocol.COMMAND, self._sent, monotonic())
+            + command.tobytes()
+            + twin_protocol.pack_touch(touch)
+        )
         with contextlib.suppress(OSError):  # a twin that hangs or is gone is noticed by its silence
             self._line.send(packet)
 
@@ -93,7 +97,7 @@ class RemoteTwin(Twin):
         newest: bytes | None = None
         try:
             while True:
-                packet = self._line.recv(wire.PACKET)
+                packet = self._line.recv(twin_protocol.PACKET)
                 if not packet:
                     raise DeviceError("its remote twin has closed the connection")
                 newest = packet
@@ -103,10 +107,10 @@ class RemoteTwin(Twin):
             raise DeviceError(f"its remote twin can't be reached: {error.strerror}") from error
         if newest is None:
             return False
-        _, flags, body = wire.split(newest)
+        _, flags, body = twin_protocol.split(newest)
         size = state.nbytes
         state.raw.data[:], reading.raw.data[:] = body[:size], body[size:]
-        if flags & wire.LATCHED:
+        if flags & twin_protocol.LATCHED:
             raise DeviceError("its remote twin has made itself safe")
         return True
 
@@ -114,7 +118,7 @@ class RemoteTwin(Twin):
         """Tell the twin that the session is over, and close the connection."""
         if self._line is not None:
             with contextlib.suppress(OSError):
-                self._line.send(wire.BYE)
+                self._line.send(twin_protocol.BYE)
             self._line.close()
             self._line = None
 
@@ -126,19 +130,19 @@ class Remotes:
         self._runners = [runner for runner in session.runners if runner.model.remote and SERVO_PROCESS]
         self._session = session
         #: Device -> the address on which its twin listens.
-        self.addresses = {runner.model.name: wire.address(name, runner.model.name) for runner in self._runners}
+        self.addresses = {runner.model.name: twin_protocol.address(name, runner.model.name) for runner in self._runners}
         self.processes = [self._start(runner) for runner in self._runners]
 
     def _start(self, runner: Runner) -> subprocess.Popen[bytes]:
         scene = self._session.model.scene
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         listener.bind(self.addresses[runner.model.name])
-        listener.listen(wire.WAITING)
+        listener.listen(twin_protocol.WAITING)
         config = {
             "scene_xml": write(scene), "source": scene.source, "device": runner.model.name, "watchdog": WATCHDOG,
         }  # fmt: skip
         process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "itouch.servo.twin", str(listener.fileno()), str(os.getpid())],
+            [sys.executable, "-P", "-m", "itouch.servo.twin_process", str(listener.fileno()), str(os.getpid())],
             pass_fds=(listener.fileno(),), stdin=subprocess.PIPE, start_new_session=True,
         )  # fmt: skip
         listener.close()

@@ -9,20 +9,20 @@ import time
 from typing import Any
 
 from itouch.loop import DeviceFaultError, LatchedError, WallClock, interpreter
+from itouch.loop.device_runner import Status
 from itouch.loop.fault_attribution import changed_python, ended_by
 from itouch.loop.interpreter import LoadedModules
 from itouch.loop.release import in_turn
-from itouch.loop.runner import Status
 from itouch.platforms import hardware_refused, lives
 from itouch.plugin import Role
 from itouch.scene import write
 from itouch.servo import control_block as at
 from itouch.servo import realtime
 from itouch.servo.command_queue import Inbox
-from itouch.servo.commands import Commands, OperatorRequests
 from itouch.servo.deadman_holders import Switch
-from itouch.servo.errors import let_go
+from itouch.servo.error_transport import let_go
 from itouch.servo.launcher_pipe import Outbox
+from itouch.servo.operator_requests import Commands, OperatorRequests
 from itouch.servo.parent_process import ProcessEnd, gone
 from itouch.servo.prepare import prepare, prepare_text
 from itouch.servo.publish import ORDERED, TIMING_EVERY, Publisher, slots_for

@@ -1,4 +1,4 @@
-"""One twin in a process of its own (``python -m itouch.servo.twin``), like a piece of hardware.
+"""One twin in a process of its own (``python -m itouch.servo.twin_process``), like a piece of hardware.
 
 It steps on its own clock, whatever the servo process does.  It makes itself safe when no command comes for the time of
 its watchdog, when the connection is lost, or when a second opener says so, and stays safe until a session begins anew.
@@ -21,7 +21,7 @@ from itouch.loop import WallClock
 from itouch.plugin import HOLD, RETRACT, Field, Record, TwinInputs
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
-from itouch.servo import realtime, wire
+from itouch.servo import realtime, twin_protocol
 from itouch.servo.shared_memory import monotonic
 from itouch.world import DeviceModel
 from itouch.world.rig import build_devices
@@ -72,7 +72,7 @@ class TwinServer:
         with contextlib.suppress(BlockingIOError):
             for _ in range(KNOCKS):
                 client, _ = self._listener.accept()
-                if not wire.same_user(client):  # abstract sockets have no permissions: any user can connect
+                if not twin_protocol.same_user(client):  # abstract sockets have no permissions: any user can connect
                     client.close()
                     continue
                 client.setblocking(False)
@@ -92,7 +92,7 @@ class TwinServer:
 
     def _receive(self, client: socket.socket) -> bytes | None:
         try:
-            packet = client.recv(wire.PACKET)
+            packet = client.recv(twin_protocol.PACKET)
         except BlockingIOError:
             return None
         except OSError:
@@ -114,20 +114,20 @@ class TwinServer:
 
     def _hear(self, client: socket.socket, packet: bytes) -> None:
         kind = packet[:1]
-        if kind == wire.COMMAND and client is self._primary:
+        if kind == twin_protocol.COMMAND and client is self._primary:
             self._obey(packet)
-        elif kind == wire.INIT and self._primary in (None, client):
+        elif kind == twin_protocol.INIT and self._primary in (None, client):
             self._begin(client, packet)
-        elif kind == wire.SAFE:
+        elif kind == twin_protocol.SAFE:
             self._latch(packet[1:].decode(errors="replace") or "a second opener")
-        elif kind == wire.WATCH:
+        elif kind == twin_protocol.WATCH:
             self._watchers.append(client)
-        elif kind == wire.BYE and client is self._primary:
+        elif kind == twin_protocol.BYE and client is self._primary:
             self._latch("the session has ended")
             self._over = True
 
     def _begin(self, client: socket.socket, packet: bytes) -> None:
-        _, _, body = wire.split(packet)
+        _, _, body = twin_protocol.split(packet)
         if len(body) == len(self.state.raw):
             self.state.raw.data[:] = body
         self.twin.read(self.state, self.reading)
@@ -135,11 +135,11 @@ class TwinServer:
         self._tell_event("begin", "")
 
     def _obey(self, packet: bytes) -> None:
-        self._sequence, _, body = wire.split(packet)
+        self._sequence, _, body = twin_protocol.split(packet)
         self._heard, self._begun = monotonic(), True
         size = len(self.command.raw)
         self.command.raw.data[:] = body[:size]
-        wire.unpack_touch(body[size:], self.touch)
+        twin_protocol.unpack_touch(body[size:], self.touch)
         self._height = None
 
     # --- being safe ---------------------------------------------------------------------------------------------------
@@ -203,24 +203,32 @@ class TwinServer:
                 clear = clear and abs(float(self.touch.wrench[2])) < 0.1
             elif channel.safe is HOLD:
                 safe = safe and bool(self._latched)
-        flags = wire.LATCHED * bool(self._latched) | wire.OUTPUTS_SAFE * safe | wire.CLEAR * clear
-        return flags | wire.BEGUN * self._begun
+        flags = (
+            twin_protocol.LATCHED * bool(self._latched)
+            | twin_protocol.OUTPUTS_SAFE * safe
+            | twin_protocol.CLEAR * clear
+        )
+        return flags | twin_protocol.BEGUN * self._begun
 
     # --- telling ------------------------------------------------------------------------------------------------------
 
     def _tell(self) -> None:
         if self._primary is not None:
             flags = self._flags
-            body = wire.head(wire.TELL, self._sequence, flags) + self.state.tobytes() + self.reading.tobytes()
+            body = (
+                twin_protocol.head(twin_protocol.TELL, self._sequence, flags)
+                + self.state.tobytes()
+                + self.reading.tobytes()
+            )
             _send(self._primary, body)
-        packet = wire.head(wire.OBSERVED, monotonic(), self._flags)
+        packet = twin_protocol.head(twin_protocol.OBSERVED, monotonic(), self._flags)
         for watcher in self._watchers:
             _send(watcher, packet)
 
     def _tell_event(self, what: str, detail: str) -> None:
         text = json.dumps({"device": self.model.name, "what": what, "detail": detail, "host_ns": monotonic()})
         for watcher in self._watchers:
-            _send(watcher, wire.EVENT + text.encode())
+            _send(watcher, twin_protocol.EVENT + text.encode())
 
     # --- living -------------------------------------------------------------------------------------------------------
 
@@ -267,7 +275,7 @@ class TwinServer:
             if self._primary is not None and not self._over:
                 end, rested = monotonic() + round(LINGER * 1e9), 0
                 continue
-            done = self._latched and self._flags & wire.OUTPUTS_SAFE and self._flags & wire.CLEAR
+            done = self._latched and self._flags & twin_protocol.OUTPUTS_SAFE and self._flags & twin_protocol.CLEAR
             rested = rested + 1 if done else 0
             if rested * self._period > REST:
                 return

@@ -8,8 +8,8 @@ import zipfile
 from collections.abc import Mapping
 
 from itouch.platforms import why_unread
-from itouch.schema.files import open_regular
-from itouch.session.errors import ADVICE, SessionError, plainly
+from itouch.schema.regular_files import open_regular
+from itouch.session.session_error import ADVICE, SessionError, plainly
 
 #: Greatest unpacked size of a member, and of all together [bytes].
 MAX_MEMBER, MAX_TOTAL = 64 << 20, 512 << 20

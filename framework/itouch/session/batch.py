@@ -15,8 +15,8 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.schema.seeds import checked_seed
 from itouch.session.building import load_scene
-from itouch.session.engine import Session
 from itouch.session.forks import forked
+from itouch.session.session import Session
 from itouch.world import Model
 
 Result = TypeVar("Result")

@@ -14,9 +14,9 @@ from itouch.scene.loader import in_file_order, read_scene
 from itouch.schema import Problem, SceneError
 from itouch.schema.diagnostics import did_you_mean
 from itouch.session.calibration import calibrated
-from itouch.session.engine import Session
-from itouch.session.errors import SessionError
 from itouch.session.open import read_session
+from itouch.session.session import Session
+from itouch.session.session_error import SessionError
 from itouch.session.snapshot import Snapshot
 from itouch.world import Model, further
 

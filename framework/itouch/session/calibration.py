@@ -26,7 +26,7 @@ from itouch.schema import ItouchError, Problem, SceneError
 from itouch.schema.diagnostics import Place, did_you_mean, meant
 from itouch.schema.durable import write_whole
 from itouch.schema.fields import Spec, check_range, specs, validate
-from itouch.schema.files import open_regular
+from itouch.schema.regular_files import open_regular
 
 FORMAT = "itouch-py calibration 1"
 #: What to do with a file that cannot be read.

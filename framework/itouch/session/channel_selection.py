@@ -11,7 +11,7 @@ from pathlib import PurePath
 from itouch.plugin import Record
 from itouch.recording.tracks import Track
 from itouch.scene.elements import RecordElement
-from itouch.scene.elements.record import RecordChannels
+from itouch.scene.elements.recorded_tracks import RecordChannels
 from itouch.schema import Problem, SceneError
 from itouch.schema.diagnostics import nearest
 from itouch.session.row_layout import Wish, chosen_tracks, real_device_of, recordable, replay_tracks

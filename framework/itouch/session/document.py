@@ -20,8 +20,8 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene import write
 from itouch.scene.source import how_run
 from itouch.session.arrays import load_bases, pack_bases
-from itouch.session.errors import ADVICE, SessionError, check_ledger, plainly
 from itouch.session.manifest import digest
+from itouch.session.session_error import ADVICE, SessionError, check_ledger, plainly
 from itouch.session.snapshot import Snapshot, check_format, checked_files, read_scene
 
 #: Greatest size of a document that is read, and of the State that it may describe [bytes].

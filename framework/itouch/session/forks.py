@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from itouch.session.errors import SessionError
+from itouch.session.session_error import SessionError
 
 #: How long a process that has nothing left to do may take to end [s].
 GRACE = 5.0

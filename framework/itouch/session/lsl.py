@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from itouch.recording.tracks import Track
-from itouch.session.errors import SessionError
 from itouch.session.row_layout import replay_tracks
+from itouch.session.session_error import SessionError
 
 if TYPE_CHECKING:
-    from itouch.session.engine import Session
+    from itouch.session.session import Session
 
 #: Greatest sampling rate [Hz] of each stream of numbers.
 RATE = 250.0

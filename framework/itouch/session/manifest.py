@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from itouch.plugin.discovery import Catalog
-from itouch.session import limits
+from itouch.session import stored_limits
 from itouch.session.paths import without_folders
 from itouch.world import Model
 
@@ -45,7 +45,7 @@ def constant_part(
         "model": model_digest(model),
         "contact": contact_digest(model),
         "scene": digest(xml),
-        "limits": limits.stated(model, before),
+        "limits": stored_limits.stated(model, before),
         "files": {file.file: file.digest for file in model.files},
     }
 

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from itouch.plugin import Record
-from itouch.world.marks import MARKS, NAME, PAYLOAD
+from itouch.world.mark_fields import MARKS, NAME, PAYLOAD
 
 
 def encode(name: str, payload: Any) -> tuple[bytes, bytes]:

@@ -6,9 +6,9 @@ import os
 
 from itouch.platforms import why_unread
 from itouch.plugin.discovery import Catalog
-from itouch.schema.files import is_document, kind_of, open_regular, stored_kind
+from itouch.schema.regular_files import is_document, kind_of, open_regular, stored_kind
 from itouch.session.document import MAX_DOCUMENT, from_xml
-from itouch.session.errors import SessionError
+from itouch.session.session_error import SessionError
 from itouch.session.snapshot import Snapshot, read_snapshot
 
 Path = str | os.PathLike[str]
@@ -48,7 +48,7 @@ def read_session(path: Path, catalog: Catalog) -> Snapshot:
     except OSError as error:
         raise SessionError(f"cannot read '{name}': {why_unread(error)}") from error
     if kind_of(head) == "recording":
-        from itouch.session.recorded import last_snapshot
+        from itouch.session.from_recordings import last_snapshot
 
         return last_snapshot(name, catalog)
     if not document:

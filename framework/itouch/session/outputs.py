@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from itouch.session.errors import SessionError
+from itouch.session.session_error import SessionError
 
 if TYPE_CHECKING:
-    from itouch.session.engine import Session
+    from itouch.session.session import Session
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ from itouch.platforms import claim
 from itouch.safety.device_monitors import InstalledMonitor
 from itouch.schema import Problem, SceneError
 from itouch.schema.durable import write_whole
-from itouch.session.errors import SessionError
+from itouch.session.session_error import SessionError
 
 if TYPE_CHECKING:
     from itouch.scene import Scene

@@ -14,7 +14,7 @@ from itouch.recording import Recording
 from itouch.session.row_layout import in_track
 
 if TYPE_CHECKING:
-    from itouch.session.engine import Session
+    from itouch.session.session import Session
 
 
 class PlaybackTwin(Twin, Stamped):

@@ -117,7 +117,7 @@ class Recorder:
         shape, memory = self._ring.shape, self._ring.shared
         words = [memory.word, *(str(n) for n in (shape.rows, shape.row, shape.letters))]
         process = subprocess.Popen(
-            [sys.executable, "-m", "itouch.recording.process", *words, os.path.abspath(self.path)],
+            [sys.executable, "-m", "itouch.recording.writing_process", *words, os.path.abspath(self.path)],
             stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, pass_fds=memory.passed,
             start_new_session=True,
         )  # fmt: skip

@@ -24,8 +24,8 @@ from itouch.schema.durable import write_whole
 from itouch.schema.quantities import LONGEST
 from itouch.session.archive import MAX_MEMBER, ArchiveWriter, read_members
 from itouch.session.arrays import load_bases, npy_header, pack_bases, record_from, write_record
-from itouch.session.errors import ADVICE, SessionError, check_ledger, plainly
 from itouch.session.manifest import FORMAT, constant_part, digest
+from itouch.session.session_error import ADVICE, SessionError, check_ledger, plainly
 from itouch.world import Model
 
 #: Room [bytes] in a ledger for what joins its contacts with the rest, and how many were left out.

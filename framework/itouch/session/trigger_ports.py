@@ -11,7 +11,7 @@ import os
 import sys
 from abc import ABC, abstractmethod
 
-from itouch.session.errors import SessionError
+from itouch.session.session_error import SessionError
 
 #: Requests to Linux parallel ports: claim, release, set the data lines.
 _CLAIM, _LET_GO, _SET = 0x708B, 0x708C, 0x40017086

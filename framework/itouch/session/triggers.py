@@ -12,7 +12,7 @@ from itouch.session.trigger_ports import Wire
 from itouch.world.state import EVENTS
 
 if TYPE_CHECKING:
-    from itouch.session.engine import Session
+    from itouch.session.session import Session
 
 #: How long a code is shown [s] before the lines are 0 again: amplifiers that sample at 250 Hz see it twice.
 PULSE: Final = 0.010

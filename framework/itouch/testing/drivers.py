@@ -11,13 +11,13 @@ import numpy as np
 
 from itouch.loop import Engine
 from itouch.loop.clock import WallClock
-from itouch.loop.runner import DeviceFaultError
+from itouch.loop.device_runner import DeviceFaultError
 from itouch.plugin import Device, DeviceError, Field, Record, Role
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.child_process import described
 from itouch.testing.harness import DeviceSubject
+from itouch.testing.open_device import Opened, elsewhere
 from itouch.testing.process_state import children, native_threads, open_files
-from itouch.testing.wire import Opened, elsewhere
 from itouch.testing.workload import opened
 from itouch.world import Model
 

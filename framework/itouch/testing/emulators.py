@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from itouch.plugin import Channel, DeviceError, Role
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.harness import DeviceSubject, limits
-from itouch.testing.wire import Opened, Served, emulated
+from itouch.testing.open_device import Opened, Served, emulated
 
 #: Offsets [m] from a reachable position to which the finger leads a device that tracks it, and time for that [s].
 _ABOUT = tuple(np.array(away) for away in ((0.0, 0.0, 0.0), (0.008, -0.005, 0.004), (-0.006, 0.007, -0.009)))

@@ -79,7 +79,7 @@ class DeviceSubject:
     emulated
         Whether the driver is examined on the device's emulator.
     shared
-        The open device that several checks use in turn (`itouch.testing.wire.Shared`); None: each opens its own.
+        The open device that several checks use in turn (`itouch.testing.open_device.Shared`); None: each opens its own.
     """
 
     cls: type[Device]

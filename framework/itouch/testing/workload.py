@@ -10,8 +10,8 @@ from typing import Any
 from itouch.loop import Engine
 from itouch.plugin import Contact, ContactEvent, Record
 from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench
+from itouch.testing.open_device import Opened
 from itouch.testing.scenario import ModalitySubject
-from itouch.testing.wire import Opened
 from itouch.world import Model
 
 #: A call of the plugin: its name, the record that is passed (which a check may replace), and the function.

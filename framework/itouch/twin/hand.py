@@ -15,8 +15,8 @@ from itouch.scene.elements import Operator
 from itouch.schema.hold_until import Until
 from itouch.twin.mechanics import AlongPath, follow_path, lower
 from itouch.twin.waits import Waits
-from itouch.world.recorded import RecordedMotion
-from itouch.world.skin import SkinSource
+from itouch.world.recorded_motion import RecordedMotion
+from itouch.world.skin_source import SkinSource
 
 Vector = tuple[float, float, float]
 #: Speed at which the hand is moved away from its path for a calibration, and back [m/s].

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from itouch.blocks import Block, places, width
 from itouch.compiling import kernel, linked, scratch
 from itouch.twin.frame_rotation import FRAME, beside, turned_in, turned_out
-from itouch.world import fields
+from itouch.world import state_fields
 
 Floats = NDArray[np.float64]
 
@@ -30,10 +30,10 @@ _motion = Block()
 PLACE, SPEED, TARGET = _motion.parts(3, 3, 3)
 
 # Places of the plate's figures, which follow from the State fields.
-_at = places(fields.PLATE)
+_at = places(state_fields.PLATE)
 FORCE, TOP = _at["plate_force"], _at["plate_true_top"]
 DISTANCE, TOTAL = _at["plate_distance"], _at["total_force"]
-FIGURES = width(fields.PLATE)
+FIGURES = width(state_fields.PLATE)
 
 #: Least gap [m] of a finger beside the plate, and the gap [m] from which on the plate's speed is ignored.
 BESIDE, FAR = 1e-3, 0.5

@@ -18,8 +18,8 @@ from itouch.plugin import Bound, Record
 from itouch.scene.elements import Operator
 from itouch.schema.hold_until import Until
 from itouch.twin.mechanics import AlongPath, lower
-from itouch.world.fields import wait_fields
-from itouch.world.skin import SkinSource, window_ticks
+from itouch.world.skin_source import SkinSource, window_ticks
+from itouch.world.state_fields import wait_fields
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from itouch.monitors.limits import SPEED, SPEED_NEAR
+from itouch.monitors.default_limits import SPEED, SPEED_NEAR
 from itouch.plugin import Role, poses
 from itouch.scene import Scene
 from itouch.scene.elements import Capsule, Probe

@@ -1,7 +1,7 @@
 """The limits in force: the hardware's ceilings and the defaults, as the scene tightens them; nothing loosens them.
 
-The defaults are in `itouch.monitors.limits`; this module finds which of them apply to a device, by the roles of its
-channels, what the scene makes of them, and what is wrong with the limits that it asks for.
+The defaults are in `itouch.monitors.default_limits`; this module finds which of them apply to a device, by the roles of
+its channels, what the scene makes of them, and what is wrong with the limits that it asks for.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from itouch.monitors.limits import (
+from itouch.monitors.default_limits import (
     ARM_SPEED,
     ARM_SPEED_TRIP,
     CEILING,

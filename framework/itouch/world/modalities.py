@@ -29,11 +29,11 @@ from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.fields import default_of, specs, xml_name
 from itouch.schema.plugin_errors import ReturnedError, failing, failure
 from itouch.world.answers import texts_of
-from itouch.world.fields import declared_by
-from itouch.world.files import SceneFiles
 from itouch.world.presented_surfaces import check_alone, check_carried, check_touched
 from itouch.world.rig import DeviceModel, skins_of
-from itouch.world.skin import Finger, devices_at
+from itouch.world.scene_files import SceneFiles
+from itouch.world.skin_source import Finger, devices_at
+from itouch.world.state_fields import declared_by
 from itouch.world.surfaces import contact_of
 
 Declaration = TypeVar("Declaration", Carries, Touches)

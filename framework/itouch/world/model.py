@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.contact import Geometry, Plane, Shape, layout
-from itouch.contact.surfaces import Effects
+from itouch.contact.surface_effects import Effects
 from itouch.plugin import Role, WorldSurface, poses
 from itouch.plugin.bases import keeping_anyhow
 from itouch.plugin.discovery import Catalog
@@ -20,19 +20,19 @@ from itouch.scene.elements import Operator, Probe
 from itouch.scene.loader import in_file_order
 from itouch.schema import Place, Problem, SceneError
 from itouch.world.bindings import blind, check_bindings, check_fingers, check_reach, check_writers
-from itouch.world.coupling import Coupling, couplings, on_bodies, relied, stable_effects
-from itouch.world.files import SceneFile, SceneFiles
 from itouch.world.limits import check_safety
 from itouch.world.modalities import ModalityModel, build_modalities, notices_of
-from itouch.world.motion import NO_MOTIONS, Motions, build_motions
+from itouch.world.motion_tables import NO_MOTIONS, Motions, build_motions
+from itouch.world.object_shapes import build_shapes
 from itouch.world.overlap import overlaps
 from itouch.world.presented_surfaces import face_of, surfaces_of
-from itouch.world.recorded import RecordedMotion, recorded_motion
+from itouch.world.recorded_motion import RecordedMotion, recorded_motion
 from itouch.world.replaced_limits import differences, fitted
 from itouch.world.rig import DeviceModel, build_devices, orientation
-from itouch.world.shapes import build_shapes
-from itouch.world.skin import unfelt
+from itouch.world.scene_files import SceneFile, SceneFiles
+from itouch.world.skin_source import unfelt
 from itouch.world.surfaces import build_effects, build_friction, contact_of
+from itouch.world.virtual_coupling import Coupling, couplings, on_bodies, relied, stable_effects
 
 Vector = tuple[float, float, float]
 #: Input sources with which a person leads a hand.

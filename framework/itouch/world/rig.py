@@ -22,10 +22,10 @@ from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
 from itouch.schema.plugin_errors import ReturnedError, error_text, failing, failure
 from itouch.schema.quantities import QuantityError, parse_quantity
 from itouch.world import answers
-from itouch.world.fields import declared_by
-from itouch.world.files import SceneFiles
 from itouch.world.limits import DeviceLimits, resolve
 from itouch.world.safe_values import acting_at_rest, stale, too_slow, unfelt, with_safe_values
+from itouch.world.scene_files import SceneFiles
+from itouch.world.state_fields import declared_by
 from itouch.world.supervision import monitors_of, supervision, supervision_problems, watched
 
 Vector = tuple[float, float, float]

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from itouch.monitors.limits import TIMELY
+from itouch.monitors.default_limits import TIMELY
 from itouch.monitors.thresholds import COLDEST_TARGET
 from itouch.plugin import HURTING, RETRACT, Channel, Device, Role
 from itouch.schema import Place, Problem

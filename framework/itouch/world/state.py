@@ -7,14 +7,17 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from itouch.contact.surfaces import EFFECTS_MEMORY
+from itouch.contact.surface_effects import EFFECTS_MEMORY
 from itouch.plugin import Field, Record, Role
 from itouch.plugin.declaration_rules import faults_of
 from itouch.schema import Problem, SceneError
 from itouch.schema.hold_until import Until
 from itouch.schema.plugin_errors import failing
-from itouch.world import marks
-from itouch.world.fields import (
+from itouch.world import mark_fields
+from itouch.world.modalities import ModalityModel
+from itouch.world.model import Model, ProbeModel
+from itouch.world.rig import FRAME, GONE, DeviceModel
+from itouch.world.state_fields import (
     CELLS,
     HAND,
     coupling_fields,
@@ -25,9 +28,6 @@ from itouch.world.fields import (
     stiffness_fields,
     wait_fields,
 )
-from itouch.world.modalities import ModalityModel
-from itouch.world.model import Model, ProbeModel
-from itouch.world.rig import FRAME, GONE, DeviceModel
 from itouch.world.supervision import supervision
 
 #: The range of what must be a finite number.
@@ -89,7 +89,7 @@ def layout(model: Model) -> tuple[Field, ...]:
         fields += _probe(model, probe)
     for modality in model.modalities:
         fields += _prefixed(modality.name, _fields_of(model, modality))
-    fields += [*_CONTACT_EVENTS, *marks.FIELDS]
+    fields += [*_CONTACT_EVENTS, *mark_fields.FIELDS]
     return tuple(fields)
 
 

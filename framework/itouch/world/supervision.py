@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from itouch.monitors import own_monitors
-from itouch.monitors.limits import REARMS, DeviceLimits
+from itouch.monitors.default_limits import REARMS, DeviceLimits
 from itouch.plugin import HURTING, NEVER_HARMLESS, Channel, Field, Monitor, Role, Rule, Watched
 from itouch.plugin.quantity import PLAIN
 from itouch.schema import Place, Problem

@@ -8,10 +8,10 @@ from itouch.contact import Friction
 from itouch.contact.effects import MAX_LAYERS
 from itouch.contact.heightmap import MAX_BYTES, gentle, height_map
 from itouch.contact.meshfile import MeshError
-from itouch.contact.surfaces import AXES, Effects, Texture
+from itouch.contact.surface_effects import AXES, Effects, Texture
 from itouch.scene import Scene, elements
 from itouch.schema import Problem
-from itouch.world.files import SceneFiles
+from itouch.world.scene_files import SceneFiles
 
 
 def contact_of(scene: Scene, element: Any, problems: list[Problem]) -> elements.ContactMaterial:

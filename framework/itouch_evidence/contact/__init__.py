@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from itouch.contact import Proxy, Surface
 from itouch.plugin.commands import exit_code
 from itouch.schema import ItouchError
-from itouch_evidence.contact.figures import Figure, judged
+from itouch_evidence.contact.contact_workload import HEIGHT_FIELD_CELLS, Work, around, standard
 from itouch_evidence.contact.measure import CHUNK, Row, building, closest_row, peer_row, proxy_rows
 from itouch_evidence.contact.peers import PACKAGES, PEERS
-from itouch_evidence.contact.workload import HEIGHT_FIELD_CELLS, Work, around, standard
+from itouch_evidence.contact.step_bounds import Figure, judged
 from itouch_tools.cli.arguments import Parser
 from itouch_tools.cli.output_files import output_file, write_output
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from itouch.contact import Proxy, Surface
 from itouch.contact.vectors import Floats
+from itouch_evidence.contact.contact_workload import Work
 from itouch_evidence.contact.peers import Peer
-from itouch_evidence.contact.workload import Work
 
 Made = TypeVar("Made")
 

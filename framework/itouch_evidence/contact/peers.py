@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from itouch.contact.vectors import Floats
-from itouch_evidence.contact.workload import Faces
+from itouch_evidence.contact.contact_workload import Faces
 
 Query = Callable[[Floats], object]
 Peer = Callable[[Floats, Faces, float], Query]

@@ -23,7 +23,7 @@ from pathlib import Path
 
 from itouch.loop import DeviceFaultError
 from itouch.schema import ItouchError
-from itouch.servo import Handle, launch, sessions, wire
+from itouch.servo import Handle, launch, sessions, twin_protocol
 from itouch.servo.shared_memory import monotonic
 from itouch_evidence.deaths import kills_at_start
 from itouch_evidence.deaths.memory_exhaustion import HUNGER
@@ -81,7 +81,7 @@ def _strike(handle: Handle, victim: str, manner: str, wait: float, before: froze
     finally:  # also if the session ended by itself
         handle.request_stop()
         observer.wait(_END)
-    early = [name for name, after in observer.safe_after(event, wire.LATCHED).items() if after == 0.0]
+    early = [name for name, after in observer.safe_after(event, twin_protocol.LATCHED).items() if after == 0.0]
     if early:
         raise ItouchError(f"the session ended before anything was done to it ({', '.join(early)} safe already): {said}")
     left = _left(handle.name, before)

@@ -21,7 +21,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from itouch.servo import wire
+from itouch.servo import twin_protocol
 from itouch.servo.shared_memory import monotonic
 from itouch_evidence.deaths.observer import Observer
 from itouch_evidence.resumable import Kept
@@ -36,7 +36,8 @@ _MARK = "ITOUCH_DEATHS"
 _ROLES = {
     "itouch_evidence.deaths.recording_launcher": "launcher", "itouch.servo.process": "servo",
     "itouch.servo.guardian": "guardian",
-    "itouch.servo.twin": "twin", "itouch.recording.process": "recorder", "itouch.servo.compile_ahead": "companion",
+    "itouch.servo.twin_process": "twin", "itouch.recording.writing_process": "recorder",
+    "itouch.servo.compile_ahead": "companion",
     "itouch_evidence.deaths.simulated_clients": "viewer",
 }  # fmt: skip
 #: How long [s] a victim may take to appear, and for how long after a kill processes are looked for.
@@ -149,7 +150,7 @@ class _Watched:
         """Wait until some device has obeyed, or nothing is left that could command one."""
         end = time.monotonic() + _COMES
         while time.monotonic() < end and "launcher" in _marked(self._name).values():
-            if any(o.seen[n] and o.seen[n][-1][1] & wire.BEGUN for n, o in list(self._observers.items())):
+            if any(o.seen[n] and o.seen[n][-1][1] & twin_protocol.BEGUN for n, o in list(self._observers.items())):
                 return
             time.sleep(0.02)
 
@@ -160,7 +161,9 @@ class _Watched:
         for name, observer in self._observers.items():
             observer.wait(10.0)
             told = observer.seen[name]
-            if any(flags & wire.BEGUN for _, flags in told) and not (victim == "twin" and told[-1][0] <= event):
+            if any(flags & twin_protocol.BEGUN for _, flags in told) and not (
+                victim == "twin" and told[-1][0] <= event
+            ):
                 found |= observer.safe_after(event)
         return found
 

@@ -8,18 +8,18 @@ import socket
 import threading
 from collections.abc import Iterable
 
-from itouch.servo import wire
+from itouch.servo import twin_protocol
 
 
 class Observer:
     """Watches the twins of one session until they close their connections."""
 
     def __init__(self, session: str, devices: Iterable[str]) -> None:
-        self._lines = {wire.connect(wire.address(session, name), 10.0): name for name in devices}
+        self._lines = {twin_protocol.connect(twin_protocol.address(session, name), 10.0): name for name in devices}
         #: For each device the (time [ns], flags) of its steps, in order.
         self.seen: dict[str, list[tuple[int, int]]] = {name: [] for name in self._lines.values()}
         for line in self._lines:
-            line.send(wire.WATCH)
+            line.send(twin_protocol.WATCH)
         self._thread = threading.Thread(target=self._watch, daemon=True)
         self._thread.start()
 
@@ -32,11 +32,11 @@ class Observer:
 
     def _take(self, line: socket.socket, name: str) -> bool:
         try:
-            packet = line.recv(wire.PACKET)
+            packet = line.recv(twin_protocol.PACKET)
         except OSError:
             packet = b""
-        if packet[:1] == wire.OBSERVED:
-            host, flags, _ = wire.split(packet)
+        if packet[:1] == twin_protocol.OBSERVED:
+            host, flags, _ = twin_protocol.split(packet)
             self.seen[name].append((host, flags))
         return bool(packet)
 
@@ -48,7 +48,7 @@ class Observer:
                 line.close()
         return not self._thread.is_alive()
 
-    def safe_after(self, event_ns: int, flag: int = wire.OUTPUTS_SAFE) -> dict[str, float | None]:
+    def safe_after(self, event_ns: int, flag: int = twin_protocol.OUTPUTS_SAFE) -> dict[str, float | None]:
         """Return, for each device, how long [s] after an event it was safe for good; None if it never was."""
         return {name: _safe_after(steps, event_ns, flag) for name, steps in self.seen.items()}
 

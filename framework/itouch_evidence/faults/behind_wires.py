@@ -17,14 +17,14 @@ from typing import Any, ClassVar
 from itouch.exchange import EveryNth, ThreadedDevice
 from itouch.faults import FOREVER, Kind
 from itouch.loop import DeviceFaultError, WallClock
-from itouch.loop.runner import Runner
+from itouch.loop.device_runner import Runner
 from itouch.plugin import Device, DeviceError, Record, Role
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch.safety.sequence import AT_END, RETREAT
 from itouch.session import Session, build, choose_twins, load_scene, restore
 from itouch_evidence.faults.matrix import DELAY, KINDS, LASTS, RUN, Cell
 from itouch_evidence.faults.phases import PHASES, moments, prepared
-from itouch_evidence.faults.truth import Truth
+from itouch_evidence.faults.true_state import Truth
 
 #: A function that finds the entry points of a group.
 Finder = Callable[[str], dict[str, Found]]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from itouch.monitors import limits
+from itouch.monitors import default_limits
 from itouch.monitors.thresholds import DOSE_FROM, DOSE_UNIT
 from itouch.plugin import DeviceError, ItouchError, Role
 from itouch.plugin.discovery import Catalog, Found
@@ -143,7 +143,7 @@ class Truth:
         self.case, self.dose, self.cold, self.touch = case, 0.0, 0.0, 0.0
         self.low, self.high, self.push = np.inf, -np.inf, 0.0
         # The monitors count cold from COLD_FROM, a kelvin early, so that a failing sensor may be off by that much.
-        self.cold_from = limits.COLD_ABSOLUTE if "<fault " in case.scene else limits.COLD_FROM - 1e-2
+        self.cold_from = default_limits.COLD_ABSOLUTE if "<fault " in case.scene else default_limits.COLD_FROM - 1e-2
 
     def follow(self, session: Session) -> None:
         """Note the truth after each tick of a session."""
@@ -171,16 +171,16 @@ class Truth:
     def broken(self) -> list[str]:
         """Return which absolute limits were passed."""
         found = []
-        ran, (least, most) = self.low <= self.high, limits.PLATE_ABSOLUTE
+        ran, (least, most) = self.low <= self.high, default_limits.PLATE_ABSOLUTE
         if ran and not least <= self.low <= self.high <= most:
             found.append(f"plate {self.low - 273.15:.2f} to {self.high - 273.15:.2f} degC")
-        if self.dose > 1.05 * limits.DOSE:
+        if self.dose > 1.05 * default_limits.DOSE:
             found.append(f"dose {self.dose:.1f} s")
-        if self.cold > 1.05 * limits.COLD_TIME:
+        if self.cold > 1.05 * default_limits.COLD_TIME:
             found.append(f"{self.cold:.1f} s in the cold")
         if self.touch > 120.0:
             found.append(f"touched for {self.touch:.1f} s")
-        if self.push > limits.PLATE_FORCE_ABSOLUTE:
+        if self.push > default_limits.PLATE_FORCE_ABSOLUTE:
             found.append(f"pushed with {self.push:.1f} N")
         return found
 
@@ -218,7 +218,7 @@ def _use_up(session: Session, left: float, truth: Truth) -> None:
     for runner in session.runners:
         most, part = runner.model.limits, (1.0 - left) / len(truth.case.plates)
         for post in runner.gate.heats:
-            dose, cold = part * (most.dose or limits.DOSE), part * (most.cold_time or limits.COLD_TIME)
+            dose, cold = part * (most.dose or default_limits.DOSE), part * (most.cold_time or default_limits.COLD_TIME)
             post.state["dose"], post.state["cold_time"] = dose, cold
             truth.dose, truth.cold = truth.dose + dose, truth.cold + cold
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from itouch.platforms import cores
-from itouch_evidence.batch import computed
-from itouch_tools.sweeps.client import sweep
-from itouch_tools.sweeps.store import paths_of
+from itouch_evidence.bench_batch import computed
+from itouch_tools.sweeps.sweep_client import sweep
+from itouch_tools.sweeps.sweep_store import paths_of
 
 SWEEP = """<sweep version="1.0" name="bench" scene="{scene}">
   <seeds count="{count}"/>

@@ -25,7 +25,7 @@ from typing import Any
 from itouch_evidence.resumable import Kept
 from itouch_evidence.sweeps import failures
 from itouch_evidence.sweeps.failures import small
-from itouch_tools.sweeps.store import INCOMING, paths_of, rows, table
+from itouch_tools.sweeps.sweep_store import INCOMING, paths_of, rows, table
 
 #: Runs for each client that is killed, so that the sweep does not end before.
 RUNS = 60

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from itouch.plugin.discovery import Catalog
-from itouch_tools.sweeps.client import Client
 from itouch_tools.sweeps.engines import Engine, Pool, Task
-from itouch_tools.sweeps.plan import Run
 from itouch_tools.sweeps.provenance import cpu_model
-from itouch_tools.sweeps.reading import load_sweep
-from itouch_tools.sweeps.store import paths_of
+from itouch_tools.sweeps.run_plan import Run
+from itouch_tools.sweeps.sweep_client import Client
+from itouch_tools.sweeps.sweep_reading import load_sweep
+from itouch_tools.sweeps.sweep_store import paths_of
 from itouch_tools.sweeps.worker import Done
 
 

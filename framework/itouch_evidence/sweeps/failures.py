@@ -15,7 +15,7 @@ from typing import Any
 from itouch.scene import bundled_scenes
 from itouch.schema import ItouchError
 from itouch_evidence.sweeps.backends import dask_cluster
-from itouch_tools.sweeps.store import rows, table
+from itouch_tools.sweeps.sweep_store import rows, table
 
 #: Runs of the sweep with a crashing function, on the cluster, and without memory (a full disk: four times as many); the
 #: seed that crashes.

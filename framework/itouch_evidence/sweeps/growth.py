@@ -21,15 +21,15 @@ from itouch.plugin.discovery import Catalog
 from itouch.schema import ItouchError
 from itouch_evidence.sweeps.backends import Cluster, dask_cluster, loops, written
 from itouch_evidence.sweeps.empty_runs import TimelessEngine
-from itouch_tools.sweeps.client import Client as Sweeping
 from itouch_tools.sweeps.engines import Engine
-from itouch_tools.sweeps.progress import Progress
-from itouch_tools.sweeps.reading import load_sweep
-from itouch_tools.sweeps.store import paths_of
+from itouch_tools.sweeps.sweep_client import Client as Sweeping
+from itouch_tools.sweeps.sweep_progress import Progress
+from itouch_tools.sweeps.sweep_reading import load_sweep
+from itouch_tools.sweeps.sweep_store import paths_of
 
 #: Runs of the sweep that measures the parts of the model.
 PILOTS = 60
-#: Most rows in a file and in a partition (``itouch_tools.sweeps.store``), and bytes of memory a row for resuming.
+#: Most rows in a file and in a partition (``itouch_tools.sweeps.sweep_store``), and bytes of memory a row for resuming.
 FILE, PARTITION, DIGEST = 2000, 10_000, 8
 
 

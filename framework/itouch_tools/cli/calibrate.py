@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Fit, poses
 from itouch.schema import ItouchError
-from itouch.schema.files import stored_kind
+from itouch.schema.regular_files import stored_kind
 from itouch.schema.terminal import number_of
 from itouch.session import calibration
 from itouch_tools.cli.arguments import Parser

@@ -139,7 +139,7 @@ def _bad(model: Model | None, problems: Sequence[Problem], *, strict: bool) -> b
 def _say(path: str, model: Model | None, problems: Sequence[Problem], *, failed: bool) -> None:
     """Print what was found in one scene."""
     from itouch.schema.diagnostics import render
-    from itouch_tools.report.limits import limit_lines
+    from itouch_tools.report.limits_in_words import limit_lines
 
     if problems:
         print(render(problems), file=sys.stderr, flush=True)
@@ -210,7 +210,7 @@ def _edits(
 
 
 def _entry(path: str, model: Model | None, problems: Sequence[Problem], *, good: bool) -> dict[str, Any]:
-    from itouch_tools.report.limits import limit_rows
+    from itouch_tools.report.limits_in_words import limit_rows
     from itouch_tools.report.problem_formats import as_entries
 
     entry: dict[str, Any] = {"scene": path, "ok": good, "problems": as_entries(problems)}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from itouch.schema import ItouchError
 from itouch.schema.extras import need
-from itouch.schema.files import stored_kind
+from itouch.schema.regular_files import stored_kind
 from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import Parser, add_json, as_json

@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from itouch.schema import ItouchError
-from itouch.schema.files import stored_kind
+from itouch.schema.regular_files import stored_kind
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import Parser, add_json
+from itouch_tools.cli.inspect_plan import plan_facts, plan_text
 from itouch_tools.cli.output_files import picture_file
-from itouch_tools.cli.plan import plan_facts, plan_text
 from itouch_tools.cli.progress import measured
 
 Facts = dict[str, Any]

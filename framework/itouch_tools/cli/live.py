@@ -79,11 +79,11 @@ def _launched(options: argparse.Namespace, stop: Stopping, *, window: bool) -> H
         If it can't be built.
     """
     from itouch.servo import launching
-    from itouch_tools.cli import outputs
+    from itouch_tools.cli import output_options
 
     config = launching.configured(
         options.scene, seed=options.seed, twin=options.twin, rig=options.rig, seconds=options.duration,
-        save=options.save, enable=not window, linger=window, keep=outputs.wanted(options),
+        save=options.save, enable=not window, linger=window, keep=output_options.wanted(options),
     )  # fmt: skip
     with waiting(f"starting {options.scene}"):
         handle = launching.begin(launching.named(config["scene"]), config)

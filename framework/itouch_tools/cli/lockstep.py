@@ -28,7 +28,7 @@ from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.served_twins import VirtualRig, require_switch
 
 if TYPE_CHECKING:
-    from itouch.loop.runner import Runner
+    from itouch.loop.device_runner import Runner
 
 #: By what factor the emulators' timers run faster than the host's, and the time between two looks at the wires [s].
 SPEED, LOOK = 20.0, 1e-4

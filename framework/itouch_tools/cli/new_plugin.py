@@ -11,7 +11,7 @@ from itouch_tools.cli.output_files import output_folder
 
 def main(argv: Sequence[str]) -> int:
     """Write the distribution itouch-NAME with numbered steps; its tests say which step is next."""
-    from itouch_tools.scaffold.plugin import KINDS, TRANSPORTS, make_plugin
+    from itouch_tools.scaffold.plugin_distribution import KINDS, TRANSPORTS, make_plugin
 
     parser = Parser(prog="itouch-py new-plugin", description=main.__doc__)
     parser.add_argument("name", metavar="NAME", help="small letters, digits, dashes: force-lever")

@@ -23,7 +23,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from itouch.schema import ItouchError
-from itouch.schema.files import is_document, open_regular, stored_kind
+from itouch.schema.regular_files import is_document, open_regular, stored_kind
 from itouch_tools.cli.output_files import Output, recording_file
 
 #: How much of a document is searched for files that it names [bytes]: a scene is not larger, a larger one is a session,

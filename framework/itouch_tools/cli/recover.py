@@ -64,8 +64,8 @@ def recover(path: str, target: str) -> Recovered:
     RecordingError
         If nothing of it can be read, or the target cannot be written.
     """
-    from itouch.recording.errors import RecordingError
     from itouch.recording.reader import read_content
+    from itouch.recording.recording_error import RecordingError
     from itouch.recording.sink import Sink
     from itouch.recording.writer import McapWriter
     from itouch.schema.durable import is_replaceable

@@ -16,7 +16,7 @@ from itouch_tools.cli.arguments import Parser
 
 if TYPE_CHECKING:
     from itouch.recording import Recording
-    from itouch.session.replay import Outcome
+    from itouch.session.replaying import Outcome
 
 #: Ticks between two reports of progress.
 _TOLD = 500
@@ -58,7 +58,7 @@ def _read(path: str) -> Recording:
 def _view(path: str) -> int:
     """Play a recording in a window until the window is closed."""
     from itouch_tools.viewer.offscreen import open_player
-    from itouch_tools.viewer.playback import Playback
+    from itouch_tools.viewer.played_session import Playback
     from itouch_tools.viewer.recording_seek import SeekableRecording
 
     with waiting(f"reading {path}"):

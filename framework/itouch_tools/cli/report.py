@@ -21,7 +21,7 @@ def main(argv: Sequence[str]) -> int:
     given = options.session
     need("report", "the page")
     from itouch_tools.report.collect import collect
-    from itouch_tools.report.page import page, scene_picture
+    from itouch_tools.report.session_page import page, scene_picture
 
     with waiting(f"reading {given}") as wait:
         findings = collect(given, progress=wait.part)

@@ -9,11 +9,11 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from itouch.schema import ItouchError
-from itouch.schema.files import stored_kind
+from itouch.schema.regular_files import stored_kind
 from itouch.schema.seeds import checked_seed
 from itouch.schema.terminal import did, note
 from itouch.schema.wait_notices import waiting
-from itouch_tools.cli import arm_input, deprecations, live, outputs, pictures, sounds, windows
+from itouch_tools.cli import arm_input, deprecations, live, output_options, pictures, sounds, windows
 from itouch_tools.cli.arguments import Parser, seconds
 from itouch_tools.cli.output_files import Output, output_file
 from itouch_tools.cli.shutdown import Interrupted, Stopping, begin_report, unstarted, write_report
@@ -69,7 +69,7 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
     session.loss_hooks.append(lambda loss: screen.interrupt(told(loss)))
     end = None if options.duration is None else session.seconds + options.duration
     with pictures.taking(session, options, end=end), sounds.keeping(session, options):
-        with outputs.opened(session, options):
+        with output_options.opened(session, options):
             code, lost = _run(session, options, stop.listened(screen.show), stop)
         report = session.report()  # before pictures and sounds are finished: that may fail, and loses nothing then
         stop.listened(screen.finish)(report)
@@ -108,7 +108,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all noise (default 0); a session has its own")
     pictures.add_options(parser)
     sounds.add_options(parser)
-    outputs.add_options(parser)
+    output_options.add_options(parser)
     parser.set_defaults(records_as_asked=True)
     return parser
 
@@ -119,7 +119,7 @@ def _check(options: argparse.Namespace) -> None:
         checked_seed(options.seed)
     except ValueError as error:
         raise ItouchError(f"--{error}") from None
-    outputs.wanted(options)
+    output_options.wanted(options)
     from itouch.session.open import is_session
 
     if (options.twin or options.rig) and is_session(options.scene):

@@ -31,7 +31,7 @@ def write_schemas(folder: str) -> list[str]:
     """
     from itouch.plugin.discovery import Catalog
     from itouch_tools.authoring.xsd import schemas, standalone
-    from itouch_tools.sweeps.elements import Sweep
+    from itouch_tools.sweeps.sweep_elements import Sweep
 
     written = []
     try:

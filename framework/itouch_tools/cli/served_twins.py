@@ -23,7 +23,7 @@ from itouch.schema.terminal import note
 from itouch.twin.hand import first_rest
 
 if TYPE_CHECKING:
-    from itouch.loop.runner import Runner
+    from itouch.loop.device_runner import Runner
     from itouch.plugin.discovery import Catalog
     from itouch.scene import Scene
     from itouch.session import Session

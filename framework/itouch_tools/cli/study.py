@@ -17,7 +17,7 @@ from itouch_tools.cli.output_files import Output, output_folder
 from itouch_tools.cli.study_participant import folder_of
 
 if TYPE_CHECKING:
-    from itouch_tools.study.reading import StudyFile
+    from itouch_tools.study.study_reading import StudyFile
 
 #: Seconds in which most skin recovers from a touch of a few seconds, and seconds for an answer and the next approach.
 SKIN, ANSWERING = 10.0, 4.0
@@ -107,7 +107,7 @@ def _load(path: str) -> StudyFile | None:
     """Return a study without problems, or print them and return None."""
     from itouch.plugin.discovery import Catalog
     from itouch.schema.diagnostics import render
-    from itouch_tools.study.reading import read_study
+    from itouch_tools.study.study_reading import read_study
 
     found, problems = read_study(path, Catalog())
     if problems:
@@ -117,8 +117,8 @@ def _load(path: str) -> StudyFile | None:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from itouch_tools.study.elements import CATCH, PRACTICE, TASKS, UNCOUNTED
     from itouch_tools.study.plugin_tasks import task_of
+    from itouch_tools.study.study_elements import CATCH, PRACTICE, TASKS, UNCOUNTED
     from itouch_tools.study.tasks import question_of
     from itouch_tools.study.trials import trials_of
 
@@ -176,7 +176,7 @@ def _stamp(file: StudyFile, folder: Path, deviation: str = "") -> None:
     from importlib.metadata import version
 
     from itouch_tools.study.frozen import check_task, digest_of, keep_copy
-    from itouch_tools.study.store import Store
+    from itouch_tools.study.study_store import Store
 
     digest = digest_of(file)
     with Store.open(folder, create=True) as store:
@@ -190,7 +190,7 @@ def _stamp(file: StudyFile, folder: Path, deviation: str = "") -> None:
 
 
 def _prepared(options: argparse.Namespace, folder: str, *, deviation: str = "") -> StudyFile | int:
-    from itouch_tools.study.store import StoreError
+    from itouch_tools.study.study_store import StoreError
 
     file = _load(options.study)
     if file is None:
@@ -244,7 +244,7 @@ def _deleted(path: Path) -> str:
 
 
 def _forget(options: argparse.Namespace) -> int:
-    from itouch_tools.study.store import Store, StoreError
+    from itouch_tools.study.study_store import Store, StoreError
 
     try:
         with Store.open(Path(options.folder)) as store:
@@ -270,7 +270,7 @@ def _forget(options: argparse.Namespace) -> int:
 
 def _simulate(options: argparse.Namespace) -> int:
     from itouch.schema import ItouchError
-    from itouch.session.errors import SessionError
+    from itouch.session.session_error import SessionError
     from itouch_tools.cli.shutdown import Interrupted, Stopping
     from itouch_tools.study.observer_catalog import observer_of
     from itouch_tools.study.simulate import Panel, simulate
@@ -305,9 +305,9 @@ def _report(options: argparse.Namespace) -> int:
     from itouch.schema.durable import write_whole
     from itouch_tools.study.analysis import analyse
     from itouch_tools.study.frozen import check_same_study
-    from itouch_tools.study.page import page
-    from itouch_tools.study.store import Store, StoreError
-    from itouch_tools.study.tables import write_table
+    from itouch_tools.study.study_page import page
+    from itouch_tools.study.study_store import Store, StoreError
+    from itouch_tools.study.trial_table import write_table
 
     file = _load(options.study)
     if file is None:

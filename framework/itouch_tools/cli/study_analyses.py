@@ -12,7 +12,7 @@ from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.output_files import Output, output_file, output_folder, write_output
 
 if TYPE_CHECKING:
-    from itouch_tools.study.reading import StudyFile
+    from itouch_tools.study.study_reading import StudyFile
 
 
 def add_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -153,8 +153,8 @@ def export(options: argparse.Namespace) -> int:
     """
     from itouch.schema import ItouchError
     from itouch_tools.study.exports import write_bids, write_parquet
-    from itouch_tools.study.store import Store
-    from itouch_tools.study.tables import write_table
+    from itouch_tools.study.study_store import Store
+    from itouch_tools.study.trial_table import write_table
 
     if not (options.tsv or options.parquet or options.bids):
         print("say where to: --tsv FILE, --parquet FILE or --bids FOLDER", file=sys.stderr)

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable
 
-    from itouch_tools.study.answers import Answers
-    from itouch_tools.study.reading import StudyFile
+    from itouch_tools.study.answer_sources import Answers
     from itouch_tools.study.session_display import Shown
+    from itouch_tools.study.study_reading import StudyFile
 
 
 def folder_of(options: argparse.Namespace) -> Path:
@@ -61,7 +61,7 @@ def answers_of(file: StudyFile, options: argparse.Namespace) -> tuple[Answers, C
         If options exclude one another, or the script can't be read.
     """
     from itouch.schema import ItouchError
-    from itouch_tools.study.answers import FirstAnswer, Script, Typed
+    from itouch_tools.study.answer_sources import FirstAnswer, Script, Typed
     from itouch_tools.study.plugin_tasks import device_of
 
     if options.answers and (options.window or options.answers_from):

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import argparse
     from pathlib import Path
 
-    from itouch_tools.study.reading import StudyFile
+    from itouch_tools.study.study_reading import StudyFile
 
 
 def needed(file: StudyFile) -> bool:
@@ -40,7 +40,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     from itouch_tools.study import rig_windows
     from itouch_tools.study.operating import keep_note
     from itouch_tools.study.progression import Course
-    from itouch_tools.study.store import Store
+    from itouch_tools.study.study_store import Store
 
     catalog, folder = Catalog(), folder_of(options)
     rig_windows.refuse(file, catalog, switch=options.operator, fast=options.pace == "fast")

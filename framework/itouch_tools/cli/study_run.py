@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from itouch_tools.cli.output_files import output_folder
 
 if TYPE_CHECKING:
-    from itouch_tools.study.reading import StudyFile
+    from itouch_tools.study.study_reading import StudyFile
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -50,9 +50,9 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     from itouch_tools.cli.shutdown import Interrupted, Stopping
     from itouch_tools.cli.study_participant import answers_of, folder_of, masking, opening, outcome_of
     from itouch_tools.cli.study_window import operators_window
-    from itouch_tools.study.answers import Stopped
-    from itouch_tools.study.run import Run
-    from itouch_tools.study.store import Store
+    from itouch_tools.study.answer_sources import Stopped
+    from itouch_tools.study.participant_session import Run
+    from itouch_tools.study.study_store import Store
 
     if study_rig.needed(file):
         return study_rig.run(file, options)

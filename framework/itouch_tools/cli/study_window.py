@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from itouch.schema.diagnostics import reason
-from itouch_tools.study.answers import Question, Stopped
+from itouch_tools.study.answer_sources import Question, Stopped
 
 if TYPE_CHECKING:
     from itouch_tools.study.operating import Operator

@@ -14,8 +14,8 @@ from itouch_tools.cli.arguments import Parser
 from itouch_tools.cli.output_files import output_folder, session_file
 
 if TYPE_CHECKING:
-    from itouch_tools.sweeps.client import Swept
-    from itouch_tools.sweeps.progress import Progress
+    from itouch_tools.sweeps.sweep_client import Swept
+    from itouch_tools.sweeps.sweep_progress import Progress
     from itouch_tools.sweeps.sweepfile import SweepFile
 
 #: The sub-commands that may follow `sweep` instead of a file.
@@ -85,8 +85,8 @@ def _sweep(words: list[str]) -> int:
         print("--workers must be 1 or more", file=sys.stderr)
         return 2
     from itouch.plugin.discovery import Catalog
-    from itouch_tools.sweeps.client import Client
     from itouch_tools.sweeps.engines import Engine
+    from itouch_tools.sweeps.sweep_client import Client
 
     catalog = Catalog()
     engine = Engine(options.engine, options.scheduler, options.workers)
@@ -115,7 +115,7 @@ def _told(swept: Swept) -> int:
 def _load(path: str, catalog: Any) -> SweepFile | None:
     """Return a sweep without problems, or print them and return None."""
     from itouch.schema.diagnostics import render
-    from itouch_tools.sweeps.reading import read_sweep
+    from itouch_tools.sweeps.sweep_reading import read_sweep
 
     found, problems = read_sweep(path, catalog)
     if problems:
@@ -135,7 +135,7 @@ def _check(words: list[str]) -> int:
     from itouch.plugin.discovery import Catalog
     from itouch.schema.diagnostics import render
     from itouch_tools.sweeps.cost_estimate import estimate
-    from itouch_tools.sweeps.progress import shown_time
+    from itouch_tools.sweeps.sweep_progress import shown_time
 
     catalog = Catalog()
     file = _load(options.sweep, catalog)
@@ -168,7 +168,7 @@ def _status(words: list[str]) -> int:
     parser = Parser(prog="itouch-py sweep status", description=_status.__doc__)
     parser.add_argument("folder", metavar="FOLDER", help="the folder of a sweep")
     options = parser.parse_args(words)
-    from itouch_tools.sweeps.progress import status_of
+    from itouch_tools.sweeps.sweep_progress import status_of
 
     found = status_of(Path(options.folder))
     kinds = ", ".join(f"{count} {status}" for status, count in sorted(found.counts.items())) or "none"
@@ -191,7 +191,7 @@ def _replay(words: list[str]) -> int:
         "--save", type=session_file, metavar="FILE.itouch", help="write its session before the first tick"
     )
     options = parser.parse_args(words)
-    from itouch_tools.sweeps.replay import replay, session_of
+    from itouch_tools.sweeps.replayed_row import replay, session_of
 
     folder = Path(options.folder)
     if options.save:
@@ -214,7 +214,7 @@ def _window(folder: Path, row: str) -> int:
     import tempfile
 
     from itouch_tools.cli.run import main as run
-    from itouch_tools.sweeps.replay import session_of
+    from itouch_tools.sweeps.replayed_row import session_of
 
     with tempfile.TemporaryDirectory(prefix="itouch-sweep-") as inner:
         target = Path(inner) / "row.itouch"

@@ -104,9 +104,9 @@ def _device(options: argparse.Namespace, catalog: Catalog, scene: Scene | None) 
 
     from itouch.testing.checks import examine
     from itouch.testing.harness import DeviceSubject
+    from itouch.testing.open_device import Shared
     from itouch.testing.score_card import Card
     from itouch.testing.suites import DEVICE_CHECKS, EMULATOR_CHECKS
-    from itouch.testing.wire import Shared
 
     cls = catalog.device(options.name)
     if cls is None:

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from itouch.schema import ItouchError
-from itouch.schema.files import stored_kind
+from itouch.schema.regular_files import stored_kind
 from itouch_tools.cli.arguments import Parser
 
 #: The default port for browsers, if nothing else listens there.

@@ -17,8 +17,8 @@ from mcap.reader import make_reader
 from numpy.typing import NDArray
 
 from itouch.plugin import poses
-from itouch.recording.errors import RecordingError
 from itouch.recording.recording import Recording
+from itouch.recording.recording_error import RecordingError
 from itouch.recording.tracks import Track
 from itouch.recording.views import TOPICS, WORLD
 from itouch.recording.wellknown import decode

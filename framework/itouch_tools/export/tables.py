@@ -10,8 +10,8 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.recording.errors import RecordingError
 from itouch.recording.recording import Recording, flat
+from itouch.recording.recording_error import RecordingError
 from itouch.recording.tracks import Track
 from itouch.schema.durable import replacing
 from itouch.schema.units import CELSIUS_OFFSET

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
-from itouch.schema.files import stored_kind
+from itouch.schema.regular_files import stored_kind
 from itouch.world import Model
 from itouch_tools.report.columns import measured
 from itouch_tools.report.curves import Curves, Sampler

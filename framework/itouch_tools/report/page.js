@@ -6,7 +6,7 @@ const contactGroups = [];
 const everyChart = [];
 
 // All curves travel as one deflated stream of whole numbers: for each row of a block the low bytes, then the high bytes, of
-// the differences between neighbours (itouch_tools.report.page says how they are made).
+// the differences between neighbours (itouch_tools.report.session_page says how they are made).
 async function inflated(text) {
   const bytes = Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));

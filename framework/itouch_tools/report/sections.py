@@ -13,7 +13,7 @@ from itouch.schema.terminal import number_of
 from itouch_tools.report import columns
 from itouch_tools.report.collect import Findings
 from itouch_tools.report.columns import measured
-from itouch_tools.report.limits import limit_rows
+from itouch_tools.report.limits_in_words import limit_rows
 from itouch_tools.report.markup import flattened, number
 
 #: Columns of the table of contacts, before those of the modalities: key in the report, title, number format, scale.

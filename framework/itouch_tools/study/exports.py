@@ -13,9 +13,9 @@ from typing import Any
 from itouch.schema import ItouchError
 from itouch.schema.durable import replacing, write_whole
 from itouch_tools.export.bids import VERSION
-from itouch_tools.study.figures import known, meaning
-from itouch_tools.study.store import Row
-from itouch_tools.study.tables import factor_column, interval_columns, table_of
+from itouch_tools.study.study_store import Row
+from itouch_tools.study.touch_figures import known, meaning
+from itouch_tools.study.trial_table import factor_column, interval_columns, table_of
 
 _DESCRIBED = {
     "participant": "code of the participant", "place": "number of the trial in the participant's order, from 0",

@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from itouch.scene.documents import DocumentReader, contents
-from itouch_tools.study.reading import StudyFile
-from itouch_tools.study.store import Row, Store, StoreError
+from itouch_tools.study.study_reading import StudyFile
+from itouch_tools.study.study_store import Row, Store, StoreError
 
 
 def digest_of(file: StudyFile, *, earlier: bool = False) -> str:

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, field
 from enum import Enum
 
-from itouch.world.skin import is_back
+from itouch.world.skin_source import is_back
 
 
 class Phase(Enum):

@@ -16,7 +16,7 @@ from typing import Any
 
 from itouch.plugin.discovery import PluginError, find
 from itouch.schema import ItouchError
-from itouch_tools.study.answers import AnswerError, Question
+from itouch_tools.study.answer_sources import AnswerError, Question
 
 GROUP = "itouch.tasks"
 #: Most touches that a trial may have.

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from itouch_tools.study.elements import TASKS, Study, Task
 from itouch_tools.study.plugin_tasks import task_of
+from itouch_tools.study.study_elements import TASKS, Study, Task
 from itouch_tools.study.trials import Trial
 
 _ORDINALS = ("the first", "the second", "the third")

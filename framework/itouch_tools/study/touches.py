@@ -23,12 +23,12 @@ from itouch.scene.source import Attribute
 from itouch.schema import ItouchError, Place
 from itouch.session import Session
 from itouch.world import Model, declared
-from itouch.world.skin import sensed_skin
-from itouch_tools.study.elements import Study, Touching
-from itouch_tools.study.figures import BACK, DROP, FLUX, FORCE, OWN, SKIN
+from itouch.world.skin_source import sensed_skin
 from itouch_tools.study.machine import Machine, Phase, Rules, Sensed
 from itouch_tools.study.observers import DEPTH, Felt
-from itouch_tools.study.reading import StudyFile
+from itouch_tools.study.study_elements import Study, Touching
+from itouch_tools.study.study_reading import StudyFile
+from itouch_tools.study.touch_figures import BACK, DROP, FLUX, FORCE, OWN, SKIN
 
 #: Thermal diffusivity of skin [m2/s]: the square of the conductivity, 0.37 W/mK, over the effusivity, 1167 W s^.5/m2K.
 DIFFUSIVITY = 1.005e-7

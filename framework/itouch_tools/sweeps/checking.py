@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 from itouch.plugin.discovery import Catalog
 from itouch.schema.diagnostics import Problem, did_you_mean
 from itouch.world import Model, compile_scene, make_state
-from itouch_tools.sweeps import paths
-from itouch_tools.sweeps.elements import FromCall, FromField, FromReport, Listed, Until
+from itouch_tools.sweeps import report_paths
 from itouch_tools.sweeps.functions import FunctionError, check_function
-from itouch_tools.sweeps.plan import Setting, written
+from itouch_tools.sweeps.run_plan import Setting, written
 from itouch_tools.sweeps.sampling import value_of
+from itouch_tools.sweeps.sweep_elements import FromCall, FromField, FromReport, Listed, Until
 
 if TYPE_CHECKING:
     from itouch.plugin import Record
@@ -52,7 +52,7 @@ def contradictions(file: SweepFile) -> Iterator[Problem]:
     for result in sweep.collect.results:
         if isinstance(result, FromReport):
             try:
-                paths.split(result.key)
+                report_paths.split(result.key)
             except ValueError as error:
                 yield Problem("bad-value", str(error), places.of(result, "key"))
         elif isinstance(result, FromField):
@@ -115,7 +115,7 @@ def _each_level_once(file: SweepFile) -> Iterator[tuple[list[Setting], str]]:
 
 
 def _words(file: SweepFile) -> int:
-    from itouch_tools.study.elements import split_levels
+    from itouch_tools.study.study_elements import split_levels
 
     drawn = () if file.sweep.draws is None else file.sweep.draws.over
     return max([len(split_levels(one.values)) for one in drawn if one.values], default=1)

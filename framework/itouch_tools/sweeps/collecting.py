@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from itouch.session import Session
-from itouch_tools.sweeps import paths
-from itouch_tools.sweeps.elements import FromCall, FromField, FromReport, Until
+from itouch_tools.sweeps import report_paths
 from itouch_tools.sweeps.functions import load_function
+from itouch_tools.sweeps.sweep_elements import FromCall, FromField, FromReport, Until
 
 Result = float | str | None
 _KINDS: Mapping[str, type] = {kind.__name__: kind for kind in (FromReport, FromField, FromCall)}
@@ -78,7 +78,7 @@ def from_report(report: Mapping[str, Any], element: FromReport) -> Result:
     CollectError
         If it is not a number although the sweep says so.
     """
-    found = paths.values(report, element.key)
+    found = report_paths.values(report, element.key)
     if "[*]" in element.key and element.reduce == "count":
         return float(len(found))
     known = [value for value in found if value is not None]

@@ -9,10 +9,10 @@ from typing import Any
 
 from itouch.plugin.discovery import Catalog
 from itouch.schema.diagnostics import Problem
-from itouch_tools.sweeps import paths
-from itouch_tools.sweeps.elements import FromReport
-from itouch_tools.sweeps.plan import Plan
-from itouch_tools.sweeps.store import schema_of
+from itouch_tools.sweeps import report_paths
+from itouch_tools.sweeps.run_plan import Plan
+from itouch_tools.sweeps.sweep_elements import FromReport
+from itouch_tools.sweeps.sweep_store import schema_of
 from itouch_tools.sweeps.sweepfile import SweepFile
 from itouch_tools.sweeps.work import work_of
 from itouch_tools.sweeps.worker import DeadError, Runner, failed
@@ -111,6 +111,6 @@ def _unknown_keys(file: SweepFile, report: dict[str, Any], rows: list[dict[str, 
     for each in file.sweep.collect.results:
         if isinstance(each, FromReport) and report and all(row.get(each.name) is None for row in rows):
             sentence = f"no pilot has '{each.key}' in its report: the column '{each.name}' was empty"
-            place, advice = file.places.of(each, "key"), paths.advice(report, each.key)
+            place, advice = file.places.of(each, "key"), report_paths.advice(report, each.key)
             found.append(Problem("unknown-name", sentence, place, advice, severity="warning"))
     return found

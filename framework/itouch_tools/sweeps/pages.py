@@ -16,7 +16,7 @@ from itouch.scene import bundled_scenes
 from itouch.schema import ItouchError
 from itouch.schema.diagnostics import did_you_mean
 from itouch_tools.sweeps.functions import load_function
-from itouch_tools.sweeps.store import rows, table
+from itouch_tools.sweeps.sweep_store import rows, table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

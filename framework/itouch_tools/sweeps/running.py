@@ -25,8 +25,8 @@ from itouch.session.batch import Job
 from itouch.session.building import choose_twins
 from itouch.world import Model
 from itouch_tools.sweeps.collecting import Collector, ending
-from itouch_tools.sweeps.plan import Run, Setting
 from itouch_tools.sweeps.provenance import cpu_model
+from itouch_tools.sweeps.run_plan import Run, Setting
 from itouch_tools.sweeps.work import Work
 
 #: Number of compiled scenes that a worker keeps: those that were used last.

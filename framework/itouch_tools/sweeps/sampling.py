@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch_tools.study.elements import split_levels
-from itouch_tools.sweeps.elements import Draws, Over
+from itouch_tools.study.study_elements import split_levels
+from itouch_tools.sweeps.sweep_elements import Draws, Over
 
 #: Points that are made at once.
 CHUNK = 1 << 14

@@ -13,11 +13,11 @@ from itouch.scene.loader import read_scene
 from itouch.scene.places import Places
 from itouch.scene.source import Attribute
 from itouch.schema.diagnostics import Place, Problem
-from itouch_tools.study.elements import split_levels, split_values
-from itouch_tools.study.reading import StudyFile
-from itouch_tools.sweeps.elements import Grid, Listed, Sweep
-from itouch_tools.sweeps.plan import Axis, Level, Plan, Setting, Value, written
+from itouch_tools.study.study_elements import split_levels, split_values
+from itouch_tools.study.study_reading import StudyFile
+from itouch_tools.sweeps.run_plan import Axis, Level, Plan, Setting, Value, written
 from itouch_tools.sweeps.sampling import Points, spaced
+from itouch_tools.sweeps.sweep_elements import Grid, Listed, Sweep
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,9 @@ from itouch.plugin.discovery import PROGRAM, Catalog
 from itouch.scene.documents import contents
 from itouch.schema import ItouchError
 from itouch.world import Model
-from itouch_tools.sweeps.elements import FromCall
 from itouch_tools.sweeps.functions import in_file
 from itouch_tools.sweeps.provenance import files_of, identity
+from itouch_tools.sweeps.sweep_elements import FromCall
 from itouch_tools.sweeps.sweepfile import SweepFile
 
 #: Most bytes that travel with a task.

@@ -19,8 +19,8 @@ from typing import Any, BinaryIO, cast
 
 from itouch import platforms
 from itouch.servo.prepare import sweep
-from itouch_tools.sweeps.plan import Run
 from itouch_tools.sweeps.provenance import cpu_model
+from itouch_tools.sweeps.run_plan import Run
 from itouch_tools.sweeps.work import Work
 
 #: How often a run is tried if the machine was at fault, and if the run ended its process.

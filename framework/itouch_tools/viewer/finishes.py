@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.contact.heightmap import height_map
-from itouch.contact.surfaces import AXES
+from itouch.contact.surface_effects import AXES
 from itouch.recording.views import UNPAINTED
 from itouch.world import Model
 from itouch_tools.viewer.colours import Colour

@@ -21,8 +21,8 @@ from itouch_tools.viewer.overlay import SessionStatus
 if TYPE_CHECKING:
     from itouch.servo import Handle, Link
     from itouch_tools.viewer.picture import Picture
-    from itouch_tools.viewer.playback import Playback
-    from itouch_tools.viewer.player import Player
+    from itouch_tools.viewer.played_session import Playback
+    from itouch_tools.viewer.player_window import Player
     from itouch_tools.viewer.window import Window
 
 _DEBIAN = "install OpenGL and EGL (on Debian: apt install libegl1 libgl1 libgl1-mesa-dri libglx-mesa0 libfontconfig1)"
@@ -125,7 +125,7 @@ def open_player(playback: Playback, now: Callable[[], float]) -> Player:
 
     pyglet.options.audio = ("silent",)
     try:
-        from itouch_tools.viewer.player import Player
+        from itouch_tools.viewer.player_window import Player
 
         return Player(playback, now)
     except ItouchError:

@@ -19,7 +19,7 @@ from itouch.plugin import Record
 from itouch.plugin.discovery import Catalog
 from itouch.recording import Recording, RecordingError
 from itouch.servo.prepare import prepare_replay
-from itouch.session.replay import ReplayPosition
+from itouch.session.replaying import ReplayPosition
 from itouch.world import Model
 from itouch_tools.viewer.signals import WINDOW, Chart, charts, rows_of, spans
 

@@ -8,7 +8,7 @@ from pyglet.window import key
 
 from itouch.arms.gamepad import Pad, PadError, find_pad
 from itouch.world.model import led
-from itouch_tools.viewer.source import Source
+from itouch_tools.viewer.session_source import Source
 
 Vector = tuple[float, float, float]
 #: Motion of the finger per pixel of the mouse [m], and its speeds [m/s] by keys and with a stick fully deflected, where

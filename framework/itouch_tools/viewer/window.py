@@ -14,7 +14,7 @@ from itouch_tools.sound.player import Speaker
 from itouch_tools.viewer.buffers import Frame
 from itouch_tools.viewer.context import config, write_png
 from itouch_tools.viewer.picture import Picture
-from itouch_tools.viewer.source import Source
+from itouch_tools.viewer.session_source import Source
 from itouch_tools.viewer.steering import Steering
 
 #: Most frames a second, and the share of one core that drawing may take: software rendering would take all cores.

@@ -3,7 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-import itouch_thermal.hosting  # noqa: F401  - before the solver is imported
+import itouch_thermal.solver_stores  # noqa: F401  - before the solver is imported
 
 # isort: split
 from contact_heat.contact import Contact

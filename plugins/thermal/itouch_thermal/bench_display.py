@@ -19,10 +19,10 @@ from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.rendering.bound import bound
 from itouch_thermal.rendering.closedloop import GAINS, PERIOD, Case, desired_course, simulate, start_for
 from itouch_thermal.rendering.materials import made_up, material
+from itouch_thermal.rendering.performance_table import Table
 from itouch_thermal.rendering.plantfile import read_plant
 from itouch_thermal.rendering.plants import SEEDS, corners
 from itouch_thermal.rendering.score import rms, summary
-from itouch_thermal.rendering.table import Table
 from itouch_thermal.whole_file import write_whole
 
 CONTROLLERS = ("hold", "paper", "model")

@@ -68,10 +68,10 @@ def test_readme_names_modules_that_are_there() -> None:
 
 
 def test_within_the_framework_its_stores_are_used() -> None:
-    import itouch_thermal.hosting
+    import itouch_thermal.solver_stores
     from itouch.compiling import KernelCache
 
-    assert isinstance(hosting._HOST[0], itouch_thermal.hosting.Framework)
+    assert isinstance(hosting._HOST[0], itouch_thermal.solver_stores.Framework)
     from contact_heat.live import contact_step
 
     cache = getattr(contact_step, "_cache", None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itouch.monitors.limits import PLATE_RATE, PLATE_TEMPERATURE
+from itouch.monitors.default_limits import PLATE_RATE, PLATE_TEMPERATURE
 from itouch.monitors.thresholds import CONTACT_RATE_TIME
 from itouch_thermal.flux import limits
 from itouch_thermal.rendering import score

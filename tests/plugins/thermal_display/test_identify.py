@@ -18,7 +18,7 @@ from itouch_thermal.film.film_params import FilmParams
 from itouch_thermal.heat import finger_side
 from itouch_thermal.identify import estimate
 from itouch_thermal.identify.coverage import Row, campaign, touched
-from itouch_thermal.identify.differences import readings
+from itouch_thermal.identify.film_differences import readings
 from itouch_thermal.identify.fit import ASSUMED, Problem, edges_for
 from itouch_thermal.identify.forward import Forward, Known, Values, tissue
 from itouch_thermal.identify.posterior import Mixture

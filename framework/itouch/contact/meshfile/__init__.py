@@ -11,19 +11,19 @@ if TYPE_CHECKING:
     from itouch.contact.meshfile.faults import MeshError, MeshFinding
     from itouch.contact.meshfile.load import LoadedMesh, load_mesh, load_source
     from itouch.contact.meshfile.mend import MeshFacts
-    from itouch.contact.meshfile.source import KINDS, MeshFile, read_mesh_file
+    from itouch.contact.meshfile.mesh_bytes import KINDS, MeshFile, read_mesh_file
 
 #: Public name -> the module that has it, imported on first access: a scene without meshes starts without all this.
 _HOMES = {
-    "KINDS": "source",
+    "KINDS": "mesh_bytes",
     "MeshFinding": "faults",
     "LoadedMesh": "load",
     "MeshError": "faults",
     "MeshFacts": "mend",
-    "MeshFile": "source",
+    "MeshFile": "mesh_bytes",
     "load_mesh": "load",
     "load_source": "load",
-    "read_mesh_file": "source",
+    "read_mesh_file": "mesh_bytes",
 }
 
 __all__ = [

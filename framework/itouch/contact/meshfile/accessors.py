@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.contact.meshfile.limits import MAX_VERTICES
+from itouch.contact.meshfile.size_limits import MAX_VERTICES
 
 Numbers = NDArray[Any]
 

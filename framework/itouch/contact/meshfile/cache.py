@@ -32,11 +32,11 @@ import numpy as np
 
 from itouch import caches
 from itouch.contact import bvh
-from itouch.contact.meshfile.limits import MAX_VERTICES
+from itouch.contact.mesh_surface import Surface, checked_vertices
 from itouch.contact.meshfile.mend import MeshFacts
+from itouch.contact.meshfile.size_limits import MAX_VERTICES
 from itouch.contact.scratch import Mesh as Tables
 from itouch.contact.stored import can_be_searched
-from itouch.contact.surface import Surface, checked_vertices
 
 #: Environment variable that names another folder for the cache, or ``off`` for none.
 SWITCH = "ITOUCH_MESH_CACHE"

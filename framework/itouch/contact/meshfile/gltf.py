@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from itouch.contact.meshfile.accessors import Accessors, item
 from itouch.contact.meshfile.faults import MeshError
-from itouch.contact.meshfile.limits import MAX_FACES, MAX_JSON_VALUES, MAX_NODES, too_many_faces
+from itouch.contact.meshfile.size_limits import MAX_FACES, MAX_JSON_VALUES, MAX_NODES, too_many_faces
 
 Floats = NDArray[np.float64]
 Faces = NDArray[np.int64]

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from itouch.contact.mesh_surface import Surface
 from itouch.contact.meshfile import cache
 from itouch.contact.meshfile.faults import MeshError, MeshFinding
 from itouch.contact.meshfile.findings import check_size, findings
 from itouch.contact.meshfile.mend import MeshFacts, check_finite, mended
+from itouch.contact.meshfile.mesh_bytes import MeshFile, read_mesh_file
 from itouch.contact.meshfile.parse import parse
-from itouch.contact.meshfile.source import MeshFile, read_mesh_file
-from itouch.contact.surface import Surface
 
 
 @dataclass(frozen=True, slots=True)

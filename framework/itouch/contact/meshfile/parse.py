@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from itouch.contact.meshfile.faults import MeshError
 from itouch.contact.meshfile.gltf import read_gltf
-from itouch.contact.meshfile.limits import MAX_FACES, too_many_faces
+from itouch.contact.meshfile.mesh_bytes import MeshFile
 from itouch.contact.meshfile.ply import read_header, read_polygons
 from itouch.contact.meshfile.polygons import fans
 from itouch.contact.meshfile.preflight import checked, pieces
-from itouch.contact.meshfile.source import MeshFile
+from itouch.contact.meshfile.size_limits import MAX_FACES, too_many_faces
 
 #: What Python says of a word that is no number.
 _NO_NUMBER = re.compile(r"(?:invalid literal for int\(\) with base 10|could not convert string to float): b?'([^']*)'")

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.contact.meshfile.limits import MAX_FACES
 from itouch.contact.meshfile.polygons import fans
+from itouch.contact.meshfile.size_limits import MAX_FACES
 
 #: Name of a type -> its letter in ``struct``.
 TYPES = {

@@ -9,14 +9,14 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from itouch.contact.meshfile.faults import MeshError
-from itouch.contact.meshfile.limits import (
+from itouch.contact.meshfile.ply import read_header
+from itouch.contact.meshfile.size_limits import (
     MAX_FACES,
     MAX_TEXT_VERTICES,
     MAX_VERTICES,
     too_many_faces,
     too_many_vertices,
 )
-from itouch.contact.meshfile.ply import read_header
 
 _MAX_PARTS = 10_000  # named parts of a text file: the parser's work grows with their square
 _STL_HEAD, _STL_ROW = 84, 50

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.contact.compiling import entry
+from itouch.contact.kernel_decorators import entry
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -29,7 +29,7 @@ from itouch.loop.render import (
     TABLE,
 )
 from itouch.loop.surface.ground import along_plate
-from itouch.loop.surface.memory import (
+from itouch.loop.surface.surface_memory import (
     CHANGING,
     CLEAR,
     CUT,

@@ -21,7 +21,7 @@ from itouch.loop.render import (
     TABLE,
     VELOCITY,
 )
-from itouch.loop.surface.memory import CLIMB, GOES, HASTENS, LIFTS, SLOPE, TURNS, UPRIGHT
+from itouch.loop.surface.surface_memory import CLIMB, GOES, HASTENS, LIFTS, SLOPE, TURNS, UPRIGHT
 from itouch.plugin.carried_surfaces import SLOPE_AHEAD
 
 Floats = NDArray[np.float64]

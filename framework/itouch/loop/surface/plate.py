@@ -25,14 +25,14 @@ from itouch.loop.render import (
     TABLE,
     TRACKING,
 )
-from itouch.loop.surface.memory import ACCELERATION, CLIMB, LEVEL, OFF, RENDERS, RISES, SETTLED, SINK
+from itouch.loop.surface.surface_memory import ACCELERATION, CLIMB, LEVEL, OFF, RENDERS, RISES, SETTLED, SINK
 from itouch.plugin.carried_surfaces import AHEAD, LEFT, ROOM, TOUCH, YIELD_RATE, YIELD_RETURN
 from itouch.twin.frame_rotation import beside, turned_in, turned_out
-from itouch.world.fields import rising_fields
+from itouch.world.state_fields import rising_fields
 
 Floats = NDArray[np.float64]
 
-#: Places of `itouch.world.fields.rising_fields`.
+#: Places of `itouch.world.state_fields.rising_fields`.
 READ_AT, READ_TOP, BY_READINGS, BETWEEN = (
     places(rising_fields())[f"rising.{name}"] for name in ("read_at", "read_top", "by_readings", "between")
 )
@@ -122,9 +122,9 @@ def rises(kept: Floats, measured: int, top: float, moved: float, period: float) 
     In the tick of a new reading its height is corrected: that is no motion.  There it rises as fast as it did by its
     last two readings, or as it was said to do before.
 
-    ``kept`` (4,): the fields of `itouch.world.fields.rising_fields`; ``measured``: the tick in which the newest reading
-    was measured; ``top``: the height read [m]; ``moved``: how much higher it is than a tick ago, by all that is known
-    [m]; ``period`` of a tick [s].
+    ``kept`` (4,): the fields of `itouch.world.state_fields.rising_fields`; ``measured``: the tick in which the newest
+    reading was measured; ``top``: the height read [m]; ``moved``: how much higher it is than a tick ago, by all that is
+    known [m]; ``period`` of a tick [s].
     """
     if measured > kept[READ_AT]:
         ticks = measured - kept[READ_AT]

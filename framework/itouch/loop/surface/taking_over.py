@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from itouch.compiling import linked
 from itouch.loop.render import CLEARANCE, HIP, PLATE_TOP, RADIUS
-from itouch.loop.surface.memory import (
+from itouch.loop.surface.surface_memory import (
     CHANGING,
     CLEAR,
     MISSED,

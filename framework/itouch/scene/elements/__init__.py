@@ -1,13 +1,13 @@
 """The scene language: frozen descriptions in SI, one class per element, whose fields are the grammar."""
 
-from itouch.scene.elements.document import Include, PluginPart
+from itouch.scene.elements.device_element import Calibration, DeviceElement, Devices, Limits, Mount
+from itouch.scene.elements.include import Include, PluginPart
 from itouch.scene.elements.interaction import Interaction, Motion, Operator, Probe, To
 from itouch.scene.elements.materials import ContactMaterial, Material, Materials, Visual
 from itouch.scene.elements.motion import Dynamics, Key, ObjectMotion
 from itouch.scene.elements.objects import OBJECTS, Box, Capsule, Cylinder, Mesh, Plane, Sphere, WorldElement
 from itouch.scene.elements.rates import Rates
-from itouch.scene.elements.record import RecordChannels, RecordElement
-from itouch.scene.elements.rig import Calibration, DeviceElement, Devices, Limits, Mount
+from itouch.scene.elements.recorded_tracks import RecordChannels, RecordElement
 from itouch.scene.elements.safety import FAULTS, Fault, Faults, Safety
 
 #: Format version that this program writes, and the newest that it reads.
@@ -49,11 +49,4 @@ __all__ = [
     "Visual",
     "WorldElement",
     "Key",
-    "Layer",
-    "Magnetic",
-    "Softness",
-    "StickSlip",
-    "Texture",
-    "Vibration",
-    "Viscosity",
 ]

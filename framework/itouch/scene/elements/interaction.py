@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from itouch.scene.elements.document import PluginPart
+from itouch.scene.elements.include import PluginPart
 from itouch.schema.fields import child, children, file, hold, name, plugin_parts, quantity, ref, temperature, text
 from itouch.schema.hold_until import Until
 from itouch.schema.roles import Role

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from itouch.scene.elements.document import PluginPart
+from itouch.scene.elements.include import PluginPart
 from itouch.scene.elements.sound import Sound
 from itouch.schema.fields import child, children, choice, file, flag, name, plugin_parts, quantity, ref
 

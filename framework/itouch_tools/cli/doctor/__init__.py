@@ -53,7 +53,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _machine(options: argparse.Namespace) -> int:
     """Look at the machine, measure its loop if that is asked for, and print what was found and the verdict."""
-    from itouch_tools.cli.doctor.checks import examine
+    from itouch_tools.cli.doctor.machine_checks import examine
     from itouch_tools.cli.doctor.verdict import judge, measure
 
     findings = examine()
@@ -101,8 +101,8 @@ def _check(parser: Parser, options: argparse.Namespace) -> None:
 def _rates(path: str, each: float, *, beside: int, as_json: bool) -> int:
     """Measure which rates are held, each for ``each`` seconds, and print them."""
     from itouch.session import load_scene
-    from itouch_tools.cli.doctor.loop import bench_scene
-    from itouch_tools.cli.doctor.rates import best, rates
+    from itouch_tools.cli.doctor.held_rates import best, rates
+    from itouch_tools.cli.doctor.measured_loop import bench_scene
 
     found = []
     for row in rates(load_scene(path, twin="all") if path else bench_scene(), each, beside=beside):
@@ -121,7 +121,7 @@ def _rig(path: str, twin: str | None, each: float, *, as_json: bool) -> int:
     """Examine a rig in the air and print a line for each check; return 1 if one fails."""
     from itouch.loop import WallClock
     from itouch.servo.prepare import prepare
-    from itouch_tools.cli.doctor.rig import FAIL, NOT, examine_rig
+    from itouch_tools.cli.doctor.rig_checks import FAIL, NOT, examine_rig
 
     session = prepare(path, seed=0, twin=twin, rig=None)
     session.clock = WallClock()

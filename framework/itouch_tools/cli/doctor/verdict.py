@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itouch.loop.timing import Timing
 from itouch.platforms import cores
 from itouch_tools.cli.doctor.diagnosis import Diagnosis
-from itouch_tools.cli.doctor.loop import bench_scene, in_process
+from itouch_tools.cli.doctor.measured_loop import bench_scene, in_process
 
 #: An arm's watchdog [us]: if commands are later than that, devices make themselves safe.
 WATCHDOG_US = 20_000.0

@@ -23,10 +23,10 @@ def main(argv: Sequence[str]) -> int:
 
 def examples() -> dict[str, Example]:
     """Return an example for each code, by code."""
-    from itouch_tools.cli.explain.bindings import BINDINGS, DEVICES
-    from itouch_tools.cli.explain.meshes import MESHES
-    from itouch_tools.cli.explain.problems import FILES, NAMES, ODD, VALUES
-    from itouch_tools.cli.explain.trips import trips
+    from itouch_tools.cli.explain.binding_examples import BINDINGS, DEVICES
+    from itouch_tools.cli.explain.mesh_examples import MESHES
+    from itouch_tools.cli.explain.problem_examples import FILES, NAMES, ODD, VALUES
+    from itouch_tools.cli.explain.trip_examples import trips
 
     return {**FILES, **NAMES, **VALUES, **DEVICES, **BINDINGS, **MESHES, **ODD, **trips()}
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from itouch.world import Model
 from itouch.world import limits as default
-from itouch_tools.report.safety.blocks import Block, Heading, Items, Paragraph, Table, html, markdown
+from itouch_tools.report.safety.document_blocks import Block, Heading, Items, Paragraph, Table, html, markdown
 from itouch_tools.report.safety.rules import K0, rules
 from itouch_tools.report.safety.worst import Worst, run
 

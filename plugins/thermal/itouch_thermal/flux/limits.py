@@ -1,6 +1,6 @@
 """The limits of a plate that every controller keeps to: those that safety sets by default, which a test compares.
 
-Safety's own are in `itouch.monitors.limits`, which no plugin imports; it acts whatever a controller does.
+Safety's own are in `itouch.monitors.default_limits`, which no plugin imports; it acts whatever a controller does.
 """
 
 from __future__ import annotations

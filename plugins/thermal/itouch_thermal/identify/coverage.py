@@ -14,7 +14,7 @@ import numpy as np
 from contact_heat.layers import ROOM
 from itouch_thermal.display.column import Array
 from itouch_thermal.film.film_params import FilmParams
-from itouch_thermal.identify.differences import readings
+from itouch_thermal.identify.film_differences import readings
 from itouch_thermal.identify.fit import TOLD, Problem
 from itouch_thermal.identify.forward import Forward, Known
 from itouch_thermal.rendering.materials import material

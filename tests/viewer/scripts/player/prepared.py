@@ -5,8 +5,8 @@ import sys
 from driven_window import Driven, changed  # noqa: F401 - for the scripts
 
 import itouch
-from itouch_tools.viewer.playback import Playback
-from itouch_tools.viewer.player import Player
+from itouch_tools.viewer.played_session import Playback
+from itouch_tools.viewer.player_window import Player
 from itouch_tools.viewer.recording_seek import SeekableRecording
 
 clock = [0.0]
