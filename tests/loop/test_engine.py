@@ -220,7 +220,7 @@ def test_a_session_is_run_by_one_thread_at_a_time() -> None:
     session.run(0.05, each=each)
     assert session.state.tobytes() == alone.state.tobytes()
     assert len(refused) == 2, "a second thread ran a session that was being run"
-    assert all("runs already" in sentence and "stop()" in sentence for sentence in refused)
+    assert all("is running already" in sentence and "stop()" in sentence for sentence in refused)
     session.run(0.01)  # when it is over, whoever wants to may go on
 
 
@@ -229,7 +229,7 @@ def test_nothing_that_a_tick_calls_can_run_another() -> None:
 
     def tap(tick: int) -> None:
         if tick == 5:
-            with pytest.raises(itouch.EngineError, match="runs already") as caught:
+            with pytest.raises(itouch.EngineError, match="is running already") as caught:
                 session.tick()
             refused.append(str(caught.value))
 

@@ -110,7 +110,7 @@ def test_inspect_prints_the_plan(capsys: pytest.CaptureFixture[str], tmp_path: P
 @pytest.mark.parametrize("name", ["materials.xml", "handbook.xml"])
 def test_a_plan_without_steps_is_said_in_a_sentence(capsys: pytest.CaptureFixture[str], name: str) -> None:
     assert main(["inspect", str(SCENES / name), "--plan"]) == 0
-    assert "a tick has no steps, for the scene has no device and no modality" in capsys.readouterr().out
+    assert "a tick has no steps, because the scene has no device and no modality" in capsys.readouterr().out
 
 
 WOOD = '<materials><material name="m"><contact stiffness="1 N/mm"/></material></materials>'

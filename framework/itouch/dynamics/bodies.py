@@ -117,9 +117,9 @@ def _which(message: str, bodies: Sequence[Body]) -> int:
 
 #: What MuJoCo's compiler complains of, and what that means here.
 _REASONS = {
-    "coplanar": "its mesh is flat, of which MuJoCo makes no convex hull; a thin box can be one",
+    "coplanar": "its mesh is flat, and MuJoCo makes no convex hull of it; use a thin box instead",
     "volume": "its mesh encloses too little for MuJoCo; a box or another primitive can be one",
-    "mjMINVAL": "it is so small or light that MuJoCo takes its inertia for none; say its inertia, or make it larger",
+    "mjMINVAL": "it is so small or light that MuJoCo takes its inertia for zero; state its inertia, or make it larger",
     "A + B >= C": "none of its three moments of inertia can exceed the sum of the other two",
 }
 

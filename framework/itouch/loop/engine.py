@@ -48,8 +48,8 @@ from itouch.world.limits import HOLD
 #: On a virtual clock one tick in this many is timed step by step; in real time every tick is.
 _SAMPLED = 16
 _UNDER_WAY = (
-    "this session runs already, in another thread or in whatever calls this from within a tick: "
-    "let one thread run it, and stop() end its run"
+    "this session is running already, in another thread or in the caller of this callback: "
+    "run it from one thread, and end the run with stop()"
 )
 
 

@@ -62,7 +62,7 @@ def _row(session: Session, step: Any) -> dict[str, Any]:
 def plan_text(facts: dict[str, Any]) -> list[str]:
     """Return the plan as lines for people."""
     if not facts["steps"]:
-        return [f"{facts['file']}: a tick has no steps, for the scene has no device and no modality"]
+        return [f"{facts['file']}: a tick has no steps, because the scene has no device and no modality"]
     wide = max(len(row["step"]) for row in facts["steps"])
     count = len(facts["steps"])
     lines = [f"{facts['file']}: {f'the {count} steps' if count > 1 else 'the only step'} of a tick, in order, on twins"]

@@ -209,7 +209,7 @@ def _switch(session: Session) -> Diagnosis:
         return Diagnosis(
             "W3",
             NOT,
-            "no device that could hurt is there: nobody need hold a switch",
+            "no device here could hurt anybody: no switch has to be held",
             "run this on the devices: --twin none",
         )
     if hold.held(session.ticks):
