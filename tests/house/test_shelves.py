@@ -114,9 +114,10 @@ def test_what_is_named_as_module_and_function_is_there() -> None:
 
 def test_what_a_package_offers_is_there() -> None:
     """Each name of ``__all__``, also where it is imported only when it is asked for."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # an old name of a package says so when it is imported
-        packages = [import_module(name) for name, module in sorted(modules().items()) if module.is_package]
+    old = {"itouch_thermal.solver"}  # says that it is old when it is imported, which another test waits for
+    packages = [
+        import_module(name) for name, module in sorted(modules().items()) if module.is_package and name not in old
+    ]
     offered = [(package, name) for package in packages for name in getattr(package, "__all__", ())]
     assert len(offered) > 100
     assert [f"{package.__name__}.{name}" for package, name in offered if not hasattr(package, name)] == []
