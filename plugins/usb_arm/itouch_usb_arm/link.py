@@ -44,6 +44,8 @@ def find(backend: Any, serial: str = "any") -> list[Any]:
         devices = list(usb.core.find(find_all=True, idVendor=VENDOR, idProduct=PRODUCT, backend=backend))
     except usb.core.NoBackendError as error:
         raise NotFound("there is no USB library: install libusb-1.0 (Debian: apt install libusb-1.0-0)") from error
+    except TimeoutError as error:  # of a server: the system's own bus answers at once
+        raise NotFound("no answer in time: is a USB/IP server running there?") from error
     except OSError as error:
         raise NotFound(f"the USB bus cannot be searched: {error.strerror or error}") from error
     if serial != "any":

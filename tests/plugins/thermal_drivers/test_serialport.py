@@ -197,7 +197,7 @@ def test_a_port_that_is_unplugged_is_named() -> None:
         ("FILE", "Inappropriate ioctl for device: it is not a serial port"),
         ("nonsense://here", "No handler registered for URI scheme 'nonsense://'"),
         ("socket://127.0.0.1", "Invalid socket URI, expected both host and port: socket://127.0.0.1"),
-        ("socket://127.0.0.1:1", "Connection refused"),
+        ("socket://127.0.0.1:1", "Connection refused: nothing listens there; start its server first"),
     ],
 )
 def test_a_port_that_cannot_be_opened_says_why(tmp_path: Path, port: str, said: str) -> None:

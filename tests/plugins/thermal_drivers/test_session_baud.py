@@ -97,7 +97,9 @@ def test_a_speed_that_a_dead_program_left_is_met(terminal: Terminal) -> None:  #
         assert tec.exchange(0.5).current == 0.5
         tec.close()
     gone = Terminal()
-    with pytest.raises(MecomError, match="did not answer 3 times"):
+    with pytest.raises(
+        MecomError, match="did not answer 3 times; check its power, its cable, and that its line is set to 57600 baud"
+    ):
         driver(gone, 0.2)
     gone.close()
 

@@ -17,6 +17,7 @@ import usb.core
 from needed import need_program
 
 from itouch_usb_arm import Disconnected, Falcon, FalconError, NotFound, boot
+from itouch_usb_arm.arm import UsbArm, UsbArmParams
 from itouch_usb_arm.link import Remote
 from itouch_usb_arm.virtual import VirtualFalcon
 from itouch_usb_arm.virtual.usbip import UsbipServer
@@ -92,6 +93,13 @@ def test_a_second_host_is_refused_and_a_new_one_served(served: Served) -> None:
 def test_no_server_is_no_arm() -> None:
     with pytest.raises(NotFound, match="cannot be searched"):
         Falcon(IMAGE, Remote("127.0.0.1:1").backend).open()
+
+
+def test_what_listens_and_says_nothing_is_told_as_that() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        where = f"127.0.0.1:{server.getsockname()[1]}"
+        said = UsbArm.missing(UsbArmParams(usbip=where))
+        assert said == f"USB/IP server {where}: no answer in time: is a USB/IP server running there?"
 
 
 @pytest.mark.parametrize(

@@ -264,8 +264,10 @@ class MecomClient:
         if raised != self.baud:
             self._set(raised)
         found = self._other
-        other = f'; one of address {found} did: if that is yours, write address="{found}"' if found >= 0 else ""
-        raise MecomError(f"the TEC controller on {self._line.port} did not answer {turns} times{other}")
+        advice = f"; check its power, its cable, and that its line is set to {self._slow} baud"
+        if found >= 0:
+            advice = f'; one of address {found} did: if that is yours, write address="{found}"'
+        raise MecomError(f"the TEC controller on {self._line.port} did not answer {turns} times{advice}")
 
     def _answer(self, sent: int, limit: float) -> str | None:
         """Return the payload of the next intact answer to this request before ``limit``, or None.

@@ -16,6 +16,7 @@ _POLL = 0.01
 _ADVICE = {
     errno.ENOENT: ": check its plug", errno.EBUSY: ": another program has it; end that first",
     errno.ENOTTY: ": it is not a serial port", errno.EISDIR: ": it is not a serial port",
+    errno.ECONNREFUSED: ": nothing listens there; start its server first",
     errno.EACCES: ": its group may open it, to which you can be added (see ls -l)",
 }  # fmt: skip
 #: Most bytes read at once; bytes that are there are returned without waiting for more.
