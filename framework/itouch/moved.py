@@ -13,12 +13,9 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any, cast
 
-#: Old name -> new name, also for submodules; the first that fits counts.  They are strings, imported only when a user
-#: imports an old name: the core itself imports nothing from the tools or the evidence.
+#: Old name -> new name, also for submodules.  They are strings, imported only when a user imports an old name: the core
+#: itself imports nothing from the tools or the evidence.
 PLACES = {
-    "itouch.bench.faults.truth": "itouch_evidence.faults.true_state",
-    "itouch.report.notebook": "itouch_tools.report.notebook_view",
-    "itouch.sweeps.figures": "itouch_tools.sweeps.page_statistics",
     "itouch.bench": "itouch_evidence",
     "itouch.report": "itouch_tools.report",
     "itouch.study": "itouch_tools.study",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from itouch.session import Session
-from itouch_evidence.faults.true_state import Truth
+from itouch_evidence.faults.truth import Truth
 from itouch_tools.study.observers import CombinedObserver, Felt, FluxObserver, Observer, Person, ReceptorObserver
 from itouch_tools.study.touches import deep_temperature
 

@@ -13,8 +13,8 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene import bundled_scenes
 from itouch_tools.study.observers import Felt
 from itouch_tools.study.power import power
-from itouch_tools.study.study_reading import StudyFile, load_study
-from itouch_tools.sweeps.page_statistics import bits, confusion, proportion
+from itouch_tools.study.reading import StudyFile, load_study
+from itouch_tools.sweeps.figures import bits, confusion, proportion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from itouch.exchange import TruthReader, TruthWriter
-from itouch.exchange.truth import SLOTS
+from itouch.exchange.shared_state import SLOTS
 from itouch.plugin import Field, Record
 
 
@@ -49,6 +49,6 @@ def test_what_was_written_over_while_it_was_read_is_not_believed(
     for grown, whole in ((0, True), (SLOTS - 2, True), (SLOTS - 1, False), (3 * SLOTS, False)):
         looks = iter([(1,), (1 + grown,)])
         monkeypatch.setattr(
-            "itouch.exchange.truth._COUNT", SimpleNamespace(unpack_from=lambda _, looks=looks: next(looks))
+            "itouch.exchange.shared_state._COUNT", SimpleNamespace(unpack_from=lambda _, looks=looks: next(looks))
         )
         assert reader.read() == whole

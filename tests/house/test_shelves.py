@@ -43,9 +43,9 @@ MOVED = (
     ("itouch.study.statistics", "logistic_gee", "itouch_tools.study.statistics"),
     ("itouch.study.client", "connect", "itouch_tools.study.client"),
     ("itouch.study.observers", "FluxObserver", "itouch_tools.study.observers"),
-    ("itouch.report.notebook", "curve", "itouch_tools.report.notebook_view"),
-    ("itouch.sweeps.figures", "bits", "itouch_tools.sweeps.page_statistics"),
-    ("itouch.bench.faults.truth", "Truth", "itouch_evidence.faults.true_state"),
+    ("itouch.report.notebook", "curve", "itouch_tools.report.notebook"),
+    ("itouch.sweeps.figures", "bits", "itouch_tools.sweeps.figures"),
+    ("itouch.bench.faults.truth", "Truth", "itouch_evidence.faults.truth"),
     ("itouch_thermal.identify.command", "main", "itouch_thermal.identify.estimate"),
 )
 

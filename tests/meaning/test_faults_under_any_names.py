@@ -13,7 +13,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch_evidence.faults import Cell, differing, main, prepared, run_cell
 from itouch_evidence.faults.phases import phases
-from itouch_evidence.faults.true_state import Truth
+from itouch_evidence.faults.truth import Truth
 from itouch_evidence.renamed import RenamedCatalog
 
 #: Cells whose supervision differs: of each device, seen by each sort of monitor.

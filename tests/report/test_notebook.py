@@ -14,7 +14,7 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch_tools.report import notebook_view
+from itouch_tools.report import notebook
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_a_recording_shows_tracks_curves_and_contacts(ran: tuple[itouch.Session,
     cells = [cell.text for cell in tree.iter("td")]
     assert set(ran[1]) <= set(cells)
     curves = [svg for svg in tree.iter() if svg.tag.endswith("svg")]
-    assert 1 <= len(curves) <= notebook_view.CURVES
+    assert 1 <= len(curves) <= notebook.CURVES
     assert any("[N]" in (svg.get("aria-label") or "") for svg in curves)
     assert len(html) < 300_000
 
@@ -70,7 +70,7 @@ def test_a_scene_shows_what_it_has() -> None:
 
 def test_hostile_names_are_shown_and_not_obeyed() -> None:
     scene = replace(itouch.load(SCENES / "first_touch.xml"), source="<script>alert(1)</script>")
-    assert "<script" not in notebook_view._head(scene.source)
+    assert "<script" not in notebook._head(scene.source)
 
 
 def test_a_curve_loses_no_peak_and_has_gaps() -> None:
@@ -78,12 +78,12 @@ def test_a_curve_loses_no_peak_and_has_gaps() -> None:
     values = np.zeros_like(times)
     values[4321] = 7.0
     values[6000:6500] = np.nan
-    html = notebook_view.curve(times, values, "force [N]")
+    html = notebook.curve(times, values, "force [N]")
     assert "0 to 7" in html and html.count("<polyline") == 2
     heights = [float(pair.split(",")[1]) for part in re.findall(r'points="([^"]*)"', html) for pair in part.split()]
-    assert min(heights) == 2.0 and max(heights) == notebook_view.HIGH - 2
-    assert len(heights) <= notebook_view.POINTS + 2
-    assert notebook_view.curve(times, np.full_like(times, np.nan), "nothing") == ""
+    assert min(heights) == 2.0 and max(heights) == notebook.HIGH - 2
+    assert len(heights) <= notebook.POINTS + 2
+    assert notebook.curve(times, np.full_like(times, np.nan), "nothing") == ""
 
 
 def test_progress_is_told_and_changes_nothing(
@@ -103,11 +103,11 @@ def test_progress_is_told_and_changes_nothing(
     assert told == counted
 
 
-@pytest.mark.parametrize("count", [3, notebook_view.POINTS, 3 * notebook_view.POINTS, 100_000])
+@pytest.mark.parametrize("count", [3, notebook.POINTS, 3 * notebook.POINTS, 100_000])
 def test_a_long_curve_is_drawn_by_its_extremes_in_few_points(count: int) -> None:
     values = np.random.default_rng(3).normal(size=count)
-    chosen = notebook_view._extremes(values)
-    assert len(chosen) <= notebook_view.POINTS
+    chosen = notebook._extremes(values)
+    assert len(chosen) <= notebook.POINTS
     assert values[chosen].min() == values.min() and values[chosen].max() == values.max()
     assert (np.diff(chosen) > 0).all()
 
@@ -115,10 +115,10 @@ def test_a_long_curve_is_drawn_by_its_extremes_in_few_points(count: int) -> None
 @pytest.mark.parametrize("span", [1e-3, 1.0, 700.0])
 def test_a_curve_goes_from_edge_to_edge_of_its_picture_whenever_it_begins(span: float) -> None:
     times = 12.0 + np.linspace(0.0, span, 9)
-    (points,) = re.findall(r'points="([^"]*)"', notebook_view.curve(times, np.arange(9.0), "force [N]"))
+    (points,) = re.findall(r'points="([^"]*)"', notebook.curve(times, np.arange(9.0), "force [N]"))
     across, up = np.array([[float(number) for number in pair.split(",")] for pair in points.split()]).T
-    assert (across[0], across[-1]) == (1.0, notebook_view.WIDE - 1.0)
-    assert (up[0], up[-1]) == (notebook_view.HIGH - 2.0, 2.0)
+    assert (across[0], across[-1]) == (1.0, notebook.WIDE - 1.0)
+    assert (up[0], up[-1]) == (notebook.HIGH - 2.0, 2.0)
 
 
 @pytest.mark.parametrize("count", [2, 3, 7, 11])
@@ -136,7 +136,7 @@ def test_of_a_pose_the_height_is_drawn_however_few_rows_there_are(count: int) ->
         def __getitem__(self, name: str) -> Any:
             return rows
 
-    height, size, current = notebook_view._curves(Shown())
+    height, size, current = notebook._curves(Shown())
     assert "height of" in height and "0.25 to 0.25" in height
     assert "size of" in size and "5 to 5" in size
     assert "arm.current [A]: -1.5 to -1.5" in current and "size of" not in current

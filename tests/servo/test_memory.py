@@ -21,7 +21,7 @@ from itouch.plugin import Field, Record
 from itouch.servo import ServoError, control_block, sessions
 from itouch.servo.command_queue import Inbox, put
 from itouch.servo.publish import Publisher, slots_for
-from itouch.servo.reading import Follower, Ring, copy_timing
+from itouch.servo.published_state import Follower, Ring, copy_timing
 from itouch.servo.shared_memory import SharedMemory
 
 #: A State whose content is proved by a sum of it.
@@ -50,7 +50,7 @@ import sys, time, zlib, numpy as np
 sys.path.insert(0, {tests!r})
 from servo.test_memory import FIELDS, _whole
 from itouch.servo.shared_memory import SharedMemory
-from itouch.servo.reading import Ring
+from itouch.servo.published_state import Ring
 segment = SharedMemory(int(sys.argv[1]), "test")
 ring, buffer = Ring(segment), np.zeros(int(segment.words[10]), np.uint8)
 print("reading", flush=True)

@@ -11,7 +11,7 @@ from run_scene import write_study
 from itouch.plugin.discovery import Catalog
 from itouch_tools.cli import main
 from itouch_tools.study.audit import GROUPS, guess, judged, observe
-from itouch_tools.study.study_reading import load_study
+from itouch_tools.study.reading import load_study
 
 CATALOG = Catalog()
 

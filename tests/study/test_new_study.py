@@ -8,7 +8,7 @@ import pytest
 
 from itouch.plugin.discovery import Catalog
 from itouch_tools.cli import main
-from itouch_tools.study.study_reading import load_study
+from itouch_tools.study.reading import load_study
 from itouch_tools.study.trials import trials_of
 
 

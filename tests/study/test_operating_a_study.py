@@ -11,8 +11,8 @@ from run_scene import write_study
 from itouch.plugin.discovery import Catalog
 from itouch_tools.study.answer_sources import Script, Stopped
 from itouch_tools.study.participant_session import Run
+from itouch_tools.study.reading import load_study
 from itouch_tools.study.session_display import Shown
-from itouch_tools.study.study_reading import load_study
 from itouch_tools.study.study_store import Store
 
 CATALOG = Catalog()

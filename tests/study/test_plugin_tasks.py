@@ -16,7 +16,7 @@ from itouch.plugin.discovery import Catalog
 from itouch_tools.cli import main
 from itouch_tools.study import plugin_tasks
 from itouch_tools.study.plugin_tasks import TaskError, device_of, task_names, task_of
-from itouch_tools.study.study_reading import read_study
+from itouch_tools.study.reading import read_study
 from itouch_tools.study.study_store import Store
 
 PAGE = (SCENES.parent / "docs" / "reference" / "studies.md").read_text(encoding="utf-8")

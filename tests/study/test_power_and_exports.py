@@ -24,9 +24,9 @@ from itouch_tools.study.coverage import coverage, difference_errors, equivalence
 from itouch_tools.study.exports import write_bids, write_parquet
 from itouch_tools.study.observers import Felt
 from itouch_tools.study.power import FINGERS, TOUCHES, PowerError, library, power
+from itouch_tools.study.reading import StudyFile, load_study
 from itouch_tools.study.statistics.regression import _spread
 from itouch_tools.study.study_page import _chance
-from itouch_tools.study.study_reading import StudyFile, load_study
 from itouch_tools.study.study_store import Row, Store
 from itouch_tools.study.touches import Presented, TouchError, felt_by, figures
 from itouch_tools.study.trial_table import table_of

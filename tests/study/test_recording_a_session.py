@@ -20,9 +20,9 @@ from itouch.recording import RecordingError, read
 from itouch.world import make_state
 from itouch_tools.cli import main
 from itouch_tools.study import scene_switching
+from itouch_tools.study.reading import load_study
 from itouch_tools.study.rig_session import each_level_once
 from itouch_tools.study.scene_switching import SceneSwitcher
-from itouch_tools.study.study_reading import load_study
 from itouch_tools.study.study_store import Row, Store
 from itouch_tools.study.touches import Toucher
 

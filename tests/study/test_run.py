@@ -31,10 +31,10 @@ from itouch_tools.study.answer_sources import AnswerError, Question, Script, Sto
 from itouch_tools.study.frozen import digest_of
 from itouch_tools.study.participant_session import Run
 from itouch_tools.study.progression import Course
+from itouch_tools.study.reading import load_study
 from itouch_tools.study.session_display import Shown
 from itouch_tools.study.study_elements import Task
 from itouch_tools.study.study_page import page
-from itouch_tools.study.study_reading import load_study
 from itouch_tools.study.study_store import Row, Store
 from itouch_tools.study.tasks import is_right, taken_answer
 from itouch_tools.study.trials import Trial

@@ -20,8 +20,8 @@ from itouch_tools.study.analysis import analyse
 from itouch_tools.study.constant import stimuli
 from itouch_tools.study.observers import Felt
 from itouch_tools.study.progression import Course
+from itouch_tools.study.reading import StudyFile, load_study, read_study
 from itouch_tools.study.study_page import page
-from itouch_tools.study.study_reading import StudyFile, load_study, read_study
 from itouch_tools.study.study_store import Row, Store
 from itouch_tools.study.touches import Presented, Toucher, TouchError, deep_temperature
 from itouch_tools.study.trials import trials_of

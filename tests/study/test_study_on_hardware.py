@@ -28,9 +28,9 @@ from itouch_tools.cli import main
 from itouch_tools.study import rig_windows
 from itouch_tools.study.answer_sources import Script
 from itouch_tools.study.client import connect
+from itouch_tools.study.reading import load_study
 from itouch_tools.study.scene_switching import SceneSwitcher, note_stop
 from itouch_tools.study.session_display import Shown
-from itouch_tools.study.study_reading import load_study
 from itouch_tools.study.study_store import Row, Store
 
 pytestmark = [pytest.mark.xdist_group("processes"), pytest.mark.punctual]

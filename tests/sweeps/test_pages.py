@@ -17,7 +17,7 @@ from scipy.stats import binom
 from itouch.schema import ItouchError
 from itouch_tools.cli import main
 from itouch_tools.sweeps import pages
-from itouch_tools.sweeps.page_statistics import bits, confusion, proportion
+from itouch_tools.sweeps.figures import bits, confusion, proportion
 from itouch_tools.sweeps.pages import maker, names
 
 choose, identify, safety, tuning, people = (

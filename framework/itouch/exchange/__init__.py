@@ -3,8 +3,8 @@
 from itouch.exchange.delayed_twin import LateTwin
 from itouch.exchange.exchanged import Exchanged, failed_in
 from itouch.exchange.in_step import DirectEmulator, DirectHost, EveryNth
+from itouch.exchange.shared_state import TruthReader, TruthWriter
 from itouch.exchange.thread import ServedEmulator, ThreadedDevice
-from itouch.exchange.truth import TruthReader, TruthWriter
 
 __all__ = [
     "EveryNth",

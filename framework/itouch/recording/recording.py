@@ -13,7 +13,7 @@ from itouch.recording.reader import Content, read_content
 from itouch.recording.recording_error import RecordingError
 from itouch.recording.tracks import SCENE, Track
 from itouch.schema.diagnostics import did_you_mean
-from itouch.schema.notebook import Shown
+from itouch.schema.notebook_display import Shown
 
 if TYPE_CHECKING:
     import pandas
@@ -35,7 +35,7 @@ class Recording(Shown, Mapping[str, NDArray[Any]]):
     """
 
     #: Imported by name when a notebook asks: the core imports nothing from the tools.
-    PAGE = "itouch_tools.report.notebook_view:recording"
+    PAGE = "itouch_tools.report.notebook:recording"
 
     def __init__(self, content: Content) -> None:
         if not isinstance(content, Content):

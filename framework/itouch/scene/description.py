@@ -20,7 +20,7 @@ from itouch.scene.elements import (
     WorldElement,
 )
 from itouch.scene.places import Places
-from itouch.schema.notebook import Shown
+from itouch.schema.notebook_display import Shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class Scene(Shown):
     """
 
     #: Imported by name when a notebook asks: the core imports nothing from the tools.
-    PAGE: ClassVar[str] = "itouch_tools.report.notebook_view:scene"
+    PAGE: ClassVar[str] = "itouch_tools.report.notebook:scene"
 
     world: WorldElement = WorldElement()
     materials: tuple[Material, ...] = ()

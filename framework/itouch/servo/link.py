@@ -18,7 +18,7 @@ from itouch.plugin import Record
 from itouch.servo import command_queue
 from itouch.servo import control_block as at
 from itouch.servo.deadman_holders import Holder
-from itouch.servo.reading import Follower, Ring, copy_timing
+from itouch.servo.published_state import Follower, Ring, copy_timing
 from itouch.servo.shared_memory import PREFIX, ServoError, SharedMemory, monotonic
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.recording import RecordingError
 from itouch.safety import claim_wires, connect
 from itouch.scene import Scene
-from itouch.schema.notebook import Shown
+from itouch.schema.notebook_display import Shown
 from itouch.session import channel_selection, layout_mapping, marks, stored_limits
 from itouch.session.document import to_xml
 from itouch.session.participants import Participant
@@ -51,7 +51,7 @@ class Session(Shown, Engine):
     """An engine that can be saved, and restored to go on as if it had not stopped."""
 
     #: Shows the session in a notebook; given by name, because the core imports nothing of the tools.
-    PAGE = "itouch_tools.report.notebook_view:session"
+    PAGE = "itouch_tools.report.notebook:session"
     #: Makes the guardian of hardware that the caller's own process drives; given by name, as it is in a higher layer.
     GUARDIAN = "itouch.servo.own_guardian:watch"
 

@@ -24,7 +24,7 @@ from itouch.safety.sequence import AT_END, RETREAT
 from itouch.session import Session, build, choose_twins, load_scene, restore
 from itouch_evidence.faults.matrix import DELAY, KINDS, LASTS, RUN, Cell
 from itouch_evidence.faults.phases import PHASES, moments, prepared
-from itouch_evidence.faults.true_state import Truth
+from itouch_evidence.faults.truth import Truth
 
 #: A function that finds the entry points of a group.
 Finder = Callable[[str], dict[str, Found]]

@@ -11,7 +11,7 @@ from itouch.faults import Kind
 from itouch.loop import DeviceFaultError
 from itouch.plugin import DeviceError
 from itouch.session import Session
-from itouch_evidence.faults.true_state import Truth
+from itouch_evidence.faults.truth import Truth
 
 #: How long after its phase a fault begins, how long it lasts, and how long the cell runs [s].
 DELAY, LASTS, RUN = 0.02, 1.0, 1.1

@@ -17,7 +17,7 @@ from itouch_tools.cli.output_files import Output, output_folder
 from itouch_tools.cli.study_participant import folder_of
 
 if TYPE_CHECKING:
-    from itouch_tools.study.study_reading import StudyFile
+    from itouch_tools.study.reading import StudyFile
 
 #: Seconds in which most skin recovers from a touch of a few seconds, and seconds for an answer and the next approach.
 SKIN, ANSWERING = 10.0, 4.0
@@ -107,7 +107,7 @@ def _load(path: str) -> StudyFile | None:
     """Return a study without problems, or print them and return None."""
     from itouch.plugin.discovery import Catalog
     from itouch.schema.diagnostics import render
-    from itouch_tools.study.study_reading import read_study
+    from itouch_tools.study.reading import read_study
 
     found, problems = read_study(path, Catalog())
     if problems:

@@ -12,7 +12,7 @@ from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.output_files import Output, output_file, output_folder, write_output
 
 if TYPE_CHECKING:
-    from itouch_tools.study.study_reading import StudyFile
+    from itouch_tools.study.reading import StudyFile
 
 
 def add_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from itouch_tools.study.answer_sources import Answers
+    from itouch_tools.study.reading import StudyFile
     from itouch_tools.study.session_display import Shown
-    from itouch_tools.study.study_reading import StudyFile
 
 
 def folder_of(options: argparse.Namespace) -> Path:

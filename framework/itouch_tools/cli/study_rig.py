@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import argparse
     from pathlib import Path
 
-    from itouch_tools.study.study_reading import StudyFile
+    from itouch_tools.study.reading import StudyFile
 
 
 def needed(file: StudyFile) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from itouch_tools.cli.output_files import output_folder
 
 if TYPE_CHECKING:
-    from itouch_tools.study.study_reading import StudyFile
+    from itouch_tools.study.reading import StudyFile
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -10,7 +10,7 @@ from itouch_tools.cli.output_files import output_file
 from itouch_tools.cli.shutdown import Interrupted, Stopping
 
 if TYPE_CHECKING:
-    from itouch_tools.study.study_reading import StudyFile
+    from itouch_tools.study.reading import StudyFile
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -17,8 +17,8 @@ import numpy as np
 
 from itouch_tools.study import statistics as stats
 from itouch_tools.study.constant import constant
+from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.study_elements import CATCH, PRACTICE, TASKS, UNCOUNTED
-from itouch_tools.study.study_reading import StudyFile
 from itouch_tools.study.study_store import Row
 from itouch_tools.study.tasks import choices_of
 from itouch_tools.study.touch_figures import BACK, OWN

@@ -21,8 +21,8 @@ from itouch.session import Session
 from itouch_tools.study import orders
 from itouch_tools.study import statistics as stats
 from itouch_tools.study.machine import Machine, Phase
+from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.scene_switching import SceneSwitcher
-from itouch_tools.study.study_reading import StudyFile
 from itouch_tools.study.touches import rules_of
 
 #: Folds of the cross-validation, quantile bins of a feature, and ridge penalty of the discriminant.

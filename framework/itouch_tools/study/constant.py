@@ -11,7 +11,7 @@ import numpy as np
 from itouch.schema import units
 from itouch.schema.quantities import parse_number, split_unit
 from itouch_tools.study import statistics as stats
-from itouch_tools.study.study_reading import StudyFile
+from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.study_store import Row
 
 #: Fewest levels to which a function is fitted, and the share of answers that do not depend on the stimulus.

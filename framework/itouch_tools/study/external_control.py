@@ -18,9 +18,9 @@ from itouch.schema import ItouchError, SceneError
 from itouch.session import SessionError
 from itouch_tools.study.answer_sources import Stopped
 from itouch_tools.study.machine import Sensed
+from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.scene_switching import SceneSwitcher
 from itouch_tools.study.server import Request, StudyServer
-from itouch_tools.study.study_reading import StudyFile
 from itouch_tools.study.touches import felt_by, figures
 
 #: Longest wait [s] that a caller may ask for, and how long [s] the door is watched in one go while time stands still.

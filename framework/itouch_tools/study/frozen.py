@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from itouch.scene.documents import DocumentReader, contents
-from itouch_tools.study.study_reading import StudyFile
+from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.study_store import Row, Store, StoreError
 
 

@@ -17,10 +17,10 @@ from itouch_tools.study.answer_sources import Answers, Question, Stopped
 from itouch_tools.study.machine import Machine, Phase
 from itouch_tools.study.operating import Operator, keep_note, lines_of
 from itouch_tools.study.progression import Course, NextTrial
+from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.scene_switching import SceneSwitcher, note_stop
 from itouch_tools.study.session_display import Show, Shown
 from itouch_tools.study.study_elements import PRACTICE
-from itouch_tools.study.study_reading import StudyFile
 from itouch_tools.study.study_store import Row, Store, StoredSession
 from itouch_tools.study.tasks import choices_of, is_right, question_of, taken_answer
 from itouch_tools.study.touch_figures import FLUX

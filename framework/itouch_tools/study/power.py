@@ -20,7 +20,7 @@ from itouch_tools.study import orders
 from itouch_tools.study import statistics as stats
 from itouch_tools.study.observer_catalog import observer_of
 from itouch_tools.study.observers import Felt, Observer, Person
-from itouch_tools.study.study_reading import StudyFile
+from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.tasks import is_right
 from itouch_tools.study.touches import Presented, Toucher
 from itouch_tools.study.trials import Trial

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from itouch_tools.study.adaptive import Running
+from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.study_elements import PRACTICE, Adaptive
-from itouch_tools.study.study_reading import StudyFile
 from itouch_tools.study.study_store import Row, StoreError
 from itouch_tools.study.trials import Trial, trials_of
 

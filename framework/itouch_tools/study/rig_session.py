@@ -26,10 +26,10 @@ from itouch.session import Session
 from itouch_tools.study.answer_sources import Question, Stopped
 from itouch_tools.study.external_control import Served
 from itouch_tools.study.participant_session import Run
+from itouch_tools.study.reading import each_level_once, load_study
 from itouch_tools.study.scene_switching import SceneSwitcher
 from itouch_tools.study.server import StudyServer
 from itouch_tools.study.session_display import Shown
-from itouch_tools.study.study_reading import each_level_once, load_study
 from itouch_tools.study.study_store import Store, StoreError
 
 

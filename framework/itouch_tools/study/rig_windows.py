@@ -23,8 +23,8 @@ from itouch.servo.launching import start
 from itouch.session.outputs import Outputs
 from itouch_tools.study.answer_sources import Answers, Question, Stopped
 from itouch_tools.study.operating import Operator
+from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.session_display import Show, Shown
-from itouch_tools.study.study_reading import StudyFile
 from itouch_tools.viewer.deadman_switch import DeadMansSwitch
 
 #: Period [s] at which windows, keys and messages are handled.

@@ -26,7 +26,7 @@ from itouch.session import Session, SessionError
 from itouch.session.recorder import Continuation, Recorder
 from itouch.world import DeviceModel, Model
 from itouch_tools.study.machine import Sensed
-from itouch_tools.study.study_reading import StudyFile
+from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.study_store import StoredSession
 from itouch_tools.study.touches import STILL, IntervalRecorder, Presented, Toucher, TouchError, felt_by, steer_hands
 

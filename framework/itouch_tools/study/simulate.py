@@ -29,8 +29,8 @@ from itouch_tools.study.observer_catalog import observer_of
 from itouch_tools.study.observers import Felt, Person
 from itouch_tools.study.plugin_tasks import TaskError, task_of
 from itouch_tools.study.progression import Course, NextTrial
+from itouch_tools.study.reading import StudyFile, load_study
 from itouch_tools.study.study_elements import TASKS
-from itouch_tools.study.study_reading import StudyFile, load_study
 from itouch_tools.study.study_store import Row, Store, StoreError
 from itouch_tools.study.tasks import is_right, taken_answer
 from itouch_tools.study.touches import Toucher, figures

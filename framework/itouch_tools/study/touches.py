@@ -26,8 +26,8 @@ from itouch.world import Model, declared
 from itouch.world.skin_source import sensed_skin
 from itouch_tools.study.machine import Machine, Phase, Rules, Sensed
 from itouch_tools.study.observers import DEPTH, Felt
+from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.study_elements import Study, Touching
-from itouch_tools.study.study_reading import StudyFile
 from itouch_tools.study.touch_figures import BACK, DROP, FLUX, FORCE, OWN, SKIN
 
 #: Thermal diffusivity of skin [m2/s]: the square of the conductivity, 0.37 W/mK, over the effusivity, 1167 W s^.5/m2K.

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from itouch_tools.study import orders
+from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.study_elements import CATCH, PRACTICE, Study
-from itouch_tools.study.study_reading import StudyFile
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from itouch.scene.loader import in_file_order
 from itouch.scene.places import Places
 from itouch.scene.source import Node, SourceError, read_root
 from itouch.schema.diagnostics import Problem, SceneError
-from itouch_tools.study.study_reading import StudyFile, read_study
+from itouch_tools.study.reading import StudyFile, read_study
 from itouch_tools.sweeps.checking import contradictions, scenes
 from itouch_tools.sweeps.sweep_elements import VERSION, Sweep
 from itouch_tools.sweeps.sweepfile import SweepFile

@@ -13,8 +13,8 @@ from itouch.scene.loader import read_scene
 from itouch.scene.places import Places
 from itouch.scene.source import Attribute
 from itouch.schema.diagnostics import Place, Problem
+from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.study_elements import split_levels, split_values
-from itouch_tools.study.study_reading import StudyFile
 from itouch_tools.sweeps.run_plan import Axis, Level, Plan, Setting, Value, written
 from itouch_tools.sweeps.sampling import Points, spaced
 from itouch_tools.sweeps.sweep_elements import Grid, Listed, Sweep
