@@ -1,6 +1,6 @@
-"""The operator's hand: its target follows minimum-jerk paths, and forces move its finger.
+"""The operator's hand: the pieces of its target's path, and its finger, which forces move.
 
-Minimum-jerk paths: Flash and Hogan 1985.
+The law by which the target goes along a piece (minimum jerk) is `itouch.twin.mechanics.aim`.
 """
 
 from __future__ import annotations

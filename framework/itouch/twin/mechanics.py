@@ -1,5 +1,6 @@
-"""One step of the finger's equation of motion between hand, arm and plate, compiled.
+"""One step of the finger between hand, arm and plate, and the minimum-jerk law of the hand's target, compiled.
 
+Minimum-jerk movements: Flash and Hogan 1985.
 The finger is a point mass on the hand's spring; the plate pushes it through the pad's spring and damper.
 """
 
