@@ -1,4 +1,5 @@
-"""What each test reaches and costs: ``PYTHONPATH=tests python -m pytest -n 2 -p reach --reach=FOLDER``, then this file.
+"""What each test reaches and costs: ``PYTHONPATH=tests python -m pytest -n 2 -p reach --reach=FOLDER``, then this file
+on FOLDER.
 
 The same with ``--bare``, between the two, measures what each costs where nobody watches which lines it reaches: these
 costs count then, as coverage makes what runs in Python dearer than what is compiled.  The last command chooses what a whole run of the short form leaves out, and writes ``tests/long_form.txt``.  It stays:
