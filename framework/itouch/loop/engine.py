@@ -36,7 +36,7 @@ from itouch.loop.timing import Timing
 from itouch.loop.warm_up import reset_modalities, warm_up
 from itouch.loop.write_access import view_for
 from itouch.plugin import Bound, DeviceError, Record
-from itouch.safety import Outcome, Trip
+from itouch.safety import LOSSES, Outcome, Trip
 from itouch.schema import ItouchError
 from itouch.schema.plugin_errors import failing
 from itouch.schema.quantities import checked_time
@@ -47,6 +47,8 @@ from itouch.world.limits import HOLD
 
 #: On a virtual clock one tick in this many is timed step by step; in real time every tick is.
 _SAMPLED = 16
+#: How often devices are told to be safe until that can be seen: a busy machine may not receive readings for a while.
+PARKINGS = 4
 _UNDER_WAY = (
     "this session is running already, in another thread or in the caller of this callback: "
     "run it from one thread, and end the run with stop()"
@@ -663,6 +665,37 @@ class Engine:
             tell(self.on.safe)
         return outcome
 
+    def shut_down(self) -> None:
+        """Make every device safe as `park` does, because the session ends; it is a fault if that can't be seen.
+
+        Raises
+        ------
+        DeviceFaultError
+            Naming the first hardware that could not be seen to be safe; it is noted, and all were told again.
+        """
+        for _ in range(PARKINGS):
+            outcome = self.park()
+            unsafe = [one for one in self._all if one.model.name in self.unsafe(outcome) and not one.model.twin]
+            if not unsafe or any(one.latch.trip is not Trip.NONE for one in unsafe):
+                break
+        if not unsafe:
+            return
+        first = next((one for one in unsafe if one.latch.trip is not Trip.NONE), unsafe[0])
+        others = "".join(f", nor could '{one.model.name}'" for one in unsafe if one is not first)
+        why = first.gate.trouble or outcome.devices[first.model.name]
+        cause = f"{why}; as the session ended it could not be seen to be safe{others}"
+        trip = first.latch.trip if first.latch.trip is not Trip.NONE else Trip.DEVICE_ERROR
+        self.make_safe(fault := DeviceFaultError(first.model.name, self._tick.item(), trip, cause))
+        raise fault
+
+    def unsafe(self, outcome: Outcome) -> list[str]:
+        """Return what could not be seen to be safe, without closed devices and optional ones that are lost."""
+        absent = [
+            one.model.name for one in self._all
+            if one.latch.status is Status.CLOSED or (one.model.optional and one.latch.trip in LOSSES)
+        ]  # fmt: skip
+        return [name for name in outcome.unsafe if name not in absent]
+
     def close(self) -> None:
         """Make every device safe and release it, then tell all that listen to the end; the state stays readable.
 
@@ -680,14 +713,15 @@ class Engine:
 
         Raises
         ------
-        DeviceError
-            Naming the first device that raised anything when it was released; by then, all have been released.
+        DeviceFaultError, DeviceError
+            Naming the first hardware that could not be seen to be safe, or raised anything when released; by then,
+            all have been released.
         """
         hardware = [one for one in self._all if one.latch.status is not Status.CLOSED and not one.model.twin]
         steps = [partial(released, runner) for runner in hardware]
         self._enabled = False
         if any(runner.latch.enabled for runner in hardware):
-            raise_unless_failing(partial(in_turn, self.park, *steps))
+            raise_unless_failing(partial(in_turn, self.shut_down, *steps))
         else:
             raise_unless_failing(partial(in_turn, *steps))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 
-from itouch.loop.device_runner import Runner
+from itouch.loop.device_runner import DeviceFaultError, Runner
 from itouch.plugin import DeviceError
 from itouch.schema import ItouchError
 from itouch.schema.diagnostics import spoken
@@ -45,11 +45,11 @@ def released(runner: Runner) -> None:
 
 
 def raise_unless_failing(step: Callable[[], None]) -> None:
-    """Do a step; a ``DeviceError`` that it raises while another error is under way becomes a note of that one."""
+    """Do a step; what a device raises while another error is under way becomes a note of that one."""
     under_way = sys.exception()
     try:
         step()
-    except DeviceError as error:
+    except (DeviceError, DeviceFaultError) as error:
         if under_way is None:
             raise
         under_way.add_note(f"then: {spoken(error)}")

@@ -85,6 +85,8 @@ class Gate:
         self.presses = any(isinstance(post.monitor, Push) for post in self.device_monitors.installed)
         #: Whether its last command could not be written: the one before may still act.
         self.unsent = False
+        #: What went wrong with it the last time that a stop met an error of it, in words.
+        self.trouble = ""
         #: The fingers on which other plates act, too, and which therefore share a budget among them.
         self.shared: list[SharedFinger] = []
         #: How many limits were applied, and how many locked components dropped, shape (1,).
@@ -655,6 +657,7 @@ class Gate:
                 self.device_monitors.believe(tick, self._every * self._period + slip)
         except TripError as error:
             if status != FAULT:
+                self.trouble = str(error)
                 self.fault(error.trip, tick)
         if not self.device_monitors.sane():
             self.device_monitors.mend()

@@ -235,6 +235,7 @@ class SafeSequence:
                 try:
                     gate.write(tick)
                 except DeviceFaultError as second:  # the first fault is told; another must not stop the rest
+                    gate.trouble = second.cause
                     gate.fault(second.trip, tick)
             self._move()
         finally:  # Ctrl-C in the middle of it

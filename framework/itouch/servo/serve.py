@@ -186,7 +186,7 @@ class Servo:
         """Make devices that are not simulated in this process safe, in the rig's order, unless a fault has done so."""
         enabled = any(runner.latch.enabled for runner in self.session.runners)
         if self.words[at.ARMED] and (self.session.fault is None or enabled):
-            self.session.park()
+            self.session.shut_down()
         self.words[at.ARMED] = 0  # all is safe: releasing the devices may take its time
 
     def _release(self) -> None:

@@ -141,7 +141,7 @@ def _follow(
     except ItouchError as raised:
         error = raised
     stop.listened(screen.finish)(handle.report())
-    return stop.code(code), error
+    return (code if code or error is not None else stop.code(0)), error
 
 
 class Losses:

@@ -19,9 +19,10 @@ from typing import TypeVar
 import numpy as np
 
 from itouch.loop import Clock, DeviceFaultError
+from itouch.loop.engine import PARKINGS
 from itouch.loop.release import in_turn
 from itouch.plugin.discovery import Catalog
-from itouch.safety import LOSSES, Outcome, Status, Trip
+from itouch.safety import Trip
 from itouch.session import Session, SessionError
 from itouch.session.recorder import Continuation, Recorder
 from itouch.world import DeviceModel, Model
@@ -31,8 +32,6 @@ from itouch_tools.study.study_store import StoredSession
 from itouch_tools.study.touches import STILL, IntervalRecorder, Presented, Toucher, TouchError, felt_by, steer_hands
 
 Result = TypeVar("Result")
-#: Number of attempts to put hardware to rest, of half a second each.
-TRIES = 4
 #: Name of the mark in a session that a fault has stopped.
 STOPPED = "stopped"
 #: How long [s] work beside the loop may hold the interpreter at a time.
@@ -215,9 +214,9 @@ class SceneSwitcher:
         if not self.acting:
             return
         session = self.session
-        for _ in range(TRIES):  # a busy machine may not receive a device's readings for a while
+        for _ in range(PARKINGS):
             outcome = session.park()
-            stopped, unsafe = session.latched(), self._unsafe(outcome)
+            stopped, unsafe = session.latched(), session.unsafe(outcome)
             if stopped is not None or not unsafe:
                 break
         if stopped is None and not unsafe:
@@ -231,14 +230,6 @@ class SceneSwitcher:
             )
         session.make_safe(stopped)
         raise stopped
-
-    def _unsafe(self, outcome: Outcome) -> list[str]:
-        """Return the devices that could not be seen to be safe, without optional ones that are absent."""
-        absent = [
-            one.model.name for one in self.session.runners
-            if one.latch.status is Status.CLOSED or (one.model.optional and one.latch.trip in LOSSES)
-        ]  # fmt: skip
-        return [name for name in outcome.unsafe if name not in absent]
 
     @property
     def acting(self) -> bool:
