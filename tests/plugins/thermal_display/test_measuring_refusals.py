@@ -181,6 +181,15 @@ def test_what_was_read_before_a_failure_is_kept(fails, said, monkeypatch):
     assert session.closed and said in found.stopped and found.record.flux.tolist() == [3, 6, 9, 12, 15, 18]
 
 
+def test_what_was_read_is_kept_if_a_device_cannot_be_released(monkeypatch):
+    class Lost(_Session):
+        def __exit__(self, *what):
+            raise DeviceError("device 'bench' could not be released: it is gone")
+
+    found = _sampled(monkeypatch, Lost())
+    assert "could not be released" in found.stopped and found.record.flux.tolist()[-1] == 30
+
+
 def test_a_stopped_measurement_writes_what_is_good(monkeypatch, tmp_path, capsys):
     found = Sampled(_record((1.5, 1.5, 1.5)), SOURCE, ROOM, "device 'bench': it is gone")
     monkeypatch.setattr(command, "sample", lambda *a, **k: found)

@@ -124,22 +124,23 @@ def sample(
     session = itouch.build(description, seed=seed, clock=itouch.WallClock() if real else None)
     rows: list[tuple[float, ...]] = []
     stopped = ""
-    with session:
-        source = calibrated(find(session.model), given)
-        if any(device.twin for device in description.devices if device.name == source.device):
-            source = replace(source, calibration=f"none, device '{source.device}' is a twin")
-        if longest is None and not session.scripted and watch is None:
-            raise ValueError("the scene never ends: say for how long to measure, with --for 10min")
-        if real:
-            session.enable()
-        try:
-            _follow(session, source, longest, watch, rows)
-        except KeyboardInterrupt:
-            stopped = "interrupted"
-        except ItouchError as error:
-            if not rows:
-                raise
-            stopped = str(error)
+    try:
+        with session:
+            source = calibrated(find(session.model), given)
+            if any(device.twin for device in description.devices if device.name == source.device):
+                source = replace(source, calibration=f"none, device '{source.device}' is a twin")
+            if longest is None and not session.scripted and watch is None:
+                raise ValueError("the scene never ends: say for how long to measure, with --for 10min")
+            if real:
+                session.enable()
+            try:
+                _follow(session, source, longest, watch, rows)
+            except KeyboardInterrupt:
+                stopped = "interrupted"
+    except ItouchError as error:  # of a device in the touch, or when it was to be made safe and released
+        if not rows:
+            raise
+        stopped = str(error)
     columns = np.array(rows, dtype=np.float64).reshape(-1, 5).T.copy()
     return Sampled(Record(*columns), source, description.world.temperature, stopped)
 
