@@ -201,6 +201,22 @@ def test_touch_off_is_kept_and_used(tmp_path: Path) -> None:
         assert cli(["calibrate", str(scene), "--kind", "touch-off"]) == 0
 
 
+def test_a_device_that_fails_in_a_touch_off_is_a_fault_and_what_followed_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (SCENES / "four_materials.xml").read_text()
+    fault = '<fault device="table" kind="disconnect" at="1 s"/></itouch>'
+    for name in ("materials.xml", "rigs/twin.xml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text((SCENES / name).read_text())
+    path = tmp_path / "scene.xml"
+    path.write_text(text.replace("</itouch>", fault))
+    assert cli(["calibrate", str(path), "--kind", "touch-off"]) == 1  # not 2: nothing is wrong with what was written
+    said = capsys.readouterr().err
+    assert "device 'table' " in said and "devices: " in said
+    assert not path.with_suffix(".calibration.json").exists()
+
+
 def test_a_record_that_says_a_twin_is_where_it_can_not_be_is_refused(tmp_path: Path) -> None:
     error = '<mount pos="0 0 -50 mm" rpy="0 0 90 deg" mount-error="0 0 40 mm"/>'
     scene = tmp_path / "scene.xml"

@@ -70,6 +70,8 @@ class TripError(ItouchError):
 class DeviceFaultError(ItouchError):
     """A device that was stopped while the loop ran: which, when, and why."""
 
+    exit_code = 1
+
     def __init__(self, device: str, tick: int, trip: Trip, cause: str) -> None:
         super().__init__(f"device '{device}' {cause} at tick {tick}")
         self.device, self.tick, self.trip, self.cause = device, tick, trip, cause

@@ -16,6 +16,9 @@ LONGEST = 1000
 class ItouchError(Exception):
     """Any fault that a user or a device can cause."""
 
+    #: Exit code of a command that ends with it: 2, wrong input; 1 for what happens while a device is driven.
+    exit_code = 2
+
 
 #: Attributes that every class and every error has, read so that a plugin's author cannot have overridden them.
 _NAME, _TRACEBACK = type.__dict__["__name__"], BaseException.__dict__["__traceback__"]

@@ -19,6 +19,7 @@ from itouch.garbage import seldom_for_good
 
 if TYPE_CHECKING:
     from itouch.plugin.discovery import Found
+    from itouch.schema import ItouchError
 
 #: For each command its module and one line of help.
 COMMANDS = {
@@ -212,7 +213,7 @@ def _stands() -> bool:
         return False
 
 
-def _told(error: Exception) -> int:
+def _told(error: ItouchError) -> int:
     """Print what is wrong, unless the reader of the output is gone; return the exit code."""
     from itouch_tools.cli.shutdown import stop_writing
 
@@ -220,7 +221,7 @@ def _told(error: Exception) -> int:
         print(error, *getattr(error, "__notes__", ()), sep="\n", file=sys.stderr, flush=True)
     except BrokenPipeError:
         stop_writing()
-    return 2
+    return error.exit_code
 
 
 def _need_streams() -> None:

@@ -241,10 +241,18 @@ def _fit(options: argparse.Namespace, device: Any) -> calibration.CalibrationRec
 
 def _touch_off(options: argparse.Namespace, device: Any) -> calibration.CalibrationRecord:
     """Run until the rig is calibrated, and return a record of the mount that was found."""
+    from itouch.loop import DeviceFaultError
+    from itouch_tools.viewer.fault_messages import outcome
+
     session = _session(options)
     with session:
         session.enable()
-        session.run(LONGEST, until=lambda: bool(session.state["ready"]))
+        try:
+            session.run(LONGEST, until=lambda: bool(session.state["ready"]))
+        except DeviceFaultError as fault:
+            for line in outcome(session.statistics.faults[-1]):
+                fault.add_note(line)
+            raise
         found = np.array(session.state[f"{device.name}.calibration"])
         ready = bool(session.state["ready"])
     if not ready:

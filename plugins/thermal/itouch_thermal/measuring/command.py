@@ -39,6 +39,7 @@ def main(argv: Sequence[str]) -> int:
         return int(options.command(options))
     except ItouchError as error:
         print(error, file=sys.stderr)
+        return error.exit_code
     except (ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
     return 2
