@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import errno
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -64,6 +65,46 @@ def test_force_scale_from_a_scale(scene: Path, tmp_path: Path, capsys: pytest.Ca
     assert record.residual < 1e-9
     lasts = datetime.datetime.fromisoformat(record.expires) - datetime.datetime.fromisoformat(record.made)
     assert lasts == datetime.timedelta(days=180)
+
+
+def test_a_disk_that_refuses_records_is_told_before_anything_is_measured(
+    scene: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    class Typed:
+        def readline(self) -> str:
+            raise AssertionError("nobody must type what cannot be kept")
+
+    monkeypatch.setattr("sys.stdin", Typed())
+    monkeypatch.setattr("tempfile.TemporaryFile", full)
+    assert cli(["calibrate", str(scene), "--kind", "force-scale", "--samples", "-"]) == 2
+    assert "scene.calibration.json' cannot be written: No space left on device" in capsys.readouterr().err
+
+
+def test_a_result_that_the_disk_refuses_is_told(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("itouch.session.calibration.write_whole", full)
+    file = samples(tmp_path, np.array([[0.5, 0.4], [1.0, 0.8], [2.0, 1.6]]))
+    assert cli(["calibrate", str(scene), "--kind", "force-scale", "--samples", file]) == 2
+    said = capsys.readouterr()
+    assert "force_scale = 2500" in said.out and "written to" not in said.out
+    assert "cannot be written: No space left on device" in said.err
+
+
+def test_extending_writes_nothing_where_no_record_has_expired(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = samples(tmp_path, np.array([[0.5, 0.4], [1.0, 0.8], [2.0, 1.6]]))
+    assert cli(["calibrate", str(scene), "--kind", "force-scale", "--samples", file]) == 0
+    monkeypatch.delattr("itouch.session.calibration.write_whole")
+    assert cli(["calibrate", str(scene), "--extend"]) == 0
+    assert "0 records extended" in capsys.readouterr().out
 
 
 def test_an_expired_record_refuses_the_scene_until_it_is_extended(scene: Path, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import datetime
 import json
 import math
 import os
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from pathlib import Path
@@ -35,6 +36,8 @@ _ADVICE = "correct it, or remove it and calibrate again"
 CLOCKS = datetime.timedelta(days=1)
 #: How much of a file of records is read at most [bytes].
 MOST = 8 << 20
+#: For how much a disk must have room before anything is measured [bytes]: many records.
+_ROOM = 1 << 14
 #: How far a twin's mount may be from what is written [m].
 FARTHEST = specs(Mount)["mount_error"].high
 
@@ -199,6 +202,24 @@ def write_records(path: Path, records: Sequence[CalibrationRecord]) -> None:
     text = json.dumps({"format": FORMAT, "records": [asdict(record) for record in records]}, indent=1, allow_nan=False)
     try:
         write_whole(str(path), f"{text}\n".encode())
+    except OSError as error:
+        raise ItouchError(f"calibration file '{path}' cannot be written: {error.strerror or error}") from error
+
+
+def check_place(path: Path) -> None:
+    """Check, before anything is measured, that a file of records can be written.
+
+    Raises
+    ------
+    ItouchError
+        If its folder, or the disk, takes no new file.
+    """
+    folder = os.path.dirname(os.path.realpath(path))
+    if not os.path.isdir(folder):  # it is made when the records are written
+        return
+    try:
+        with tempfile.TemporaryFile(dir=folder) as stream:
+            stream.write(bytes(_ROOM))
     except OSError as error:
         raise ItouchError(f"calibration file '{path}' cannot be written: {error.strerror or error}") from error
 

@@ -42,15 +42,16 @@ def main(argv: Sequence[str]) -> int:
     if options.extend:
         return _extend(options)
     device = _device(options)
+    path = _path(options, device)
+    calibration.check_place(path)
     if options.kind == "touch-off":
         record = _touch_off(options, device)
     elif options.kind == "mount-fit":
         record = _mount_fit(options, device)
     else:
         record = _fit(options, device)
-    path = _path(options, device)
+    _tell(record)  # first: it took work to measure, and the disk may refuse it
     calibration.store(path, record)
-    _tell(record)
     print(f"written to {path}, holds until {record.expires[:10]}")
     return 0
 
@@ -324,8 +325,8 @@ def _extend(options: argparse.Namespace) -> int:
     scene, _ = _scene(options)
     longer, now, changed = _days(options), calibration.now(), 0
     for path in _paths(scene):
-        records = []
-        for record in calibration.read_records(path):
+        records, before = list[calibration.CalibrationRecord](), calibration.read_records(path)
+        for record in before:
             meant = options.device in (None, record.device) and options.kind in (None, record.kind)
             if meant and (record.stale(now) or record.early(now)):
                 made, expires = (datetime.datetime.fromisoformat(text) for text in (record.made, record.expires))
@@ -335,7 +336,7 @@ def _extend(options: argparse.Namespace) -> int:
                 changed += 1
                 _tell(record)
             records.append(record)
-        if records:
+        if records != before:
             calibration.write_records(path, records)
     print(f"{number_of(changed, 'record')} extended")
     return 0
