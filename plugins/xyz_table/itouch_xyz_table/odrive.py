@@ -18,7 +18,7 @@ from typing import Any
 from itouch.plugin import Trace
 from itouch_xyz_table import canframes as can_
 from itouch_xyz_table.faults import FAULT, POSITION
-from itouch_xyz_table.servos import AXES, Goal, ServoError, ServoState
+from itouch_xyz_table.servos import AXES, Goal, PortLock, ServoError, ServoState
 
 #: Longest wait for answers [s], and how often missing ones are queried; longest time [s] without a heartbeat for which
 #: a servo's state counts as known; how long [s] a change of state may take.
@@ -76,7 +76,13 @@ class Odrives:
         self._mode: list[int | None] = [None] * len(self._ids)
         self._limits: list[tuple[float, float] | None] = [None] * len(self._ids)
         self._found: dict[tuple[int, int], tuple[float, ...]] = {}
-        self._name, self._bus = bus, _opened(bus)
+        interface, _, channel = bus.partition(":")
+        self._lock = PortLock(channel.partition("@")[0] if interface == "slcan" else "")
+        try:
+            self._name, self._bus = bus, _opened(bus)
+        except BaseException:
+            self._lock.release()
+            raise
         try:
             self._await("sends no heartbeat: check its cable and supply", lambda axis: self._heard[axis] > -math.inf)
             self._prove_watchdog()
@@ -88,6 +94,7 @@ class Odrives:
         """Release the bus; the servos keep their last command until their watchdogs end it."""
         with contextlib.suppress(Exception):
             self._bus.shutdown()
+        self._lock.release()
 
     # --- the interface `Drives` -----------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
+import os
 import struct
 import time
 from collections.abc import Coroutine, Sequence
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
 
 from itouch.plugin import DeviceError, Trace
+from itouch.plugin.wire_claims import share
 from itouch_xyz_table.faults import FAULT, POSITION, TIMEOUT, fault_name, mode_name
 
 AXES = "xyz"
@@ -59,6 +61,37 @@ class ServoState(NamedTuple):
     words: str = ""
 
 
+class PortLock:
+    """Keeps other programs from a serial port whose client does not lock it, until ``release``.
+
+    Raises
+    ------
+    ServoError
+        If another program has locked it.
+    """
+
+    def __init__(self, port: str) -> None:
+        self._handle: int | None = None
+        if not port.startswith("/"):
+            return
+        try:
+            handle = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        except OSError:  # its client will say why
+            return
+        try:
+            share(handle, port)
+        except DeviceError as error:
+            os.close(handle)
+            raise ServoError(f"the servos' bus {error}") from error
+        self._handle = handle
+
+    def release(self) -> None:
+        """Let others have the port."""
+        handle, self._handle = self._handle, None
+        if handle is not None:
+            os.close(handle)
+
+
 @dataclass(frozen=True, slots=True)
 class Goal:
     """A command to one servo: position [rev] (NaN: by velocity), velocity and its limit [rev/s], torques [N m]."""
@@ -99,16 +132,22 @@ class Servos:
         self._refused = ""
         self._loop = _new_loop()
         self._transport: Any = None
+        self._lock: PortLock | None = None
         #: What each servo's position refers to (0 nothing, 1 its rotor, 2 a position it was given): as last reported,
         #: and as it was when the table was ready; None: not reported.
         self._anchors: list[int | None] = [None] * len(ids)
         self._ready: list[int | None] = []
         try:
-            self._transport = self._run(_opened(moteus, port, self._patience, trace))
-            self._servos = _controllers(moteus, ids, self._transport)
+            self._open(moteus, ids)
         except BaseException:
             self.close()
             raise
+
+    def _open(self, moteus: Any, ids: Sequence[int]) -> None:
+        found = _found(moteus, self._port)
+        self._lock = PortLock(found)
+        self._transport = self._run(_opened(moteus, found, self._patience, self._trace))
+        self._servos = _controllers(moteus, ids, self._transport)
 
     def _run(self, work: Coroutine[Any, Any, T], patience: float = 1.0) -> T:
         try:
@@ -127,6 +166,8 @@ class Servos:
             with contextlib.suppress(Exception):
                 self._transport.close()
             self._transport = None
+        if self._lock is not None:
+            self._lock.release()
         if not self._loop.is_closed():
             tasks = asyncio.all_tasks(self._loop)
             for task in tasks:
@@ -261,8 +302,7 @@ class Servos:
         # port.
         self.close()
         self._loop = _new_loop()
-        self._transport = self._run(_opened(moteus, self._port, self._patience, self._trace))
-        self._servos = _controllers(moteus, [servo.id for servo in self._servos], self._transport)
+        self._open(moteus, [servo.id for servo in self._servos])
 
 
 def _new_loop() -> asyncio.AbstractEventLoop:
@@ -272,14 +312,18 @@ def _new_loop() -> asyncio.AbstractEventLoop:
     return loop
 
 
-async def _opened(moteus: Any, port: str, patience: float, trace: Trace | None) -> Any:
-    found = port
-    if not found:
-        ports = moteus.Fdcanusb.detect_fdcanusb
-        try:
-            found = ports()
-        except (IndexError, OSError) as error:
-            raise ServoError(NO_ADAPTOR) from error
+def _found(moteus: Any, port: str) -> str:
+    """Return the adaptor's port: the one that is named, or else the one that is attached."""
+    if port:
+        return port
+    try:
+        found: str = moteus.Fdcanusb.detect_fdcanusb()
+    except (IndexError, OSError) as error:
+        raise ServoError(NO_ADAPTOR) from error
+    return found
+
+
+async def _opened(moteus: Any, found: str, patience: float, trace: Trace | None) -> Any:
     try:
         log = _Log(trace) if trace is not None else None
         return moteus.Fdcanusb(found, debug_log=log, command_timeout=patience, response_timeout=patience)
