@@ -263,6 +263,33 @@ def test_a_servo_process_that_is_killed_loses_no_trial_that_was_made(tmp_path: P
     assert [row.place for row in rows(tmp_path)] == [0, 1, 2]
 
 
+def test_the_command_says_what_could_not_be_seen_to_be_safe(
+    tmp_path: Path, rig: Person, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "answers.txt").write_text("low 0.1\nmid 0.1\nhigh 0.1\n")
+    over = threading.Event()
+
+    def dips() -> None:
+        while not over.is_set():
+            rig.set(height=DOWN, stuck=bool((tmp_path / "data").exists() and rows(tmp_path)))
+            over.wait(0.5)
+            rig.set(height=UP)
+            over.wait(0.9)
+
+    person = threading.Thread(target=dips, daemon=True)
+    person.start()
+    try:
+        words = ["-o", str(tmp_path / "data"), "--participant", "P1", "--answers", str(tmp_path / "answers.txt")]
+        code = main(["study", "run", str(tmp_path / "study.xml"), *words])
+    finally:
+        over.set()
+        person.join()
+    told = capsys.readouterr().err
+    assert code == 1, told
+    assert "devices: not all could be seen to be safe ('plate' could not): look at them before you touch" in told
+    assert told.rstrip().endswith("the same command goes on from here")
+
+
 def test_the_command_runs_a_study_on_a_rig(tmp_path: Path, rig: Person, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "answers.txt").write_text("low 0.1\nmid 0.1\nhigh 0.1\n")
     over = threading.Event()

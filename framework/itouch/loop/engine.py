@@ -36,7 +36,7 @@ from itouch.loop.timing import Timing
 from itouch.loop.warm_up import reset_modalities, warm_up
 from itouch.loop.write_access import view_for
 from itouch.plugin import Bound, DeviceError, Record
-from itouch.safety import LOSSES, Outcome, Trip
+from itouch.safety import Outcome, Trip
 from itouch.schema import ItouchError
 from itouch.schema.plugin_errors import failing
 from itouch.schema.quantities import checked_time
@@ -690,11 +690,7 @@ class Engine:
 
     def unsafe(self, outcome: Outcome) -> list[str]:
         """Return what could not be seen to be safe, without closed devices and optional ones that are lost."""
-        absent = [
-            one.model.name for one in self._all
-            if one.latch.status is Status.CLOSED or (one.model.optional and one.latch.trip in LOSSES)
-        ]  # fmt: skip
-        return [name for name in outcome.unsafe if name not in absent]
+        return self._safe_shutdown.unsafe(outcome)
 
     def close(self) -> None:
         """Make every device safe and release it, then tell all that listen to the end; the state stays readable.

@@ -8,11 +8,11 @@ from functools import partial
 from typing import Any
 
 from itouch.loop.clock import Clock
-from itouch.loop.device_runner import Runner
+from itouch.loop.device_runner import Runner, Status
 from itouch.loop.probe_rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
 from itouch.plugin import Record, Role
-from itouch.safety import DeviceFaultError, Outcome, SafeSequence, TrackedFinger, Trip
+from itouch.safety import LOSSES, DeviceFaultError, Outcome, SafeSequence, TrackedFinger, Trip
 from itouch.schema.diagnostics import named
 from itouch.world import Model
 
@@ -53,6 +53,8 @@ class SafeShutdown:
         if outcome.also:
             entry["also"] = outcome.also
         entry["safe"] = {"reached": outcome.safe, "after_s": outcome.seconds, "devices": outcome.devices}
+        if unsafe := self.unsafe(outcome):
+            entry["safe"]["unsafe"] = unsafe
         error = self._sequence.interrupted
         if isinstance(error, Exception):
             fault.add_note(f"while all was made safe: {named(error)}")
@@ -72,6 +74,14 @@ class SafeShutdown:
         if self._sequence.interrupted is not None:
             raise self._sequence.interrupted
         return outcome
+
+    def unsafe(self, outcome: Outcome) -> list[str]:
+        """Return what could not be seen to be safe, without closed devices and optional ones that are lost."""
+        absent = [
+            one.model.name for one in self._runners
+            if one.latch.status is Status.CLOSED or (one.model.optional and one.latch.trip in LOSSES)
+        ]  # fmt: skip
+        return [name for name in outcome.unsafe if name not in absent]
 
     def _after_tick(self, taps: Sequence[Callable[[int], None]], clock: Clock | None) -> Callable[[], None]:
         if clock is not None:

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     import argparse
     from pathlib import Path
 
+    from itouch.servo import Handle
     from itouch_tools.study.reading import StudyFile
 
 
@@ -20,6 +21,20 @@ def needed(file: StudyFile) -> bool:
     from itouch_tools.study.rig_windows import hardware_of
 
     return bool(hardware_of(file, Catalog()))
+
+
+def followed(handle: Handle | None) -> list[str]:
+    """Return what followed from the fault that ended a session: whether all was made safe; as lines."""
+    from itouch.servo import ServoError
+    from itouch_tools.viewer.fault_messages import outcome
+
+    if handle is None:
+        return []
+    try:
+        faults = [fault for fault in handle.report()["faults"] if fault.get("safe")]
+    except ServoError:  # it has left no report
+        return []
+    return [f"  {line}" for line in outcome(faults[-1])] if faults else []
 
 
 def run(file: StudyFile, options: argparse.Namespace) -> int:
@@ -56,6 +71,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     operator = operators_window(light=options.light) if options.operator else None
     record = options.record if options.record is not None else not options.answers
     made, again = 0, "the same command goes on from here"
+    handle = None
     with Stopping() as stop, masking(file, options):
         try:
             with waiting(f"starting {options.study}"):
@@ -76,7 +92,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
         except Interrupted as signalled:
             return signalled.code
         except DeviceFaultError as error:
-            print(f"{error}\n{again}", file=sys.stderr)
+            print("\n".join([str(error), *followed(handle), again]), file=sys.stderr)
             return 1
         except ServoError as error:
             print(f"{error}\n{again}", file=sys.stderr)
@@ -105,6 +121,7 @@ def serve(file: StudyFile, key: Path, options: argparse.Namespace) -> int:
     from itouch_tools.study import rig_windows
 
     rig_windows.refuse(file, Catalog(), switch=False, fast=options.pace == "fast")
+    handle = None
     with Stopping() as stop:
         try:
             with waiting(f"starting {options.study}"):
@@ -118,7 +135,10 @@ def serve(file: StudyFile, key: Path, options: argparse.Namespace) -> int:
                     pass
         except Interrupted as signalled:
             return signalled.code
-        except (DeviceFaultError, ServoError) as error:
+        except DeviceFaultError as error:
+            print("\n".join([str(error), *followed(handle)]), flush=True)
+            return 1
+        except ServoError as error:
             print(f"{error}", flush=True)
             return 1
     did("the served study has ended")

@@ -38,9 +38,13 @@ def outcome(fault: Mapping[str, Any]) -> list[str]:
     safe = fault.get("safe")
     if not isinstance(safe, Mapping):
         return []
+    also = ", ".join(f"'{name}' ({trip})" for name, trip in dict(fault.get("also") or {}).items())
+    lines = [f"also:    {also}"] if also else []
     if safe.get("reached"):
-        return ["devices: all have been made safe"]
-    return ["devices: not all could be seen to be safe: look at them before you touch anything"]
+        return [*lines, "devices: all have been made safe"]
+    which = ", ".join(f"'{name}'" for name in safe.get("unsafe") or ())  # not in the reports of older recordings
+    named = f" ({which} could not)" if which else ""
+    return [*lines, f"devices: not all could be seen to be safe{named}: look at them before you touch anything"]
 
 
 def advice(fault: Mapping[str, Any]) -> str:
