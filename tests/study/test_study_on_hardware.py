@@ -8,7 +8,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -263,27 +263,39 @@ def test_a_servo_process_that_is_killed_loses_no_trial_that_was_made(tmp_path: P
     assert [row.place for row in rows(tmp_path)] == [0, 1, 2]
 
 
-def test_the_command_says_what_could_not_be_seen_to_be_safe(
-    tmp_path: Path, rig: Person, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "answers.txt").write_text("low 0.1\nmid 0.1\nhigh 0.1\n")
+@contextlib.contextmanager
+def dips(rig: Person, stuck: Callable[[], bool] = lambda: False) -> Iterator[None]:
+    """Nobody is shown anything: the participant touches again and again; the plate's drive is stuck once that is so."""
     over = threading.Event()
 
-    def dips() -> None:
+    def again() -> None:
         while not over.is_set():
-            rig.set(height=DOWN, stuck=bool((tmp_path / "data").exists() and rows(tmp_path)))
+            rig.set(height=DOWN, stuck=stuck())
             over.wait(0.5)
             rig.set(height=UP)
             over.wait(0.9)
 
-    person = threading.Thread(target=dips, daemon=True)
+    person = threading.Thread(target=again, daemon=True)
     person.start()
     try:
-        words = ["-o", str(tmp_path / "data"), "--participant", "P1", "--answers", str(tmp_path / "answers.txt")]
-        code = main(["study", "run", str(tmp_path / "study.xml"), *words])
+        yield
     finally:
         over.set()
         person.join()
+
+
+def command(folder: Path) -> int:
+    """Run the study by its command, with three answers."""
+    (folder / "answers.txt").write_text("low 0.1\nmid 0.1\nhigh 0.1\n")
+    words = ["-o", str(folder / "data"), "--participant", "P1", "--answers", str(folder / "answers.txt")]
+    return main(["study", "run", str(folder / "study.xml"), *words])
+
+
+def test_the_command_says_what_could_not_be_seen_to_be_safe(
+    tmp_path: Path, rig: Person, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with dips(rig, stuck=lambda: (tmp_path / "data").exists() and bool(rows(tmp_path))):
+        code = command(tmp_path)
     told = capsys.readouterr().err
     assert code == 1, told
     assert "devices: not all could be seen to be safe ('plate' could not): look at them before you touch" in told
@@ -291,26 +303,8 @@ def test_the_command_says_what_could_not_be_seen_to_be_safe(
 
 
 def test_the_command_runs_a_study_on_a_rig(tmp_path: Path, rig: Person, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "answers.txt").write_text("low 0.1\nmid 0.1\nhigh 0.1\n")
-    over = threading.Event()
-
-    def dips() -> None:  # nobody is shown anything: the participant touches again and again
-        while not over.is_set():
-            rig.set(height=DOWN)
-            over.wait(0.5)
-            rig.set(height=UP)
-            over.wait(0.9)
-
-    person = threading.Thread(target=dips, daemon=True)
-    person.start()
-    path, data = str(tmp_path / "study.xml"), str(tmp_path / "data")
-    try:
-        code = main(
-            ["study", "run", path, "-o", data, "--participant", "P1", "--answers", str(tmp_path / "answers.txt")]
-        )
-    finally:
-        over.set()
-        person.join()
+    with dips(rig):
+        code = command(tmp_path)
     told = capsys.readouterr()
     assert code in (0, 3), told  # 3: a touch came before its signal, and the script had no answer left for another
     assert "P1: 0 trials are kept, 3 of the order are left" in told.out
