@@ -12,7 +12,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 
 #: Thresholds meanwhile, as for ``gc.set_threshold``.
-SELDOM = (50_000, 20, 100)
+SELDOM = (200_000, 20, 100)
 
 _lock = threading.Lock()
 _depth = 0

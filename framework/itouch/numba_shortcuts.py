@@ -8,15 +8,23 @@ import importlib.util
 import sys
 from typing import Any
 
-from numba.core import targetconfig
+from llvmlite import binding
+from numba.core import codegen, event, ir, targetconfig
+from numba.core.types import functions
 from numba.np import linalg
 
 _linalg: Any = linalg
+_events: Any = event
+_flags: Any = targetconfig.ConfigStack
 
 
 def take() -> None:
     """Take these ways in this process, from now on."""
     _compare_quickly(targetconfig.TargetConfig)
+    _remember_calls(functions.BaseFunction)
+    _list_variables_by_type(ir.Inst)
+    _optimize_what_has_a_body(codegen.CPUCodeLibrary)
+    _tell_of_the_lock_who_listens()
     _look_for_blas_when_it_is_used()
 
 
@@ -29,6 +37,8 @@ def _compare_quickly(options: Any) -> None:
     by_all = options.__eq__
 
     def equal(self: Any, other: Any) -> Any:
+        if self is other:
+            return True
         if type(self) is not type(other):
             return by_all(self, other)
         one, two = self._values, other._values
@@ -38,6 +48,110 @@ def _compare_quickly(options: Any) -> None:
         return len(self.options)
 
     options.__eq__, options.__hash__ = equal, digest
+
+
+def _remember_calls(kind: Any) -> None:
+    """Type a call of a function of Numba's own, or of an operator, once for the same types of arguments.
+
+    Numba tries one template after the other for each call, each time that it goes through a function, and again when it
+    writes its code: of some fifty thousand searches of a first start two thousand find something new.  It remembers as
+    much itself of the functions that templates are written as, by the same key; what failed is tried again.
+    """
+    search = kind.get_call_type
+    top = _flags.top_or_none
+
+    def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
+        known = self.__dict__.setdefault("_itouch_calls", {})
+        key = context, tuple(args), tuple(kws.items()) if kws else (), top()
+        if (found := known.get(key)) is None:
+            signature = search(self, context, args, kws)
+            known[key] = signature, self._impl_keys[signature.args]
+            return signature
+        signature, implementation = found
+        self._impl_keys[signature.args] = implementation  # other arguments may have led to another one since
+        return signature
+
+    kind.get_call_type = get_call_type
+
+
+#: What a value in a line of Numba's own language is, or holds.
+_NOTHING, _VARIABLE, _INSTRUCTION, _SEQUENCE, _TABLE = range(5)
+
+
+def _list_variables_by_type(kind: Any) -> None:
+    """List the variables of an instruction by the types of what it holds, each of which is looked into once.
+
+    Numba does so some million times for a first start, and asks of each value five times what it is.
+    """
+    kinds: dict[type, int] = {}
+
+    def kind_of(cls: type) -> int:
+        order = (ir.Var, _VARIABLE), (ir.Inst, _INSTRUCTION), ((list, tuple), _SEQUENCE), (dict, _TABLE)
+        kinds[cls] = found = next((number for bases, number in order if issubclass(cls, bases)), _NOTHING)
+        return found
+
+    def listed(self: Any, value: Any) -> list[Any]:
+        cls = type(value)
+        what = kinds[cls] if cls in kinds else kind_of(cls)
+        if what == _VARIABLE:
+            return [value]
+        if what == _INSTRUCTION:
+            found: list[Any] = value.list_vars()
+            return found
+        found = []
+        if what != _NOTHING:
+            for each in value if what == _SEQUENCE else value.values():
+                cls = type(each)
+                what = kinds[cls] if cls in kinds else kind_of(cls)
+                if what == _VARIABLE:
+                    found.append(each)
+                elif what != _NOTHING:
+                    found += listed(self, each)
+        return found
+
+    kind._rec_list_vars = listed
+
+
+def _optimize_what_has_a_body(kind: Any) -> None:
+    """Let LLVM optimize the functions that a module defines, not those that it only calls: six of seven."""
+    optimize = kind._optimize_functions
+
+    def optimize_functions(self: Any, module: Any) -> None:
+        optimize(self, _Defined(module))
+
+    kind._optimize_functions = optimize_functions
+
+
+class _Defined:
+    """A module of LLVM whose functions are those that have a body."""
+
+    def __init__(self, module: Any) -> None:
+        object.__setattr__(self, "_module", module)
+
+    @property
+    def functions(self) -> list[Any]:
+        return [each for each in self._module.functions if not each.is_declaration]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._module, name)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        setattr(self._module, name, value)
+
+
+def _tell_of_the_lock_who_listens() -> None:
+    """Make no event of LLVM's lock while nobody listens for it: each of some hundred thousand calls makes two."""
+    lock: Any = binding.ffi.lib._lock
+    listeners = _events._registered["numba:llvm_lock"]
+    lock._cblist[:] = [(_when(listeners, begin), _when(listeners, end)) for begin, end in lock._cblist]
+
+
+def _when(listeners: list[Any], tell: Any) -> Any:
+    def told() -> None:
+        if listeners:
+            tell()
+
+    return told
 
 
 def _look_for_blas_when_it_is_used() -> None:
