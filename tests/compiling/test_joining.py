@@ -15,7 +15,7 @@ from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
 from itouch.compiling import kernel, part_of_its_caller
-from itouch.joining import Chain, can_join, runner
+from itouch.joining import _KINDS, Chain, can_join, runner
 from itouch.plugin import Bound
 
 Floats = NDArray[np.float64]
@@ -101,6 +101,35 @@ def test_two_classes_of_one_name_are_told_apart() -> None:
 def test_what_is_not_contiguous_is_refused() -> None:
     with pytest.raises(ValueError, match="contiguous"):
         Chain([Bound(_add, np.zeros(1), np.ones((4, 4))[:, ::2], 1.0)])
+
+
+@kernel
+def _weigh(out: Any, kind: Any, plane: Any, empty: Any, absent: Any) -> int:
+    out[0] += 1.0 if absent is None and len(empty) == 0 else 0.0
+    for i in range(kind.shape[0]):
+        for j in range(plane.shape[0]):
+            for k in range(plane.shape[1]):
+                for m in range(plane.shape[2]):
+                    out[0] += kind[i] * (100 * j + 10 * k + m) * plane[j, k, m]
+    return 0
+
+
+@pytest.mark.parametrize("kind", _KINDS)
+def test_arrays_of_every_kind_and_shape_arrive_as_they_are(kind: type) -> None:
+    """Also those that cannot be written to, nothing at all, and an empty tuple."""
+    plane = np.arange(24, dtype=kind).reshape(2, 3, 4)
+    plane.flags.writeable = False
+    few, outs = np.array([1, 2, 100], kind), [np.zeros(1), np.zeros(1)]
+    assert _weigh(outs[0], few, plane, (), None) == 0
+    assert Chain([Bound(_weigh, outs[1], few, plane, (), None)]).run() == -1
+    places = [100 * j + 10 * k + m for j in range(2) for k in range(3) for m in range(4)]
+    assert outs[0] == outs[1] == 1.0 + 103.0 * np.dot(places, np.arange(24.0))
+
+
+@pytest.mark.parametrize("kind", ["bool", "complex128", "float16", "M8[s]", "S4", [("a", "f8")]])
+def test_an_array_that_no_kernel_can_be_given_is_refused(kind: Any) -> None:
+    with pytest.raises(ValueError, match="an array that is bound is of one of float64, .* not of "):
+        Chain([Bound(_weigh, np.zeros(1), np.zeros(3, kind), np.zeros((1, 1, 1)), (), None)])
 
 
 def test_the_stamps_are_of_the_clock_that_python_reads() -> None:

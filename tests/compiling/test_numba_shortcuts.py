@@ -62,3 +62,83 @@ def test_without_its_blas_a_kernel_that_multiplies_matrices_is_refused_as_numba_
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1] == "ImportError: scipy 0.16+ is required for linear algebra"
     assert not done.stdout
+
+
+COMPILED = """
+import re, sys
+from itouch import numba_shortcuts
+if sys.argv[1] == "without":
+    numba_shortcuts.take = lambda: None
+import numpy as np
+from numba.core.codegen import JITCodeLibrary
+texts = []
+finish = JITCodeLibrary._finalize_final_module
+
+def told(self):
+    # of this process alone: addresses, and how many functions have been compiled before
+    text = re.sub(r"\\b[0-9]{12,}\\b", "address", str(self._final_module))
+    texts.append(re.sub(r"B[0-9]+v[0-9]+", "version", text))
+    finish(self)
+
+JITCodeLibrary._finalize_final_module = told
+from typing import NamedTuple
+from itouch.compiling import inlined, kernel, linked
+
+class Pair(NamedTuple):
+    one: np.ndarray
+    two: np.ndarray
+
+@linked
+def clipped(x, low, high):
+    return min(max(x, low), high)
+
+@kernel
+def differ(pair, factor):
+    total, most, count = 0.0, -1, 0
+    for i, (a, b) in enumerate(zip(pair.one, pair.two)):
+        if not np.isfinite(a):
+            raise ValueError("not finite")
+        total += clipped(a - factor * b, -1.0, 1) * abs(i - 3)
+        most = max(most, i if a > b else 0)
+        count += int(b > 0.0) + min(i, 2)
+    return total, most, np.sqrt(max(total, 0)), count
+
+@inlined
+def greater(x, y):
+    return max(x, y)
+
+@kernel
+def inside(x, y):
+    return greater(x, y) - min(x, y)
+
+@kernel
+def apart(x, y):
+    return max(x, y) - min(x, y)
+
+@kernel
+def both(rows, factor):
+    kept = [differ(Pair(row, row[::-1]), factor)[0] for row in rows if row.shape[0] > 1]
+    return np.array(kept).sum(), max(len(kept), 1), max(1.0, factor), min(factor, 2)
+
+found = both(np.arange(12.0).reshape(3, 4), 0.5), differ(Pair(np.ones(3), np.zeros(3)), 2.0)
+print(found, inside(1.0, 2.0), apart(1.0, 2.0))
+print(*texts, sep=chr(10))
+"""
+
+
+def test_what_numba_is_spared_changes_nothing_of_the_code_that_it_makes(tmp_path: Path) -> None:
+    """Up to the last instruction, where it depends on the calls typed before which of several functions is meant.
+
+    Compiled with other options, as within ``inlined``, the same function of Numba's own is another one.
+    """
+    (tmp_path / "compiled.py").write_text(COMPILED, encoding="utf-8")
+    said = []
+    for way in ("with", "without"):
+        environment = {**os.environ, "ITOUCH_KERNELS": str(tmp_path / way), "PYTHONHASHSEED": "0"}
+        done = subprocess.run(
+            [sys.executable, "compiled.py", way],
+            cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=600, check=True,
+        )  # fmt: skip
+        said.append(done.stdout)
+    assert said[0].count("define ") > 10
+    assert said[0] == said[1]
