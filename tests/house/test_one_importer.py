@@ -17,7 +17,6 @@ FAMILIES = {
 #: Module -> why it stands by itself.
 REASONS = {
     "itouch.linking": "what Numba's own compiler is told is another idea than what is kept on disk, and lies a layer below",
-    "itouch.numba_shortcuts": "what Numba is spared is another idea than what is kept on disk, and lies a layer below",
     "itouch.safety.check_warm_up": "it goes through safety's entrances: a part of safety, although the loop calls it",
     "itouch.safety.departures": "where commands sent a surface is another idea than the gate, which is long",
     "itouch.safety.hold_to_run": "the dead-man's switch is looked for by its name",
