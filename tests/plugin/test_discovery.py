@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import importlib.metadata as metadata
+import re
+import sys
 from pathlib import Path
 
 import pytest
 from strangers import install
 
 from itouch.plugin import discovery
-from itouch.plugin.discovery import DEVICES, MODALITIES, find
+from itouch.plugin.discovery import DEVICES, MODALITIES, PluginError, find
 
 LIST = "[itouch.devices]\nstranger = nowhere:Nobody\n"
 
@@ -36,3 +38,30 @@ def test_what_is_as_it_was_is_read_once_for_all_groups(monkeypatch: pytest.Monke
     first.clear()  # whoever asks may change what it was given
     assert "stranger" in find(DEVICES) and "thermal.flux-control" in find(MODALITIES)
     assert len(looks) == 1
+
+
+@pytest.mark.parametrize(
+    ("entry", "text", "said", "again"),
+    [
+        ("nowhere:Nobody", "", "ModuleNotFoundError: No module named 'nowhere'", True),
+        ("there.gone:Nobody", "", "ModuleNotFoundError: No module named 'there.gone'", True),
+        ("there:Nobody", "", "AttributeError: module 'there' has no attribute 'Nobody'", True),
+        ("there:Nobody", "import nowhere", "ModuleNotFoundError: No module named 'nowhere'", False),
+        ("there:Nobody", "class Nobody: pass\nNobody.none", "AttributeError: type object 'Nobody' has no", False),
+        ("there:Nobody.none", "class Nobody: pass", "AttributeError: type object 'Nobody' has no attribute", False),
+    ],
+)
+def test_what_is_not_where_it_was_when_it_was_installed_is_to_be_installed_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, entry: str, text: str, said: str, again: bool
+) -> None:
+    """As after another version was taken from a repository; what a plugin itself lacks no installation brings."""
+    site = install(tmp_path / "site", "a-stranger", f"[itouch.devices]\nstranger = {entry}\n")
+    (site / "there").mkdir()
+    (site / "there" / "__init__.py").write_text(text)
+    monkeypatch.syspath_prepend(site)
+    for name in ("there", "there.gone"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    with pytest.raises(PluginError, match=re.escape(said)) as told:
+        find(DEVICES)["stranger"].load()
+    sys.modules.pop("there", None)
+    assert str(told.value).endswith("; install a-stranger again") == again

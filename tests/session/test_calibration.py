@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 from shipped import SCENES
 
+import itouch
+from itouch.loop import DeviceFaultError
+from itouch.monitors import Trip
 from itouch.plugin import poses
 from itouch.schema import ItouchError, SceneError
 from itouch.session import build, calibration, load_scene
@@ -256,6 +259,25 @@ def test_a_device_that_fails_in_a_touch_off_is_a_fault_and_what_followed_is_told
     said = capsys.readouterr().err
     assert "device 'table' " in said and "devices: " in said
     assert not path.with_suffix(".calibration.json").exists()
+
+
+def test_what_a_touch_off_has_found_is_told_though_a_device_fails_when_the_session_closes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("four_materials.xml", "materials.xml", "rigs/twin.xml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text((SCENES / name).read_text())
+    close = itouch.Session.close
+
+    def lost(self: itouch.Session) -> None:
+        close(self)
+        raise DeviceFaultError("arm", 1, Trip.DEVICE_ERROR, "failed while the session ended")
+
+    monkeypatch.setattr(itouch.Session, "close", lost)
+    assert cli(["calibrate", str(tmp_path / "four_materials.xml"), "--kind", "touch-off"]) == 1
+    said = capsys.readouterr()
+    assert "failed while the session ended" in said.err
+    assert "-11" in said.out and "mount" in said.out
 
 
 def test_a_record_that_says_a_twin_is_where_it_can_not_be_is_refused(tmp_path: Path) -> None:

@@ -55,8 +55,16 @@ class Found:
         try:
             return self.entry.load()
         except (Exception, SystemExit) as error:  # a plugin's import may raise anything; the others go on
-            cause = named(error)
+            cause = named(error) + self._advice(error)
             raise PluginError(self.name, f"{self.distribution} {self.version}", cause) from error
+
+    def _advice(self, error: BaseException) -> str:
+        """Return what to do where what was installed names a module, or a name in it, that is not there any more."""
+        module = self.entry.module
+        absent = isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}.")
+        first = self.entry.attr.partition(".")[0]
+        moved = isinstance(error, AttributeError) and (known := sys.modules.get(module)) and not hasattr(known, first)
+        return f"; install {self.distribution} again" if absent or moved else ""
 
 
 def find(group: str) -> dict[str, Found]:

@@ -46,11 +46,9 @@ def main(argv: Sequence[str]) -> int:
     calibration.check_place(path)
     if options.kind == "touch-off":
         record = _touch_off(options, device)
-    elif options.kind == "mount-fit":
-        record = _mount_fit(options, device)
     else:
-        record = _fit(options, device)
-    _tell(record)  # first: it took work to measure, and the disk may refuse it
+        record = (_mount_fit if options.kind == "mount-fit" else _fit)(options, device)
+        _tell(record)  # first: it took work to measure, and the disk may refuse it
     calibration.store(path, record)
     print(f"written to {path}, holds until {record.expires[:10]}")
     return 0
@@ -241,7 +239,7 @@ def _fit(options: argparse.Namespace, device: Any) -> calibration.CalibrationRec
 
 
 def _touch_off(options: argparse.Namespace, device: Any) -> calibration.CalibrationRecord:
-    """Run until the rig is calibrated, and return a record of the mount that was found."""
+    """Run until the rig is calibrated, tell what mount was found, and return the record of it."""
     from itouch.loop import DeviceFaultError
     from itouch_tools.viewer.fault_messages import outcome
 
@@ -254,16 +252,18 @@ def _touch_off(options: argparse.Namespace, device: Any) -> calibration.Calibrat
             for line in outcome(session.statistics.faults[-1]):
                 fault.add_note(line)
             raise
+        if not session.state["ready"]:
+            raise ItouchError(f"touch-off of '{device.name}' did not end within {LONGEST:g} s")
+        if session.model.devices[device.name].touch_off == 0:
+            raise ItouchError(f"device '{device.name}' has no <calibration method=\"touch-off\"/> in the scene")
         found = np.array(session.state[f"{device.name}.calibration"])
-        ready = bool(session.state["ready"])
-    if not ready:
-        raise ItouchError(f"touch-off of '{device.name}' did not end within {LONGEST:g} s")
-    if session.model.devices[device.name].touch_off == 0:
-        raise ItouchError(f"device '{device.name}' has no <calibration method=\"touch-off\"/> in the scene")
-    offsets = np.array(session.state[f"{device.name}.touch_off.offsets"])
-    current = next(e for e in session.scene.devices if e.name == device.name)
-    mount = poses.compose(np.array(calibration.mount_pose(current.mount)), found)
-    return _record(options, device, TOUCH_OFF_DAYS, float(np.std(offsets)) * 1e3, "mm", len(offsets), mount=mount)
+        offsets = np.array(session.state[f"{device.name}.touch_off.offsets"])
+        current = next(e for e in session.scene.devices if e.name == device.name)
+        mount = poses.compose(np.array(calibration.mount_pose(current.mount)), found)
+        residual = float(np.std(offsets)) * 1e3
+        record = _record(options, device, TOUCH_OFF_DAYS, residual, "mm", len(offsets), mount=mount)
+        _tell(record)  # while the devices are still open: one may fail when it is closed
+    return record
 
 
 def _mount_fit(options: argparse.Namespace, device: Any) -> calibration.CalibrationRecord:

@@ -229,7 +229,9 @@ class LineDriver:
             if not _says(body, wanted):
                 raise DeviceError(f"the rig on {self._line.port} refuses '{text}': {body[1:].strip()}")
             return body[len(wanted) :].strip()
-        raise _SilentError(f"the rig on {self._line.port} did not answer '{text}', sent again and again")
+        raise _SilentError(
+            f"the rig on {self._line.port} did not answer '{text}', sent again and again; check its power and its cable"
+        )
 
     def _hear_out(self, quiet: float, longest: float) -> None:
         """Let the late answers to a repeated line pass: without numbers, they would be taken for the next line's.
