@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+import errno
 import fcntl
 import json
 import os
@@ -15,6 +17,7 @@ import termios
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NoReturn
 
 import campaign
 import pytest
@@ -23,6 +26,7 @@ from shipped import SCENES
 
 import itouch_tools.cli
 from itouch.schema.terminal import VERBOSITY
+from itouch_tools.cli import output_files
 from itouch_tools.cli.command_options import taken
 from itouch_tools.report.screen import fitted
 
@@ -276,6 +280,22 @@ def test_an_output_that_cannot_be_written_is_told_before_the_work(
     done = run(*words, place)
     assert done.returncode == 2, done.stdout
     assert "cannot be written" in done.stderr or "there is no folder" in done.stderr
+
+
+def test_a_disk_that_is_only_read_is_named_as_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For a new file and for one that is there: the tests may run as a user who may write everywhere."""
+    there = tmp_path / "there.json"
+    there.write_text("{}")
+
+    def refused(*_: object, **__: object) -> NoReturn:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(output_files.tempfile, "TemporaryFile", refused)
+    monkeypatch.setattr(output_files.os, "open", refused)
+    monkeypatch.setattr(output_files.os, "access", lambda path, mode: False)
+    for path in (tmp_path / "new.json", there):
+        with pytest.raises(argparse.ArgumentTypeError, match=f"'{path}' cannot be written: Read-only file system"):
+            output_files.Output("report")(str(path))
 
 
 def test_json_is_one_document_in_all_that_have_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

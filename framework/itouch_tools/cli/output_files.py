@@ -133,11 +133,11 @@ def _writable(text: str) -> None:
         raise argparse.ArgumentTypeError(f"there is no folder '{folder}'; make it first")
     if os.path.exists(text) and stat.S_ISFIFO(os.lstat(text).st_mode):  # a link to a pipe is a shell's: it has a reader
         raise argparse.ArgumentTypeError(f"'{text}' is a pipe, which may have no reader; name a file, or /dev/stdout")
-    if not os.access(text if os.path.exists(text) else folder, os.W_OK):
-        raise argparse.ArgumentTypeError(f"'{text}' cannot be written")
-    if not os.path.exists(text):
-        try:
+    try:
+        if not os.path.exists(text):
             with tempfile.TemporaryFile(dir=folder):  # some folders say that they can be written, and can't
                 return
-        except OSError as error:
-            raise argparse.ArgumentTypeError(f"'{text}' cannot be written: {error.strerror or error}") from None
+        if not os.access(text, os.W_OK):
+            os.close(os.open(text, os.O_WRONLY))  # says why not
+    except OSError as error:
+        raise argparse.ArgumentTypeError(f"'{text}' cannot be written: {error.strerror or error}") from None
