@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,8 @@ sys.path.insert(0, str(DOCS))
 from python_api import PAGES
 
 from itouch_tools.cli import COMMANDS
+from itouch_tools.cli.completion import commands
+from itouch_tools.cli.shells import Command
 
 #: Pages that are written when the site is built: they need not be there yet.
 MADE = set(PAGES)
@@ -93,6 +96,34 @@ def test_commands_that_are_named_exist() -> None:
     for page in pages():
         for word in re.findall(r"`itouch-py ([a-z][\w-]*)[ `]", prose(page)):
             assert word in known, f"{page.name}: itouch-py {word}"
+
+
+#: Pages that list what there is, whoever needs it.
+LISTS = {"command-line.md", "sentences.md", "errors.md", "changes.md", "modules.md"}
+
+
+def options_of(name: str, command: Command) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield the options of a command and of its sub-commands: for each the command's last word, and its spellings."""
+    for option in command.options:
+        if not {"-h", "-q", "-v", "--color"} & set(option.words):  # of every command
+            yield name, option.words
+    for word, inner in command.inner.items():
+        yield from options_of(word, inner)
+
+
+def test_every_option_is_on_a_page_that_says_when_one_needs_it() -> None:
+    """One that no page needs is one that nobody would miss; a page must name the command, too."""
+    texts = [
+        page.read_text(encoding="utf-8") for page in (*pages(), ROOT / "README.md")
+        if page.name not in LISTS and page.parent.name != "decisions"
+    ]  # fmt: skip
+    untold = []
+    for name, command in commands().items():
+        for last, words in options_of(name, command):
+            spelt = re.compile("|".join(rf"(?<![\w-]){re.escape(word)}(?![\w-])" for word in words))
+            told = any(spelt.search(text) and (last == "run" or re.search(rf"\b{last}\b", text)) for text in texts)
+            untold += [] if told else [f"{last} {words[-1]}"]
+    assert untold == []
 
 
 def test_every_measured_table_says_how_it_was_made() -> None:

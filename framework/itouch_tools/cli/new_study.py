@@ -14,7 +14,7 @@ def main(argv: Sequence[str]) -> int:
     parser = parser_of("itouch-py new-study", main.__doc__)
     parser.add_argument("name", metavar="NAME", help="small letters, digits, dashes: three-materials")
     parser.add_argument(
-        "--folder", type=output_folder, default=".", metavar="FOLDER", help="where to put it (default: here)"
+        "-o", "--folder", type=output_folder, default=".", metavar="FOLDER", help="where to put it (default: here)"
     )
     options = parser.parse_args(argv)
     from itouch_tools.scaffold.files import make_study
