@@ -1,4 +1,7 @@
-"""Ways on which Numba takes longer to start or to compile than it has to, made shorter; its results stay the same."""
+"""Ways on which Numba takes longer to start or to compile than it has to, made shorter; its results stay the same.
+
+Why: docs/explanation/decisions/0099-numba-is-spared-what-it-repeats.md.
+"""
 
 # ruff: noqa: SLF001  - what is shortened is within Numba
 
