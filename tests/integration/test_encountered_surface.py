@@ -385,7 +385,7 @@ def test_what_a_carrier_writes_past_its_views_stops_the_devices(field: str, othe
 
 def test_a_scene_whose_surface_nobody_brings_is_refused_at_its_place(tmp_path: Path) -> None:
     class Broken:
-        value = "itouch_encountered:Gone"
+        value, module, attr = "itouch_encountered:Gone", "itouch_encountered", "Gone"
 
         def load(self) -> Any:
             raise ImportError("it is gone")
