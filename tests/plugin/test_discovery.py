@@ -64,4 +64,4 @@ def test_what_is_not_where_it_was_when_it_was_installed_is_to_be_installed_again
     with pytest.raises(PluginError, match=re.escape(said)) as told:
         find(DEVICES)["stranger"].load()
     sys.modules.pop("there", None)
-    assert str(told.value).endswith("; install a-stranger again") == again
+    assert str(told.value).endswith("; correct its entry point, or install a-stranger again") == again

@@ -64,7 +64,7 @@ class Found:
         absent = isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}.")
         first = self.entry.attr.partition(".")[0]
         moved = isinstance(error, AttributeError) and (known := sys.modules.get(module)) and not hasattr(known, first)
-        return f"; install {self.distribution} again" if absent or moved else ""
+        return f"; correct its entry point, or install {self.distribution} again" if absent or moved else ""
 
 
 def find(group: str) -> dict[str, Found]:
