@@ -481,7 +481,7 @@ class _Writer:
         """Return the expression of an argument."""
         if isinstance(argument, tuple):
             kind = type(argument)
-            name = kind.__name__
+            name = f"of_{kind.__name__}"  # whatever it is called, it is none of the other names
             while self.classes.setdefault(name, kind) is not kind:  # another class of the same name
                 name += "_"
             inner = "".join(f"{self.write(item)}, " for item in argument)

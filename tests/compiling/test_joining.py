@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import namedtuple
 from typing import Any, NamedTuple
 
 import numba
@@ -96,6 +97,34 @@ def test_two_classes_of_one_name_are_told_apart() -> None:
     total, inner = np.zeros(1), Pair(np.array([3.0]), np.zeros(1, np.int32))
     Chain([Bound(_scaled, total, _Outer.Pair(inner, np.array([7.0])))]).run()
     assert total[0] == 21.0
+
+
+class words(NamedTuple):  # noqa: N801
+    """Called like what the code of an entry calls its argument."""
+
+    integer: Floats
+
+
+class function(NamedTuple):  # noqa: N801
+    """Called like what an entry calls."""
+
+    float64_1: Floats
+    words: words
+
+
+@kernel
+def _nested(total: Any, given: Any, count: int) -> int:
+    total[0] = given.float64_1[0] * given.words.integer[0] + count
+    return 0
+
+
+@pytest.mark.parametrize(
+    "cls", [function, namedtuple("integer", "float64_1 words"), namedtuple("a0", "float64_1 words")]
+)
+def test_what_a_named_tuple_is_called_changes_nothing(cls: Any) -> None:
+    total = np.zeros(1)
+    Chain([Bound(_nested, total, cls(np.array([3.0]), words(np.array([7.0]))), 5)]).run()
+    assert total[0] == 26.0
 
 
 def test_what_is_not_contiguous_is_refused() -> None:

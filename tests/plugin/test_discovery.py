@@ -49,6 +49,10 @@ def test_what_is_as_it_was_is_read_once_for_all_groups(monkeypatch: pytest.Monke
         ("there:Nobody", "import nowhere", "ModuleNotFoundError: No module named 'nowhere'", False),
         ("there:Nobody", "class Nobody: pass\nNobody.none", "AttributeError: type object 'Nobody' has no", False),
         ("there:Nobody.none", "class Nobody: pass", "AttributeError: type object 'Nobody' has no attribute", False),
+        ("nowhere", "", "ModuleNotFoundError: No module named 'nowhere'", True),
+        ("nowhere:Nobody [extra]", "", "ModuleNotFoundError: No module named 'nowhere'", True),
+        ("no where at all", "", "failed to load", False),
+        (":", "", "failed to load", False),
     ],
 )
 def test_what_is_not_where_it_was_when_it_was_installed_is_to_be_installed_again(
