@@ -11,8 +11,10 @@ import threading
 from collections.abc import Generator
 from contextlib import contextmanager
 
-#: Thresholds meanwhile, as for ``gc.set_threshold``.
-SELDOM = (200_000, 20, 100)
+#: Thresholds for good, as for ``gc.set_threshold``: what a process looks through at once takes it some milliseconds.
+SELDOM = (50_000, 20, 100)
+#: Those while something is made or compiled, when nobody waits for the next millisecond.
+MEANWHILE = (200_000, 20, 100)
 
 _lock = threading.Lock()
 _depth = 0
@@ -25,7 +27,7 @@ def begin_seldom() -> None:
     with _lock:
         if _depth == 0:
             _before = gc.get_threshold()
-            seldom_for_good()
+            _raise(MEANWHILE)
         _depth += 1
 
 
@@ -50,6 +52,10 @@ def seldom() -> Generator[None]:
 
 def seldom_for_good() -> None:
     """Raise the thresholds, for a process that is this program's alone."""
+    _raise(SELDOM)
+
+
+def _raise(thresholds: tuple[int, int, int]) -> None:
     now = gc.get_threshold()
     if now[0]:  # 0: collection is switched off
-        gc.set_threshold(*map(max, now, SELDOM))
+        gc.set_threshold(*map(max, now, thresholds))
