@@ -96,9 +96,10 @@ def test_the_wire_is_free_when_its_process_has_ended(rig: Path, number: int) -> 
 
 
 def test_a_copy_of_a_process_keeps_no_wire_when_that_is_killed() -> None:
+    line = f"the only line of {os.getpid()}"  # claims are the machine's: another run of this test has its own
     code = (
         "import os, sys, time; from itouch.plugin.wire_claims import WireClaims\n"
-        "claims = WireClaims(); claims.take(['the only line'])\n"
+        f"claims = WireClaims(); claims.take([{line!r}])\n"
         "if not os.fork(): print(os.getpid(), flush=True)\n"
         "time.sleep(60)"
     )
@@ -107,11 +108,11 @@ def test_a_copy_of_a_process_keeps_no_wire_when_that_is_killed() -> None:
         copy = int(process.stdout.readline())
         try:
             with pytest.raises(WireHeldError, match=f"process {process.pid} "):
-                WireClaims().take(["The Only Line "])
+                WireClaims().take([f"{line.title()} "])
             process.kill()
             process.wait()
             claims = WireClaims()
-            claims.take(["the only line"])
+            claims.take([line])
             claims.release()
         finally:
             os.kill(copy, signal.SIGKILL)
