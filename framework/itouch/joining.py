@@ -98,7 +98,7 @@ def _array(kind: type, dimensions: int, read_only: bool) -> Any:
 
     It is of the type that Numba gives such an array of Python's: for another one, all that a function calls would be
     compiled again.  What ``carray`` makes of words that are read one by one is the same; compiled for each of the
-    hundred arrays of a long step, it took a third of a first start.
+    hundred arrays of a long step, it was a good part of a first start.
     """
     made = types.Array(from_dtype(np.dtype(kind)), dimensions, "C", readonly=read_only)
 
@@ -402,7 +402,7 @@ def _words(arguments: Sequence[Any]) -> list[int]:
                 raise ValueError("an array that is bound must be contiguous")
             if not argument.dtype.isnative:
                 raise ValueError(f"an array of {argument.dtype.str} has its bytes in the other order")
-            if argument.dtype.type not in _KINDS:
+            if argument.dtype not in _KINDS:  # an int64 may be a longlong, too: another type of the same numbers
                 allowed = ", ".join(kind.__name__ for kind in _KINDS)
                 raise ValueError(f"an array that is bound is of one of {allowed}, not of {argument.dtype}")
             words += [argument.ctypes.data, *argument.shape]
@@ -501,7 +501,7 @@ class _Writer:
 
     def _maker(self, argument: NDArray[Any]) -> str:
         """Return the name of what makes such an array."""
-        kind, read_only = argument.dtype.type, not argument.flags.writeable
+        kind, read_only = _KINDS[_KINDS.index(argument.dtype)], not argument.flags.writeable
         name = f"{kind.__name__}_{argument.ndim}{'_only_read' * read_only}"
         make: Any = _array
         self.arrays[name] = make(kind, argument.ndim, read_only)

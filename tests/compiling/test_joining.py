@@ -143,7 +143,7 @@ def _weigh(out: Any, kind: Any, plane: Any, empty: Any, absent: Any) -> int:
     return 0
 
 
-@pytest.mark.parametrize("kind", _KINDS)
+@pytest.mark.parametrize("kind", [*_KINDS, np.longlong, np.ulonglong, np.intc])
 def test_arrays_of_every_kind_and_shape_arrive_as_they_are(kind: type) -> None:
     """Also those that cannot be written to, nothing at all, and an empty tuple."""
     plane = np.arange(24, dtype=kind).reshape(2, 3, 4)
