@@ -57,8 +57,8 @@ def _remember_calls(kind: Any) -> None:
     """Type a call of a function of Numba's own, or of an operator, once for the same types of arguments.
 
     Numba tries one template after the other for each call, each time that it goes through a function, and again when it
-    writes its code: of some fifty thousand searches of a first start two thousand find something new.  It remembers as
-    much itself of the functions that templates are written as, by the same key; what failed is tried again.
+    writes its code; hardly one search in twenty finds something new.  It remembers as much itself of the functions that
+    templates are written as, by the same key; what failed is tried again.
     """
     search = kind.get_call_type
     top = _flags.top_or_none
@@ -84,7 +84,7 @@ _NOTHING, _VARIABLE, _INSTRUCTION, _SEQUENCE, _TABLE = range(5)
 def _list_variables_by_type(kind: Any) -> None:
     """List the variables of an instruction by the types of what it holds, each of which is looked into once.
 
-    Numba does so some million times for a first start, and asks of each value five times what it is.
+    Numba does so all the time that it compiles, and asks of each value five times what it is.
     """
     kinds: dict[type, int] = {}
 
@@ -116,7 +116,7 @@ def _list_variables_by_type(kind: Any) -> None:
 
 
 def _optimize_what_has_a_body(kind: Any) -> None:
-    """Let LLVM optimize the functions that a module defines, not those that it only calls: six of seven."""
+    """Let LLVM optimize the functions that a module defines, not those that it only calls, which are most."""
     optimize = kind._optimize_functions
 
     def optimize_functions(self: Any, module: Any) -> None:
@@ -143,7 +143,7 @@ class _Defined:
 
 
 def _tell_of_the_lock_who_listens() -> None:
-    """Make no event of LLVM's lock while nobody listens for it: each of some hundred thousand calls makes two."""
+    """Make no event of LLVM's lock while nobody listens for it: each of the many calls makes two."""
     lock: Any = binding.ffi.lib._lock
     listeners = _events._registered["numba:llvm_lock"]
     lock._cblist[:] = [(_when(listeners, begin), _when(listeners, end)) for begin, end in lock._cblist]

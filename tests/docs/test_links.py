@@ -111,7 +111,7 @@ def options_of(name: str, command: Command) -> Iterator[tuple[str, tuple[str, ..
         yield from options_of(word, inner)
 
 
-def test_every_option_is_on_a_page_that_says_when_one_needs_it() -> None:
+def test_every_option_is_on_a_page_besides_the_reference() -> None:
     """One that no page needs is one that nobody would miss; a page must name the command, too."""
     texts = [
         page.read_text(encoding="utf-8") for page in (*pages(), ROOT / "README.md")

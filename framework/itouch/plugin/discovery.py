@@ -61,7 +61,7 @@ class Found:
     def _advice(self, error: BaseException) -> str:
         """Return what to do where what was installed names a module, or a name in it, that is not there any more."""
         module, _, rest = self.entry.value.partition(":")  # it may be anything
-        first = rest.partition("[")[0].partition(".")[0].strip()
+        module, first = module.strip(), rest.partition("[")[0].partition(".")[0].strip()
         absent = isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}.")
         moved = isinstance(error, AttributeError) and (known := sys.modules.get(module)) and not hasattr(known, first)
         return f"; correct its entry point, or install {self.distribution} again" if absent or moved else ""
