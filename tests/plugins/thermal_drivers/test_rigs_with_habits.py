@@ -206,7 +206,9 @@ def test_four_answers_lost_in_a_row_make_no_reading_too_old() -> None:
         line = LineDriver(LinePort(port=terminal.path, baud=250_000))
         real, line._line = line._line, Deaf()  # type: ignore[assignment]
         line._usual = 0.002  # [s]: as it answers where nothing else runs on the machine
-        with pytest.raises(DeviceError, match="did not answer '.*', sent again and again; check its power and its cable$"):
+        with pytest.raises(
+            DeviceError, match="did not answer '.*', sent again and again; check its power and its cable$"
+        ):
             line.exchange(0.5)
         line._line = real
         line.close()
