@@ -11,7 +11,7 @@ import pytest
 from kernels_in_python import python_of
 
 from itouch.loop import probe_steps, render
-from itouch.loop.surface import plate
+from itouch.loop.surface import force, plate
 from itouch.loop.surface import surface_memory as at
 from itouch.twin import frame_rotation
 
@@ -23,7 +23,7 @@ def python(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the kernels call one another as Python."""
     for name in ("turned_in", "turned_out", "beside", "top"):
         monkeypatch.setattr(plate, name, python_of(getattr(plate, name)))
-    monkeypatch.setattr(probe_steps, "_load", python_of(probe_steps._load))
+    monkeypatch.setattr(force, "on_plate", python_of(force.on_plate))
 
 
 @pytest.mark.parametrize(("mounted", "part"), [(0.0, 1.0), (math.radians(60.0), 0.5)])
@@ -70,7 +70,9 @@ def test_the_finger_is_where_its_tracker_is_mounted_and_its_speed_is_smoothed(mo
     c[render.PERIOD], c[render.SMOOTH] = PERIOD, 0.25
     places = np.array(((0.01, 0.02, 0.03), (0.011, 0.018, 0.0305)))
     for first, place in zip((True, False), places, strict=True):
-        python_of(render.follow)(c, np.r_[place, 1.0, 0.0, 0.0, 0.0], figures, first)
+        afresh, tick = np.array([int(first)]), np.array([7])
+        assert python_of(render.follow)(c, np.r_[place, 1.0, 0.0, 0.0, 0.0], figures, afresh, tick) == 0
+        assert afresh[0] == 0
         assert figures[render.HIP : render.HIP + 3] == pytest.approx(ORIGIN + quarter @ place, abs=1e-15)
         speed = np.zeros(3) if first else quarter @ (places[1] - places[0]) / PERIOD * 0.25
         assert figures[render.VELOCITY : render.VELOCITY + 3] == pytest.approx(speed, abs=1e-9)

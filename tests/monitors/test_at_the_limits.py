@@ -545,26 +545,26 @@ def test_a_surface_behind_a_wire_is_astray_from_where_it_was_sent_when_it_was_me
     data = state(one, wire=True)
     table = Supervised(one, data, PERIOD, twin=FakeTwin())
     table.reading["pose"][:3] = 0.0, 0.003, 0.020
-    table.gate._measured[...] = 100
-    assert table.gate.strayed(0.5) == 0.5
+    table.gate.acquisition._measured[...] = 100
+    assert table.gate.acquisition.strayed(0.5) == 0.5
     for left, height in ((60, 0.030), (80, 0.024), (101, 0.010)):
-        table.gate._out["pose_target"][2] = height
-        table.gate.departures.note(left)
-    assert table.gate.strayed(0.5) == pytest.approx(0.005)
-    table.gate._measured[...] = 79
-    assert table.gate.strayed(0.5) == pytest.approx(math.hypot(0.003, 0.010))
-    table.gate._measured[...] = 59
-    assert table.gate.strayed(0.5) == 0.5
+        table.gate.acquisition._out["pose_target"][2] = height
+        table.gate.acquisition.departures.note(left)
+    assert table.gate.acquisition.strayed(0.5) == pytest.approx(0.005)
+    table.gate.acquisition._measured[...] = 79
+    assert table.gate.acquisition.strayed(0.5) == pytest.approx(math.hypot(0.003, 0.010))
+    table.gate.acquisition._measured[...] = 59
+    assert table.gate.acquisition.strayed(0.5) == 0.5
     for left in range(200, 300):  # what left long ago is forgotten
-        table.gate._out["pose_target"][2] = 0.020
-        table.gate.departures.note(left)
-    table.gate._measured[...] = 150
-    assert table.gate.strayed(0.5) == 0.5
-    table.gate._measured[...] = 400
-    assert table.gate.strayed(0.5) == pytest.approx(0.003)
+        table.gate.acquisition._out["pose_target"][2] = 0.020
+        table.gate.acquisition.departures.note(left)
+    table.gate.acquisition._measured[...] = 150
+    assert table.gate.acquisition.strayed(0.5) == 0.5
+    table.gate.acquisition._measured[...] = 400
+    assert table.gate.acquisition.strayed(0.5) == pytest.approx(0.003)
     other = Supervised(model(TABLE, twin=True), state(model(TABLE, twin=True)), PERIOD, twin=FakeTwin())
-    other.gate.departures.note(3)
-    assert other.gate.strayed(0.25) == 0.25  # no wire
+    other.gate.acquisition.departures.note(3)
+    assert other.gate.acquisition.strayed(0.25) == 0.25  # no wire
 
 
 def test_the_clock_of_contact_at_its_limits() -> None:
@@ -705,7 +705,7 @@ def test_a_monitor_is_told_how_long_ago_it_looked_last() -> None:
     for tick in range(25):
         device.gate.read(tick)
     assert Times.seen == [(0.0, 0.0), (0.01, 0.01), (0.02, 0.01)]
-    device.gate.leave_out(7)
+    device.gate.device_monitors.leave_out(7)
     for tick in range(25, 30):
         device.gate.read(tick)
     assert Times.seen[3:] == [(0.032, 0.012)]
@@ -792,10 +792,10 @@ def test_a_monitor_is_told_when_a_reading_was_measured_that_came_late() -> None:
     device.gate.read(0)
     device.gate.device_monitors.begin()
     for measured in (5, 3):
-        device.gate._measured[...] = measured
+        device.gate.acquisition._measured[...] = measured
         device.gate.device_monitors.look_placed(5)
-    device.gate.leave_out(7)
-    device.gate._measured[...] = 5
+    device.gate.device_monitors.leave_out(7)
+    device.gate.acquisition._measured[...] = 5
     device.gate.device_monitors.look_placed(5)
     assert Measured.times == [pytest.approx(0.005), pytest.approx(0.003), pytest.approx(0.012)]
     assert device.gate.device_monitors.moment.now == pytest.approx(0.012)
@@ -804,7 +804,7 @@ def test_a_monitor_is_told_when_a_reading_was_measured_that_came_late() -> None:
 def test_silence_is_looked_at_in_the_time_that_has_truly_passed() -> None:
     device, _ = listened(Moments)
     device.gate.read(0)
-    device.gate.leave_out(7)
+    device.gate.device_monitors.leave_out(7)
     device.gate.device_monitors.wait(3, 0.01)
     assert device.gate.device_monitors.moment.now == pytest.approx(0.010)
 
@@ -840,9 +840,9 @@ def test_the_first_reading_is_looked_at_when_it_comes() -> None:
 def test_a_reading_is_believed_once() -> None:
     device, _ = listened(Moments)
     device.gate.read(0)
-    assert device.gate._sequence.item() == 1
-    device.gate.watch_reading(0)
-    assert device.gate._sequence.item() == 1
+    assert device.gate.acquisition._sequence.item() == 1
+    device.gate.acquisition.watch(0)
+    assert device.gate.acquisition._sequence.item() == 1
 
 
 @pytest.mark.parametrize(("high", "said"), [(1e300, False), (9e299, True)])
@@ -1085,7 +1085,7 @@ def test_a_device_begins_with_nothing_where_it_ramps_in(ramp: float, share: floa
     arm.lifecycle.open()
     arm.gate.read(0)
     arm.lifecycle.enable()
-    assert arm.gate._ramp.item() == share
+    assert arm.gate.actuation._ramp.item() == share
 
 
 def test_of_two_sensors_that_disagree_the_first_is_named() -> None:

@@ -171,7 +171,7 @@ def test_a_late_loop_leaves_out_periods_but_not_time() -> None:
     for name in ("plate_temperature", "sink_temperature"):
         device.reading[name] = 314.0
     device.gate.read(0)
-    device.gate.leave_out(500)
+    device.gate.device_monitors.leave_out(500)
     device.reading["plate_temperature"] = 314.001
     device.gate.read(1)
     assert data["it.heat.dose"].item() == pytest.approx(0.501 * 0.25 ** (316.15 - 314.0), rel=1e-2)
@@ -322,13 +322,13 @@ def test_a_monitor_that_is_told_where_the_finger_is() -> None:
     device = toyed(0.5, PlacedToy)
     device.gate.read(0)
     device.lifecycle.enable()
-    device.gate.watch_placed(0)
+    device.gate.acquisition.watch_placed(0)
     assert device.gate.device_monitors.share == 0.5
     device.gate.device_monitors.restore()
     assert device.gate.device_monitors.share == 0.5
     broken = toyed(-1.0, PlacedToy)
     with pytest.raises(DeviceFaultError, match="was stopped by one"):
-        broken.gate.watch_placed(0)
+        broken.gate.acquisition.watch_placed(0)
     assert broken.latch.tripped == -1
 
 
@@ -340,10 +340,10 @@ def test_a_surface_says_what_is_touched_and_how_fast_it_may_close_in() -> None:
     device.reading["wrench"][2] = -1.0
     device.gate.read(0)
     device.gate.device_monitors.moment.gap, device.gate.device_monitors.moment.strayed = -0.001, 0.0
-    device.gate.watch_placed(0)
+    device.gate.acquisition.watch_placed(0)
     assert device.gate.device_monitors.touched
     assert device.gate.device_monitors.force == 1.0
-    device.gate.watch_placed(1)  # not its turn
+    device.gate.acquisition.watch_placed(1)  # not its turn
     assert device.gate.device_monitors.closing(0.05, 0.0) == 0.25
     count = device.gate.device_monitors._clamped.item()
     assert device.gate.device_monitors.closing(0.05, 0.004) == 0.0
@@ -374,13 +374,13 @@ def test_a_reading_may_be_older_than_it_comes() -> None:
     twin = StampedTwin()
     device = toyed(1.0, twin=twin)
     device.gate.read(0)
-    assert set(device.gate._measured.tolist()) == {-2}
-    device.gate._left = np.zeros((), np.int64)
+    assert set(device.gate.acquisition._measured.tolist()) == {-2}
+    device.gate.acquisition._left = np.zeros((), np.int64)
     device.gate.read(1)
-    assert device.gate._left.item() == 3
+    assert device.gate.acquisition._left.item() == 3
     twin.left, twin.says = None, lambda reading: False
     device.gate.read(2)
-    assert (device.gate._left.item(), set(device.gate._measured.tolist())) == (3, {-1})
+    assert (device.gate.acquisition._left.item(), set(device.gate.acquisition._measured.tolist())) == (3, {-1})
 
 
 @pytest.mark.parametrize("channels", [PLATE, ARM, TABLE], ids=["plate", "arm", "table"])

@@ -16,8 +16,8 @@ from parts import ARM, PERIOD, TABLE, Fake, model, state
 
 from itouch.plugin import pose_target
 from itouch.safety import Gate, TrackedFinger, Trip
+from itouch.safety.actuation import BACKWARDS, HELD
 from itouch.safety.blind_retreat import BLIND, FIRM, FITS, FOLLOWS, HARDER, KNOWN, LEG, SHORTEST, BlindRetreat
-from itouch.safety.gate import BACKWARDS, HELD
 
 #: Where a surface stands when all stop [m]: sums of whole legs from here are exact in binary numbers.
 STOOD = 0.0

@@ -21,8 +21,8 @@ from itouch.monitors.default_limits import PLATE_FORCE_ABSOLUTE
 from itouch.plugin import Record
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, TrackedFinger, Trip
+from itouch.safety.actuation import BACKWARDS, HELD
 from itouch.safety.blind_retreat import BLIND, HARDER, LEG, along
-from itouch.safety.gate import BACKWARDS, HELD
 from itouch.safety.sequence import RETREAT, SAFE_TIME, WATCH_TIME
 
 #: Where a plate stands when all stop [m], how stiff a finger's pad is [N/m].
@@ -134,8 +134,8 @@ class World:
 
     @property
     def stopped(self) -> int:
-        assert self.table.gate.stopped is not None
-        return int(self.table.gate.stopped.item())
+        assert self.table.gate.actuation.stopped is not None
+        return int(self.table.gate.actuation.stopped.item())
 
 
 def still(depth: float = 0.003) -> Motion:
@@ -356,7 +356,7 @@ def test_one_that_answers_again_is_believed_and_goes_on_as_any_other() -> None:
     assert min(low[:60]) == pytest.approx(STOOD - 0.0075, abs=6e-4)
     assert outcome.devices["table"].startswith("retracted ")
     assert world.stopped == 0
-    assert world.table.gate.way is not None and math.isnan(world.table.gate.way[1].item())
+    assert world.table.gate.actuation.way is not None and math.isnan(world.table.gate.actuation.way[1].item())
 
 
 def test_one_that_answers_again_in_the_middle_of_a_leg_goes_further_than_that_leg() -> None:
@@ -372,7 +372,9 @@ def test_one_that_answers_again_in_the_middle_of_a_leg_goes_further_than_that_le
     world.sequence._move = moves
     outcome = world.stop(Trip.SILENT)
     assert outcome.devices["table"].startswith("retracted ")
-    assert world.table.gate.way is not None and all(math.isnan(end) for end in world.table.gate.way[1:])
+    assert world.table.gate.actuation.way is not None and all(
+        math.isnan(end) for end in world.table.gate.actuation.way[1:]
+    )
 
 
 def test_forces_that_grow_by_no_more_than_noise_may_do_not_stop_it() -> None:
@@ -381,7 +383,7 @@ def test_forces_that_grow_by_no_more_than_noise_may_do_not_stop_it() -> None:
     goals: set[float] = set()
 
     def say(reading: Record) -> bool:
-        goal = world.table.gate.way[1].item() if world.table.gate.way is not None else math.nan
+        goal = world.table.gate.actuation.way[1].item() if world.table.gate.actuation.way is not None else math.nan
         goals.update({goal} if not math.isnan(goal) else ())
         reading["pose"], reading["wrench"] = math.nan, (0.0, 0.0, -HARDER * len(goals), 0.0, 0.0, 0.0)
         return True

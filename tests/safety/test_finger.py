@@ -39,7 +39,7 @@ def hand(parts: Parts, limits: DeviceLimits = LIMITS, on: str = "") -> tuple[Rec
         device.lifecycle.enable()
     finger = Finger("tip", [one.gate for one in devices])
     for arm in finger.arms:
-        arm.leave_room = lambda arm=arm: finger.reduce(arm)  # type: ignore[misc]
+        arm.actuation.leave_room = lambda arm=arm: finger.reduce(arm)  # type: ignore[misc]
     return data, devices, finger
 
 
@@ -289,6 +289,6 @@ def test_the_clock_of_contact_goes_on_in_periods_that_a_late_loop_has_left_out()
     data, (_, table), finger = hand({"arm": ARM, "table": TABLE})
     table.gate.device_monitors.touch(True, 1.0)
     finger.check(1)
-    table.gate.leave_out(500)
+    table.gate.device_monitors.leave_out(500)
     finger.check(2)
     assert float(data["table.surface.contact_time"]) == pytest.approx(0.501, abs=1e-6)

@@ -75,7 +75,7 @@ class Bench:
         for _, memory, _ in (self.one, self.other):
             memory["tick"] = tick
         said = [
-            _told(lambda: (self.one[2].gate.read(tick), self.one[2].gate.guard(tick))),
+            _told(lambda: (self.one[2].gate.read(tick), self.one[2].gate.actuation.guard(tick))),
             _told(lambda: _joined(self.other[2], tick)),
         ]
         assert said[0] == said[1]
@@ -120,21 +120,25 @@ def _run(bounds: Sequence[Bound], answer: Callable[[int], None]) -> None:
 
 def _answer(supervisor: Supervised, code: int, tick: int) -> None:
     if code >= TOLD:
-        supervisor.gate.told(code - TOLD, tick)
+        supervisor.gate.acquisition.told(code - TOLD, tick)
     elif code == LOOK:
-        supervisor.gate.look(tick)
+        supervisor.gate.acquisition.look(tick)
     else:
-        supervisor.gate.watch_reading(tick)
+        supervisor.gate.acquisition.watch(tick)
 
 
 def _joined(supervisor: Supervised, tick: int) -> None:
-    take, watch, guard = supervisor.gate.bound_take(), supervisor.gate.bound_watch(), supervisor.gate.bound_guard()
+    take, watch, guard = (
+        supervisor.gate.acquisition.bound_take(),
+        supervisor.gate.acquisition.bound_watch(),
+        supervisor.gate.actuation.bound_guard(),
+    )
     assert take
     assert watch
     assert guard
-    _run(take, lambda code: supervisor.gate.take(tick))
+    _run(take, lambda code: supervisor.gate.acquisition.take(tick))
     _run(watch, lambda code: _answer(supervisor, code, tick))
-    _run(guard, lambda code: supervisor.gate.guard(tick))
+    _run(guard, lambda code: supervisor.gate.actuation.guard(tick))
 
 
 def _numbers(channels: Channels, rng: np.random.Generator) -> list[float]:
@@ -167,9 +171,9 @@ def test_a_device_goes_the_same_way_joined(channels: Channels, cls: type[Fake]) 
         if tick % 97 == 96:
             wanted[0] = math.nan
         bench.both(lambda one: one.command.numbers.__setitem__(slice(None), wanted))  # noqa: B023
-        bench.both(lambda one: setattr(one.gate, "closing", 0.05))
+        bench.both(lambda one: setattr(one.gate.actuation, "closing", 0.05))
         if tick % 31 == 30:
-            bench.both(lambda one: one.gate.leave_out(3))
+            bench.both(lambda one: one.gate.device_monitors.leave_out(3))
         if bench.tick(tick):
             faults += 1
             bench.both(lambda one: one.gate.fault(one.latch.trip, tick))  # noqa: B023
@@ -180,7 +184,7 @@ def test_a_device_goes_the_same_way_joined(channels: Channels, cls: type[Fake]) 
             bench.both(lambda one: one.lifecycle.open())
             bench.tick(tick)  # open, not enabled
             bench.both(lambda one: one.lifecycle.enable())
-            bench.both(lambda one: one.gate.ramp_in())
+            bench.both(lambda one: one.gate.actuation.ramp_in())
     assert faults
 
 
@@ -199,28 +203,28 @@ def test_a_twin_behind_a_wire_or_in_python_is_read_by_python() -> None:
             return None
 
     for twin in (Late(np.zeros(40)), Plain(np.zeros(40)), Unsure(np.zeros(40)), FakeTwin(), None):
-        assert Supervised(made, state(made), PERIOD, twin=twin).gate.bound_take() == ()
+        assert Supervised(made, state(made), PERIOD, twin=twin).gate.acquisition.bound_take() == ()
 
 
 def test_a_device_that_reads_nothing_is_watched_by_python() -> None:
     made = model(((), (current(limit=1.0),)), twin=True)
-    assert Supervised(made, state(made), PERIOD, twin=FakeTwin()).gate.bound_watch() == ()
+    assert Supervised(made, state(made), PERIOD, twin=FakeTwin()).gate.acquisition.bound_watch() == ()
 
 
 def test_an_arm_that_shares_a_finger_with_others_is_limited_by_python() -> None:
     made = model(ARM, twin=True)
     supervisor = Supervised(made, state(made), PERIOD, twin=FakeTwin())
-    assert supervisor.gate.bound_guard()
-    supervisor.gate.leave_room = lambda: None
-    assert supervisor.gate.bound_guard() == ()
+    assert supervisor.gate.actuation.bound_guard()
+    supervisor.gate.actuation.leave_room = lambda: None
+    assert supervisor.gate.actuation.bound_guard() == ()
 
 
 def test_a_state_of_odd_bytes_is_watched_by_python() -> None:
     made = model(PLATE, twin=True)
     whole = state(made)
     odd = Record(np.dtype([("odd", "u1"), *whole.dtype.descr]))
-    assert Supervised(made, whole, PERIOD, twin=FakeTwin()).gate.bound_watch()
-    assert Supervised(made, odd, PERIOD, twin=FakeTwin()).gate.bound_watch() == ()
+    assert Supervised(made, whole, PERIOD, twin=FakeTwin()).gate.acquisition.bound_watch()
+    assert Supervised(made, odd, PERIOD, twin=FakeTwin()).gate.acquisition.bound_watch() == ()
 
 
 def test_what_is_looked_at_together_is_simple_with_one_surface() -> None:
@@ -260,7 +264,11 @@ def test_a_quiet_tick_leaves_nothing_to_python(channels: Channels) -> None:
         if channels is PLATE:
             bench.source[1] += 1e-4
             looks += int(memory["it.heat.checked"]) == tick - 1
-        for bound in (*joined.gate.bound_take(), *joined.gate.bound_watch(), *joined.gate.bound_guard()):
+        for bound in (
+            *joined.gate.acquisition.bound_take(),
+            *joined.gate.acquisition.bound_watch(),
+            *joined.gate.actuation.bound_guard(),
+        ):
             assert bound() in (0, SKIP)
     assert looks == (10 if channels is PLATE else 0)  # what is placed is looked at where the finger is
 
@@ -283,7 +291,7 @@ def test_what_was_bound_before_a_twin_was_replaced_leaves_every_reading_to_pytho
     bench.say(_numbers(PLATE, np.random.default_rng(1)))
     bench.tick(0)
     joined, memory = bench.other[2], bench.other[1]
-    due, *_ = joined.gate.bound_take()
+    due, *_ = joined.gate.acquisition.bound_take()
     memory["tick"] = 1
     assert due() == 0
     joined.gate.twin = Reading(bench.source)
@@ -319,9 +327,9 @@ def test_the_goal_that_a_wire_is_known_to_have_taken_is_the_newest() -> None:
     made = model(TABLE, name="it")
     memory = state(made, wire=True)
     supervisor = Supervised(made, memory, PERIOD)
-    assert supervisor.gate.departures.newest is None  # none yet
+    assert supervisor.gate.acquisition.departures.newest is None  # none yet
     for count in range(1, 20):
         memory["it.gone"].reshape(-1, 4)[(count - 1) % 8] = (count, 0.0, 0.0, 0.001 * count)
         memory["it.goings"] = count
-        assert supervisor.gate.departures.newest == 0.001 * count
-    assert Supervised(made, state(made), PERIOD).gate.departures.newest is None  # no wire
+        assert supervisor.gate.acquisition.departures.newest == 0.001 * count
+    assert Supervised(made, state(made), PERIOD).gate.acquisition.departures.newest is None  # no wire

@@ -69,7 +69,7 @@ def test_only_the_supervisor_writes_to_a_device() -> None:
         for path in FRAMEWORK.rglob("*.py")
         if (lines := device_writes(path)) and "testing" not in path.parts
     }
-    assert len(writers.pop("itouch/safety/gate.py")) == 1
+    assert len(writers.pop("itouch/safety/actuation.py")) == 1
     carriers = {name for name in writers if not name.startswith(("itouch/exchange/", "itouch/servo/"))}
     assert carriers == set()  # threads and sockets carry on what the supervisor has let through
 

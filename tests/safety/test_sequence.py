@@ -15,7 +15,7 @@ from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Fake, FakeTwin, Supervised,
 from itouch.plugin import HOLD, RETRACT, Channel, DeviceError, Record, Role, pose_target
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Trip
-from itouch.safety.gate import BACKWARDS, HELD
+from itouch.safety.actuation import BACKWARDS, HELD
 from itouch.safety.sequence import (
     AT_END,
     CLEAR,
@@ -162,7 +162,7 @@ def test_a_finger_that_stays_is_waited_for_three_tenths_of_a_second() -> None:
     assert not outcome.safe
     assert outcome.seconds == pytest.approx(SAFE_TIME)
     assert outcome.devices["table"].endswith(", still touched")
-    assert not rig.plate.gate.keeping
+    assert not rig.plate.gate.actuation.keeping
 
 
 def test_ticks_that_a_late_machine_leaves_out_are_waited_for_too() -> None:
@@ -223,8 +223,8 @@ def test_a_surface_that_goes_the_wrong_way_is_held_then_driven_back() -> None:
     assert outcome.devices["table"] == "goes the wrong way: held 8.0 mm further back"
     highest = min(height for _, height, _ in rig.sent)
     assert highest == pytest.approx(0.03 - 0.0015, abs=5.1e-4)
-    assert rig.table.gate.stopped is not None
-    assert rig.table.gate.stopped.item() == 1
+    assert rig.table.gate.actuation.stopped is not None
+    assert rig.table.gate.actuation.stopped.item() == 1
     held = [height for _, height, _ in rig.sent].count(highest)
     assert held * PERIOD == pytest.approx(0.05, abs=0.004)
     assert held == 52  # for more than 50 ms, and the tick in which it was seen
@@ -276,8 +276,8 @@ def test_what_is_still_being_driven_back_at_the_end_is_held_there() -> None:
     rig.obey = reversed_drive
     outcome = rig.stop("table")
     assert not outcome.safe
-    assert rig.table.gate.stopped is not None
-    assert rig.table.gate.stopped.item() == 1
+    assert rig.table.gate.actuation.stopped is not None
+    assert rig.table.gate.actuation.stopped.item() == 1
 
 
 def test_a_second_fault_on_the_way_is_latched_and_told() -> None:
@@ -487,7 +487,7 @@ def test_a_plate_beyond_what_may_ever_be_is_not_safe() -> None:
 def test_a_command_that_stays_on_is_told() -> None:
     rig = Rig()
     rig.plate.gate.fault(Trip.FLUX, 0)
-    rig.plate.gate.keeping = True
+    rig.plate.gate.actuation.keeping = True
     rig.plate.sent["current"][0] = 0.5
     rig.sequence._carried = []
     outcome = rig.stop("arm")
@@ -558,7 +558,7 @@ def test_a_sequence_in_which_each_tick_fails_ends() -> None:
     )
     assert round(SAFE_TIME / PERIOD) <= len(calls) <= round(WATCH_TIME / PERIOD)
     assert paced == list(range(paced[0], paced[0] + len(calls)))
-    assert not outcome.safe and not rig.plate.gate.keeping
+    assert not outcome.safe and not rig.plate.gate.actuation.keeping
 
 
 def test_the_numbers_of_the_sequence() -> None:
@@ -681,8 +681,8 @@ def test_one_that_turns_round_again_and_again_is_held() -> None:
 
     def contrary() -> float:
         """Go up, whatever it is told."""
-        assert rig.table.gate.stopped is not None
-        ways[0] = 1.0 if rig.table.gate.stopped.item() == BACKWARDS else -1.0
+        assert rig.table.gate.actuation.stopped is not None
+        ways[0] = 1.0 if rig.table.gate.actuation.stopped.item() == BACKWARDS else -1.0
         return ways[0]
 
     pushed(rig, contrary)
@@ -738,8 +738,8 @@ def test_one_that_goes_wrong_twice_is_turned_twice_and_then_held() -> None:
 
     def way() -> float:
         """Go up as long as it was not turned round so often."""
-        assert rig.table.gate.stopped is not None
-        now = rig.table.gate.stopped.item()
+        assert rig.table.gate.actuation.stopped is not None
+        now = rig.table.gate.actuation.stopped.item()
         if not turned or turned[-1] != now:
             turned.append(now)
         up_when_driven = 1.0 if now == BACKWARDS else -1.0
@@ -944,9 +944,9 @@ def test_where_a_surface_stood_is_that_of_the_first_stop_until_it_was_enabled() 
     """A surface whose place is not believed in the second one may go no further than 6 mm from there."""
     rig = Rig()
     rig.stop("arm")
-    assert rig.table.gate.way is not None and rig.table.gate.way[0] == 0.03
+    assert rig.table.gate.actuation.way is not None and rig.table.gate.actuation.way[0] == 0.03
     rig.stop("arm")
-    assert rig.table.gate.way[0] == 0.03
+    assert rig.table.gate.actuation.way[0] == 0.03
 
 
 def test_a_surface_of_which_nothing_new_was_measured_is_not_taken_to_have_gone_back() -> None:
@@ -1039,7 +1039,7 @@ def test_a_place_that_was_measured_in_the_tick_of_the_command_counts() -> None:
     rig = Rig()
     rig.stop("arm")
     before = rig.table.reading["pose"][2].item() + 0.02
-    measured = rig.table.gate.measured_at(Role.TRACKED_POSE)
+    measured = rig.table.gate.acquisition.measured_at(Role.TRACKED_POSE)
     rig.sequence._ways[0][1][...] = 0
     for since, back in ((measured, True), (measured + 1, False)):
         rig.sequence._since = since

@@ -26,7 +26,7 @@ class Rig:
         self.place = [0.0, 0.0, 0.03]
         self.temperature = 300.0
         self.device.says = self.say
-        self.it.gate.closing = 0.1
+        self.it.gate.actuation.closing = 0.1
 
     def say(self, reading: Record) -> bool:
         if "pose" in reading:
@@ -167,7 +167,7 @@ def test_the_ramp_of_enabling() -> None:
 
 def test_after_re_arming_a_second_of_ramp() -> None:
     rig = Rig().enabled()
-    rig.it.gate.ramp_in()
+    rig.it.gate.actuation.ramp_in()
     rig.it.command["wrench"][0] = 3.0
     rig.it.gate.write(0)
     assert rig.last()[0] == pytest.approx(0.003)
@@ -176,7 +176,7 @@ def test_after_re_arming_a_second_of_ramp() -> None:
 def test_fading_and_heat_cut_down_what_is_sent() -> None:
     rig = Rig().enabled()
     rig.it.gate.device_monitors.moment.speed = 1.16  # K2 leaves a tenth
-    rig.it.gate.watch_placed(0)
+    rig.it.gate.acquisition.watch_placed(0)
     rig.it.command["wrench"][0] = 3.0
     rig.it.gate.write(0)
     assert rig.last()[0] == pytest.approx(0.3)
@@ -254,7 +254,7 @@ def test_a_device_that_fails_to_read_is_a_fault(error: Exception, words: str) ->
 def test_a_twins_compiled_reading_that_fails_is_a_fault() -> None:
     rig, error = Rig().enabled(), KeyError("x")
     with pytest.raises(DeviceFaultError) as caught:
-        rig.it.gate.not_taken(error, 0, 7)
+        rig.it.gate.acquisition.not_taken(error, 0, 7)
     assert (caught.value.trip, caught.value.tick) == (Trip.DEVICE_ERROR, 7)
     assert caught.value.cause == "failed in read: KeyError: 'x'"
     assert caught.value.__cause__ is not None and caught.value.__cause__.__cause__ is error
@@ -481,15 +481,15 @@ def test_a_device_that_does_not_return_from_closing_is_not_waited_for(monkeypatc
 def test_what_a_device_could_not_be_given_is_known() -> None:
     rig = Rig().enabled()
     rig.it.gate.write(1)
-    assert not rig.it.gate.unsent
+    assert not rig.it.gate.actuation.unsent
     rig.device.write_fails = OSError("gone")
     with pytest.raises(DeviceFaultError):
         rig.it.gate.write(2)
     rig.it.gate.fault(Trip.DEVICE_ERROR, 2)
-    assert rig.it.gate.unsent
+    assert rig.it.gate.actuation.unsent
     rig.device.write_fails = None
     rig.it.gate.write(3)
-    assert not rig.it.gate.unsent
+    assert not rig.it.gate.actuation.unsent
 
 
 def test_what_is_written_over_a_status_lets_nothing_through_and_is_put_right() -> None:
@@ -498,7 +498,7 @@ def test_what_is_written_over_a_status_lets_nothing_through_and_is_put_right() -
     rig.it.gate.write(1)
     rig.it.gate.fault(Trip.SPEED, 2)
     rig.state["it.status"], rig.it.sent["wrench"][0] = Status.ENABLED, 1.0  # as compiled code would leave it then
-    rig.it.gate.send(3)
+    rig.it.gate.actuation.send(3)
     assert rig.last() == [0.0] * 6
     assert rig.state["it.status"] == Status.FAULT
     rig.state["it.status"] = 99
@@ -565,10 +565,10 @@ def test_a_surface_retracts_is_kept_held_or_driven_back() -> None:
     heights = []
     rig.it.gate.write(0)
     heights.append(rig.last("pose_target")[2])
-    rig.it.gate.keeping = True
+    rig.it.gate.actuation.keeping = True
     rig.it.gate.write(1)
     heights.append(rig.last("pose_target")[2])
-    rig.it.gate.keeping = False
+    rig.it.gate.actuation.keeping = False
     for mode in (1, 2, 0):
         rig.state["it.stopped"] = mode
         rig.it.gate.write(2)
@@ -585,7 +585,7 @@ def test_without_a_device_nothing_is_written_and_nothing_is_new() -> None:
     it = Supervised(one, state(one), PERIOD)
     it.lifecycle.open()
     it.gate.read(0)
-    assert it.gate._age.item() == 1
+    assert it.gate.acquisition._age.item() == 1
     it.gate.write(0)
     it.lifecycle.close()
 
@@ -656,7 +656,12 @@ def test_the_trip_has_a_name_in_reports() -> None:
 def test_at_first_nothing_may_approach_and_the_whole_force_is_let_through() -> None:
     one = model(TABLE)
     it = Supervised(one, state(one), PERIOD)
-    assert (it.gate.closing, it.gate.device_monitors.share, it.gate.keeping, it.gate.on_loss) == (0.0, 1.0, False, None)
+    assert (it.gate.actuation.closing, it.gate.device_monitors.share, it.gate.actuation.keeping, it.gate.on_loss) == (
+        0.0,
+        1.0,
+        False,
+        None,
+    )
 
 
 def test_hardware_is_handed_from_one_session_to_the_next() -> None:
@@ -694,8 +699,8 @@ def test_a_latched_trip_is_handed_over_and_what_is_closed_is_not() -> None:
 def held_for(seconds: float, away: list[float], monkeypatch: pytest.MonkeyPatch, *, timed: bool = True) -> list[bool]:
     """Tell which readings of an arm trip that goes so far [m] in each tick; the first was held for so long [s]."""
     rig, clock = Rig().enabled(), [100.0]
-    monkeypatch.setattr("itouch.safety.gate.time.monotonic", lambda: clock[0])
-    rig.it.gate.timed = timed
+    monkeypatch.setattr("itouch.safety.acquisition.time.monotonic", lambda: clock[0])
+    rig.it.gate.acquisition.timed = timed
     rig.it.gate.read(1)
     found = []
     for tick, way in enumerate(away, 2):
@@ -727,7 +732,7 @@ def test_hardware_may_have_gone_on_as_long_as_a_tick_was_held(
 def test_time_that_was_left_out_counts_for_what_is_read_after_it() -> None:
     rig = Rig().enabled()
     rig.it.gate.read(1)
-    rig.it.gate.leave_out(30)
+    rig.it.gate.device_monitors.leave_out(30)
     rig.place[2] += 0.15
     rig.it.gate.read(2)
     rig.place[2] += 0.15
@@ -740,8 +745,8 @@ def test_a_glance_knows_for_how_long_its_tick_was_held(
     seconds: float, away: float, trips: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig, clock = Rig().enabled(), [100.0]
-    monkeypatch.setattr("itouch.safety.gate.time.monotonic", lambda: clock[0])
-    rig.it.gate.timed = True
+    monkeypatch.setattr("itouch.safety.acquisition.time.monotonic", lambda: clock[0])
+    rig.it.gate.acquisition.timed = True
     rig.it.gate.read(1)
     for _ in range(300):
         clock[0] += PERIOD
@@ -762,9 +767,9 @@ def test_what_is_written_over_a_status_changes_nothing_of_what_a_device_may_do(n
     rig = Rig().enabled()
     rig.state["it.status"] = number
     with pytest.raises(DeviceFaultError, match=f"something has written {number} over its status"):
-        rig.it.gate.send(1)
+        rig.it.gate.actuation.send(1)
     assert rig.it.latch.status is Status.ENABLED  # it is for the safe sequence to change that
     rig.it.gate.fault(Trip.MODALITY_ERROR, 1)
     rig.state["it.status"] = number
-    rig.it.gate.send(2)  # what is stopped is sent what is safe, whatever State says
+    rig.it.gate.actuation.send(2)  # what is stopped is sent what is safe, whatever State says
     assert rig.it.latch.status is Status.FAULT

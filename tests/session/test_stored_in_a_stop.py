@@ -16,7 +16,7 @@ from itouch.faults import Kind
 from itouch.loop import DeviceFaultError
 from itouch.plugin import DeviceError
 from itouch.safety import Status
-from itouch.safety.gate import BACKWARDS, HELD
+from itouch.safety.actuation import BACKWARDS, HELD
 from itouch.session import Session
 from itouch_evidence.faults import phases, prepared
 from itouch_evidence.faults.behind_wires import Pair, run

@@ -65,6 +65,6 @@ def _finger(
     for near in nearing.values():
         rise(near, 0.0)  # called once now, so that no tick has to compile it
     for arm in finger.arms:
-        arm.leave_room = partial(finger.reduce, arm)
+        arm.actuation.leave_room = partial(finger.reduce, arm)
     if not finger.alone:
         yield finger, listed

@@ -136,7 +136,7 @@ class OperatorCommands:
         for runner in self._runners.values():
             if runner.latch.status is Status.OPEN:
                 runner.lifecycle.enable()
-                runner.gate.ramp_in()
+                runner.gate.actuation.ramp_in()
         if self._statistics.faults:
             self._statistics.faults[-1]["rearmed_s"] = tick * self._model.period
 

@@ -57,7 +57,7 @@ class Pacing:
         if engine.clock.pace == "real" and engine.stamps[-1] > 0.0:  # hardware has gone on since another run, or a stop
             engine.leave_out(engine.since)
         for runner in engine.runners:
-            runner.gate.timed = engine.clock.pace == "real" and not runner.model.twin
+            runner.gate.acquisition.timed = engine.clock.pace == "real" and not runner.model.twin
         engine.clock.start(engine.model.period)
         begin, first = now(), engine.ticks
         try:
@@ -131,7 +131,7 @@ class Pacing:
         if slept <= SLEPT or not hardware:
             return
         for runner in hardware:
-            runner.gate.leave_out(round(slept / engine.model.period))
+            runner.gate.device_monitors.leave_out(round(slept / engine.model.period))
         acting = [runner.model.name for runner in hardware if runner.latch.enabled]
         if acting:
             cause = f"was stopped: this machine has slept for {slept:.0f} s while devices were enabled"
@@ -202,7 +202,7 @@ def leave_out(
         return 0
     for runner in runners:
         if running or not runner.model.twin:
-            runner.gate.leave_out(periods)
+            runner.gate.device_monitors.leave_out(periods)
     if any(not runner.model.twin for runner in runners):
         for rig in rigs:
             rig.toucher.settle(moves=periods * period < MOVES_ON)

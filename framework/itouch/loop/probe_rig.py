@@ -202,8 +202,8 @@ class ProbeRig:
             self._figures,
             self._radius,
             *post.monitor.paces,
-            table.gate.moving.closing,
-            table.gate.clamped,
+            table.gate.actuation.moving.closing,
+            table.gate.actuation.clamped,
         )
         seek = self.touch_off.bounds if self.touch_off is not None else ()
         return (led, *self.toucher.carries, closing, *seek)
@@ -237,7 +237,7 @@ class ProbeRig:
         self.toucher.stay_away(table.gate.device_monitors.withdrawn)
         self.toucher.carry()
         strayed = self._figures[render.TRACKING].item()
-        table.gate.closing = table.gate.device_monitors.closing(self._gap(), strayed)
+        table.gate.actuation.closing = table.gate.device_monitors.closing(self._gap(), strayed)
         if self.touch_off is not None and not self.touch_off.done and table.latch.enabled:
             self.touch_off.update()
         elif table.gate.device_monitors.withdrawn:
@@ -290,7 +290,7 @@ class ProbeRig:
             moment.speed = size(figures[render.VELOCITY : render.VELOCITY + 3])
         if runner is self.table:
             distance = figures[render.TRACKING].item()
-            moment.strayed = runner.gate.strayed(distance)
+            moment.strayed = runner.gate.acquisition.strayed(distance)
             if counting:
                 self._statistics.tracking.add(distance)
             moment.gap = self._gap()

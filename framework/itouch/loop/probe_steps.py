@@ -1,4 +1,7 @@
-"""The steps of one probe in a tick as calls that join; their arithmetic is in ``render`` and ``surface``."""
+"""The steps of one probe in a tick that stand between those of ``render`` and ``surface``, as calls that join.
+
+They decide what is left to Python, and hand what a modality says of its surface to the functions of ``surface``.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import kernel, linked
+from itouch.compiling import kernel
 from itouch.contact.distance_queries import beside
 from itouch.joining import SKIP
 from itouch.loop import render
@@ -80,31 +83,6 @@ def placed(fixed: Any) -> int:
 
 
 @kernel
-def follow(c: Floats, tracker: Floats, figures: Floats, afresh: Any, tick: Any) -> int:
-    """Take the tracker's position as the HIP; where ``afresh`` (1,) is set, this once without a velocity.
-
-    ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) of `render`; ``tracker`` (7,) [m; quaternion]; ``tick`` (1,).
-    """
-    render.follow(c, tracker, figures, tick[0] == 0 or afresh[0] != 0)
-    afresh[0] = 0
-    return 0
-
-
-@kernel
-def touch(
-    c: Floats, poses: Floats, twists: Floats, damping: Floats, figures: Floats, result: Floats, primary: Any,
-    nearest: Any,
-) -> int:  # fmt: skip
-    """Compute the contact force from what the contact search found; ``primary`` and ``nearest`` (1,) are written.
-
-    ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) of `render`; ``poses`` (objects, 7) [m; quaternion], ``twists``
-    (objects, 6) [m/s, rad/s], ``damping`` (objects,) [N s/m], ``result`` (RESULT_SIZE,) of the contact.
-    """
-    primary[0], nearest[0] = render.touch(c, poses, twists, damping, figures, result)
-    return 0
-
-
-@kernel
 def look_beside(
     world: Floats, mesh: Any, poses: Floats, primary: Any, point: Floats, normal: Floats, reach: float, found: Any,
     away: Any,
@@ -153,14 +131,8 @@ def look_below(
     world, mesh, poses, twists = objects.world, objects.mesh, objects.poses, objects.twists
     below[0] = ground.find(c, world, mesh, poses, twists, figures, kept, down, normal, start)
     higher = 0.0 if math.isnan(risen[0]) else risen[0]
-    plate.foresee(c, table, figures, kept, _load(load, presses), higher)
+    plate.foresee(c, table, figures, kept, force.on_plate(load, presses), higher)
     return 0
-
-
-@linked
-def _load(load: Floats, presses: Floats) -> float:
-    """Return the force on a surface along its device's third axis [N], as is said (1,), or else as is read (6,)."""
-    return float(-presses[0] if presses[0] >= 0.0 else load[2])
 
 
 @kernel
@@ -228,20 +200,6 @@ def close_in(
     closing[0] = pace(gap, figures[render.TRACKING], tracking, near, close, far)
     if closing[0] == 0.0:
         clamped[0] += 1
-    return 0
-
-
-@kernel
-def push(
-    c: Floats, figures: Floats, kept: Floats, sent: Floats, wrench: Floats, load: Floats, presses: Floats, primary: Any
-) -> int:  # fmt: skip
-    """Command the arm's part of the force; the arrays are those of `force.push`.
-
-    ``load`` (6,): the plate's wrench [N, N m], of which the third entry counts; ``presses`` (1,): what its modality
-    says of that [N], below 0: nothing; ``primary`` (1,): index of the touched object, -1: none.
-    """
-    pressed = _load(load, presses)
-    force.push(c, figures, kept, sent, wrench, pressed, primary[0] >= 0, presses[0] >= 0.0)
     return 0
 
 

@@ -10,12 +10,13 @@ plate renders of the force, and what is left for the arm, is decided in ``itouch
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from itouch.blocks import Block, places, width
-from itouch.compiling import linked
+from itouch.compiling import kernel, linked
 from itouch.contact import layout as at
 from itouch.twin.frame_rotation import FRAME, turned_out
 from itouch.world import state_fields
@@ -44,13 +45,15 @@ PLATE_COSINE = _constants.part()  # of the steepest slope that a plate renders [
 CONSTANTS = _constants.width
 
 
-@linked
-def follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
-    """Take the tracker's position as the HIP, and filter its velocity; ``first``: the velocity stays as it is.
+@kernel
+def follow(c: Floats, tracker: Floats, figures: Floats, afresh: Any, tick: Any) -> int:
+    """Take the tracker's position as the HIP, and filter its velocity, which stays as it is in the first tick.
 
     ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) as above; ``tracker`` (7,) [m; quaternion], of which only the
-    position is read.
+    position is read; ``tick`` (1,); where ``afresh`` (1,) is set, the velocity stays as it is this once.
     """
+    first = tick[0] == 0 or afresh[0] != 0
+    afresh[0] = 0
     x, y, z = turned_out(c, TRACKER, tracker[0], tracker[1], tracker[2])
     place = (x + c[TRACKER], y + c[TRACKER + 1], z + c[TRACKER + 2])
     for i in range(3):
@@ -58,6 +61,7 @@ def follow(c: Floats, tracker: Floats, figures: Floats, first: bool) -> None:
             rate = (place[i] - figures[HIP + i]) / c[PERIOD]
             figures[VELOCITY + i] += c[SMOOTH] * (rate - figures[VELOCITY + i])
         figures[HIP + i] = place[i]
+    return 0
 
 
 @linked
@@ -149,10 +153,11 @@ def _approach(figures: Floats, result: Floats, poses: Floats, twists: Floats) ->
         figures[TIME_TO_CONTACT] = distance / speed
 
 
-@linked
+@kernel
 def touch(
-    c: Floats, poses: Floats, twists: Floats, damping: Floats, figures: Floats, result: Floats
-) -> tuple[int, int]:  # fmt: skip
+    c: Floats, poses: Floats, twists: Floats, damping: Floats, figures: Floats, result: Floats, primary: Any,
+    nearest: Any,
+) -> int:  # fmt: skip
     """Write the contact force of one probe, and how far the nearest object is.
 
     Parameters
@@ -160,19 +165,17 @@ def touch(
     c
         Constants of the probe, shape (CONSTANTS,).
     poses, twists
-        Of the objects, shapes (n, 7) and (n, 6).
+        Of the objects, shapes (n, 7) [m; quaternion] and (n, 6) [m/s, rad/s].
     damping
         Of the coupling with each object [N s/m], shape (n,).
     figures, result
-        The probe's part of State, and what the contact search found.
-
-    Returns
-    -------
-    tuple
-        The object touched most and the nearest one; -1: none.
+        The probe's part of State, and what the contact search found, shapes (FIGURES,) and (RESULT_SIZE,).
+    primary, nearest
+        Written: the object touched most and the nearest one, shape (1,) each; -1: none.
     """
     for i in range(3):
         figures[PROXY + i] = result[at.RESULT_PROXY + i]
     _push(c, poses, twists, damping, figures, result)
     _approach(figures, result, poses, twists)
-    return int(result[at.RESULT_PRIMARY]), int(result[at.RESULT_NEAREST])
+    primary[0], nearest[0] = int(result[at.RESULT_PRIMARY]), int(result[at.RESULT_NEAREST])
+    return 0

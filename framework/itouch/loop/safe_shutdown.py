@@ -108,7 +108,7 @@ class SafeShutdown:
             clock.start(period)
             self._sequence.leave_out(late)
             for runner in self._runners:
-                runner.gate.leave_out(late)
+                runner.gate.device_monitors.leave_out(late)
 
     def _move(self) -> None:
         for rig in self._rigs:

@@ -70,11 +70,11 @@ def read(gate: Gate) -> Step:
         *_readings(gate.model),
         *_of(name, "age", "measured", "left", "out.*", "twin.*", "watchdog.*", *_TRIPPED),
     )
-    reads, bounds = _of(name, "status", "twin.*"), gate.bound_take()
+    reads, bounds = _of(name, "status", "twin.*"), gate.acquisition.bound_take()
     if bounds:
-        answer: Answer = lambda code, tick, ready: gate.take(tick)  # noqa: E731
-        return joinable(f"read {name}", bounds, reads, written, answer, gate.not_taken)
-    return Step(f"read {name}", lambda tick, ready: gate.take(tick), reads, written)
+        answer: Answer = lambda code, tick, ready: gate.acquisition.take(tick)  # noqa: E731
+        return joinable(f"read {name}", bounds, reads, written, answer, gate.acquisition.not_taken)
+    return Step(f"read {name}", lambda tick, ready: gate.acquisition.take(tick), reads, written)
 
 
 def watch(gate: Gate) -> Step:
@@ -82,17 +82,17 @@ def watch(gate: Gate) -> Step:
     name = gate.model.name
     written = (*_readings(gate.model), *_of(name, "age", "sequence", *_watched(gate.model), *_TRIPPED))
     reads = (*_readings(gate.model), *_of(name, "status", "age", "sent.*", "touched", "felt", *_watched(gate.model)))
-    bounds = gate.bound_watch()
+    bounds = gate.acquisition.bound_watch()
     if not bounds:
-        return Step(f"watch {name}", lambda tick, ready: gate.watch_reading(tick), reads, written)
+        return Step(f"watch {name}", lambda tick, ready: gate.acquisition.watch(tick), reads, written)
 
     def answer(code: int, tick: int, ready: bool) -> None:
         if code >= TOLD:
-            gate.told(code - TOLD, tick)
+            gate.acquisition.told(code - TOLD, tick)
         elif code == LOOK:
-            gate.look(tick)
+            gate.acquisition.look(tick)
         else:
-            gate.watch_reading(tick)
+            gate.acquisition.watch(tick)
 
     return joinable(f"watch {name}", bounds, reads, written, answer)
 
@@ -372,7 +372,7 @@ def supervise(
         if runner.latch.enabled:
             for tell in present:
                 tell(runner, ready)
-            runner.gate.watch_placed(tick)
+            runner.gate.acquisition.watch_placed(tick)
             show()
 
     def show() -> None:
@@ -435,17 +435,20 @@ def guard(gate: Gate) -> Step:
         *(f"{one.name}.share" for one in gate.model.monitors),
     )
     written = _of(name, "sent.*", "clamped", "dropped", *_TRIPPED)
-    bounds = gate.bound_guard()
+    bounds = gate.actuation.bound_guard()
     if bounds:
-        return joinable(f"guard {name}", bounds, reads, written, lambda code, tick, ready: gate.guard(tick))
-    return Step(f"guard {name}", lambda tick, ready: gate.guard(tick), reads, written)
+        return joinable(f"guard {name}", bounds, reads, written, lambda code, tick, ready: gate.actuation.guard(tick))
+    return Step(f"guard {name}", lambda tick, ready: gate.actuation.guard(tick), reads, written)
 
 
 def write(gate: Gate) -> Step:
     """Write to a device the commands that safety let through."""
     name = gate.model.name
     return Step(
-        f"write {name}", lambda tick, ready: gate.send(tick), _of(name, "sent.*", "status"), _of(name, *_TRIPPED)
+        f"write {name}",
+        lambda tick, ready: gate.actuation.send(tick),
+        _of(name, "sent.*", "status"),
+        _of(name, *_TRIPPED),
     )
 
 
@@ -495,7 +498,7 @@ def twin(runner: Runner) -> Step:
     if runner.worn_by:
         own, reads = (*own, f"{runner.worn_by}.taken"), (*reads, f"{runner.worn_by}.skin")
     if bound is not None:
-        bounds = (Bound(probe_steps.original, runner.gate.replaced), bound)
+        bounds = (Bound(probe_steps.original, runner.gate.link.replaced), bound)
         answer: Answer = lambda code, tick, ready: runner.step_twin(tick)  # noqa: E731
         return joinable(f"twin {name}", bounds, reads, own, answer, runner.not_stepped)
     return Step(f"twin {name}", lambda tick, ready: runner.step_twin(tick), reads, own)

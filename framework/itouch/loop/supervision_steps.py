@@ -204,7 +204,7 @@ def bound_together(finger: Finger, state: Record, period: float) -> Bound | None
     nearing = finger.nearing.get(table.model.name)
     if post is None or not isinstance(post.monitor, Surface) or nearing is None:
         return None
-    room = finger.arms_of[0].moving.room if finger.arms_of else np.zeros(0)
+    room = finger.arms_of[0].actuation.moving.room if finger.arms_of else np.zeros(0)
     panel, monitor = table.device_monitors, post.monitor
     return Bound(
         together, monitor.load(panel.seen), nearing, TOUCH_FORCE, finger.force, room, monitor.allowed,

@@ -20,7 +20,7 @@ from itouch.loop import event_detection, probe_steps, render
 from itouch.loop.device_runner import Runner
 from itouch.loop.late_coupling import Late, ease
 from itouch.loop.rigid_transforms import Frame
-from itouch.loop.surface import plate, surface_memory
+from itouch.loop.surface import force, plate, surface_memory
 from itouch.loop.surface.force import SOON
 from itouch.monitors.surface_kernels import FingerAbove
 from itouch.plugin import Bound, Contact, ContactEvent, HeardContact, Record, Role, Touches
@@ -94,7 +94,7 @@ class Toucher:
         self.newer: tuple[str, ...] = ()
         self._poses, self._twists = state["objects.pose"], state["objects.twist"]
         follow = Bound(
-            probe_steps.follow, self._constants, tracker.read_as(Role.TRACKED_POSE), self.figures, self._afresh,
+            render.follow, self._constants, tracker.read_as(Role.TRACKED_POSE), self.figures, self._afresh,
             state["tick"],
         )  # fmt: skip
         eased = self._bind_ease(model, probe, state, tracker, arm) if model.objects else ()
@@ -110,7 +110,7 @@ class Toucher:
         else:  # nothing but the virtual force can be felt
             self.finds += (Bound(probe_steps.only_virtual, self.figures, state[f"{probe.name}.felt_force"]),)
         self.pushes = Bound(
-            probe_steps.push, self._constants, self.figures, self.surface,
+            force.push, self._constants, self.figures, self.surface,
             arm.sent_as(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6),
             arm.commanded(Role.FORCE_ON_OPERATOR) if arm is not None else np.zeros(6), self._load,
             self._presses, self.object,
@@ -156,7 +156,7 @@ class Toucher:
             )  # fmt: skip
             calls.append(effect)
         touched = Bound(
-            probe_steps.touch, self._constants, self._poses, self._twists, damping, figures, self.result, self.object,
+            render.touch, self._constants, self._poses, self._twists, damping, figures, self.result, self.object,
             self._nearest,
         )  # fmt: skip
         calls.append(touched)
@@ -210,7 +210,7 @@ class Toucher:
             probe_steps.look_below, own, objects, here, self._load, self._presses, risen, self.below,
             np.array([0.0, 0.0, -1.0]), np.zeros(3), np.zeros(3),
         )  # fmt: skip
-        measured, read = table.gate.measured_of(Role.TRACKED_POSE), np.zeros(0)
+        measured, read = table.gate.acquisition.measured_of(Role.TRACKED_POSE), np.zeros(0)
         if table.model.wire:
             read = state.flat(f"{probe.name}.rising.read_at", f"{probe.name}.rising.between")
         sent, goal = table.sent_as(Role.SURFACE_POSE), table.commanded(Role.SURFACE_POSE)

@@ -271,7 +271,7 @@ class TouchOff:
         search_on = Bound(
             seek, toucher.constants, search, reach, points, table.read_as(Role.TRACKED_POSE),
             self._load, toucher.figures, table.commanded(Role.SURFACE_POSE),
-            table.gate.moving.closing, fixed,
+            table.gate.actuation.moving.closing, fixed,
         )  # fmt: skip
         #: One tick of it as compiled calls, which must be the last ones of their step.
         self.bounds = (Bound(sought, self.stage.reshape(1), table.latch.seen), search_on)

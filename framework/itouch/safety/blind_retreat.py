@@ -31,7 +31,8 @@ from numpy.typing import NDArray
 
 from itouch.monitors import DOUBTS
 from itouch.plugin import RETRACT, Role
-from itouch.safety.gate import BACKWARDS, HELD, Gate
+from itouch.safety.actuation import BACKWARDS, HELD
+from itouch.safety.gate import Gate
 
 #: Length [m] of a leg, and of all legs together, from where a surface was sent when all stopped.
 LEG, BLIND = 0.002, 0.006
@@ -203,17 +204,19 @@ class BlindRetreat:
 
     def _has_left(self) -> bool:
         """Tell whether a leg's last command has left, as far as the wire tells: a busy machine may send it late."""
-        goal = self._gate.departures.newest
+        goal = self._gate.acquisition.departures.newest
         return goal is None or abs(goal - self._goal) <= _NEAR
 
     def _heard(self, tick: int) -> bool:
         """Tell whether all that is known of fingers was measured in a tick or later."""
-        times = [one.tracker.measured_at(Role.TRACKED_POSE) for one in self._fingers if self._knows(one.tracker)]
+        times = [
+            one.tracker.acquisition.measured_at(Role.TRACKED_POSE) for one in self._fingers if self._knows(one.tracker)
+        ]
         return bool(self._tick.item() >= tick) and all(time >= tick for time in times)
 
     def _knows(self, tracker: Gate) -> bool:
         """Tell whether a device's reading of a finger can be believed, and is recent."""
-        age = self._tick.item() - tracker.measured_at(Role.TRACKED_POSE)
+        age = self._tick.item() - tracker.acquisition.measured_at(Role.TRACKED_POSE)
         return tracker.latch.trip not in DOUBTS and age <= self._known
 
     def _look(self) -> Observation:

@@ -35,12 +35,12 @@ def warm_up(model: DeviceModel, scratch: Record, period: float) -> None:
 def _acts(gate: Gate, touched: bool) -> Iterator[Callable[[], object]]:
     """Yield what a tick may call: a reading, every monitor, and every command."""
     tick = int(touched)
-    yield lambda: gate.believe(tick, ENABLED)
-    yield lambda: gate.look(tick)
-    yield lambda: gate.wait(tick, ENABLED)
-    yield lambda: gate.watch_placed(tick)
+    yield lambda: gate.acquisition.believe(tick, ENABLED)
+    yield lambda: gate.acquisition.look(tick)
+    yield lambda: gate.acquisition.wait(tick, ENABLED)
+    yield lambda: gate.acquisition.watch_placed(tick)
     yield lambda: gate.device_monitors.count_contact(tick, touched)
     yield lambda: gate.device_monitors.closing(gate.device_monitors.moment.gap, 0.0)
     yield lambda: gate.device_monitors.follow(0.0, not touched, 0.0)
-    yield lambda: gate.guard(tick)
+    yield lambda: gate.actuation.guard(tick)
     yield lambda: gate.verify(tick)

@@ -54,7 +54,9 @@ class HoldToRun:
         """Return which of the devices' switches are held."""
         oldest = tick - self._ticks
         listed = enumerate(self._switches)
-        return frozenset(n for n, (one, index, view) in listed if view.item() > 0.5 and one.knows(index, oldest))
+        return frozenset(
+            n for n, (one, index, view) in listed if view.item() > 0.5 and one.acquisition.knows(index, oldest)
+        )
 
     def recall(self, tick: int) -> None:
         """Take the devices' switches as they are now for the state before: one that is not held now is not let go."""

@@ -94,7 +94,7 @@ class Lifecycle:
         if self.latch.latched:
             raise DeviceError(f"device '{name}' was stopped by {self.latch.trip.label}: it must be re-armed first")
         self._refuse_spent()
-        if not self.model.twin and self.model.reads and not self.gate.heard:
+        if not self.model.twin and self.model.reads and not self.gate.acquisition.heard:
             raise DeviceError(f"device '{name}' has not read anything yet: nothing could watch what it does")
         self.gate.begin()
         self.latch.become(ENABLED)
@@ -148,7 +148,7 @@ class Lifecycle:
         if self.latch.trip in LOSSES:
             self.latch.release()
         self.open()
-        self.gate.rest_at_safe()
+        self.gate.actuation.rest_at_safe()
 
     def take_over(self, other: Lifecycle) -> None:
         """Take over the open device of another instance, which is then CLOSED and can no longer send anything.
@@ -180,7 +180,7 @@ class Lifecycle:
             self._claims.release()
             return
         try:
-            self.gate.send_safe()
+            self.gate.actuation.send_safe()
         finally:
             self.latch.become(CLOSED)
             self._let_go()

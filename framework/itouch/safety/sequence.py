@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from itouch.monitors import DOUBTS, DeviceFaultError, Heat, Trip
 from itouch.plugin import RETRACT, Record, Role
+from itouch.safety.actuation import BACKWARDS, HELD
 from itouch.safety.blind_retreat import BlindRetreat, TrackedFinger
-from itouch.safety.gate import BACKWARDS, HELD, Gate
+from itouch.safety.gate import Gate
 from itouch.safety.latch import Status
 
 #: Force [N] under which a finger has left the plate, and how long [s] that is waited for.
@@ -81,7 +82,7 @@ class SafeSequence:
     ) -> None:  # fmt: skip
         self._gates, self._period, self._move = tuple(gates), period, move
         self._tick, self._stopping = state["tick"], state["stopping"]
-        self._ways = [(g, g.stopped) for g in gates if g.stopped is not None and _retracts(g)]
+        self._ways = [(g, g.actuation.stopped) for g in gates if g.actuation.stopped is not None and _retracts(g)]
         self._retracting = [g for g, _ in self._ways]
         self._blind = {
             g.model.name: BlindRetreat(g, self._tick, period, (fingers or {}).get(g.model.name, ()))
@@ -133,7 +134,7 @@ class SafeSequence:
         self._late = {g.model.name for g in self._retracting if g.twin is None}
         self._since = self._tick.item()
         for gate in self._carried:
-            gate.keeping = gate.model.name != fault.device
+            gate.actuation.keeping = gate.model.name != fault.device
         self._passed = self._skipped = 0
         self._moved = {name: (height, math.nan, self._since) for name, height in heights.items()}
         self._safe, self._rest, self.interrupted = None, round(SAFE_TIME / self._period), None
@@ -200,7 +201,7 @@ class SafeSequence:
     def _set_out(self, gate: Gate, stopped: NDArray[np.int8]) -> None:
         """Begin with one surface; drop what an earlier stop found about its direction if it was enabled since."""
         self._blind[gate.model.name].begin()
-        way, target = gate.way, gate.model.command(Role.SURFACE_POSE)
+        way, target = gate.actuation.way, gate.model.command(Role.SURFACE_POSE)
         if gate.latch.enabled:
             stopped[...] = 0
         if way is not None and target is not None and (gate.latch.enabled or math.isnan(way[0].item())):
@@ -208,11 +209,11 @@ class SafeSequence:
 
     def _release(self) -> None:
         for gate in self._carried:
-            gate.keeping = False
+            gate.actuation.keeping = False
 
     def _busy(self) -> bool:
         """Tell whether a drive is still kept, or a surface driven backwards."""
-        return any(g.keeping for g in self._carried) or any(way.item() == BACKWARDS for _, way in self._ways)
+        return any(g.actuation.keeping for g in self._carried) or any(way.item() == BACKWARDS for _, way in self._ways)
 
     def _going(self, arrived: Sequence[bool]) -> bool:
         """Tell whether any surface has not ``arrived``, or has legs to go: it may be slow, or behind a slow wire."""
@@ -279,8 +280,8 @@ class SafeSequence:
         wrong = any(g is gate and stopped.item() for g, stopped in self._ways)
         if wrong or gate.latch.status is Status.FAULT or not self._believed(gate):
             return False
-        known = gate.twin is not None or gate.measured_at(Role.TRACKED_POSE) >= self._since
-        off = not any(_differs(gate.sent[name], guard.channel.safe) for name, guard in gate.guards)
+        known = gate.twin is not None or gate.acquisition.measured_at(Role.TRACKED_POSE) >= self._since
+        off = not any(_differs(gate.sent[name], guard.channel.safe) for name, guard in gate.actuation.guards)
         height = _height(gate)
         return known and off and (before - height >= RETREAT or height <= _end(gate) + AT_END)
 
@@ -310,12 +311,12 @@ class SafeSequence:
                 self._retreat_blind(gate, stopped)  # a position that is not believed tells no direction
                 continue
             height = _height(gate)
-            if self._blind[name].active and gate.way is not None:
-                self._blind[name].drop(stopped, gate.way)
+            if self._blind[name].active and gate.actuation.way is not None:
+                self._blind[name].drop(stopped, gate.actuation.way)
                 self._furthest[name] = height
                 self._change(name)
             if name in self._late:
-                if gate.measured_at(Role.TRACKED_POSE) < self._since:
+                if gate.acquisition.measured_at(Role.TRACKED_POSE) < self._since:
                     continue  # the first readings over a late wire still show where the surface went before
                 self._late.discard(name)
                 heights[name] = self._furthest[name] = height
@@ -340,8 +341,8 @@ class SafeSequence:
     def _retreat_blind(self, gate: Gate, stopped: NDArray[np.int8]) -> None:
         """Withdraw a surface by what touches it; but first give one that has merely not answered yet time to do so."""
         lies = gate.latch.trip in LIES or gate.model.name not in self._mute
-        if gate.way is not None and (lies or self._passed * self._period >= UNHEARD):
-            self._blind[gate.model.name].mind(stopped, gate.way)
+        if gate.actuation.way is not None and (lies or self._passed * self._period >= UNHEARD):
+            self._blind[gate.model.name].mind(stopped, gate.actuation.way)
 
     def _change(self, name: str) -> None:
         """Note that a surface changes its direction now."""
@@ -349,7 +350,7 @@ class SafeSequence:
 
     def _measured(self, gate: Gate) -> int:
         """Return the tick to which the known height of a surface belongs."""
-        return self._tick.item() if gate.twin is not None else gate.measured_at(Role.TRACKED_POSE)
+        return self._tick.item() if gate.twin is not None else gate.acquisition.measured_at(Role.TRACKED_POSE)
 
     def _turn(self, name: str, stopped: NDArray[np.int8]) -> None:
         """Send a surface that was driven backwards down again; hold one that was turned too often: no way is right."""
@@ -363,13 +364,13 @@ class SafeSequence:
         name = gate.model.name
         if gate.twin is None and not self._believed(gate):
             blind = self._blind.get(name)
-            done = blind.said(gate.way) if blind is not None and gate.way is not None else ""
+            done = blind.said(gate.actuation.way) if blind is not None and gate.actuation.way is not None else ""
             return f"can't be verified: its sensors are not believed, or it does not answer{done}", True
         surface = self._seen_surface(gate, heights[name]) if name in heights else None
         if surface is not None and surface[1]:
             return surface
-        acting = [n for n, guard in gate.guards if isinstance(guard.channel.safe, tuple)]
-        left_on = [n for n, guard in gate.guards if _differs(gate.sent[n], guard.channel.safe)]
+        acting = [n for n, guard in gate.actuation.guards if isinstance(guard.channel.safe, tuple)]
+        left_on = [n for n, guard in gate.actuation.guards if _differs(gate.sent[n], guard.channel.safe)]
         if left_on:
             return f"{', '.join(left_on)} is not off", True
         heats = gate.heats if self._believed(gate) else []
@@ -387,7 +388,7 @@ class SafeSequence:
 
     def _seen_surface(self, gate: Gate, before: float) -> tuple[str, bool]:
         bottom = _end(gate)
-        if gate.twin is None and gate.measured_at(Role.TRACKED_POSE) < self._since:
+        if gate.twin is None and gate.acquisition.measured_at(Role.TRACKED_POSE) < self._since:
             return "not measured since it was told to retract", True
         height = _height(gate)
         gone = before - height

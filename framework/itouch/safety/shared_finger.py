@@ -122,7 +122,7 @@ class Finger:
             raise DeviceFaultError(most.model.name, tick, Trip.FINGER_FORCE, what)
         left = max(0.0, self.force - (self.taken() if self.arms_of else 0.0))
         for arm in self.arms_of:
-            arm.moving.room[0], arm.moving.turning[0] = left, self.torque
+            arm.actuation.moving.room[0], arm.actuation.moving.turning[0] = left, self.torque
         if self.tables:
             self._touch(tick)
         if len(self._heats) > 1:
@@ -143,9 +143,9 @@ class Finger:
         """Reduce an arm's force and torque to what the other arms leave, too, just before its command is limited."""
         others = [views for one, views in zip(self.arms_of, self._wrenches, strict=True) if one is not arm]
         left = self.force - self.taken()
-        arm.moving.room[0] = max(0.0, left - sum(_size(views) for views in others))
+        arm.actuation.moving.room[0] = max(0.0, left - sum(_size(views) for views in others))
         most = min(self.torque, left * default.FINGER_LEVER)
-        arm.moving.turning[0] = max(0.0, most - sum(_size(views, 3) for views in others))
+        arm.actuation.moving.turning[0] = max(0.0, most - sum(_size(views, 3) for views in others))
 
     @property
     def arms(self) -> Sequence[Gate]:

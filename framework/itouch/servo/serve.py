@@ -99,7 +99,7 @@ def unsent(session: Session) -> int:
     """Return, a bit each, the devices whose last command could not be written; another process may reach them."""
     found = 0
     for index, runner in enumerate(session.runners[:MOST_DEVICES]):
-        if runner.gate.unsent and runner.latch.number != CLOSED:
+        if runner.gate.actuation.unsent and runner.latch.number != CLOSED:
             found |= 1 << index
     return found
 

@@ -122,7 +122,7 @@ class Replay:
             return self._skip()
         feed.inputs(self.session.state)
         for runner in self._real:
-            runner.gate.slip[0] = LATE
+            runner.gate.acquisition.slip[0] = LATE
         self._mark(tick)
         begin, failed = feed.at, self._failed.pop(tick, None)
         if failed is not None:

@@ -8,11 +8,12 @@ sum of both changes in small steps: the plate's force is measured, and the arm's
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.compiling import linked, scratch
+from itouch.compiling import kernel, linked, scratch
 from itouch.loop.render import (
     ARM,
     CONTACT_FORCE,
@@ -193,9 +194,16 @@ def _anew(memory: Floats, begin: int, force: Floats) -> float:
 
 
 @linked
+def on_plate(load: Floats, presses: Floats) -> float:
+    """Return the force on a surface along its device's third axis [N], as is said (1,), or else as is read (6,)."""
+    return float(-presses[0] if presses[0] >= 0.0 else load[2])
+
+
+@kernel
 def push(
-    c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Floats, load: float, touching: bool, guessed: bool
-) -> None:  # fmt: skip
+    c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Floats, load: Floats, presses: Floats,
+    primary: Any,
+) -> int:  # fmt: skip
     """Command the arm; where the plate renders the contact, only that part of the normal force which it does not give.
 
     Parameters
@@ -203,20 +211,23 @@ def push(
     c
         Constants of the probe, shape (CONSTANTS,).
     figures, memory
-        The probe's part of State, and that of the carried surface.
+        The probe's part of State, shape (FIGURES,), and that of the carried surface, shape (MEMORY,).
     sent, wrench
         What was sent to the arm last, and its command, shape (6,), in the arm's frame; the command is written.
     load
-        The table's reading of the force along its z axis [N]; a finger that presses makes it negative.
-    touching
-        Whether there is a virtual contact.
-    guessed
-        Whether ``load`` is no reading of this tick, but what is thought of the force since an older one.
+        The table's reading of the wrench on it, shape (6,) [N, N m], of which the third number counts; a finger that
+        presses makes it negative.
+    presses
+        What the plate's modality says of that force now [N], shape (1,), where the reading is an older one; below 0:
+        nothing.
+    primary
+        Index of the touched object, shape (1,); -1: there is no virtual contact.
     """
+    touching, guessed = primary[0] >= 0, presses[0] >= 0.0
     along = 0.0
     for i in range(3):
         along += figures[CONTACT_FORCE + i] * figures[NORMAL + i]
-    pressed = max(0.0, -load)
+    pressed = max(0.0, -on_plate(load, presses))
     rise = pressed - memory[LOAD] if c[HAS_LOAD] > 0.0 else 0.0
     if memory[LOAD] <= NOTHING:
         # What a sensor reads without a touch is no rise; the pad's damping gives a force at once, and only once.
@@ -257,6 +268,7 @@ def push(
         _shorten(force, c[FORCE_LIMIT] - memory[CUT])
     memory[STIRS + 1], memory[STIRS] = memory[STIRS], virtual
     wrench[0], wrench[1], wrench[2] = turned_in(c, ARM, force[0], force[1], force[2])
+    return 0
 
 
 @linked

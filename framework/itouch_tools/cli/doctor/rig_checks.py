@@ -58,7 +58,7 @@ def _examined(session: Session, seconds: float) -> Iterator[Diagnosis]:
         )
     there = [one for one in watched if one.model.name not in failures]
     for one in there:
-        one.runner.gate.rest_at_measured()
+        one.runner.gate.actuation.rest_at_measured()
     _watch(session, there, seconds)
     for one in there:
         yield from _sensors(one, seconds)
