@@ -478,6 +478,18 @@ def test_a_device_that_does_not_return_from_closing_is_not_waited_for(monkeypatc
     assert rig.last() == [0.0] * 6
 
 
+def test_a_surface_that_was_opened_retracts_from_where_it_stands_and_until_that_is_read_is_told_nothing() -> None:
+    rig = Rig(TABLE)
+    rig.it.sent["pose_target"] = (0.0, 0.0, 0.055, 1.0, 0.0, 0.0, 0.0)  # of an earlier session: it may stand elsewhere
+    rig.it.lifecycle.open()
+    rig.it.gate.write(0)
+    assert rig.device.written == []
+    assert rig.it.sent["pose_target"][2] == 0.055
+    rig.it.gate.read(1)
+    rig.it.gate.write(1)
+    assert rig.last("pose_target")[:3] == pytest.approx((0.0, 0.0, 0.03 - LIMITS.speed * PERIOD), abs=1e-12)
+
+
 def test_what_a_device_could_not_be_given_is_known() -> None:
     rig = Rig().enabled()
     rig.it.gate.write(1)
