@@ -84,6 +84,19 @@ def saved(tmp_path: Path) -> Path:
     return tmp_path / "s.itouch"
 
 
+@pytest.mark.parametrize("name", ["λ", "größe", "Ωmega_温度"])
+def test_names_of_fields_may_have_any_letters(name: str, tmp_path: Path) -> None:
+    """Their letters come back from a snapshot as they are, and nothing is said of them."""
+    (tmp_path / "scene.xml").write_text(SCENE, encoding="utf-8")
+    plugins = catalog(modality(COUNT, Field(name, "f8", 2)))
+    session = itouch.build(tmp_path / "scene.xml", catalog=plugins)
+    session.run(0.02)
+    session.save(tmp_path / "s.itouch")
+    restored = itouch.restore(tmp_path / "s.itouch", catalog=plugins)
+    assert restored.notices == ()
+    assert restored.state.tobytes() == session.state.tobytes()
+
+
 def test_an_added_field_takes_its_default_and_is_told(saved: Path) -> None:
     new = modality(Field("fresh", "f8", 2), COUNT, Field("old", "i4"), Field("level", "f4", 3))
     session = itouch.restore(saved, catalog=catalog(new, "1.1"))

@@ -221,6 +221,19 @@ def test_a_scene_that_does_not_use_the_plugin_is_refused(name, capsys):
     assert not said.out
 
 
+def test_a_modality_that_the_scene_does_not_use_is_not_examined_and_that_is_said(monkeypatch, capsys):
+    """A plugin may have several modalities, and a scene one of them: the others are no fault of it."""
+    from itouch.testing import suites
+    from itouch_tools.cli import main
+
+    for checks in ("DEVICE_CHECKS", "MODALITY_CHECKS"):
+        monkeypatch.setattr(suites, checks, [one for one in getattr(suites, checks) if one.name == "parameters"])
+    assert main(["test-plugin", "thermal", "--scene", str(SCENES / "handbook_touch.xml")]) == 0
+    said = capsys.readouterr()
+    assert "device 'thermal'" in said.out and "modality 'thermal.heat'" in said.out and "flux-control" not in said.out
+    assert "'thermal.flux-control' was not examined" in said.err and "handbook_touch.xml' does not use it" in said.err
+
+
 def test_of_another_process_its_last_error_is_told_whole():
     frames = 'Traceback (most recent call last):\n  File "a.py", line 3, in f\n    raise error\n'
     told = f"{frames}KeyError: 1\n\nDuring handling of it:\n\n{frames}ModuleNotFoundError: {'x' * 400}\n"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import struct
 from collections.abc import Mapping
 from typing import Any
 
@@ -15,12 +16,15 @@ from itouch.plugin.bases import Arrays
 
 #: Longest header of an array [bytes], greatest number of arrays in a basis.
 _HEADER, _MOST = 1 << 20, 64
+#: The version of the ``.npy`` format whose header may have any letters, because names of fields may.
+_UTF8 = (3, 0)
 
 
 def npy_header(dtype: np.dtype[Any]) -> bytes:
     """Return what precedes one record of this type in an ``.npy`` file."""
     stream = io.BytesIO()
-    npy.write_array(stream, np.zeros(1, dtype), allow_pickle=False)
+    version = None if str(dtype).isascii() else _UTF8  # left to choose, NumPy would warn of that format
+    npy.write_array(stream, np.zeros(1, dtype), version=version, allow_pickle=False)
     return stream.getvalue()[: -dtype.itemsize] if dtype.itemsize else stream.getvalue()
 
 
@@ -46,8 +50,15 @@ def _header(stream: io.BytesIO) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """Return shape and type from the header of an ``.npy`` file; whatever is wrong with it is a ValueError."""
     try:
         version = npy.read_magic(stream)
+        if version == _UTF8:
+            (length,) = struct.unpack("<I", stream.read(4))
+            # NumPy has no public reader of this header: with escapes for its letters, the one of the format before does
+            plain = stream.read(length).decode("utf-8").encode("ascii", "backslashreplace")
+            head = io.BytesIO(struct.pack("<I", len(plain)) + plain)
+        else:
+            head = stream
         read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-        shape, _, dtype = read(stream, max_header_size=_HEADER)
+        shape, _, dtype = read(head, max_header_size=_HEADER)
     except Exception as error:  # its parser raises from SyntaxError to MemoryError on mutated headers
         raise ValueError(f"the head of an array makes no sense: {str(error)[:80]}") from error
     return shape, dtype

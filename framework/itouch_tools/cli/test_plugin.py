@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import io
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from itouch.schema import ItouchError
@@ -58,14 +58,19 @@ def _examine(options: argparse.Namespace) -> int:
     known = [f"{plugin}.{local}" for plugin in catalog.plugin_names for local in catalog.modality_names(plugin)]
     chosen = [name for name in known if options.name in (name, name.split(".")[0])]
     carriers = [name for name in catalog.carrier_names if name == options.name and name not in known]
-    if scene is not None and (chosen or carriers or options.name in catalog.device_names):
-        _require_used(options, scene, [*chosen, *carriers], catalog.carrier()[0])
-    good, found = True, False
+    listed = [*chosen, *carriers]
+    if scene is not None and (listed or options.name in catalog.device_names):
+        used = _used(scene, catalog)
+        _require_used(options, used, listed)
+        listed = [name for name in listed if name in used]
+    good, found = True, bool(chosen or carriers)
     if options.name in catalog.device_names:
         good, found = _device(options, catalog, scene), True
-    for name in [*chosen, *carriers]:
-        found = True
+    for name in listed:
         good = _modality(name, options.scene, catalog) and good
+    for name in [*chosen, *carriers]:
+        if name not in listed:
+            print(f"note: modality '{name}' was not examined: '{options.scene}' does not use it", file=sys.stderr)
     if not found:
         from itouch.schema.diagnostics import did_you_mean
 
@@ -82,17 +87,21 @@ def _scene(path: str | None, catalog: Catalog) -> Scene | None:
     return load(path, catalog) if path else None
 
 
-def _require_used(options: argparse.Namespace, scene: Scene, modalities: Sequence[str], carrier: str) -> None:
-    """Refuse a scene that uses nothing of what is examined; ``carrier`` serves probes that name no other one.
+def _used(scene: Scene, catalog: Catalog) -> set[str]:
+    """Return the names of the plugins, modalities and carriers that a scene uses."""
+    used = {device.plugin for device in scene.devices} | {f"{one.plugin}.{one.local}" for one in scene.modalities}
+    return used | {probe.carrier or catalog.carrier()[0] for probe in scene.probes if probe.surface_to}
+
+
+def _require_used(options: argparse.Namespace, used: Collection[str], modalities: Sequence[str]) -> None:
+    """Refuse a scene that uses nothing of what is examined.
 
     Raises
     ------
     ItouchError
         If so.
     """
-    used = {device.plugin for device in scene.devices} | {f"{one.plugin}.{one.local}" for one in scene.modalities}
-    used |= {probe.carrier or carrier for probe in scene.probes if probe.surface_to}
-    if not used & {options.name, *modalities}:
+    if not {options.name, *modalities} & set(used):
         raise ItouchError(
             f"'{options.scene}' does not use '{options.name}', so nothing could be taken from it\n"
             f"  = help: it uses {', '.join(sorted(used)) or 'no plugin'}; name another scene, or omit --scene"
