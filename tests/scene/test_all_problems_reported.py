@@ -45,6 +45,24 @@ def test_the_problems_of_every_stage_stand_in_one_list(tmp_path: Path, capsys: p
     assert all(word in said.err + said.out for word in WRONG.values())
 
 
+def test_files_of_textures_and_motions_are_read_whatever_else_is_wrong(tmp_path: Path) -> None:
+    (tmp_path / "map.png").write_bytes(b"no picture")
+    (tmp_path / "way.csv").write_text("t,x,y,z\n0,0,0,0\n1,here,0,0\n")
+    path = tmp_path / "scene.xml"
+    path.write_text("""<itouch version="1.0">
+  <materials><material name="wood"><contact stiffness="1 N/mm"/>
+    <texture file="map.png"/></material></materials>
+  <world>
+    <box name="block" size="60 60 20 mm" pos="0 0 10 mm" colour="red" material="wood"/>
+    <box name="lid" size="60 60 20 mm" material="wood">
+      <motion file="way.csv"/></box>
+  </world></itouch>""")
+    with pytest.raises(SceneError) as caught:
+        itouch.build(path)
+    found = [(problem.place.line, problem.code) for problem in caught.value.problems if problem.place is not None]
+    assert found == [(3, "texture"), (5, "unknown-attribute"), (7, "motion")]
+
+
 def test_mending_what_is_told_leaves_nothing(tmp_path: Path) -> None:
     """What is told beside other problems is wrong by itself: it is there, too, when they are mended."""
     path = tmp_path / "scene.xml"

@@ -79,6 +79,53 @@ def test_base_is_resolved_attribute_by_attribute(write: Write) -> None:
     assert soft.visual is not None
 
 
+def test_what_stands_inside_an_element_of_the_base_holds_too(write: Write) -> None:
+    """A louder bell still rings; elements inside that are given anew replace all of the base's."""
+    path = write("s.xml", '<itouch version="1.0"><materials>'
+                 '<material name="bell"><contact stiffness="9"/>'
+                 '<sound loudness="0.5"><mode frequency="1 kHz" decay="1 s"/></sound></material>'
+                 '<material name="loud" base="bell"><sound loudness="1"/></material>'
+                 '<material name="deep" base="loud"><sound><mode frequency="90 Hz" decay="1 s"/></sound></material>'
+                 "</materials></itouch>")  # fmt: skip
+    scene = itouch.load(path)
+    sounds = [scene.material(name).sound for name in ("loud", "deep")]
+    assert [(sound.loudness, [mode.frequency for mode in sound.modes]) for sound in sounds if sound is not None] == [
+        (1.0, [1000.0]), (1.0, [90.0])
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("base", ["", ' base="wood"'])
+def test_an_element_given_twice_is_told_with_a_base_as_without(base: str, write: Write) -> None:
+    path = write("s.xml", '<itouch version="1.0"><materials><material name="wood"><contact stiffness="9"/></material>\n'
+                 f'<material name="m"{base}><contact stiffness="1"/><contact stiffness="2"/></material>'
+                 "</materials></itouch>")  # fmt: skip
+    with pytest.raises(itouch.SceneError) as caught:
+        itouch.load(path)
+    (problem,) = caught.value.problems
+    assert problem.code == "duplicate-element" and problem.advice == "remove one of them"
+    assert problem.place is not None and (problem.place.line, problem.place.column) == (2, 44 + len(base))
+
+
+@pytest.mark.parametrize(
+    ("contact", "spot", "advice"),
+    [
+        ('<contact stifness="9" damping="1"/>', "stifness", "did you mean 'stiffness'?"),
+        ('<contact stiffness="9" static-friction="0.2" dynamic-friction="0.3"/>', "dynamic-friction", "swap"),
+    ],
+)
+def test_what_is_wrong_in_a_base_is_told_once_and_where_it_stands(
+    contact: str, spot: str, advice: str, write: Write
+) -> None:
+    path = write("s.xml", f'<itouch version="1.0"><materials><material name="a">{contact}</material>'
+                 '<material name="b" base="a"><contact stiffness="5"/></material>'
+                 '<material name="c" base="b"/></materials></itouch>')  # fmt: skip
+    with pytest.raises(itouch.SceneError) as caught:
+        itouch.load(path)
+    (problem,) = caught.value.problems
+    assert problem.place is not None and problem.place.text[problem.place.column - 1 :].startswith(spot)
+    assert advice in problem.advice
+
+
 def test_base_cycle(write: Write) -> None:
     path = write("s.xml", '<itouch version="1.0"><materials><material name="a" base="b"/>'
                  '<material name="b" base="a"/></materials></itouch>')  # fmt: skip

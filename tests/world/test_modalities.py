@@ -41,6 +41,15 @@ def test_a_modality_that_takes_from_itself_is_one_problem(scenes: Path) -> None:
     assert fault.value.problems[0].place is not None
 
 
+def test_what_a_modality_cannot_work_with_is_told_at_its_attribute_with_what_to_do(scenes: Path) -> None:
+    path = swap(scenes, 'display="peltier"', 'display="table"')
+    with pytest.raises(itouch.SceneError) as fault:
+        itouch.build(path)
+    (problem,) = (p for p in fault.value.problems if p.code == "modality")
+    assert problem.place is not None and problem.place.text[problem.place.column - 1 :].startswith('display="table"')
+    assert problem.advice == "name a thermal display"
+
+
 def test_a_device_that_is_missing_is_told_once(scenes: Path) -> None:
     rig = scenes / "rigs" / "twin.xml"
     rig.write_text(rig.read_text().replace('name="peltier" plugin="thermal"', 'name="peltier" plugin="thermall"'))

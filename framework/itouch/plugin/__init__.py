@@ -35,7 +35,7 @@ from itouch.plugin.groups import Emulation, Mechanics, Opening, OperatorInput, T
 from itouch.plugin.ideal import IdealTwin
 from itouch.plugin.impedance import FingerTwin, ImpedanceArm
 from itouch.plugin.measured import Measured
-from itouch.plugin.modality import Carries, Modality, ParameterError, Touches
+from itouch.plugin.modality import Carries, Modality, Touches
 from itouch.plugin.monitor import Moment, Monitor, Rule, Watched
 from itouch.plugin.noise import gaussian
 from itouch.plugin.pseudo_terminal import Terminal
@@ -46,6 +46,7 @@ from itouch.plugin.trace import Trace, read_trace
 from itouch.plugin.world import World, WorldDevice, WorldObject, WorldSurface
 from itouch.schema import ItouchError
 from itouch.schema.extras import need
+from itouch.schema.fields import ParameterError
 from itouch.schema.quantities import QuantityError, parse_quantity
 from itouch.schema.wait_notices import waiting
 

@@ -13,14 +13,6 @@ from itouch.plugin.record import Field, Record
 from itouch.plugin.world import World
 
 
-class ParameterError(ValueError):
-    """A parameter that cannot work; ``field`` names it, so that the problem points at its attribute."""
-
-    def __init__(self, field: str, message: str) -> None:
-        super().__init__(message)
-        self.field = field
-
-
 class Carries(NamedTuple):
     """A modality's declaration that it brings a device's surface to a probe's finger, and which of its fields say how.
 

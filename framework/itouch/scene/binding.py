@@ -14,7 +14,7 @@ from itouch.scene.places import Places
 from itouch.scene.source import Attribute, Node
 from itouch.scene.values import ValueProblemError, parse_value
 from itouch.schema.diagnostics import ItouchError, Place, Problem, did_you_mean, meant, nearest
-from itouch.schema.fields import PLUGIN_NAMESPACE, Spec, constraint, default_of, specs, tag_of, xml_name
+from itouch.schema.fields import PLUGIN_NAMESPACE, ParameterError, Spec, constraint, default_of, specs, tag_of, xml_name
 from itouch.schema.plugin_errors import failure
 
 #: Value of a field that could not be read; its problem has been reported already.
@@ -72,7 +72,10 @@ class Binder:
         except (ValueError, ItouchError) as error:  # a plugin's own check in __post_init__
             if id(node) in self._incomplete:  # it may only miss the element that is wrong
                 return None
-            self.problems.append(Problem("bad-value", f"<{node.written}>: {error}", node.place))
+            place, advice = node.place, ""
+            if isinstance(error, ParameterError):
+                place, advice = spots.get(error.field, place), error.advice
+            self.problems.append(Problem("bad-value", f"<{node.written}>: {error}", place, advice))
             return None
         except KeyboardInterrupt:
             raise
@@ -235,7 +238,7 @@ class Binder:
         if child.tag in first:
             sentence = f"<{child.written}> may appear only once here"
             related = ((first[child.tag].place, "first here"),)
-            self.problems.append(Problem("duplicate-element", sentence, child.place, related=related))
+            self.problems.append(Problem("duplicate-element", sentence, child.place, "remove one of them", related))
             return
         first[child.tag] = child
         values[name] = BROKEN if bound is None else bound

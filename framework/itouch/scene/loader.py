@@ -121,8 +121,14 @@ def loads(
 
 
 def in_file_order(problems: Iterable[Problem]) -> list[Problem]:
-    """Sort problems by file (in the order of first mention), line and column, and drop duplicates."""
-    unique = list(dict.fromkeys(problems))
+    """Sort problems by file (in the order of first mention), line and column, and drop duplicates.
+
+    What is wrong in a material is found again in each one that has it as its base: it is told once, as in the base.
+    """
+    told: dict[tuple[str, str, Place | None], Problem] = {}
+    for problem in problems:
+        told.setdefault((problem.code, problem.sentence, problem.place), problem)
+    unique = list(told.values())
     files = list(dict.fromkeys(problem.place.file for problem in unique if problem.place))
     rank = {file: index for index, file in enumerate(files)}
 
@@ -341,10 +347,20 @@ def _mount_cycles(scene: Scene) -> list[Problem]:
 
 
 def _merged(inherited: list[Node], own: list[Node]) -> list[Node]:
-    """Return ``inherited`` and ``own`` elements as one list; those of one tag are merged, and own attributes win."""
-    mine = {(node.namespace, node.tag): node for node in own}
+    """Return ``inherited`` and ``own`` elements as one list; those of one tag are merged, and what is own wins.
+
+    An element that is given twice stays so, for the reader to tell.
+    """
+    mine: dict[tuple[str, str], Node] = {}
+    more = [node for node in own if mine.setdefault((node.namespace, node.tag), node) is not node]
     merged = []
     for node in inherited:
         over = mine.pop((node.namespace, node.tag), None)
-        merged.append(node if over is None else replace(over, attributes={**node.attributes, **over.attributes}))
-    return merged + [node for node in own if (node.namespace, node.tag) in mine]
+        merged.append(node if over is None else _over(node, over))
+    return [*merged, *mine.values(), *more]
+
+
+def _over(node: Node, over: Node) -> Node:
+    """Return an element over that of the base: attributes one by one, elements inside it all or none."""
+    attributes = {**node.attributes, **over.attributes}
+    return replace(over, attributes=attributes, children=over.children or node.children)

@@ -81,6 +81,19 @@ class Spec:
         return (value > self.low if self.open_low else value >= self.low - slack) and value <= self.high + slack
 
 
+class ParameterError(ValueError):
+    """A parameter that cannot work: ``field`` names it, so that the problem points at its attribute.
+
+    ``advice`` says what to do; empty: the message does.
+    """
+
+    advice: str = ""
+
+    def __init__(self, field: str, message: str, advice: str = "") -> None:
+        super().__init__(message)
+        self.field, self.advice = field, advice
+
+
 def _make(spec: Spec, default: Any) -> Any:
     return dataclasses.field(default=default, metadata={_KEY: spec}, kw_only=True)
 

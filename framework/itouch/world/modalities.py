@@ -105,7 +105,8 @@ def _compiled(
         model = instance.compile(part.name, part.params, world)
     except ValueError as error:
         field = error.field if isinstance(error, ParameterError) and probe is None else ""
-        problems.append(Problem("modality", f"{who}: {error}", scene.places.of(part.params, field) or place))
+        advice = error.advice if isinstance(error, ParameterError) else ""
+        problems.append(Problem("modality", f"{who}: {error}", scene.places.of(part.params, field) or place, advice))
         return
     except KeyboardInterrupt:
         raise

@@ -31,7 +31,7 @@ from itouch.world.replaced_limits import differences, fitted
 from itouch.world.rig import DeviceModel, build_devices, orientation
 from itouch.world.scene_files import SceneFile, SceneFiles
 from itouch.world.skin_source import unfelt
-from itouch.world.surfaces import build_effects, build_friction, contact_of
+from itouch.world.surfaces import build_effects, build_friction, contact_of, read_textures
 from itouch.world.virtual_coupling import Coupling, couplings, on_bodies, relied, stable_effects
 
 Vector = tuple[float, float, float]
@@ -211,8 +211,10 @@ def further(scene: Scene, catalog: Catalog, known: Iterable[Problem]) -> list[Pr
         scene = fitted(scene, catalog)
         problems += check_safety(scene)
         reader = SceneFiles(scene)
-        build_devices(scene, catalog, problems, reader)
-        build_shapes(scene, reader, problems)
+        devices = build_devices(scene, catalog, problems, reader)
+        shapes = build_shapes(scene, reader, problems).shapes
+        read_textures(scene, reader, problems)
+        build_motions(scene, _poses(scene, problems), shapes, devices, reader, problems)
     lines = {(problem.place.file, problem.place.line) for problem in known if problem.place is not None}
     return [
         problem for problem in problems

@@ -401,7 +401,8 @@ def _bound(
     except ValueError as error:
         field = error.field if isinstance(error, ParameterError) else _file_of(params)
         place = scene.places.of(params, field) or scene.places.of(params) or scene.places.of(element)
-        problems.append(Problem("device", f"device '{element.name}': {error}", place))
+        advice = error.advice if isinstance(error, ParameterError) else ""
+        problems.append(Problem("device", f"device '{element.name}': {error}", place, advice))
         return None
     except KeyboardInterrupt:
         raise

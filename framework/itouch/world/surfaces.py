@@ -47,6 +47,13 @@ def build_effects(scene: Scene, reader: SceneFiles, problems: list[Problem], not
     return tuple(built.get(element.material, Effects()) for element in scene.objects)
 
 
+def read_textures(scene: Scene, reader: SceneFiles, problems: list[Problem]) -> None:
+    """Read the height maps of all materials that are used, for what is wrong with them."""
+    used = {material.name: material for element in scene.objects if (material := material_of(scene, element))}
+    for material in used.values():
+        _texture(scene, material, reader, problems, [])
+
+
 def _effects(
     scene: Scene, material: elements.Material, reader: SceneFiles, problems: list[Problem], notices: list[str]
 ) -> Effects:

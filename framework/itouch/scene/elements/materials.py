@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from itouch.scene.elements.include import PluginPart
 from itouch.scene.elements.sound import Sound
-from itouch.schema.fields import child, children, choice, file, flag, name, plugin_parts, quantity, ref
+from itouch.schema.fields import ParameterError, child, children, choice, file, flag, name, plugin_parts, quantity, ref
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,10 @@ class ContactMaterial:
     def __post_init__(self) -> None:
         if self.dynamic_friction > self.static_friction:
             static, dynamic = self.static_friction, self.dynamic_friction
-            raise ValueError(f"dynamic-friction {dynamic:g} is above static-friction {static:g}")
+            sentence = f"dynamic-friction {dynamic:g} is above static-friction {static:g}"
+            raise ParameterError(
+                "dynamic_friction", sentence, "what slides is held by less than what sticks: swap them"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +147,9 @@ class Material:
         stiffest = max(layer.stiffness for layer in self.softness.layers)
         if stiffest > self.contact.stiffness:
             core = self.contact.stiffness
-            raise ValueError(f"a layer's stiffness, {stiffest:g} N/m, is above that of <contact>, {core:g} N/m")
+            sentence = f"a layer's stiffness, {stiffest:g} N/m, is above that of <contact>, {core:g} N/m"
+            advice = f"give the layer {core:g} N/m at most, or <contact> more"
+            raise ParameterError("softness", sentence, advice)
 
 
 @dataclass(frozen=True, slots=True)

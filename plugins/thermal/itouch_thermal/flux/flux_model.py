@@ -241,7 +241,7 @@ def _display(device: WorldDevice) -> DisplayParams:
         return display if display.command == "temperature" else replace(display, command="temperature")
     listed = ", ".join(f"'{channel.name}'" for channel in device.commands) or "nothing"
     sentence = f"display = '{device.name}' obeys no current (a drive in A) and no temperature target; it obeys {listed}"
-    raise ParameterError("display", sentence)
+    raise ParameterError("display", sentence, "name a thermal display")
 
 
 def _heat(params: FluxControlParams, world: World) -> HeatParams:
@@ -253,7 +253,7 @@ def _heat(params: FluxControlParams, world: World) -> HeatParams:
     heat = world.modalities.get(params.desired_from)
     if not isinstance(heat, HeatParams):
         sentence = f"desired-from = '{params.desired_from}' is not a modality that computes a heat flux"
-        raise ParameterError("desired_from", sentence)
+        raise ParameterError("desired_from", sentence, "name a <thermal:heat> of the scene")
     return heat
 
 
