@@ -123,7 +123,9 @@ class World:
     ValueError; the content is stored with sessions.  ``probes`` has the radius [m] of each finger, ``surfaces`` the
     surface of each finger that one is brought to, ``near`` how far from each finger objects are looked for [m].
     ``geometry`` has the shapes of the objects, for the functions of `itouch.plugin.geometry`; None: there is no scene.
-    ``skins`` and ``at_finger`` are what `skin_of` and `devices_at` look up.
+    ``skins`` and ``at_finger`` are what `skin_of` and `devices_at` look up; ``fields`` has the State fields of each
+    modality from which this one takes input, which `field_of` looks through, and ``fingers`` the probes that each
+    modality refers to.
     """
 
     objects: tuple[WorldObject, ...]
@@ -140,6 +142,16 @@ class World:
     geometry: Geometry | None = None
     skins: Mapping[str, float] = field(default_factory=dict)
     at_finger: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    fields: Mapping[str, tuple[Field, ...]] = field(default_factory=dict)
+    fingers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def field_of(self, modality: str, role: Role) -> str:
+        """Return the name of the State field in which a modality has a role, such as `Role.HEAT_FLUX`; empty: none.
+
+        Only modalities to which this one refers by a `schema.ref` are known: these are made, and updated, before it.
+        """
+        found = next((one.name for one in self.fields.get(modality, ()) if one.role is role), "")
+        return f"{modality}.{found}" if found else ""
 
     def skin_of(self, probe: str) -> float:
         """Return the skin temperature [K] of a probe's finger at the start."""

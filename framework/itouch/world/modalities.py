@@ -54,14 +54,19 @@ class ModalityModel:
     carries: Carries | None = None
     #: The contact that it computes in place of the framework's own, if it computes one.
     touches: Touches | None = None
-    #: The fields that it declares, without its name in front.
-    fields: tuple[str, ...] = ()
+    #: The fields of State that it declares, without its name in front.
+    declared: tuple[Field, ...] = ()
     #: The probe whose surface it brings by default, because no modality of the scene does; it has no element itself.
     default_of: str = ""
     #: What it says must be known before a run.
     notices: tuple[str, ...] = ()
     #: The parameters that it was made with.
     params: Any = None
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """The names of these fields."""
+        return tuple(field.name for field in self.declared)
 
 
 def build_modalities(
@@ -84,7 +89,8 @@ def build_modalities(
         cls = catalog.modality(part.plugin, part.local)
         if cls is None or not _has_devices(scene, part, devices, problems):  # reported while the scene was read
             continue
-        own = replace(world, objects=_objects(scene, part.plugin), period=period * every)
+        declared = {one.name: one.declared for one in found}
+        own = replace(world, objects=_objects(scene, part.plugin), period=period * every, fields=declared)
         found += _compiled(scene, part, cls, own, every, devices, problems)
     problems += check_alone(scene, [(one.name, one.touches) for one in found if one.touches is not None])
     if not any(problem.severity == "error" for problem in problems):
@@ -135,7 +141,7 @@ def _compiled(
             problems += check_touched(scene, part, touches, fields, every, carries is not None)
         served = "" if probe is None else probe.name
         yield ModalityModel(
-            part.name, part.plugin, instance, model, every, commands, attends, carries, touches, tuple(fields), served,
+            part.name, part.plugin, instance, model, every, commands, attends, carries, touches, declared, served,
             notices, part.params,
         )  # fmt: skip
 
@@ -313,7 +319,15 @@ def _world(
         near={probe.name: probe.near for probe in scene.probes},
         skins={name: usual if own is None else own for name, own in skins_of(scene).items()},
         at_finger={probe.name: tuple(one.name for one in devices_at(probe, probes, devices)) for probe in probes},
+        fingers={part.name: tuple(_probes_of(part.params)) for part in scene.modalities},
     )
+
+
+def _probes_of(params: Any) -> Iterator[str]:
+    """Yield the probes to which parameters refer."""
+    for name, spec in specs(type(params)).items():
+        if spec.kind == "ref" and spec.target == "probe" and (probe := getattr(params, name)):
+            yield probe
 
 
 def _objects(scene: Scene, plugin: str) -> tuple[WorldObject, ...]:

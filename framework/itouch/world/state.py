@@ -12,16 +12,13 @@ from itouch.plugin import Field, Record, Role
 from itouch.plugin.declaration_rules import faults_of
 from itouch.schema import Problem, SceneError
 from itouch.schema.hold_until import Until
-from itouch.schema.plugin_errors import failing
 from itouch.world import mark_fields
-from itouch.world.modalities import ModalityModel
 from itouch.world.model import Model, ProbeModel
 from itouch.world.rig import FRAME, GONE, DeviceModel
 from itouch.world.state_fields import (
     CELLS,
     HAND,
     coupling_fields,
-    declared_by,
     probe_fields,
     rising_fields,
     skin_fields,
@@ -88,14 +85,9 @@ def layout(model: Model) -> tuple[Field, ...]:
     for probe in model.probes:
         fields += _probe(model, probe)
     for modality in model.modalities:
-        fields += _prefixed(modality.name, _fields_of(model, modality))
+        fields += _prefixed(modality.name, modality.declared)
     fields += [*_CONTACT_EVENTS, *mark_fields.FIELDS]
     return tuple(fields)
-
-
-def _fields_of(model: Model, modality: ModalityModel) -> tuple[Field, ...]:
-    with failing(f"modality '{modality.name}'", "fields", model.place_of(modality.name)):
-        return declared_by(modality.instance.fields, modality.model)
 
 
 def _objects(model: Model) -> list[Field]:
@@ -172,7 +164,7 @@ def undeclared(model: Model) -> tuple[str, ...]:
         said += [*device.cls.outdated, *(device.cls.Twin.outdated if device.cls.Twin is not None else ())]
         found += [f"device plugin '{device.plugin}': {sentence}" for sentence in said]
     for modality in model.modalities:
-        said = list(faults_of(_fields_of(model, modality), "field"))
+        said = list(faults_of(modality.declared, "field"))
         found += [f"modality plugin '{modality.plugin}': {sentence}" for sentence in said]
     return tuple(dict.fromkeys(found))
 

@@ -228,6 +228,7 @@ class Heat(Modality):
         return (
             Field(
                 "desired",
+                role=Role.HEAT_FLUX,
                 unit="W/m^2",
                 doc="flux that the real object would draw from the bare finger",
                 show="wish: heat flux out of the finger",

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 from itouch.plugin import Role, WorldDevice
-from itouch_thermal.flux.flux_control_params import FluxControlParams
 
 #: Fields that the framework keeps of every device.
 _DEVICE = ("age", "sequence", "measured", "left")
@@ -21,8 +20,8 @@ _OBEYS = {"target": Role.TEMPERATURE_TARGET, "output": Role.OUTPUT_SWITCH}
 _TRUTHS = {"true_flux": Role.HEAT_FLUX, "true_skin": Role.SKIN_TEMPERATURE}
 #: Fields that the framework keeps of every probe.
 _FINGER = ("near_object", "below", "normal_force", "felt_force", "plate")
-#: Fields of the modality that computes the desired flux.
-_HEAT = {"heat_desired": "desired", "resistance": "resistance", "finger": "finger", "bodies": "objects"}
+#: Fields of the modality `heat`: what the model finger on the virtual object is like now.
+_HEAT = {"resistance": "resistance", "finger": "finger", "bodies": "objects"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,9 +93,11 @@ class Names:
     command: str
 
     @classmethod
-    def of(cls, name: str, params: FluxControlParams, probe: str, display: WorldDevice) -> Names:
-        """Return the names for a modality, its finger, and its display, whose channels are found by their roles."""
-        heat = params.desired_from
+    def of(cls, name: str, probe: str, display: WorldDevice, desired: str, heat: str) -> Names:
+        """Return the names for a modality, its finger, and its display, whose channels are found by their roles.
+
+        ``desired`` is the State field of the desired flux, ``heat`` the modality `heat`; empty: there is none.
+        """
         found = {field.name: f"{name}.{field.name}" for field in fields(cls)}
         found |= {key: f"{display.name}.{key}" for key in _DEVICE}
         found |= {key: display.read_field(role) for key, role in _READS.items()}
@@ -107,7 +108,8 @@ class Names:
         found |= {key: f"{display.name}.twin.{field}" if field else "" for key, field in truths.items()}
         found["truth"] = truths["true_flux"]
         found |= {key: f"{probe}.{key}" for key in _FINGER}
-        found |= {key: f"{heat}.{field}" for key, field in _HEAT.items()}
+        found |= {key: f"{heat}.{field}" if heat else "" for key, field in _HEAT.items()}
+        found["heat_desired"] = desired
         found["met"] = f"{probe}.object"
         drive = driven(display)
         found["sent"] = f"{display.name}.sent.{drive}" if drive else f"{name}.asked"

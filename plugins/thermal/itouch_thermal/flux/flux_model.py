@@ -65,17 +65,17 @@ class PlateContact:
 class FluxModel:
     """What the modality knows of the scene.
 
-    ``heat`` is the modality that computes the desired flux, empty where recorded curves give all of it.  Per object
-    there are ``starts`` (start temperatures [K] at three skin temperatures), ``temperatures`` [K] before anything was
-    touched, ``curves``, and the names ``objects`` and ``materials``.  ``dew`` [K] is the room's dew point.  ``steady``
-    says that the contact resistance of the virtual objects, ``resistance``, is the same at any force and time;
-    ``contact`` is that of the plate.  ``preset_time`` [s] is how long ``equalise`` makes every approach take, 0 without
-    it; ``preset_noise`` [A] is the noise on the current before a touch.
-    ``wire`` says that readings and currents are late, ``at`` which of the display's readings are those of flux and
-    plate.  ``finger`` is the column of the finger at rest, in steps of an update; ``finger_number`` is the probe's
-    number, ``astray`` says that the display is at the finger of another probe.  ``lead`` [s] is how long the plate
-    takes to reach its target.  ``hold`` is how many servo periods an update stands for, ``again`` after how many of
-    them the start temperature is found anew.
+    ``heat`` is the modality `heat`, which computes the desired flux and knows how it will go on; it is empty where
+    recorded curves give all of that flux, or another modality computes it.  Per object there are ``starts`` (start
+    temperatures [K] at three skin temperatures), ``temperatures`` [K] before anything was touched, ``curves``, and the
+    names ``objects`` and ``materials``.  ``dew`` [K] is the room's dew point.  ``steady`` says that the contact
+    resistance of the virtual objects, ``resistance``, is the same at any force and time; ``contact`` is that of the
+    plate.  ``preset_time`` [s] is how long ``equalise`` makes every approach take, 0 without it; ``preset_noise`` [A]
+    is the noise on the current before a touch.  ``wire`` says that readings and currents are late, ``at`` which of the
+    display's readings are those of flux and plate.  ``finger`` is the column of the finger at rest, in steps of an
+    update; ``finger_number`` is the probe's number, ``astray`` says that the display is at the finger of another probe.
+    ``lead`` [s] is how long the plate takes to reach its target.  ``hold`` is how many servo periods an update stands
+    for, ``again`` after how many of them the start temperature is found anew.
     """
 
     name: str
@@ -150,7 +150,7 @@ def flux_model(name: str, params: FluxControlParams, world: World) -> FluxModel:
     """
     device = world.devices[params.display]
     display = _display(device)
-    heat = _heat(params, world)
+    heat, known = _heat(params, world)
     dew = dew_of(display, world.ambient)
     band, ceiling = _limits(device, display)
     if params.condensation == "avoid":
@@ -161,18 +161,23 @@ def flux_model(name: str, params: FluxControlParams, world: World) -> FluxModel:
         # A twin without its wire reads single samples.
         read = replace(display, labjack=None) if device.twin and display.flux_samples > 1 else display
         law, course = _model(name, read, heat, world, band, ceiling, _wire(device, display), contact)
-    starts = _starts(params, heat, display, world, curves, law, course, contact.press)
+    starts = _starts(heat, display, world, curves, law, course, contact.press)
+    if params.desired_from and not known:  # another modality's flux: the plate renders it on objects of any material
+        starts = tuple(_skins(heat, world) if start is None else start for start in starts)
     reads, force = [channel.role for channel in device.reads], _force(params, heat.probe, world)
     wire = law is not None and _wire(device, display)
     hold = 1 if wire else max(1, round(world.period / world.servo_period))
     return FluxModel(
         name=name,
-        names=Names.of(name, params, heat.probe, device),
+        names=Names.of(
+            name, heat.probe, device, world.field_of(params.desired_from, Role.HEAT_FLUX),
+            params.desired_from if known else "",
+        ),
         params=params,
         display=display,
         probe=heat.probe,
         finger_number=list(world.probes).index(heat.probe),
-        heat=params.desired_from,
+        heat=params.desired_from if known else "",
         objects=tuple(element.name for element in world.objects),
         materials=tuple(element.material_name for element in world.objects),
         starts=starts,
@@ -244,17 +249,28 @@ def _display(device: WorldDevice) -> DisplayParams:
     raise ParameterError("display", sentence, "name a thermal display")
 
 
-def _heat(params: FluxControlParams, world: World) -> HeatParams:
-    """Return the parameters of the modality that computes the desired flux; where curves give all, the usual ones."""
-    if not params.desired_from:
-        if len(world.probes) != 1:
-            raise ValueError(f"desired-from must say which of {len(world.probes)} fingers touches the display")
-        return HeatParams(probe=next(iter(world.probes)))
-    heat = world.modalities.get(params.desired_from)
-    if not isinstance(heat, HeatParams):
-        sentence = f"desired-from = '{params.desired_from}' is not a modality that computes a heat flux"
-        raise ParameterError("desired_from", sentence, "name a <thermal:heat> of the scene")
-    return heat
+def _heat(params: FluxControlParams, world: World) -> tuple[HeatParams, bool]:
+    """Return the parameters of the modality `heat`, and whether it is what computes the desired flux.
+
+    Where curves give all of that flux, or another modality computes it, they are the usual ones.
+
+    Raises
+    ------
+    ValueError
+        If nothing says which finger it is, or ``desired_from`` computes no heat flux.
+    """
+    wanted = params.desired_from
+    heat = world.modalities.get(wanted)
+    if isinstance(heat, HeatParams):
+        return heat, True
+    if wanted and not world.field_of(wanted, Role.HEAT_FLUX):
+        sentence = f"desired-from = '{wanted}' is not a modality that computes a heat flux"
+        advice = "name a <thermal:heat> of the scene, or a modality with a field of State of the role HEAT_FLUX"
+        raise ParameterError("desired_from", sentence, advice)
+    probes = world.fingers.get(wanted, ()) or tuple(world.probes)
+    if len(probes) != 1:
+        raise ValueError(f"desired-from must say which of {len(probes)} fingers touches the display")
+    return HeatParams(probe=probes[0]), False
 
 
 def _limits(device: WorldDevice, display: DisplayParams) -> tuple[tuple[float, float], float]:
@@ -303,8 +319,13 @@ def _contact(params: FluxControlParams, heat: HeatParams, device: WorldDevice) -
     )
 
 
+def _skins(heat: HeatParams, world: World) -> Starts:
+    """Return the three skin temperatures [K] for which start temperatures are found."""
+    skin = world.skin_of(heat.probe)
+    return skin - SKIN_STEP, skin, skin + SKIN_STEP
+
+
 def _starts(
-    params: FluxControlParams,
     heat: HeatParams,
     display: DisplayParams,
     world: World,
@@ -314,7 +335,7 @@ def _starts(
     press: float,
 ) -> tuple[Starts | None, ...]:
     """Return the start temperatures [K] per object: by the curve, by the model, or by equation 3; None: unknown."""
-    skins = [world.skin_of(heat.probe) + away for away in (-SKIN_STEP, 0.0, SKIN_STEP)]
+    skins = _skins(heat, world)
     found: list[Starts | None] = []
     for element, curve in zip(world.objects, curves, strict=True):
         start: Any = None

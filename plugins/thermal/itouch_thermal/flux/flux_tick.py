@@ -20,7 +20,7 @@ from itouch_thermal.flux.contact_events import PYTHON
 from itouch_thermal.flux.curve import flux_at
 from itouch_thermal.flux.law import DEADBEAT, MISSED, PRIOR_ONSET, FutureCurrent, Memory
 from itouch_thermal.flux.masking import masked
-from itouch_thermal.flux.preview import PreviewState, begin_ahead, keep_ahead, look_ahead
+from itouch_thermal.flux.preview import PreviewState, begin_ahead, extrapolate, keep_ahead, keep_past, look_ahead
 from itouch_thermal.flux.views import Course, Figures, Floats, Given, LawInputs, Models, OwnFields, Scene
 from itouch_thermal.laws import press_factor
 
@@ -351,14 +351,17 @@ def command(
     comes = own.on_plate[0] == 0 and approach.pressed(scene, figures.heat)
     if comes or (figures.hold > 1 and scene.ready[0] == 0):
         memory.memory[observer.M_QUIET] = observer.QUIET
-    played = touching and own.object[0] >= 0 and given.played[own.object[0]] != 0
+    played, previewed = touching and own.object[0] >= 0 and given.played[own.object[0]] != 0, False
     if touching:
         if own.fresh[0] != 0:
             course.preview_index[0] = own.object[0]
             if own.on_plate[0] == 0:
                 _place(scene, figures, models, memory)
-        if not played and course.preview_index[0] >= 0 and given.known[course.preview_index[0]] != 0:
+        previewed = course.preview_index[0] >= 0 and given.known[course.preview_index[0]] != 0
+        if previewed and not played:
             _look_on(scene, own, given, figures, course, models, memory.future, ticks)
+        elif not played:
+            keep_past(memory.future, ticks, own.desired[0], own.fresh[0] != 0)
         if comes:
             _set_down(scene, own, figures, course, models, memory, taken.scale[0])
     if touching and own.on_plate[0] != 0:
@@ -368,8 +371,10 @@ def command(
             for k in range(offsets.shape[0]):
                 time = (ticks + (offsets[k] + leaving.wait) + 1) * figures.period
                 memory.wanted[k] = flux_at(given.times, given.fluxes, first, end, time)
-        else:
+        elif previewed:
             look_ahead(memory.future, ticks, offsets, leaving.wait, own.desired[0], memory.wanted)
+        else:
+            extrapolate(memory.future, ticks, offsets, leaving.wait, memory.wanted, figures.period, figures.hold)
         if not figures.plate_steady:
             scale = _scale(scene, own, models, figures, figures.delay + leaving.wait)
         doubt = 0.0 if figures.believes else memory.cover[observer.RESISTANCE, observer.RESISTANCE]

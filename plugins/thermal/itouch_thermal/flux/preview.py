@@ -28,6 +28,10 @@ CATCH_UP = 64
 #: Shortest servo period [s] at which a touch begins with the whole horizon.  At a shorter one the preview takes no
 #: larger share of the first tick, which has enough else to do, and reaches its horizon in the next ticks.
 FIRST_PERIOD = 1e-3
+#: A desired flux of which only the past is known goes on as it has changed over this time [s] ...
+TREND = 0.02
+#: ... but by no more than this share of what it is now.
+MOST_CHANGE = 0.25
 
 Numbers = NDArray[np.int64]
 
@@ -144,6 +148,32 @@ def look_ahead(future: Any, ticks: int, offsets: Any, wait: int, desired: float,
     lift = desired - future[ticks % size]
     for k in range(offsets.shape[0]):
         wanted[k] = future[(ticks + wait + offsets[k]) % size] + lift
+
+
+@linked
+def keep_past(future: Any, ticks: int, desired: float, fresh: bool) -> None:
+    """Keep the desired flux of tick ``ticks`` of the touch in the ring ``future``, where there is no preview to keep.
+
+    ``fresh``: the touch begins, and there is no past yet.
+    """
+    if fresh:
+        future[:] = desired
+    future[ticks % future.shape[0]] = desired
+
+
+@linked
+def extrapolate(past: Any, ticks: int, offsets: Any, wait: int, wanted: Any, period: float, hold: int) -> None:
+    """Fill in the desired flux at ``offsets`` ticks from ``wait`` ticks on, of which only the ``past`` is known.
+
+    It goes on as it has changed over ``TREND``, by at most ``MOST_CHANGE`` of what it is now.  ``hold``: the ticks of
+    an update; ``past`` is the ring of `keep_past`.
+    """
+    size, desired = past.shape[0], past[ticks % past.shape[0]]
+    span = min(max(1, round(TREND / (period * hold))), (size - 1) // hold) * hold
+    slope = (desired - past[(ticks - span) % size]) / span if span > 0 else 0.0
+    most = MOST_CHANGE * abs(desired)
+    for k in range(offsets.shape[0]):
+        wanted[k] = desired + min(most, max(-most, slope * (wait + offsets[k])))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
