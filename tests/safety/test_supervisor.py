@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 import math
 import threading
+from typing import Any
 
 import numpy as np
 import pytest
 from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, FakeTwin, Slow, Supervised, lost, model, state
 
 from itouch.plugin import HOLD, Channel, DeviceError, Record
+from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Status, Trip, lifecycle
 
 
@@ -785,3 +787,67 @@ def test_what_is_written_over_a_status_changes_nothing_of_what_a_device_may_do(n
     rig.state["it.status"] = number
     rig.it.gate.actuation.send(2)  # what is stopped is sent what is safe, whatever State says
     assert rig.it.latch.status is Status.FAULT
+
+
+class StampedFake(Fake, Stamped):
+    """A device that knows when it measured: ``late`` ticks ago."""
+
+    late = 0
+
+    def measured(self, state: Record, tick: int, ticks: Any) -> None:
+        ticks[...] = tick - self.late
+
+
+@pytest.mark.parametrize(("answers_after", "refused"), [(0.0, False), (0.04, False), (0.06, True)])
+def test_re_arming_waits_for_hardware_that_has_nothing_new_and_refuses_it_then(
+    answers_after: float, refused: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig, clock = Rig().enabled(), [100.0]
+    monkeypatch.setattr("itouch.safety.acquisition.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr(
+        "itouch.safety.acquisition.time.sleep", lambda seconds: clock.__setitem__(0, clock[0] + seconds)
+    )
+    rig.it.gate.acquisition.timed = True
+    rig.it.gate.read(1)
+    rig.it.gate.fault(Trip.SPEED, 2)
+    clock[0] += 3.0  # nobody reads while all is stopped
+    begun = clock[0]
+    rig.device.says = lambda reading: rig.say(reading) and clock[0] >= begun + answers_after
+    if refused:
+        with pytest.raises(DeviceError, match="can't be re-armed: it was silent"):
+            rig.it.lifecycle.may_rearm(2, clock[0] + 0.05)
+        assert rig.it.latch.trip is Trip.SPEED
+    else:
+        rig.it.lifecycle.may_rearm(2, clock[0] + 0.05)
+        rig.it.lifecycle.release(2)
+        assert rig.it.latch.status is Status.OPEN
+
+
+@pytest.mark.parametrize(("late", "refused"), [(5, False), (40, True)])
+@pytest.mark.parametrize("channels", [ARM, PLATE], ids=["arm", "plate"])
+def test_a_reading_that_was_measured_long_ago_is_no_answer(channels: Channels, late: int, refused: bool) -> None:
+    rig = Rig(channels, cls=StampedFake).enabled()
+    rig.it.gate.fault(Trip.DEVICE_ERROR, 100)
+    StampedFake.late = late
+    try:
+        if refused:
+            with pytest.raises(DeviceError, match="can't be re-armed: it was silent"):
+                rig.it.lifecycle.rearm(200)
+        else:
+            rig.it.lifecycle.rearm(200)
+    finally:
+        StampedFake.late = 0
+
+
+def test_a_twin_is_re_armed_with_the_reading_that_it_has() -> None:
+    one = model(ARM)
+    twin = FakeTwin()
+    it = Supervised(one, state(one), PERIOD, twin=twin)
+    it.lifecycle.reset()
+    it.lifecycle.open()
+    it.gate.read(0)
+    it.lifecycle.enable()
+    it.gate.fault(Trip.SPEED, 1)
+    twin.says = lambda reading: False
+    it.lifecycle.rearm(2)
+    assert it.latch.status is Status.OPEN

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -12,6 +13,9 @@ from itouch.loop.run_statistics import RunStatistics
 from itouch.plugin import DeviceError, Record, Role
 from itouch.safety import LOSSES, HoldToRun, Trip, connect
 from itouch.world import Model
+
+#: How long [s] re-arming waits for devices that have nothing new: not as long as a guardian waits for the loop.
+ANSWER_TIME = 0.05
 
 
 class LatchedError(DeviceError):
@@ -70,7 +74,7 @@ class OperatorCommands:
     def latched(self) -> list[Runner]:
         """The devices stopped by a trip that only re-arming releases; no twins, and no optional device that is lost."""
         stopped = [one for one in self._runners.values() if one.latch.trip is not Trip.NONE and not one.model.twin]
-        return [one for one in stopped if not (one.model.optional and one.latch.trip in LOSSES)]
+        return [one for one in stopped if not _lost(one)]
 
     def latched_faults(self) -> list[DeviceFaultError]:
         """Return the latched trips as the faults that caused them."""
@@ -115,7 +119,7 @@ class OperatorCommands:
         Raises
         ------
         DeviceError
-            With everything that still stands in the way; nothing is enabled then.
+            With everything that still stands in the way; nothing is enabled then, and every trip stays latched.
         """
         tick = self._tick.item()
         stopped = any(runner.latch.status is Status.FAULT for runner in self._runners.values())
@@ -123,13 +127,18 @@ class OperatorCommands:
         failures = self._open_latched(tick)
         self.hold.ask(tick)
         self._require_hold(tick)
+        rearmed, until = [], time.monotonic() + ANSWER_TIME
         for runner in self._runners.values():
             try:
-                runner.lifecycle.rearm(tick)
+                runner.lifecycle.may_rearm(tick, until)
+                rearmed.append(runner)
             except DeviceError as error:
-                failures.append(str(error))
+                if not _lost(runner):  # the session goes on without it
+                    failures.append(str(error))
         if failures:
             raise DeviceError("\n".join(failures))
+        for runner in rearmed:
+            runner.lifecycle.release(tick)
         for rig in self._rigs:
             if stopped or not rig.tracker.model.twin:  # a twin moves unfollowed in a stop only
                 rig.rearm()
@@ -207,3 +216,8 @@ class OperatorCommands:
             "until_s": None if end == FOREVER else end * period,
             "cause": f"was given an injected fault: {kind.label}", "scene": str(place) if place else None,
         }  # fmt: skip
+
+
+def _lost(runner: Runner) -> bool:
+    """Tell whether a device is an optional one that was lost."""
+    return runner.model.optional and runner.latch.trip in LOSSES

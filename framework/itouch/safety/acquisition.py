@@ -17,7 +17,7 @@ from itouch.exchange import failed_in
 from itouch.joining import is_newest
 from itouch.monitors import DeviceFaultError, Heat, Readings, Trip, TripError
 from itouch.monitors.default_limits import TIMELY
-from itouch.plugin import Bound, DeviceError, Record, Role
+from itouch.plugin import Bound, Device, DeviceError, Record, Role
 from itouch.plugin.bound import bound_by
 from itouch.plugin.device import is_new
 from itouch.plugin.stamps import Stamped
@@ -28,6 +28,9 @@ from itouch.safety.device_monitors import DeviceMonitors, InstalledMonitor
 from itouch.safety.latch import CLOSED, ENABLED, FAULT
 from itouch.schema.diagnostics import spoken
 from itouch.schema.plugin_errors import error_text, failing
+
+#: How often [s] hardware is asked that has no recent reading while nothing ticks.
+_POLL = 1e-3
 
 
 class Acquisition:
@@ -80,21 +83,59 @@ class Acquisition:
         self._age[...] = 0
         self._sequence[...] = 0
 
-    def read_anew(self, tick: int) -> None:
+    def read_anew(self, tick: int, until: float = 0.0) -> None:
         """Take a reading as the first one, and check it.
+
+        Parameters
+        ----------
+        tick
+            The number of the tick that comes next.
+        until
+            Time [host s] until which hardware that has nothing new is waited for.
 
         Raises
         ------
         TripError
-            If it can't be believed, or the device failed; then the last one that was believed is put back.
+            If it can't be believed or is too old, or the device failed; then the last one that was believed is put
+            back.
         """
         try:
-            self._take()
+            self._take_recent(tick, until)
             self.device_monitors.believe(tick, 0.0)
         except TripError:
             self.device_monitors.put_back()
             raise
         self._sequence[...] = 1
+
+    def _take_recent(self, tick: int, until: float) -> None:
+        """Take a reading of hardware that is no older than it may be while enabled; of a twin, the one it has.
+
+        Raises
+        ------
+        TripError
+            If the device failed, or does not answer (W1).
+        """
+        new, device = self._take(), self._link.device
+        while device is not None and self._link.model.reads:
+            if new:
+                self._came = time.monotonic()
+            try:
+                self.device_monitors.wait(tick, self._age_by_clock(device, tick, new))
+            except TripError:
+                if time.monotonic() > until:
+                    raise
+            else:
+                return
+            time.sleep(_POLL)
+            new = self._take()
+
+    def _age_by_clock(self, device: Device, tick: int, new: bool) -> float:
+        """Return the age [s] of the newest reading of hardware, also while no ticks are run."""
+        source: object = device
+        if isinstance(source, Stamped):
+            source.measured(self._link.twin_state, tick, self._measured)
+            return (self._oldest(tick) if self._timely else tick - int(self._measured.max())) * self._period
+        return time.monotonic() - self._came if self.timed and not new else 0.0
 
     def take(self, tick: int) -> None:
         """Take the newest reading, if there is one; ``watch`` must follow before anybody works with it.

@@ -110,16 +110,17 @@ class Gate:
             (words for words in (self.device_monitors.spent(), *(one.spent() for one in self.shared)) if words), ""
         )
 
-    def read_anew(self, tick: int) -> None:
-        """Take a reading as the first one, and check it.
+    def read_anew(self, tick: int, until: float = 0.0) -> None:
+        """Take a reading as the first one, and check it; see `Acquisition.read_anew`.
 
         Raises
         ------
         TripError
-            If it can't be believed, or the device failed; then the last one that was believed is put back.
+            If it can't be believed or is too old, or the device failed; then the last one that was believed is put
+            back.
         """
         self.forget()
-        self.acquisition.read_anew(tick)
+        self.acquisition.read_anew(tick, until)
 
     def read(self, tick: int) -> None:
         """Take the newest reading and check it.

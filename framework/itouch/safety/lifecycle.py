@@ -105,17 +105,44 @@ class Lifecycle:
         Raises
         ------
         DeviceError
-            If what stopped the device is not over: its reading is still wrong, a budget is used up, or it has been
-            re-armed too often within a minute.
+            If what stopped the device is not over, see ``may_rearm``.
         """
-        if self.latch.number != FAULT:
+        self.may_rearm(tick)
+        self.release(tick)
+
+    def may_rearm(self, tick: int, until: float = 0.0) -> None:
+        """Take a reading of a device that is not ENABLED, and check that nothing keeps it from being enabled.
+
+        No tick has read hardware while all was stopped: it may stand elsewhere by now, or not answer any more.
+
+        Parameters
+        ----------
+        tick
+            The number of the tick that comes next.
+        until
+            Time [host s] until which hardware that has nothing new is waited for.
+
+        Raises
+        ------
+        DeviceError
+            If it does not answer, or its reading is wrong; if a budget is used up; or if it is stopped by a trip and
+            has been re-armed too often within a minute.
+        """
+        stopped = self.latch.number == FAULT
+        if not stopped and (self.latch.number != OPEN or self.gate.device is None):
             return
         self._refuse_spent()
-        self._refuse_often(tick)
+        if stopped:
+            self._refuse_often(tick)
         try:
-            self.gate.read_anew(tick)
+            self.gate.read_anew(tick, until)
         except TripError as error:
             raise DeviceError(f"device '{self.model.name}' can't be re-armed: it {error}") from error
+
+    def release(self, tick: int) -> None:
+        """Release the latched trip of a device that may be re-armed: FAULT -> OPEN."""
+        if self.latch.number != FAULT:
+            return
         self.latch.release()
         self.latch.become(OPEN)
         self._rearmed[1:] = self._rearmed[:-1].copy()
