@@ -6,7 +6,6 @@ Everything is plain HTML with pictures inside: it stays in the notebook's file a
 from __future__ import annotations
 
 import base64
-import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -148,7 +147,7 @@ def _compiled(shown: Scene) -> str:
 
 
 def _picture(model: Model, state: Any) -> str:
-    from itouch_tools.viewer.context import write_png
+    from itouch_tools.viewer.context import png_of
     from itouch_tools.viewer.offscreen import GraphicsError, Offscreen
 
     try:
@@ -157,10 +156,7 @@ def _picture(model: Model, state: Any) -> str:
         return ""
     shots.picture.choices.curves = False
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "picture.png"
-            write_png(path, shots.shoot(state))
-            drawn = base64.b64encode(path.read_bytes()).decode()
+        drawn = base64.b64encode(png_of(shots.shoot(state))).decode()
     finally:
         shots.close()
     size = f'width="{PICTURE[0]}" height="{PICTURE[1]}"'

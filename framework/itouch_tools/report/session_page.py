@@ -6,7 +6,6 @@ import base64
 import hashlib
 import json
 import os
-import tempfile
 import zlib
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -175,7 +174,7 @@ def scene_picture(findings: Findings) -> bytes | None:
     """Return a picture of the State as a PNG on a light background; None without a State or without OpenGL."""
     if findings.model is None or findings.state is None:
         return None
-    from itouch_tools.viewer.context import write_png
+    from itouch_tools.viewer.context import png_of
     from itouch_tools.viewer.offscreen import GraphicsError, Offscreen
 
     try:
@@ -183,9 +182,7 @@ def scene_picture(findings: Findings) -> bytes | None:
     except GraphicsError:
         return None
     shots.picture.choices.curves, shots.picture.choices.light = False, True
-    with tempfile.TemporaryDirectory() as folder:
-        path = os.path.join(folder, "scene.png")
-        write_png(path, shots.shoot(findings.state))
+    try:
+        return png_of(shots.shoot(findings.state))
+    finally:
         shots.close()
-        with open(path, "rb") as stream:
-            return stream.read()

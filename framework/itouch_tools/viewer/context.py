@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from typing import Any
 
@@ -22,6 +23,18 @@ def config() -> Any:
     )  # fmt: skip
 
 
+def png_of(pixels: NDArray[np.uint8]) -> bytes:
+    """Return a picture of shape (height, width, 3) as PNG: red, green and blue of the pixels, 0 to 255."""
+    from pyglet.image import ImageData
+    from pyglet.image.codecs.png import PNGImageEncoder
+
+    height, width, _ = pixels.shape
+    stream = io.BytesIO()
+    image = ImageData(width, height, "RGB", pixels.tobytes(), pitch=-3 * width)
+    image.save("scene.png", file=stream, encoder=PNGImageEncoder())
+    return stream.getvalue()
+
+
 def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8]) -> None:
     """Write a picture of shape (height, width, 3): red, green and blue of the pixels, 0 to 255.
 
@@ -30,13 +43,9 @@ def write_png(path: str | os.PathLike[str], pixels: NDArray[np.uint8]) -> None:
     ItouchError
         If the file can't be written; an earlier one stays as it was.
     """
-    from pyglet.image import ImageData
-    from pyglet.image.codecs.png import PNGImageEncoder
-
-    height, width, _ = pixels.shape
-    image = ImageData(width, height, "RGB", pixels.tobytes(), pitch=-3 * width)
+    picture = png_of(pixels)
     try:
         with replacing(os.fspath(path)) as new, open(new, "wb") as stream:
-            image.save(str(path), file=stream, encoder=PNGImageEncoder())
+            stream.write(picture)
     except OSError as error:
         raise ItouchError(f"cannot write '{os.fspath(path)}': {error.strerror or error}") from error
