@@ -515,8 +515,40 @@ class Engine:
         DeviceError
             If it is missing or refuses.
         """
-        self._operator.reconnect(device)
+        try:
+            self._operator.reconnect(device)
+        finally:
+            self._tell_outside("reconnect")
+
+    def begin_reconnect(self, device: str) -> None:
+        """Begin what `reconnect` does, for a loop that has to go on: `reconnected` then tells when it is done.
+
+        The device is made safe at once, is closed and opened in a thread, and takes part in no tick meanwhile.
+
+        Raises
+        ------
+        DeviceError
+            If there is none of that name, it is being opened already, or ticks that enable other devices need it.
+        """
+        self._operator.spare(device)
+        self._operator.begin_reconnect(device)
         self._tell_outside("reconnect")
+
+    def reconnected(self, device: str) -> bool:
+        """Take the result of `begin_reconnect` once there is one; tell whether there was.
+
+        Raises
+        ------
+        DeviceError
+            If the device is missing or refuses, or has taken too long.
+        """
+        if not self._operator.reconnected(device):
+            return False
+        try:
+            self._operator.finish_reconnect(device)
+        finally:
+            self._tell_outside("reconnect")
+        return True
 
     def hold(self, held: bool = True, *, shared: bool = False) -> None:
         """Report that somebody holds the dead-man's switch or, with ``held`` false, has let it go.
@@ -713,7 +745,10 @@ class Engine:
             Naming the first hardware that could not be seen to be safe, or raised anything when released; by then,
             all have been released.
         """
-        hardware = [one for one in self._all if one.latch.status is not Status.CLOSED and not one.model.twin]
+        hardware = [
+            one for one in self._all
+            if not one.model.twin and (one.latch.status is not Status.CLOSED or one.lifecycle.awaited)
+        ]  # fmt: skip
         steps = [partial(released, runner) for runner in hardware]
         self._enabled = False
         if any(runner.latch.enabled for runner in hardware):

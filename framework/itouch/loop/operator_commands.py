@@ -11,7 +11,7 @@ from itouch.loop.device_runner import DeviceFaultError, Runner, Status
 from itouch.loop.probe_rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
 from itouch.plugin import DeviceError, Record, Role
-from itouch.safety import LOSSES, HoldToRun, Trip, connect
+from itouch.safety import LOSSES, HoldToRun, Trip, connect, first_reading
 from itouch.world import Model
 
 #: How long [s] re-arming waits for devices that have nothing new: not as long as a guardian waits for the loop.
@@ -121,6 +121,7 @@ class OperatorCommands:
         DeviceError
             With everything that still stands in the way; nothing is enabled then, and every trip stays latched.
         """
+        self.require_opened()
         tick = self._tick.item()
         stopped = any(runner.latch.status is Status.FAULT for runner in self._runners.values())
         self._require_sight(self._runners.values())
@@ -169,12 +170,67 @@ class OperatorCommands:
         DeviceError
             If it is missing or refuses.
         """
+        self.begin_reconnect(device)
+        self.finish_reconnect(device)
+
+    def spare(self, device: str) -> None:
+        """Refuse to do without a device while it is ENABLED, unless the session goes on without it anyway.
+
+        Raises
+        ------
+        DeviceError
+            If others rely on it: nobody would know where the finger is that they act on.
+        """
         runner = self._runner(device)
-        runner.lifecycle.reconnect()
-        failures = connect([runner.lifecycle], self._tick.item())
+        if runner.latch.enabled and not runner.model.twin and runner.gate.on_loss is None:
+            raise DeviceError(f"device '{device}' is ENABLED and needed: stop the session before it is reconnected")
+
+    def begin_reconnect(self, device: str) -> None:
+        """Make a device safe, and close and open it anew in a thread; it is CLOSED until ``finish_reconnect``.
+
+        Raises
+        ------
+        DeviceError
+            If there is none of that name, a budget of it is used up, or it is being opened already.
+        """
+        lifecycle = self._runner(device).lifecycle
+        try:
+            lifecycle.require_free()
+        except DeviceError as error:
+            raise DeviceError(f"device '{device}' {error}") from error
+        lifecycle.begin_reconnect()
+
+    def finish_reconnect(self, device: str) -> None:
+        """Wait for the device to be open, and read it once.
+
+        Raises
+        ------
+        DeviceError
+            If it is missing or refuses, or took too long; it stays CLOSED.
+        """
+        runner, failures = self._runner(device), dict[str, str]()
+        if failed := runner.lifecycle.finish_reconnect():
+            raise DeviceError(f"device '{device}': {failed}")
+        first_reading(runner.lifecycle, self._tick.item(), failures)
         if failures:
-            runner.lifecycle.abandon()
+            runner.lifecycle.put_down()
             raise DeviceError(f"device '{device}': {failures[device]}")
+
+    def reconnected(self, device: str) -> bool:
+        """Tell whether ``finish_reconnect`` would not have to wait."""
+        return self._runner(device).lifecycle.settled
+
+    def require_opened(self) -> None:
+        """Refuse to enable anything while a device is being opened anew.
+
+        Raises
+        ------
+        DeviceError
+            If there is one.
+        """
+        if awaited := [f"'{name}'" for name, runner in self._runners.items() if runner.lifecycle.awaited]:
+            listed = ", ".join(awaited)
+            raise DeviceError(f"device {listed} is being reconnected: re-arm when that is done, or has failed")
 
     def _runner(self, device: str) -> Runner:
         if device not in self._runners:

@@ -2,7 +2,7 @@
 
 from itouch.monitors import LOSSES, DeviceFaultError, Trip, TripError
 from itouch.safety.blind_retreat import TrackedFinger
-from itouch.safety.connect import claim_wires, connect
+from itouch.safety.connect import claim_wires, connect, first_reading
 from itouch.safety.device_monitors import DeviceMonitors
 from itouch.safety.gate import Gate
 from itouch.safety.guard import Guard
@@ -29,4 +29,5 @@ __all__ = [
     "TripError",
     "claim_wires",
     "connect",
+    "first_reading",
 ]

@@ -5,22 +5,15 @@ Nothing is opened if another process, or another session, uses a wire of a devic
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterable
 
-from itouch.exchange import failed_in
 from itouch.monitors import DeviceFaultError
 from itouch.platforms import hardware_refused
-from itouch.plugin import Device, DeviceError
+from itouch.plugin import DeviceError
 from itouch.plugin.wire_claims import WireHeldError
+from itouch.safety.device_opening import PATIENCE
 from itouch.safety.latch import Status
 from itouch.safety.lifecycle import Lifecycle
-from itouch.schema import ItouchError
-from itouch.schema.diagnostics import named, spoken
-from itouch.schema.plugin_errors import error_text
-
-#: How long [s] a device may take to open.
-PATIENCE = 15.0
 
 
 def connect(lifecycles: Iterable[Lifecycle], tick: int, *, patience: float = PATIENCE) -> dict[str, str]:
@@ -44,17 +37,16 @@ def connect(lifecycles: Iterable[Lifecycle], tick: int, *, patience: float = PAT
     failures = claim_wires(wanted)
     if any(one.model.name in failures and not one.model.optional for one in wanted):
         return failures
-    threads = {}
-    for one in wanted:
-        if one.latch.status is Status.CLOSED and one.model.name not in failures:
-            threads[one.model.name] = _start(one, failures)
-    for name, thread in threads.items():
-        thread.join(patience)
-        if thread.is_alive():
-            failures[name] = f"did not open within {patience:g} s"
+    begun = [one for one in wanted if one.latch.status is Status.CLOSED and one.model.name not in failures]
+    for one in begun:
+        if why := _begin(one, patience):
+            failures[one.model.name] = why
+    for one in begun:
+        if one.model.name not in failures and (why := one.finish_opening()):
+            failures[one.model.name] = why
     for one in wanted:
         if one.model.name not in failures:
-            _first_reading(one, tick, failures)
+            first_reading(one, tick, failures)
     return {s.model.name: failures[s.model.name] for s in wanted if s.model.name in failures}
 
 
@@ -69,6 +61,8 @@ def claim_wires(lifecycles: Iterable[Lifecycle]) -> dict[str, str]:
     wanted = [one for one in lifecycles if one.latch.status is Status.CLOSED]
     failures: dict[str, str] = {}
     for one in wanted:
+        if one.busy:  # whatever opens it claims them
+            continue
         try:
             one.claim_wires()
         except WireHeldError as error:
@@ -79,32 +73,19 @@ def claim_wires(lifecycles: Iterable[Lifecycle]) -> dict[str, str]:
     return failures
 
 
-def _start(one: Lifecycle, failures: dict[str, str]) -> threading.Thread:
-    """Open a device in a thread, and return it; what it raises becomes an entry of ``failures``."""
-
-    def work() -> None:
-        try:
-            if one.gate.device is not None and (refused := hardware_refused([one.model.name])):
-                raise DeviceError(refused)
-            one.open()
-        except BaseException as error:  # whatever a driver raises, the other devices' failures must still be told
-            failures[one.model.name] = _cause(error, one.gate.device)
-
-    thread = threading.Thread(target=work, name=f"open {one.model.name}", daemon=True)
-    thread.start()
-    return thread
+def _begin(one: Lifecycle, patience: float) -> str:
+    """Begin to open a device; return why that is refused, or nothing."""
+    if one.gate.device is not None and (refused := hardware_refused([one.model.name])):
+        return refused
+    try:
+        one.begin_opening(patience)
+    except DeviceError as error:
+        return str(error)
+    return ""
 
 
-def _cause(error: BaseException, device: Device | None) -> str:
-    """Return why a device did not open: an error of ours, or of the system, explains itself; of another, its line."""
-    if not isinstance(error, Exception):
-        return f"has tried to end the program: {named(error)}"
-    if isinstance(error, ItouchError | OSError):
-        return spoken(error) or type(error).__name__
-    return f"failed in {failed_in(device, 'open')}: {error_text(error)}"
-
-
-def _first_reading(one: Lifecycle, tick: int, failures: dict[str, str]) -> None:
+def first_reading(one: Lifecycle, tick: int, failures: dict[str, str]) -> None:
+    """Read a device that was just opened; a failure is put into ``failures`` and stops nothing else."""
     on_loss, one.gate.on_loss = one.gate.on_loss, None  # while connecting, the caller tells of its loss
     try:
         one.gate.read(tick)

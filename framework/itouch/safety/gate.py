@@ -13,7 +13,7 @@ from itouch.safety.acquisition import Acquisition
 from itouch.safety.actuation import Actuation
 from itouch.safety.device_link import DeviceLink, part
 from itouch.safety.device_monitors import InstalledMonitor
-from itouch.safety.latch import FAULT
+from itouch.safety.latch import CLOSED, FAULT
 from itouch.world import DeviceModel
 
 
@@ -159,6 +159,8 @@ class Gate:
         """Latch a trip and make the device safe now; what the device raises meanwhile is dropped."""
         self.latch.stop(trip, tick)
         self.actuation.ramp_in()
+        if self.latch.number == CLOSED:  # a thread may be opening it
+            return
         with contextlib.suppress(TripError):  # the device is lost; the others must still be made safe
             self.actuation.send_safe()
 

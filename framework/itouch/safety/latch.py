@@ -76,8 +76,9 @@ class Latch:
         return int(self._tripped.item())
 
     def stop(self, trip: Trip, tick: int) -> None:
-        """Latch a trip; any status -> FAULT."""
-        self.become(FAULT)
+        """Latch a trip; any status -> FAULT, but one that is CLOSED stays that: it is FAULT once it is open."""
+        if self.number != CLOSED:
+            self.become(FAULT)
         self._trip[...] = trip
         self._tripped[...] = tick
 

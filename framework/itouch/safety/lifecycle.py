@@ -16,6 +16,7 @@ from itouch.exchange import Exchanged
 from itouch.monitors import LOSSES, TripError
 from itouch.plugin import DeviceError, Record
 from itouch.plugin.wire_claims import WireClaims
+from itouch.safety.device_opening import PATIENCE, DeviceOpening
 from itouch.safety.gate import Gate
 from itouch.safety.latch import CLOSED, ENABLED, FAULT, OPEN
 
@@ -34,6 +35,8 @@ class Lifecycle:
         self._rearmed = state[f"{self.model.name}.rearmed"]
         #: Its claims on its wires, which nobody else may use while it is open.
         self._claims = WireClaims()
+        #: The attempt to open it that is under way, or was given up and has not returned yet.
+        self._opening: DeviceOpening | None = None
         #: Returns the process of the guardian that watches over this session; 0: there is none.
         self.guardian: Callable[[], int] = int
         #: Why it can't be enabled at all: nothing tells where the finger is that it acts on; empty: it can.
@@ -61,7 +64,8 @@ class Lifecycle:
 
     def free_wires(self) -> None:
         """Release the wires of a device that is not opened after all."""
-        self._claims.release()
+        if not self.busy:  # else its driver may use them
+            self._claims.release()
 
     def open(self) -> None:
         """Open the device; CLOSED -> OPEN, or FAULT if a trip is latched: only re-arming releases it.
@@ -71,11 +75,92 @@ class Lifecycle:
         DeviceError
             If the device is missing or refuses, or its wire is in use.
         """
+        self.require_free()
         self.claim_wires()
         if self.gate.device is not None:
             self.gate.device.open()
         self.gate.opened()
         self.latch.open()
+
+    @property
+    def busy(self) -> bool:
+        """Whether a thread still opens it, be it one that was given up: nobody else may open it then."""
+        return self._opening is not None and not self._opening.ended
+
+    @property
+    def awaited(self) -> bool:
+        """Whether somebody is to take the result of its opening; until then it is CLOSED."""
+        return self._opening is not None and not self._opening.given_up
+
+    @property
+    def settled(self) -> bool:
+        """Whether ``finish_opening`` would not have to wait."""
+        return self._opening is None or self._opening.over
+
+    def require_free(self) -> None:
+        """Refuse to begin anything with a device that a thread still opens.
+
+        Raises
+        ------
+        DeviceError
+            If one does.
+        """
+        if self.awaited:
+            raise DeviceError("is being opened: wait until that is done")
+        if self.busy:
+            raise DeviceError("has not returned from being opened yet, which was given up: wait, or switch it off")
+
+    def begin_opening(self, patience: float = PATIENCE) -> None:
+        """Open the device in a thread of its own; it stays CLOSED until ``finish_opening``.
+
+        Parameters
+        ----------
+        patience
+            How long [s] that may take.
+
+        Raises
+        ------
+        DeviceError
+            If a thread opens it already.
+        """
+        self.require_free()
+        self._begin(lambda: None, patience)
+
+    def _begin(self, before: Callable[[], None], patience: float = PATIENCE) -> None:
+        device = self.gate.device
+        if device is None:  # nothing to wait for
+            return
+
+        def work() -> None:
+            before()
+            self.claim_wires()
+            device.open()
+
+        self._opening = DeviceOpening(self.model.name, device, work, self._claims.release, patience)
+
+    def finish_opening(self) -> str:
+        """Wait for the device to be opened; then it is OPEN, or FAULT if a trip is latched.
+
+        Returns
+        -------
+        str
+            Why it is not open; empty: it is.
+        """
+        if self.gate.device is not None and (failed := self._result()):
+            return failed
+        self.gate.opened()
+        self.latch.open()
+        return ""
+
+    def _result(self) -> str:
+        """Wait for the driver to return from opening; return why the device is not open, or nothing."""
+        opening = self._opening
+        if opening is None or opening.given_up:
+            return "is no longer being opened"
+        failed = opening.result()
+        if not opening.given_up:
+            self._opening = None
+        return failed
 
     def enable(self) -> None:
         """Let commands through from the state that was measured; OPEN -> ENABLED.
@@ -161,21 +246,63 @@ class Lifecycle:
             raise DeviceError(f"device '{self.model.name}' {often}: find out why it stops, and wait {wait:.0f} s")
 
     def reconnect(self) -> None:
-        """Close and open the device anew; FAULT or CLOSED -> OPEN, with nothing remembered from before.
-
-        A trip for a lost connection is released by that; any other trip stays latched (FAULT).
+        """Close and open the device anew, and wait for that; see ``begin_reconnect``.
 
         Raises
         ------
         DeviceError
             If the device is missing or refuses (it stays CLOSED), or a budget such as its thermal dose is used up.
         """
+        self.begin_reconnect()
+        if failed := self.finish_reconnect():
+            raise DeviceError(failed)
+
+    def begin_reconnect(self) -> None:
+        """Send the safe command, and close and open the device anew in a thread; it is CLOSED meanwhile.
+
+        ``finish_reconnect`` makes it OPEN, with nothing remembered from before.  A trip for a lost connection is
+        released by that; any other trip stays latched (FAULT).
+
+        Raises
+        ------
+        DeviceError
+            If a budget such as its thermal dose is used up, or a thread opens it already.
+        """
         self._refuse_spent()
-        self.abandon()
+        self.require_free()
+        was_open = self.latch.number != CLOSED
+        self._make_closed()
         if self.latch.trip in LOSSES:
             self.latch.release()
-        self.open()
-        self.gate.actuation.rest_at_safe()
+        self._begin(self._let_go_first if was_open else self._claims.release)
+
+    def finish_reconnect(self) -> str:
+        """Finish as ``finish_opening`` does, with the commands at their safe values; return why it is not open."""
+        failed = self.finish_opening()
+        if not failed:
+            self.gate.actuation.rest_at_safe()
+        return failed
+
+    def put_down(self) -> None:
+        """Give the device up as ``abandon`` does, but without waiting until it is closed."""
+        device = self.gate.device
+        self._make_closed()
+        if device is not None:
+            self._opening = DeviceOpening(self.model.name, device, lambda: None, self._claims.release, PATIENCE)
+            self._opening.give_up()
+
+    def _make_closed(self) -> None:
+        """Send the safe command to a device that is open, whatever it raises; any status -> CLOSED."""
+        if self.latch.number != CLOSED:
+            with contextlib.suppress(TripError):  # a lost device may refuse
+                self.gate.actuation.send_safe()
+            self.latch.become(CLOSED)
+
+    def _let_go_first(self) -> None:
+        """Close the device whatever it raises, and release its wires if it could be closed."""
+        with contextlib.suppress(Exception, SystemExit):  # a lost device may refuse to be closed
+            self._let_go()
+            self._claims.release()
 
     def take_over(self, other: Lifecycle) -> None:
         """Take over the open device of another instance, which is then CLOSED and can no longer send anything.
@@ -204,7 +331,9 @@ class Lifecycle:
     def close(self) -> None:
         """Send the safe command and release the device; any status -> CLOSED."""
         if self.latch.number == CLOSED:
-            self._claims.release()
+            self.give_up()
+            if not self.busy:
+                self._claims.release()
             return
         try:
             self.gate.actuation.send_safe()
@@ -212,6 +341,13 @@ class Lifecycle:
             self.latch.become(CLOSED)
             self._let_go()
             self._claims.release()  # but not if the device can't be closed: its driver may still use the wire
+
+    def give_up(self) -> None:
+        """Give up the opening that is under way, if one is: its thread closes the device as soon as it is open."""
+        if self._opening is not None:
+            self._opening.give_up(CLOSE_TIME)
+            if self._opening.ended:
+                self._opening = None
 
     def _let_go(self) -> None:
         """Close the device, which has been sent its safe command by then; don't wait for it for ever.

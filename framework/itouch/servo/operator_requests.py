@@ -9,18 +9,22 @@ value, for a channel that nothing in the scene writes.  To stop, and for the dea
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from itouch.plugin import Role
+from itouch.plugin import DeviceError, Role
 from itouch.schema import ItouchError
 from itouch.servo.launcher_pipe import Outbox
 from itouch.servo.shared_memory import ServoError
 from itouch.session import Session
 from itouch.world import Model
+
+#: How long [s] to re-arm may wait for a device that is being reconnected: nobody is to be surprised when all moves.
+PROMPT = 0.5
 
 
 @dataclass(slots=True)
@@ -40,6 +44,10 @@ class Commands:
         self._session, self._outbox, self._asked, self._reported = session, outbox, asked, report
         #: The commands that were obeyed, each with the tick before which it took effect.
         self.log: list[dict[str, Any]] = []
+        #: The devices that are being closed and opened anew, beside the loop.
+        self.reconnecting: list[str] = []
+        #: A command to re-arm that waits for them, and until when.
+        self._put_off: tuple[dict[str, Any], float] | None = None
         self._verbs: dict[str, Callable[[Any], None]] = {
             "enable": self._enable,
             "pause": self._pause,
@@ -54,7 +62,13 @@ class Commands:
         }
 
     def carry_out(self, message: dict[str, Any]) -> None:
-        """Obey the command in a message."""
+        """Obey the command in a message; to re-arm is put off while a device is being reconnected, but not for long."""
+        if message.get("what") == "rearm" and self.reconnecting:
+            self._put_off = message, time.monotonic() + PROMPT
+            return
+        self._obey(message)
+
+    def _obey(self, message: dict[str, Any]) -> None:
         what, value = str(message.get("what")), message.get("value")
         try:
             if "." in what:
@@ -93,7 +107,29 @@ class Commands:
         self._session.rearm()
 
     def _reconnect(self, value: Any) -> None:
-        self._session.reconnect(str(value))
+        device = str(value)
+        self._session.begin_reconnect(device)
+        if not self._session.reconnected(device):
+            self.reconnecting.append(device)
+
+    def settle(self) -> bool:
+        """Take the results of devices that are open by now; why one is not, the launcher is told.
+
+        Then obey what was put off until then; tell whether anything was done.
+        """
+        before = len(self.reconnecting)
+        for device in tuple(self.reconnecting):
+            try:
+                if not self._session.reconnected(device):
+                    continue
+            except DeviceError as error:
+                self._outbox.tell("refused", {"what": "reconnect", "cause": str(error)})
+            self.reconnecting.remove(device)
+        put_off = self._put_off
+        if put_off is not None and (not self.reconnecting or time.monotonic() > put_off[1]):
+            self._put_off = None
+            self._obey(put_off[0])
+        return len(self.reconnecting) < before
 
     def _inject(self, value: Any) -> None:
         at, duration, amount = (value.get(key) for key in ("at", "duration", "amount"))

@@ -245,7 +245,9 @@ class Servo:
         model = self.session.model
         needed = model.scene.safety.hold_to_run or bool(self._hardware())
         switch = any(device.reading(Role.DEADMAN) is not None for device in model.devices.values())
-        return not self._asked.enabled or (needed and not switch and not self._held)
+        return (
+            not self._asked.enabled or bool(self._commands.reconnecting) or (needed and not switch and not self._held)
+        )
 
     def _await_guardian(self) -> None:
         """Wait for the guardian, which must live before devices that obey are enabled.
@@ -310,6 +312,8 @@ class Servo:
         if words[at.ASKED] != words[at.TAKEN]:
             for message in self._inbox.take():
                 self._commands.carry_out(message)
+        if self._commands.reconnecting:
+            self._commands.settle()
         self._hold()
         return bool(words[at.STOP]) or self._asked.paused or (self._scripted and self.session.done)
 
@@ -318,6 +322,8 @@ class Servo:
         self.words[at.BEAT] = monotonic()
         for message in self._inbox.take():
             self._commands.carry_out(message)
+        if self._commands.settle():
+            self._publish(0.0, 0.0)  # no tick shows what the device may do now
         self._hold()
         self.outbox.flush()
         self._watch_others()

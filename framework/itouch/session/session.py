@@ -435,7 +435,8 @@ class Session(Shown, Engine):
         DeviceError
             With every device that is not optional and is missing, or has failed since.
         """
-        wanted = [one for one in self.runners if not one.model.twin and not one.model.optional]
+        hardware = [one for one in self.runners if not one.model.twin and not one.lifecycle.awaited]
+        wanted = [one for one in hardware if not one.model.optional]
         moving = [one.model for one in wanted if one.model.cls.moves_on_open and one.latch.status is Status.CLOSED]
         failures = {model.name: why for model in moving if (why := model.missing())}
         failures |= connect([one.lifecycle for one in wanted if not one.model.cls.moves_on_open], self.ticks)
