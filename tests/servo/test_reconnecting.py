@@ -78,7 +78,7 @@ class Pad(Device):
     def read(self, reading):
         if said("out"):
             raise DeviceError("its cable is out")
-        reading["plate"] = 303.15
+        reading["plate"] = 373.15 if said("hot") else 303.15
     def write(self, command):
         pass
     def make_safe(self, command):
@@ -91,7 +91,7 @@ SCENE = """<itouch version="1.0">
   <interaction><probe name="tip" radius="0" pose-from="stick" force-to="stick"/></interaction>
 </itouch>
 """
-Launch = Callable[[str], Handle]
+Launch = Callable[..., Handle]
 
 
 @pytest.fixture
@@ -107,20 +107,20 @@ def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def launch(rig: Path) -> Iterator[Launch]:
-    """Return what launches a session whose pad is lost as soon as all is enabled."""
+    """Return what launches a session whose pad is lost, or too hot, as soon as all is enabled."""
     handles: list[Handle] = []
 
-    def started(optional: str) -> Handle:
+    def started(optional: str, why: str = "out") -> Handle:
         scene = rig / "scene.xml"
         scene.write_text(SCENE.format(optional), encoding="utf-8")
         handle = itouch.launch(scene, seconds=600.0, linger=True, enable=True, realtime=False)
         handles.append(handle.__enter__())
         until(handle, lambda: status(handle, "pad") is Status.ENABLED)
-        (rig / "out").write_text("yes")
+        (rig / why).write_text("yes")
         until(handle, lambda: status(handle, "pad") is Status.FAULT)
         if optional == "false":
             until(handle, lambda: bool(handle.faults))
-        (rig / "out").unlink()
+        (rig / why).unlink()
         return handle
 
     yield started
@@ -195,6 +195,19 @@ def test_what_is_asked_of_a_device_that_is_being_opened_is_answered(rig: Path, l
         "rearm: device 'pad' is being reconnected: re-arm when that is done, or has failed",
         "reconnect: device 'pad': there is nothing at its port",
     ]
+
+
+def test_a_session_lives_while_re_arming_opens_what_a_trip_had_stopped(rig: Path, launch: Launch) -> None:
+    """Only a lost connection is released by reconnecting: after a trip, to re-arm opens a device that was not there."""
+    handle = launch("false", why="hot")
+    (rig / "gone").write_text("yes")
+    handle.command("reconnect", "pad")
+    until(handle, lambda: bool(handle.refused))
+    (rig / "gone").unlink()
+    (rig / "opening").write_text("1.0")
+    handle.command("rearm")
+    until(handle, lambda: status(handle, "pad") is Status.ENABLED)
+    assert handle.refused == ["reconnect: device 'pad': there is nothing at its port"]
 
 
 def test_a_session_may_end_while_a_device_is_being_opened(rig: Path, launch: Launch) -> None:

@@ -121,6 +121,7 @@ class Engine:
         #: Who is told what of this engine; and who is told of each tick, which is most of them.
         self.on = Notifications()
         self.taps: list[Callable[[int], None]] = self.on.tick
+        self._operator.waiting = partial(tell, self.on.waiting)
         #: What was done to a session otherwise than its scene says; beside what its model says of itself.
         self.notes: tuple[str, ...] = ()
         #: Where the plan has stopped in a tick that compiled code began, and how many ticks that may run: (1,) each.

@@ -106,6 +106,8 @@ class Notifications:
         A run is about to begin.
     act
         Devices are about to be enabled or armed anew: what must be there before anything acts is there after this.
+    waiting
+        Nothing is enabled, and the caller of ``rearm`` waits for devices to be opened: called again and again.
     outside
         The State was changed from outside the loop, or is about to be by a sequence that is no tick; with the reason.
     left_out
@@ -121,6 +123,7 @@ class Notifications:
     tick: list[Callable[[int], None]] = field(default_factory=list)
     begin: Listeners = field(default_factory=list)
     act: Listeners = field(default_factory=list)
+    waiting: Listeners = field(default_factory=list)
     outside: list[Callable[[str], object]] = field(default_factory=list)
     left_out: list[Callable[[float, bool], object]] = field(default_factory=list)
     fault: list[Callable[[DeviceFaultError], object]] = field(default_factory=list)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from itouch.faults import FOREVER, FaultyTwin, Injection, Kind
@@ -35,6 +35,8 @@ class OperatorCommands:
     ) -> None:
         self._model, self._runners, self._rigs, self._statistics = model, runners, rigs, statistics
         self._tick = state["tick"]
+        #: Called again and again while devices are opened that must be open for it to be re-armed.
+        self.waiting: Callable[[], None] = lambda: None
         self.hold = HoldToRun(
             state, [one.gate for one in runners.values()], model.period, asked=model.scene.safety.hold_to_run
         )
@@ -160,7 +162,12 @@ class OperatorCommands:
         closed = (
             [one for one in asked if one.latch.status is Status.CLOSED and not one.model.optional] if latched else []
         )
-        return [f"device '{name}': {why}" for name, why in connect([one.lifecycle for one in closed], tick).items()]
+        if closed and any(one.latch.enabled and not one.model.twin for one in self._runners.values()):
+            return [
+                f"device '{one.model.name}' is CLOSED while others are ENABLED: reconnect it first" for one in closed
+            ]
+        failures = connect([one.lifecycle for one in closed], tick, meanwhile=self.waiting)
+        return [f"device '{name}': {why}" for name, why in failures.items()]
 
     def reconnect(self, device: str) -> None:
         """Close a device and open it anew; it is then OPEN, and re-arming enables it.

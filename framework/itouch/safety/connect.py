@@ -5,7 +5,7 @@ Nothing is opened if another process, or another session, uses a wire of a devic
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from itouch.monitors import DeviceFaultError
 from itouch.platforms import hardware_refused
@@ -16,7 +16,10 @@ from itouch.safety.latch import Status
 from itouch.safety.lifecycle import Lifecycle
 
 
-def connect(lifecycles: Iterable[Lifecycle], tick: int, *, patience: float = PATIENCE) -> dict[str, str]:
+def connect(
+    lifecycles: Iterable[Lifecycle], tick: int, *, patience: float = PATIENCE,
+    meanwhile: Callable[[], object] | None = None,
+) -> dict[str, str]:  # fmt: skip
     """Open every device that is CLOSED, and read each once.
 
     Parameters
@@ -27,6 +30,8 @@ def connect(lifecycles: Iterable[Lifecycle], tick: int, *, patience: float = PAT
         The number of the tick that comes next.
     patience
         How long [s] to wait for all of them.
+    meanwhile
+        Called again and again while it waits.
 
     Returns
     -------
@@ -42,7 +47,7 @@ def connect(lifecycles: Iterable[Lifecycle], tick: int, *, patience: float = PAT
         if why := _begin(one, patience):
             failures[one.model.name] = why
     for one in begun:
-        if one.model.name not in failures and (why := one.finish_opening()):
+        if one.model.name not in failures and (why := one.finish_opening(meanwhile)):
             failures[one.model.name] = why
     for one in wanted:
         if one.model.name not in failures:

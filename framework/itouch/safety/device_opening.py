@@ -15,6 +15,8 @@ from itouch.schema.plugin_errors import error_text
 
 #: How long [s] a device may take to open.
 PATIENCE = 15.0
+#: How often [s] whoever waits for it looks whether it is.
+LOOK = 0.01
 
 
 class DeviceOpening:
@@ -59,14 +61,20 @@ class DeviceOpening:
         """Whether the thread leaves the device and its wires alone from now on."""
         return self._ended.is_set()
 
-    def result(self) -> str:
-        """Wait until it is over; return why the device is not open, or nothing.  What took too long is given up."""
+    def result(self, meanwhile: Callable[[], object] | None = None) -> str:
+        """Wait until it is over; return why the device is not open, or nothing.  What took too long is given up.
+
+        ``meanwhile`` is called again and again, so that the caller is not taken to hang.
+        """
         try:
-            returned = self._returned.wait(max(0.0, self._deadline - time.monotonic()))
+            while not self.over:
+                if meanwhile is not None:
+                    meanwhile()
+                self._returned.wait(min(LOOK, max(0.0, self._deadline - time.monotonic())))
         except BaseException:  # Ctrl-C: nobody takes the result
             self.give_up()
             raise
-        if not returned:
+        if not self._returned.is_set():
             self.give_up()
             return f"did not open within {self._patience:g} s"
         return self.failure
@@ -95,13 +103,11 @@ class DeviceOpening:
         self._undo()
 
     def _undo(self) -> None:
-        try:
+        with contextlib.suppress(BaseException):  # nobody is left to be told
             if not self.failure:
-                with contextlib.suppress(BaseException):  # nobody is left to be told
-                    self._device.close()
-        finally:
-            self._release()
-            self._ended.set()
+                self._device.close()
+            self._release()  # but not if the device can't be closed: its driver may still use the wire
+        self._ended.set()
 
 
 def _cause(error: BaseException, device: Device) -> str:

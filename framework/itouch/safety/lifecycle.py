@@ -138,26 +138,31 @@ class Lifecycle:
 
         self._opening = DeviceOpening(self.model.name, device, work, self._claims.release, patience)
 
-    def finish_opening(self) -> str:
+    def finish_opening(self, meanwhile: Callable[[], object] | None = None) -> str:
         """Wait for the device to be opened; then it is OPEN, or FAULT if a trip is latched.
+
+        Parameters
+        ----------
+        meanwhile
+            Called again and again while it waits.
 
         Returns
         -------
         str
             Why it is not open; empty: it is.
         """
-        if self.gate.device is not None and (failed := self._result()):
+        if self.gate.device is not None and (failed := self._result(meanwhile)):
             return failed
         self.gate.opened()
         self.latch.open()
         return ""
 
-    def _result(self) -> str:
+    def _result(self, meanwhile: Callable[[], object] | None) -> str:
         """Wait for the driver to return from opening; return why the device is not open, or nothing."""
         opening = self._opening
         if opening is None or opening.given_up:
             return "is no longer being opened"
-        failed = opening.result()
+        failed = opening.result(meanwhile)
         if not opening.given_up:
             self._opening = None
         return failed

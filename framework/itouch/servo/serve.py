@@ -270,6 +270,7 @@ class Servo:
         self._scripted = last is None and session.scripted
         session.taps.append(self._tap)
         session.loss_hooks.append(self._tell_loss)
+        session.on.waiting.append(self._beat)
         self._follow_once()
         self.words[at.BEAT] = monotonic()
         self.words[at.PHASE] = at.RUNNING
@@ -328,6 +329,9 @@ class Servo:
         self.outbox.flush()
         self._watch_others()
         time.sleep(IDLE)
+
+    def _beat(self) -> None:
+        self.words[at.BEAT] = monotonic()
 
     def _hold(self) -> None:
         """Pass on to the engine whether somebody holds the dead-man's switch, and whether a holder has let go."""
