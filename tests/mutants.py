@@ -25,7 +25,7 @@ TREE = HERE.parent
 SAFETY = (
     *(f"safety/test_{name}.py" for name in (
         "guard", "finger", "supervisor", "hold_connect", "sequence", "blind_retreat", "joined_steps", "edges",
-        "check_warm_up", "blind_legs", "never_enabled",
+        "check_warm_up", "blind_legs", "never_enabled", "device_opening",
     )),
     *(f"monitors/test_{name}.py" for name in ("readings", "heat", "carrier", "monitors", "at_the_limits")),
 )  # fmt: skip

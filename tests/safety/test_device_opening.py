@@ -32,11 +32,14 @@ class Slow(Fake):
     def __init__(self) -> None:
         super().__init__()
         self.lets, self.closes, self.closed = threading.Event(), threading.Event(), threading.Event()
+        self.opens_not: Exception | None = None
         self.closes.set()
 
     def open(self) -> None:
         super().open()
         self.lets.wait()
+        if self.opens_not:
+            raise self.opens_not
 
     def close(self) -> None:
         self.closes.wait()
@@ -128,6 +131,15 @@ def test_what_is_given_up_and_can_not_be_closed_keeps_its_wire(
     driver(slow).closes.set()
     until_idle(slow)
     assert held()
+
+
+def test_what_fails_too_late_is_not_closed(slow: Supervised) -> None:
+    driver(slow).opens_not = DeviceError("not there")
+    assert connect([slow.lifecycle], 0, patience=0.05) == {"one": "did not open within 0.05 s"}
+    driver(slow).lets.set()
+    until_idle(slow)
+    assert driver(slow).calls == ["open"]
+    assert not held()
 
 
 def test_a_twin_is_put_down_at_once() -> None:

@@ -16,6 +16,8 @@ import itouch
 from itouch.loop import Status
 from itouch.plugin.wire_claims import WireClaims, WireHeldError
 from itouch.servo import Handle
+from itouch.session.outputs import Outputs
+from itouch_tools.cli import main
 
 pytestmark = [pytest.mark.xdist_group("processes"), pytest.mark.punctual]
 
@@ -113,7 +115,8 @@ def launch(rig: Path) -> Iterator[Launch]:
     def started(optional: str, why: str = "out") -> Handle:
         scene = rig / "scene.xml"
         scene.write_text(SCENE.format(optional), encoding="utf-8")
-        handle = itouch.launch(scene, seconds=600.0, linger=True, enable=True, realtime=False)
+        keep = Outputs(record=str(rig / "r.mcap"))
+        handle = itouch.launch(scene, seconds=600.0, linger=True, enable=True, realtime=False, keep=keep)
         handles.append(handle.__enter__())
         until(handle, lambda: status(handle, "pad") is Status.ENABLED)
         (rig / why).write_text("yes")
@@ -160,6 +163,19 @@ def test_others_go_on_while_an_optional_device_takes_long_to_open(rig: Path, lau
     until(handle, lambda: status(handle, "pad") is Status.ENABLED)
     assert handle.refused == []
     assert log(rig) == ["open", "opened", "close", "open", "opened"]
+
+
+def test_a_recording_in_which_a_device_was_reconnected_is_replayed_bit_for_bit(
+    rig: Path, launch: Launch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    handle = launch("true")
+    (rig / "opening").write_text("0.3")
+    handle.command("reconnect", "pad")
+    until(handle, lambda: status(handle, "pad") is Status.OPEN)
+    handle.command("rearm")
+    until(handle, lambda: status(handle, "pad") is Status.ENABLED)
+    handle.stop()
+    assert main(["replay", str(rig / "r.mcap")]) == 0, capsys.readouterr()
 
 
 def test_a_session_that_is_stopped_lives_while_its_device_is_opened(rig: Path, launch: Launch) -> None:
