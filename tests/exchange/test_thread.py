@@ -145,43 +145,6 @@ def test_a_command_that_is_not_renewed_becomes_the_safe_one(device: _Slow) -> No
     threaded.close()
 
 
-def test_a_command_that_stays_is_kept_though_nobody_renews_it(device: _Slow) -> None:
-    threaded = ThreadedDevice(device, patience=0.02)
-    threaded.open()
-    threaded.stays = True
-    threaded.write(_command(2.0))
-    _until(lambda: device.written)
-    seen = threaded.exchanges
-    _until(lambda: threaded.exchanges > seen + 60)  # of a millisecond at least: thrice its patience
-    assert device.written == [2.0]
-    threaded.stays = False
-    threaded.write(_command(1.0))
-    _until(lambda: device.written[-1] == 0.0)
-    threaded.close()
-    assert device.written[-1] == 0.0
-
-
-def test_a_device_whose_thread_still_hangs_is_not_opened_by_another(device: _Slow) -> None:
-    threaded = ThreadedDevice(device, patience=10.0)
-    threaded.open()
-    threaded.write(_command(1.0))
-    _until(lambda: device.written)
-    device.hang.clear()
-    assert device.hangs.wait(300)
-    with pytest.raises(DeviceError, match="does not answer"):
-        threaded.close()
-    with pytest.raises(DeviceError, match="has not returned from 'read' since it was closed"):
-        threaded.open()
-    assert [what for what, _ in device.calls] == ["open"]
-    device.hang.set()
-    _until(lambda: device.calls[-1][0] == "close")
-    _until(lambda: not (threaded._left and threaded._left.is_alive()))
-    threaded.open()
-    threaded.close()
-    assert [what for what, _ in device.calls] == ["open", "close", "open", "close"]
-    assert len({thread for _, thread in device.calls[:2]}) == len({thread for _, thread in device.calls[2:]}) == 1
-
-
 def test_a_hung_device_does_not_hold_the_caller(device: _Slow) -> None:
     threaded, reading = ThreadedDevice(device, patience=10.0), _reading()
     threaded.open()

@@ -11,11 +11,9 @@ import numpy as np
 import pytest
 from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, FakeTwin, Slow, Supervised, lost, model, state
 
-from itouch.exchange import Exchanged
 from itouch.plugin import HOLD, Channel, DeviceError, Record
 from itouch.plugin.stamps import Stamped
 from itouch.safety import DeviceFaultError, Status, Trip, lifecycle
-from itouch.safety.actuation import BACKWARDS, HELD
 
 
 class Rig:
@@ -853,43 +851,3 @@ def test_a_twin_is_re_armed_with_the_reading_that_it_has() -> None:
     twin.says = lambda reading: False
     it.lifecycle.rearm(2)
     assert it.latch.status is Status.OPEN
-
-
-class Deputy(Exchanged):
-    """Stands for a device, and notes with each command whether it stays in force though nobody renews it."""
-
-    noted: list[bool]
-
-    def open(self) -> None:
-        self.noted = []
-
-    def close(self) -> None:
-        pass
-
-    def read(self, reading: Record) -> bool | None:
-        return self.device.read(reading)
-
-    def write(self, command: Record) -> None:
-        self.noted.append(self.stays)
-
-
-@pytest.mark.parametrize(
-    ("stopped", "highest", "kept"),
-    [(0, math.nan, False), (HELD, math.nan, True), (BACKWARDS, math.nan, True), (0, 0.02, True)],
-)
-def test_who_stands_for_a_surface_is_told_to_keep_it_where_the_sequence_does_not_retract_it(
-    stopped: int, highest: float, kept: bool
-) -> None:
-    """Behind an exchange, and in the guardian, what nobody renews becomes the safe command: this one must not."""
-    rig = Rig(TABLE)
-    deputy = Deputy(rig.device)
-    rig.it.gate.device = deputy
-    rig.enabled().it.gate.write(1)
-    rig.it.gate.fault(Trip.TRACKING, 2)
-    rig.state["it.stopped"], rig.state["it.way"][2] = stopped, highest
-    rig.it.gate.write(3)
-    assert deputy.noted[0] is False and deputy.noted[-1] is kept
-    rig.it.lifecycle.rearm(4)
-    rig.it.lifecycle.enable()
-    rig.it.gate.write(5)
-    assert deputy.noted[-1] is False

@@ -14,9 +14,6 @@ class Exchanged(Device, Stamped):
         self.device = device
         #: The method of the device that was called last, by its name: the one that has failed, if one has.
         self.called = "open"
-        #: Whether the command that is written next stays in force though nobody renews it: that of a surface which the
-        #: safe sequence holds, or leads another way than its safe command would.
-        self.stays = False
 
 
 def failed_in(device: Device | None, method: str) -> str:

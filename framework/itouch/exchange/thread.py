@@ -21,10 +21,8 @@ from itouch.plugin.device import is_new
 from itouch.plugin.stamps import ticks_of
 from itouch.schema.diagnostics import named
 
-#: A command with the time [s] at which it was requested, and whether it stays in force though nobody renews it.
-_Wanted = tuple[float, bytes, bool] | None
-#: A command with the time [s] at which it left.
-_Gone = tuple[float, bytes] | None
+#: A command with the time [s] at which it was requested, or at which it left.
+Sent = tuple[float, bytes] | None
 #: A reading with the times [s] at which its channels were measured.
 _Reading = tuple[tuple[float, ...], bytes]
 
@@ -50,7 +48,7 @@ class ThreadedDevice(Exchanged):
     An exchange writes the newest command, if one has come since the last exchange, and reads; the next one follows
     after the device's period.  With a device that ``waits``, an exchange begins as soon as there is a different command
     to send, or without one after that waiting time.  A command that has not been renewed for ``patience`` [s] is
-    replaced by the safe one, unless it ``stays``: a loop that hangs must not leave its last force in effect.
+    replaced by the safe one: a loop that hangs must not leave its last force in effect.
     """
 
     def __init__(
@@ -65,32 +63,20 @@ class ThreadedDevice(Exchanged):
         self._reading, self._command = _record(self._reads), _record(self._commands)
         self._newest: _Reading | None = None
         self._taken: _Reading | None = None
-        self._wanted: _Wanted = None
-        self._gone: _Gone = None
-        self._told: _Gone = None
+        self._wanted: Sent = None
+        self._gone: Sent = None
+        self._told: Sent = None
         self._stamps = Stamps([channel.name for channel in self._reads])
         self._waits, self._woken = type(device).waits, threading.Event()
         self._error: Raised | None = None
         self._ending = threading.Event()
         self._thread: threading.Thread | None = None
-        #: A thread that had not ended when the device was closed.
-        self._left: threading.Thread | None = None
         #: Number of exchanges, and duration of the longest [s].
         self.exchanges, self.longest = 0, 0.0
         self._latest: deque[tuple[float, float]] = deque(maxlen=_LATEST)
 
     def open(self) -> None:
-        """Open the device and begin to exchange; return with the first reading, or after ``FIRST_TIME`` without one.
-
-        Raises
-        ------
-        DeviceError
-            If the thread of before has not come back from the driver: it would close what is opened here when it does.
-        Exception
-            What the driver raises.
-        """
-        if self._left is not None and self._left.is_alive():
-            raise DeviceError(f"has not returned from '{self.called}' since it was closed: nobody else may call it now")
+        """Open the device and begin to exchange; return with the first reading, or after ``FIRST_TIME`` without one."""
         self._newest = self._taken = self._wanted = self._gone = self._told = self._error = None
         self.device.trace, self.device.stamps = self.trace, self._stamps
         opened, read, self._ending = threading.Event(), threading.Event(), threading.Event()
@@ -140,7 +126,7 @@ class ThreadedDevice(Exchanged):
     def write(self, command: Record) -> None:
         """Deposit a command for the next exchange; it replaces one that was not sent yet."""
         before, asked = self._wanted, command.tobytes()
-        self._wanted = time.monotonic(), asked, self.stays
+        self._wanted = time.monotonic(), asked
         if self._waits and (before is None or before[1] != asked):
             self._woken.set()
 
@@ -174,7 +160,6 @@ class ThreadedDevice(Exchanged):
             return
         thread.join(CLOSE_TIME * max(1.0, self.device.patience))
         if thread.is_alive():
-            self._left = thread
             raise DeviceError("does not answer; it will be closed when its exchange ends")
 
     def _live(self, opened: threading.Event, read: threading.Event, ending: threading.Event) -> None:
@@ -232,12 +217,12 @@ class ThreadedDevice(Exchanged):
                 self._woken.wait(self._waits)
         self._send(sent, time.monotonic())
 
-    def _send(self, sent: _Wanted, now: float) -> _Wanted:
+    def _send(self, sent: Sent, now: float) -> Sent:
         """Write a new command, or the safe one if none came for too long; return the command that is dealt with."""
         wanted = self._wanted
         if wanted is None:
             return sent
-        old = not wanted[2] and now - wanted[0] > self._patience
+        old = now - wanted[0] > self._patience
         if wanted is sent and not old:
             return sent
         self._command.raw.data[:] = wanted[1]
@@ -341,15 +326,12 @@ def keep_up() -> None:
             os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
 
 
-def make_safe(command: Record, channels: tuple[Channel, ...], *, stays: bool = False) -> None:
-    """Turn a command that was sent into the safe one: each channel's safe value, hold, or retract.
-
-    ``stays``: a surface is held where it was sent, as the safe sequence has done it.
-    """
+def make_safe(command: Record, channels: tuple[Channel, ...]) -> None:
+    """Turn a command that was sent into the safe one: each channel's safe value, hold, or retract."""
     for channel in channels:
         if isinstance(channel.safe, tuple):
             command[channel.name] = channel.safe
-        elif not stays and channel.safe is RETRACT and channel.low and math.isfinite(channel.low[2]):
+        elif channel.safe is RETRACT and channel.low and math.isfinite(channel.low[2]):
             command[channel.name][2] = channel.low[2]
 
 

@@ -8,9 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from itouch.exchange import Exchanged
 from itouch.monitors import Trip, TripError
 from itouch.plugin import Bound, DeviceError, Record, Role
 from itouch.safety import limiting
@@ -24,15 +22,6 @@ from itouch.world import limits as default
 
 #: Values of ``Actuation.stopped``.
 HELD, BACKWARDS = 1, 2
-
-
-def stays(stopped: NDArray[np.int8] | None, way: NDArray[np.float64] | None) -> bool:
-    """Tell whether the safe sequence holds a surface, or leads it another way than its safe command would.
-
-    ``stopped`` () and ``way`` (3,) [m] are those of `Actuation`; None: it is no surface.
-    """
-    led = way is not None and bool(np.isfinite(way[1:]).any())
-    return led or bool(stopped is not None and stopped.item())
 
 
 class Actuation:
@@ -79,11 +68,6 @@ class Actuation:
         self.keeping = False
         #: The copy that a driver is handed: it may keep it, or write to it whenever it likes.
         self._handed = sent.copy()
-
-    @property
-    def stays(self) -> bool:
-        """Whether the safe sequence holds the surface, or leads it another way than its safe command would."""
-        return stays(self.stopped, self.way)
 
     def forget_way(self) -> None:
         """Forget how a surface retracted, and how far it was led."""
@@ -232,8 +216,6 @@ class Actuation:
         if device is None or not self._known:
             return
         self.unsent = True
-        if isinstance(device, Exchanged):
-            device.stays = self.stays and self._link.latch.number != ENABLED
         try:
             self._handed.raw[:] = self.sent.raw
             device.write(self._handed)

@@ -10,7 +10,6 @@ from itouch.exchange.thread import make_safe
 from itouch.plugin import Device, Field, Record
 from itouch.plugin.discovery import Catalog
 from itouch.plugin.wire_claims import WireClaims
-from itouch.safety.actuation import stays
 from itouch.scene import loads
 from itouch.servo.link import Link
 from itouch.servo.shared_memory import SharedMemory
@@ -38,8 +37,7 @@ def _act(model: DeviceModel, link: Link, claims: WireClaims) -> Callable[[], Non
         state = link.state
         for channel in model.commands:
             command[channel.name] = state[f"{model.name}.sent.{channel.name}"]
-        held = stays(state.get(f"{model.name}.stopped"), state.get(f"{model.name}.way"))
-        make_safe(command, model.commands, stays=held)
+        make_safe(command, model.commands)
         device.make_safe(command)
 
     return act
