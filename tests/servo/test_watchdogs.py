@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +13,11 @@ import itouch
 from itouch.exchange.thread import make_safe
 from itouch.plugin import Device, Field, Record, current, pose, pose_target, wrench
 from itouch.plugin.discovery import Catalog, Found
+from itouch.plugin.wire_claims import WireClaims
+from itouch.safety import Status
+from itouch.safety.actuation import BACKWARDS, HELD
 from itouch.scene import loads
+from itouch.servo.opener import _act
 from itouch.world import compile_scene
 
 SCENE = """<itouch version="1.0">
@@ -106,6 +111,40 @@ def test_the_safe_command_is_made_of_what_was_sent() -> None:
     assert not record["wrench"].any()
     assert not record["current"].any()
     assert np.array_equal(record["pose_target"], (0.03, 0.02, 0.0, 1, 0, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("status", "stopped", "leg", "height"),
+    [
+        (Status.ENABLED, 0, np.nan, 0.0),
+        (Status.FAULT, 0, np.nan, 0.0),  # it died while the surface retracted
+        (Status.FAULT, HELD, np.nan, 0.03),
+        (Status.OPEN, BACKWARDS, np.nan, 0.03),
+        (Status.OPEN, 0, 0.025, 0.025),  # a leg of a retreat that is judged by what touches it
+        (Status.OPEN, 0, 0.04, 0.03),  # never up
+        (Status.OPEN, 0, -0.01, 0.0),
+    ],
+)
+def test_a_second_opener_retracts_no_surface_that_goes_the_wrong_way(
+    status: Status, stopped: int, leg: float, height: float
+) -> None:
+    low, high = (-0.1, -0.1, 0.0), (0.1, 0.1, 0.05)
+    made: list[Record] = []
+
+    class Table(_Stick):
+        commands = (pose_target(low=low, high=high, speed=0.2),)
+
+        def make_safe(self, safe: Record) -> None:
+            made.append(safe)
+
+    fields = [Field("table.sent.pose_target", "f8", 7), Field("table.way", "f8", 3)]
+    state = Record.of([*fields, *(Field(f"table.{name}", "i8") for name in ("status", "stopped"))])
+    state["table.sent.pose_target"] = (0.01, 0.0, 0.03, 1, 0, 0, 0)
+    state["table.status"], state["table.stopped"], state["table.way"] = status, stopped, (0.03, leg, np.nan)
+    model: Any = SimpleNamespace(name="table", cls=Table, params=_Params(), commands=Table.commands)
+    link: Any = SimpleNamespace(state=state)
+    _act(model, link, WireClaims())()
+    assert made[0]["pose_target"].tolist() == [0.01, 0.0, height, 1, 0, 0, 0]
 
 
 def test_hardware_in_a_servo_process_waits_for_the_operator() -> None:

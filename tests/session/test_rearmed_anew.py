@@ -69,8 +69,11 @@ class Part(Device):
         return True
 
 
-def rig(folder: Path, *, blocking: bool = False, optional: bool = False) -> tuple[itouch.Session, Any, Any, Any]:
-    """Return an enabled session in real time that has run a little; and the classes of its devices."""
+def rig(folder: Path, *, blocking: bool | str = False, optional: bool = False) -> tuple[itouch.Session, Any, Any, Any]:
+    """Return an enabled session in real time that has run a little; and the classes of its devices.
+
+    ``blocking``: whether each of them, or the one of this name, has a thread of its own.
+    """
 
     class Stick(Part):
         """Where the finger is: high over the table."""
@@ -100,7 +103,8 @@ def rig(folder: Path, *, blocking: bool = False, optional: bool = False) -> tupl
 
     kinds: tuple[type[Part], ...] = (Stick, Table, Pad)
     for cls in kinds:
-        cls.blocking, cls.period = blocking, 0.002 if blocking else 0.0
+        cls.blocking = blocking in (True, cls.__name__)
+        cls.period = 0.002 if cls.blocking else 0.0
 
     def finder(group: str) -> dict[str, Found]:
         found: dict[str, Any] = dict(find(group))

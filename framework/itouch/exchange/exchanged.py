@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from itouch.plugin import Device
 from itouch.plugin.stamps import Stamped
 
@@ -14,6 +16,9 @@ class Exchanged(Device, Stamped):
         self.device = device
         #: The method of the device that was called last, by its name: the one that has failed, if one has.
         self.called = "open"
+        #: Lowest height [m] to which a surface may retract by itself once its commands are no longer renewed; infinite:
+        #: it stays where it was sent last; NaN: to the end of its travel.
+        self.lowest = math.nan
 
 
 def failed_in(device: Device | None, method: str) -> str:

@@ -48,7 +48,8 @@ class ThreadedDevice(Exchanged):
     An exchange writes the newest command, if one has come since the last exchange, and reads; the next one follows
     after the device's period.  With a device that ``waits``, an exchange begins as soon as there is a different command
     to send, or without one after that waiting time.  A command that has not been renewed for ``patience`` [s] is
-    replaced by the safe one: a loop that hangs must not leave its last force in effect.
+    replaced by the safe one: a loop that hangs must not leave its last force in effect.  A surface retracts then no
+    further than to ``lowest``: a safe sequence may have found that retracting brings it nearer to the finger.
     """
 
     def __init__(
@@ -79,6 +80,7 @@ class ThreadedDevice(Exchanged):
         """Open the device and begin to exchange; return with the first reading, or after ``FIRST_TIME`` without one."""
         self._newest = self._taken = self._wanted = self._gone = self._told = self._error = None
         self.device.trace, self.device.stamps = self.trace, self._stamps
+        self.lowest = math.nan
         opened, read, self._ending = threading.Event(), threading.Event(), threading.Event()
         self.called = "open"
         self._thread = threading.Thread(target=self._live, args=(opened, read, self._ending), daemon=True)
@@ -227,7 +229,7 @@ class ThreadedDevice(Exchanged):
             return sent
         self._command.raw.data[:] = wanted[1]
         if old:
-            make_safe(self._command, self._commands)
+            make_safe(self._command, self._commands, self.lowest)
             self._wanted = None if self._wanted is wanted else self._wanted
         self.called = "write"
         self.device.write(self._command)
@@ -326,13 +328,17 @@ def keep_up() -> None:
             os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
 
 
-def make_safe(command: Record, channels: tuple[Channel, ...]) -> None:
-    """Turn a command that was sent into the safe one: each channel's safe value, hold, or retract."""
+def make_safe(command: Record, channels: tuple[Channel, ...], lowest: float = math.nan) -> None:
+    """Turn a command that was sent into the safe one: each channel's safe value, hold, or retract.
+
+    ``lowest``: height [m] below which no surface is sent that was not sent there already, NaN: the end of its travel.
+    """
     for channel in channels:
         if isinstance(channel.safe, tuple):
             command[channel.name] = channel.safe
         elif channel.safe is RETRACT and channel.low and math.isfinite(channel.low[2]):
-            command[channel.name][2] = channel.low[2]
+            sent, end = command[channel.name], channel.low[2]
+            sent[2] = end if math.isnan(lowest) else min(sent[2].item(), max(end, lowest))
 
 
 def _record(channels: tuple[Channel, ...]) -> Record:

@@ -5,10 +5,12 @@ Unless a device is enabled nothing that was requested passes: each channel gets 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
+from itouch.exchange import Exchanged
 from itouch.monitors import Trip, TripError
 from itouch.plugin import Bound, DeviceError, Record, Role
 from itouch.safety import limiting
@@ -22,6 +24,18 @@ from itouch.world import limits as default
 
 #: Values of ``Actuation.stopped``.
 HELD, BACKWARDS = 1, 2
+
+
+def lowest_retreat(status: int, stopped: int, leg: float) -> float:
+    """Return the lowest height [m] to which a surface may retract unwatched, when the loop hangs or has died.
+
+    Infinite: it stays where it was sent last, because a stop has found that retracting may bring it nearer to the
+    finger; NaN: to the end of its travel.  ``status`` and ``stopped`` are those of State; ``leg`` is the lowest height
+    [m] to which the safe sequence itself may send it, NaN: the end of its travel.
+    """
+    if status == ENABLED:  # what an earlier stop has found counts no longer
+        return math.nan
+    return math.inf if stopped else leg
 
 
 class Actuation:
@@ -66,6 +80,8 @@ class Actuation:
         self.leave_room: Callable[[], None] | None = None
         #: Keep the last command instead of the safe one: a plate that is being taken from the finger keeps its drive.
         self.keeping = False
+        #: Whether a safe sequence is over: what was sent last is the safe state, and nobody watches where it goes.
+        self._settled = False
         #: The copy that a driver is handed: it may keep it, or write to it whenever it likes.
         self._handed = sent.copy()
 
@@ -76,13 +92,35 @@ class Actuation:
 
     def opened(self) -> None:
         """Forget what was sent: the device may stand elsewhere since it was opened."""
+        self._settled = False
         self._known = self._link.device is None or not self._relative
 
     def begin(self) -> None:
         """Begin from where the device stands, with the ramp that its limits ask for."""
         self.rest_at_measured()
-        self._known = True
+        self._known, self._settled = True, False
         self._ramp[...] = 0.0 if self._link.model.limits.ramp > 0.0 else 1.0
+
+    def settle(self, over: bool = True) -> None:
+        """Leave the device as it is: a safe sequence is ``over``, and no surface may move on unwatched; or it begins.
+
+        A thread that exchanges with the device goes on by itself when no tick writes any more.
+        """
+        self._settled = over
+        self._tell_lowest()
+
+    def _tell_lowest(self) -> None:
+        if isinstance(self._link.device, Exchanged):
+            self._link.device.lowest = self._lowest
+
+    @property
+    def _lowest(self) -> float:
+        """The lowest height [m] to which the device may retract unwatched, see ``lowest_retreat``."""
+        status = self._link.latch.number
+        if self.stopped is None or self.way is None:
+            return math.nan
+        found = lowest_retreat(status, self.stopped.item(), self.way[1].item())
+        return math.inf if self._settled and status != ENABLED else found
 
     def rest_at_measured(self) -> None:
         """Begin each command at its safe value, or where the device stands."""
@@ -218,6 +256,7 @@ class Actuation:
         self.unsent = True
         try:
             self._handed.raw[:] = self.sent.raw
+            self._tell_lowest()
             device.write(self._handed)
             self.unsent = False
         except DeviceError as error:

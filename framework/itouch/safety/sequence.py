@@ -133,6 +133,8 @@ class SafeSequence:
         self._furthest = dict(heights)
         self._late = {g.model.name for g in self._retracting if g.twin is None}
         self._since = self._tick.item()
+        for gate in self._gates:
+            gate.actuation.settle(over=False)
         for gate in self._carried:
             gate.actuation.keeping = gate.model.name != fault.device
         self._passed = self._skipped = 0
@@ -228,6 +230,8 @@ class SafeSequence:
         for gate, stopped in self._ways:
             if stopped.item() == BACKWARDS or self._blind[gate.model.name].active:
                 stopped[...] = HELD
+        for gate in self._gates:
+            gate.actuation.settle()
 
     def _step(self) -> None:
         tick = self._tick.item()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -10,6 +11,7 @@ from itouch.exchange.thread import make_safe
 from itouch.plugin import Device, Field, Record
 from itouch.plugin.discovery import Catalog
 from itouch.plugin.wire_claims import WireClaims
+from itouch.safety.actuation import lowest_retreat
 from itouch.scene import loads
 from itouch.servo.link import Link
 from itouch.servo.shared_memory import SharedMemory
@@ -37,7 +39,15 @@ def _act(model: DeviceModel, link: Link, claims: WireClaims) -> Callable[[], Non
         state = link.state
         for channel in model.commands:
             command[channel.name] = state[f"{model.name}.sent.{channel.name}"]
-        make_safe(command, model.commands)
+        make_safe(command, model.commands, _lowest(state, model.name))
         device.make_safe(command)
 
     return act
+
+
+def _lowest(state: Record, name: str) -> float:
+    """Return the lowest height [m] to which a surface may retract: it may be one that goes the wrong way."""
+    if f"{name}.way" not in state:
+        return math.nan
+    status, stopped, way = (state[f"{name}.{field}"] for field in ("status", "stopped", "way"))
+    return lowest_retreat(status.item(), stopped.item(), way[1].item())
