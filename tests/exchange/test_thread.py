@@ -15,7 +15,7 @@ import pytest
 
 from itouch.exchange import EveryNth, ThreadedDevice, failed_in
 from itouch.exchange.thread import CLOSE_TIME
-from itouch.plugin import Device, DeviceError, Field, Record, pose, wrench
+from itouch.plugin import Device, DeviceError, Field, Record, pose, pose_target, wrench
 
 
 @dataclass(frozen=True)
@@ -334,3 +334,71 @@ def test_an_error_that_comes_up_in_every_tick_does_not_grow(device: _Slow) -> No
     assert len(set(lines)) == 1
     assert traceback.extract_tb(caught.value.__traceback__)[-1].name == "read"  # where the driver has raised it
     threaded.close()
+
+
+def test_a_device_that_hangs_is_not_opened_anew_and_what_comes_back_late_closes_it_once(device: _Slow) -> None:
+    """Two threads called one driver: the first closed what the second had opened, and sent it a command."""
+    threaded = ThreadedDevice(device, patience=10.0)
+    threaded.open()
+    threaded.write(_command(1.0))
+    _until(lambda: device.written)
+    device.hang.clear()
+    assert device.hangs.wait(300)
+    threaded.write(_command(0.0))
+    with pytest.raises(DeviceError, match="does not answer"):
+        threaded.close()
+    for _ in range(2):
+        with pytest.raises(DeviceError, match="has not returned from `read` yet, which was no longer waited for: open"):
+            threaded.open()
+    assert [what for what, _ in device.calls] == ["open"]
+    threads = {thread for _, thread in device.calls}
+    device.hang.set()
+    _until(lambda: len(device.calls) == 2)
+    threaded.open()  # the other thread has ended, or is about to
+    assert [what for what, _ in device.calls] == ["open", "close", "open"]
+    assert {thread for _, thread in device.calls[:2]} == threads
+    assert device.written == [1.0, 0.0]
+    _until(lambda: threaded.exchanges > 3)
+    assert len(device.calls) == 3
+    assert len(device.written) == 2  # what was left over belongs to the time before
+    threaded.close()
+
+
+def test_a_device_that_hangs_in_closing_is_not_opened_anew(device: _Slow, monkeypatch: pytest.MonkeyPatch) -> None:
+    threaded, go_on = ThreadedDevice(device, patience=10.0), threading.Event()
+    threaded.open()
+    monkeypatch.setattr(device, "close", lambda: go_on.wait(300))
+    with pytest.raises(DeviceError, match="does not answer"):
+        threaded.close()
+    with pytest.raises(DeviceError, match="has not returned from `close` yet"):
+        threaded.open()
+    assert threaded.hangs_in == "close"
+    go_on.set()
+    _until(lambda: not threaded.hangs_in)
+    monkeypatch.undo()
+    threaded.open()
+    threaded.close()
+
+
+class _Plate(_Slow):
+    """Carries a surface."""
+
+    commands = (pose_target(low=(-0.1, -0.1, 0.0), high=(0.1, 0.1, 0.05), speed=0.3),)
+
+    def write(self, command: Record) -> None:
+        self.written.append(float(command["pose_target"][2]))
+
+
+def test_what_comes_back_late_moves_no_surface_on() -> None:
+    device = _Plate()
+    threaded, command = ThreadedDevice(device, patience=0.1), Record.of([Field("pose_target", "f8", 7)])
+    threaded.open()
+    device.hang.clear()
+    assert device.hangs.wait(300)
+    command["pose_target"][2] = 0.03
+    threaded.write(command)
+    with pytest.raises(DeviceError, match="does not answer"):
+        threaded.close()
+    device.hang.set()
+    _until(lambda: device.calls[-1][0] == "close")
+    assert device.written == [0.03]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import threading
 from typing import Any
 
@@ -13,6 +14,7 @@ from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, FakeTwin, S
 
 from itouch.plugin import HOLD, Channel, DeviceError, Record
 from itouch.plugin.stamps import Stamped
+from itouch.plugin.wire_claims import WireClaims, WireHeldError
 from itouch.safety import DeviceFaultError, Status, Trip, lifecycle
 
 
@@ -478,6 +480,34 @@ def test_a_device_that_does_not_return_from_closing_is_not_waited_for(monkeypatc
     held.set()
     assert rig.it.latch.status is Status.CLOSED
     assert rig.last() == [0.0] * 6
+
+
+def test_a_device_that_has_not_returned_from_closing_is_not_opened_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What came back late closed what had been opened meanwhile."""
+    monkeypatch.setattr(lifecycle, "CLOSE_TIME", 0.02)
+    wires = {"wires": classmethod(lambda cls, params: (f"a wire of {os.getpid()}",))}
+    rig, go_on = Rig(cls=type("Wired", (Fake,), wires)).enabled(), threading.Event()
+
+    def slow() -> None:
+        go_on.wait(300)
+        rig.device.calls.append("close")
+
+    rig.device.close = slow  # type: ignore[method-assign]
+    with pytest.raises(DeviceError, match=r"its driver has not returned from `close` yet, .*: open it again when"):
+        rig.it.lifecycle.reconnect()
+    assert rig.it.latch.status is Status.CLOSED
+    rig.it.lifecycle.close()
+    with pytest.raises(WireHeldError):  # the driver may still use it
+        WireClaims().take([f"a wire of {os.getpid()}"])
+    assert rig.device.calls == ["open"]
+    closing = [one for one in threading.enumerate() if one.name == "close it"]
+    go_on.set()
+    for one in closing:
+        one.join(300)
+    rig.it.lifecycle.reconnect()
+    assert rig.device.calls == ["open", "close", "open"]
+    rig.it.lifecycle.close()
+    WireClaims().take([f"a wire of {os.getpid()}"])
 
 
 def test_a_surface_that_was_opened_retracts_from_where_it_stands_and_until_that_is_read_is_told_nothing() -> None:

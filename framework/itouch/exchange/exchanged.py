@@ -20,7 +20,20 @@ class Exchanged(Device, Stamped):
         #: it stays where it was sent last; NaN: to the end of its travel.
         self.lowest = math.nan
 
+    @property
+    def hangs_in(self) -> str:
+        """The device's method that has not returned and is no longer waited for: until then nobody may call it."""
+        return ""
+
 
 def failed_in(device: Device | None, method: str) -> str:
     """Return the method of the driver that has failed, where ``method`` has raised."""
     return device.called if isinstance(device, Exchanged) else method
+
+
+def still_inside(method: str) -> str:
+    """Return why a device can't be opened while its driver has not returned from a method that was given up."""
+    return (
+        f"its driver has not returned from `{method}` yet, which was no longer waited for: open it again when that has "
+        "ended, or end the session"
+    )

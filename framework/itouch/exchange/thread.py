@@ -15,7 +15,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.exchange.exchanged import Exchanged
+from itouch.exchange.exchanged import Exchanged, still_inside
 from itouch.plugin import RETRACT, Channel, Device, DeviceError, Emulator, Field, Record, Stamps
 from itouch.plugin.device import is_new
 from itouch.plugin.stamps import ticks_of
@@ -40,6 +40,8 @@ _LATEST = 5000
 
 #: How long [s] closing waits for the thread to end.
 _END = 1.0
+#: How long [s] opening waits for an earlier thread that is about to end.
+_ENDING = 0.1
 
 
 class ThreadedDevice(Exchanged):
@@ -72,15 +74,30 @@ class ThreadedDevice(Exchanged):
         self._error: Raised | None = None
         self._ending = threading.Event()
         self._thread: threading.Thread | None = None
+        #: The thread that was told to end last: until it has, it alone may call the device.
+        self._left: threading.Thread | None = None
+        #: Whether a thread closes the device now, or did so last.
+        self._closes = False
         #: Number of exchanges, and duration of the longest [s].
         self.exchanges, self.longest = 0, 0.0
         self._latest: deque[tuple[float, float]] = deque(maxlen=_LATEST)
 
     def open(self) -> None:
-        """Open the device and begin to exchange; return with the first reading, or after ``FIRST_TIME`` without one."""
+        """Open the device and begin to exchange; return with the first reading, or after ``FIRST_TIME`` without one.
+
+        Raises
+        ------
+        DeviceError
+            If an earlier thread is still inside the device, which it closes when it gets out.
+        """
+        for thread in (self._thread, self._left):
+            if thread is not None:
+                thread.join(_ENDING)  # it may have closed the device already, and be about to end
+                if thread.is_alive():
+                    raise DeviceError(still_inside(self._method))
         self._newest = self._taken = self._wanted = self._gone = self._told = self._error = None
         self.device.trace, self.device.stamps = self.trace, self._stamps
-        self.lowest = math.nan
+        self.lowest, self._closes = math.nan, False
         opened, read, self._ending = threading.Event(), threading.Event(), threading.Event()
         self.called = "open"
         self._thread = threading.Thread(target=self._live, args=(opened, read, self._ending), daemon=True)
@@ -153,16 +170,27 @@ class ThreadedDevice(Exchanged):
         Raises
         ------
         DeviceError
-            If the exchange under way does not end; the thread closes the device when it does.
+            If the exchange under way does not end; the thread closes the device when it does, and moves no surface.
         """
         thread, self._thread = self._thread, None
+        self._left = thread or self._left
         self._ending.set()
         self._woken.set()
         if thread is None:
             return
         thread.join(CLOSE_TIME * max(1.0, self.device.patience))
         if thread.is_alive():
+            self.lowest = math.inf
             raise DeviceError("does not answer; it will be closed when its exchange ends")
+
+    @property
+    def hangs_in(self) -> str:
+        """The device's method in which the thread that was told to end still is; empty: it has ended."""
+        return self._method if self._left is not None and self._left.is_alive() else ""
+
+    @property
+    def _method(self) -> str:
+        return "close" if self._closes else self.called
 
     def _live(self, opened: threading.Event, read: threading.Event, ending: threading.Event) -> None:
         keep_up()
@@ -179,6 +207,7 @@ class ThreadedDevice(Exchanged):
         except BaseException as error:
             self._error = told(error)
         finally:
+            self._closes = True
             self._call(self.device.close)
             read.set()
 

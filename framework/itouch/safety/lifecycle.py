@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from itouch.exchange import Exchanged
+from itouch.exchange import Exchanged, still_inside
 from itouch.monitors import LOSSES, TripError
 from itouch.plugin import DeviceError, Record
 from itouch.plugin.wire_claims import WireClaims
@@ -37,6 +37,8 @@ class Lifecycle:
         self._claims = WireClaims()
         #: The attempt to open it that is under way, or was given up and has not returned yet.
         self._opening: DeviceOpening | None = None
+        #: The thread that has not returned from closing the device.
+        self._closing: threading.Thread | None = None
         #: Returns the process of the guardian that watches over this session; 0: there is none.
         self.guardian: Callable[[], int] = int
         #: Why it can't be enabled at all: nothing tells where the finger is that it acts on; empty: it can.
@@ -64,7 +66,7 @@ class Lifecycle:
 
     def free_wires(self) -> None:
         """Release the wires of a device that is not opened after all."""
-        if not self.busy:  # else its driver may use them
+        if not self.busy and not self._hangs_in():  # else its driver may use them
             self._claims.release()
 
     def open(self) -> None:
@@ -109,6 +111,15 @@ class Lifecycle:
             raise DeviceError("is being opened: wait until that is done")
         if self.busy:
             raise DeviceError("has not returned from being opened yet, which was given up: wait, or switch it off")
+        if method := self._hangs_in():
+            raise DeviceError(still_inside(method))
+
+    def _hangs_in(self) -> str:
+        """Return the method of the driver from which a thread has not returned that closes it; empty: none."""
+        device = self.gate.device
+        if self._closing is not None and self._closing.is_alive():
+            return "close"
+        return device.hangs_in if isinstance(device, Exchanged) else ""
 
     def begin_opening(self, patience: float = PATIENCE) -> None:
         """Open the device in a thread of its own; it stays CLOSED until ``finish_opening``.
@@ -133,6 +144,8 @@ class Lifecycle:
 
         def work() -> None:
             before()
+            if method := self._hangs_in():
+                raise DeviceError(still_inside(method))
             self.claim_wires()
             device.open()
 
@@ -337,8 +350,7 @@ class Lifecycle:
         """Send the safe command and release the device; any status -> CLOSED."""
         if self.latch.number == CLOSED:
             self.give_up()
-            if not self.busy:
-                self._claims.release()
+            self.free_wires()
             return
         try:
             self.gate.actuation.send_safe()
@@ -376,6 +388,7 @@ class Lifecycle:
         thread.start()
         thread.join(CLOSE_TIME)
         if thread.is_alive():
+            self._closing = thread
             raise DeviceError(f"did not return from closing within {CLOSE_TIME:g} s")
         if failed:
             raise failed[0]
