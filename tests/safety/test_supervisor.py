@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, FakeTwin, Slow, Supervised, lost, model, state
 
+from itouch.exchange import Exchanged
 from itouch.plugin import HOLD, Channel, DeviceError, Record
 from itouch.plugin.stamps import Stamped
 from itouch.plugin.wire_claims import WireClaims, WireHeldError
 from itouch.safety import DeviceFaultError, Status, Trip, lifecycle
+from itouch.safety.actuation import BACKWARDS, HELD
 
 
 class Rig:
@@ -496,6 +498,8 @@ def test_a_device_that_has_not_returned_from_closing_is_not_opened_anew(monkeypa
     with pytest.raises(DeviceError, match=r"its driver has not returned from `close` yet, .*: open it again when"):
         rig.it.lifecycle.reconnect()
     assert rig.it.latch.status is Status.CLOSED
+    with pytest.raises(DeviceError, match="its driver has not returned from `close` yet"):
+        rig.it.lifecycle.reconnect()
     rig.it.lifecycle.close()
     with pytest.raises(WireHeldError):  # the driver may still use it
         WireClaims().take([f"a wire of {os.getpid()}"])
@@ -881,3 +885,58 @@ def test_a_twin_is_re_armed_with_the_reading_that_it_has() -> None:
     twin.says = lambda reading: False
     it.lifecycle.rearm(2)
     assert it.latch.status is Status.OPEN
+
+
+class Deputy(Exchanged):
+    """Stands for a device, and notes with each command how far a surface may retract by itself."""
+
+    def __init__(self, device: Fake) -> None:
+        super().__init__(device)
+        self.noted: list[float] = []
+
+    def open(self) -> None:
+        self.device.open()
+
+    def close(self) -> None:
+        self.device.close()
+
+    def read(self, reading: Record) -> bool | None:
+        return self.device.read(reading)
+
+    def write(self, command: Record) -> None:
+        self.noted.append(self.lowest)
+
+
+@pytest.mark.parametrize(
+    ("stopped", "leg", "lowest"),
+    [(0, math.nan, math.nan), (HELD, math.nan, math.inf), (BACKWARDS, math.nan, math.inf), (0, 0.02, 0.02)],
+)
+def test_who_stands_for_a_surface_is_told_how_far_it_may_retract_by_itself(
+    stopped: int, leg: float, lowest: float
+) -> None:
+    """Behind an exchange what nobody renews becomes the safe command, which may lead such a surface to the finger."""
+    rig = Rig(TABLE)
+    deputy = Deputy(rig.device)
+    rig.it.gate.device = deputy
+    rig.enabled().it.gate.write(1)
+    rig.it.gate.fault(Trip.TRACKING, 2)
+    rig.state["it.stopped"], rig.state["it.way"][1] = stopped, leg
+    rig.it.gate.write(3)
+    assert math.isnan(deputy.noted[0]) and np.array_equal(deputy.noted[-1], lowest, equal_nan=True)
+    rig.it.gate.actuation.settle()  # the sequence is over
+    assert deputy.lowest == math.inf
+    rig.it.gate.actuation.settle(over=False)
+    assert np.array_equal(deputy.lowest, lowest, equal_nan=True)
+    rig.it.lifecycle.rearm(4)
+    rig.it.lifecycle.enable()
+    rig.it.gate.write(5)
+    assert math.isnan(deputy.noted[-1])
+
+
+def test_an_arm_behind_an_exchange_knows_no_lowest_height() -> None:
+    rig = Rig(ARM)
+    deputy = Deputy(rig.device)
+    rig.it.gate.device = deputy
+    rig.enabled().it.gate.write(1)
+    rig.it.gate.fault(Trip.SPEED, 2)
+    assert all(math.isnan(one) for one in deputy.noted)
