@@ -142,6 +142,18 @@ def test_what_fails_too_late_is_not_closed(slow: Supervised) -> None:
     assert not held()
 
 
+def test_a_device_is_not_opened_any_more_that_was_given_up_while_it_closed(slow: Supervised) -> None:
+    driver(slow).lets.set()
+    assert connect([slow.lifecycle], 0) == {}
+    driver(slow).closes.clear()
+    slow.lifecycle.begin_reconnect()
+    threading.Timer(0.2, driver(slow).closes.set).start()
+    slow.lifecycle.close()
+    until_idle(slow)
+    assert driver(slow).calls == ["open", "close"]
+    assert not held()
+
+
 def test_a_twin_is_put_down_at_once() -> None:
     one = model(ARM, name="one", twin=True)
     it = Supervised(one, state(one), PERIOD, device=None)

@@ -32,7 +32,7 @@ class DeviceOpening:
     device
         The device.
     work
-        Claims its wires and opens it; called in the thread.
+        Claims its wires and opens it; called in the thread with this attempt, which may be given up meanwhile.
     release
         Releases its wires; called in the thread after an attempt that was given up.
     patience
@@ -40,7 +40,8 @@ class DeviceOpening:
     """
 
     def __init__(
-        self, name: str, device: Device, work: Callable[[], None], release: Callable[[], None], patience: float
+        self, name: str, device: Device, work: Callable[[DeviceOpening], None], release: Callable[[], None],
+        patience: float,
     ) -> None:  # fmt: skip
         self._patience, self._deadline = patience, time.monotonic() + patience
         self._device, self._work, self._release = device, work, release
@@ -92,7 +93,7 @@ class DeviceOpening:
 
     def _live(self) -> None:
         try:
-            self._work()
+            self._work(self)
         except BaseException as error:  # whatever a driver raises, it has not opened its device
             self.failure = _cause(error, self._device)
         with self._lock:

@@ -142,8 +142,10 @@ class Lifecycle:
         if device is None:  # nothing to wait for
             return
 
-        def work() -> None:
+        def work(opening: DeviceOpening) -> None:
             before()
+            if opening.given_up:  # opening may move it
+                raise DeviceError("was given up before it was opened")
             if method := self._hangs_in():
                 raise DeviceError(still_inside(method))
             self.claim_wires()
@@ -306,7 +308,7 @@ class Lifecycle:
         device = self.gate.device
         self._make_closed()
         if device is not None:
-            self._opening = DeviceOpening(self.model.name, device, lambda: None, self._claims.release, PATIENCE)
+            self._opening = DeviceOpening(self.model.name, device, lambda opening: None, self._claims.release, PATIENCE)
             self._opening.give_up()
 
     def _make_closed(self) -> None:
