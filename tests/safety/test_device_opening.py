@@ -154,6 +154,20 @@ def test_a_device_is_not_opened_any_more_that_was_given_up_while_it_closed(slow:
     assert not held()
 
 
+def test_nothing_is_begun_while_the_driver_has_not_returned_from_closing(
+    slow: Supervised, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("itouch.safety.lifecycle.CLOSE_TIME", 0.01)
+    driver(slow).lets.set()
+    assert connect([slow.lifecycle], 0) == {}
+    driver(slow).closes.clear()
+    with pytest.raises(DeviceError, match="did not return from closing"):
+        slow.lifecycle.close()
+    with pytest.raises(DeviceError, match="has not returned from `close` yet"):
+        slow.lifecycle.begin_reconnect()
+    assert held()
+
+
 def test_a_twin_is_put_down_at_once() -> None:
     one = model(ARM, name="one", twin=True)
     it = Supervised(one, state(one), PERIOD, device=None)
