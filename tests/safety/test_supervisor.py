@@ -940,3 +940,21 @@ def test_an_arm_behind_an_exchange_knows_no_lowest_height() -> None:
     rig.enabled().it.gate.write(1)
     rig.it.gate.fault(Trip.SPEED, 2)
     assert all(math.isnan(one) for one in deputy.noted)
+
+
+@pytest.mark.parametrize("optional", [False, True])
+def test_a_device_that_could_not_be_reconnected_is_not_passed_over(optional: bool) -> None:
+    rig = Rig(optional=optional).enabled()
+    rig.it.gate.fault(Trip.DEVICE_ERROR, 2)
+    rig.device.open_fails = DeviceError("is gone")
+    with pytest.raises(DeviceError, match="is gone"):
+        rig.it.lifecycle.reconnect()
+    if optional:  # the session goes on without it
+        rig.it.lifecycle.rearm(3)
+    else:
+        with pytest.raises(DeviceError, match="could not be reconnected: reconnect it first"):
+            rig.it.lifecycle.rearm(3)
+    rig.device.open_fails = None
+    rig.it.lifecycle.reconnect()
+    rig.it.lifecycle.rearm(3)
+    assert rig.it.latch.status is Status.OPEN

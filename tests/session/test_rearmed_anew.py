@@ -44,11 +44,14 @@ class Part(Device):
     second_opener: ClassVar[bool] = True
     silent: ClassVar[bool] = False
     broken: ClassVar[bool] = False
+    gone: ClassVar[bool] = False
     shown: ClassVar[float] = 0.0
     sent: ClassVar[list[float]] = []
 
     def open(self) -> None:
         """Begin."""
+        if type(self).gone:
+            raise DeviceError("there is nothing at its port")
         self.count = 0
 
     def close(self) -> None:
@@ -206,3 +209,24 @@ def test_an_optional_device_that_is_lost_keeps_no_other_from_being_re_armed(tmp_
         goes_on(session, 0.05)
         assert [one.latch.status.name for one in session.runners] == ["ENABLED", "ENABLED", "FAULT"]
         assert session.runners[2].latch.trip is Trip.DEVICE_ERROR
+
+
+@pytest.mark.parametrize("how", ["gone", "broken"])
+def test_without_a_device_that_could_not_be_reconnected_nothing_is_re_armed(tmp_path: Path, how: str) -> None:
+    """The trip of a lost connection is released by reconnecting: the others were enabled without the device."""
+    session, _, _, pad = rig(tmp_path)
+    with session:
+        pad.broken = True
+        with pytest.raises(itouch.DeviceFaultError, match="its cable is out"):
+            goes_on(session, 2.0)
+        pad.gone = how == "gone"
+        with pytest.raises(DeviceError, match="its cable is out|nothing at its port"):
+            session.reconnect("pad")
+        with pytest.raises(DeviceError, match="^device 'pad' could not be reconnected: reconnect it first$"):
+            rearm(session)
+        assert "ENABLED" not in {one.latch.status.name for one in session.runners}
+        pad.gone = pad.broken = False
+        session.reconnect("pad")
+        rearm(session)
+        goes_on(session, 0.05)
+        assert {one.latch.status.name for one in session.runners} == {"ENABLED"}

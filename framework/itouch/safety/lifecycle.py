@@ -37,6 +37,8 @@ class Lifecycle:
         self._claims = WireClaims()
         #: The attempt to open it that is under way, or was given up and has not returned yet.
         self._opening: DeviceOpening | None = None
+        #: Whether it is CLOSED because it could not be reconnected.
+        self.missing = False
         #: The thread that has not returned from closing the device.
         self._closing: threading.Thread | None = None
         #: Returns the process of the guardian that watches over this session; 0: there is none.
@@ -230,9 +232,11 @@ class Lifecycle:
         Raises
         ------
         DeviceError
-            If it does not answer, or its reading is wrong; if a budget is used up; or if it is stopped by a trip and
-            has been re-armed too often within a minute.
+            If it does not answer, its reading is wrong, or it could not be reconnected; if a budget is used up; or if
+            it is stopped by a trip and has been re-armed too often within a minute.
         """
+        if self.latch.number == CLOSED and self.missing and not self.model.optional:
+            raise DeviceError(f"device '{self.model.name}' could not be reconnected: reconnect it first")
         stopped = self.latch.number == FAULT
         if not stopped and (self.latch.number != OPEN or self.gate.device is None):
             return
@@ -301,12 +305,14 @@ class Lifecycle:
         failed = self.finish_opening()
         if not failed:
             self.gate.actuation.rest_at_safe()
+        self.missing = bool(failed)
         return failed
 
     def put_down(self) -> None:
-        """Give the device up as ``abandon`` does, but without waiting until it is closed."""
+        """Give a device up that was reconnected but can't be read, without waiting until it is closed."""
         device = self.gate.device
         self._make_closed()
+        self.missing = True
         if device is not None:
             self._opening = DeviceOpening(self.model.name, device, lambda opening: None, self._claims.release, PATIENCE)
             self._opening.give_up()
