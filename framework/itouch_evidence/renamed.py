@@ -203,9 +203,12 @@ def renamed_modality(cls: type[Modality], words: Renaming, known: dict[str, str]
         """The same modality with other names."""
 
         def compile(self, name: str, params: Any, world: World) -> Any:
-            """Compile the element, and keep its name."""
+            """Compile the element, and keep its name; the fields of others have their own names in State."""
             self._named = name
-            return super().compile(name, params, world)
+            fields = {
+                one: tuple(_own_name(one, field, known) for field in found) for one, found in world.fields.items()
+            }
+            return super().compile(name, params, replace(world, fields=fields))
 
         def fields(self, model: Any) -> tuple[Field, ...]:
             """Return the fields under their other names."""
@@ -267,6 +270,12 @@ def renamed_modality(cls: type[Modality], words: Renaming, known: dict[str, str]
 
     _pass_for(Other, cls)
     return Other
+
+
+def _own_name(modality: str, field: Field, known: Mapping[str, str]) -> Field:
+    """Return a field of a modality with the name that it has where it is not renamed."""
+    name = f"{modality}.{field.name}"
+    return replace(field, name=known.get(name, name).removeprefix(f"{modality}."))
 
 
 def _pass_for(other: type, cls: type) -> None:

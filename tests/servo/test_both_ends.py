@@ -159,6 +159,6 @@ def test_a_run_is_interrupted_by_a_word_a_pause_or_the_end_of_its_script(
     words = dict.fromkeys((control.ASKED, control.TAKEN), 0) | {control.STOP: stop}
     servo: Any = SimpleNamespace(
         words=words, _hold=lambda: None, _asked=SimpleNamespace(paused=paused), _scripted=scripted,
-        session=SimpleNamespace(done=done),
+        session=SimpleNamespace(done=done), _commands=SimpleNamespace(reconnecting=[]),
     )  # fmt: skip
     assert Servo._interrupted(servo) is ends

@@ -16,7 +16,9 @@ from itouch.servo import serve
 @pytest.mark.parametrize("met", [False, True])
 def test_a_run_that_is_asked_to_stop_ends_well_unless_its_session_has_met_a_fault(met: bool) -> None:
     fault = DeviceFaultError("arm", 7, Trip.NONE, "was unplugged") if met else None
-    session = SimpleNamespace(ticks=0, scripted=False, taps=[], loss_hooks=[], fault=fault)
+    session = SimpleNamespace(
+        ticks=0, scripted=False, taps=[], loss_hooks=[], on=SimpleNamespace(waiting=[]), fault=fault
+    )
     served: Any = object.__new__(serve.Servo)
     served.session, served._config, served.words = session, {"seconds": None}, {at.STOP: 1}
     served._follow_once = lambda: None
