@@ -348,7 +348,9 @@ def test_a_device_that_hangs_is_not_opened_anew_and_what_comes_back_late_closes_
     with pytest.raises(DeviceError, match="does not answer"):
         threaded.close()
     for _ in range(2):
-        with pytest.raises(DeviceError, match="has not returned from `read` yet, which was no longer waited for: open"):
+        with pytest.raises(
+            DeviceError, match="has not returned from its driver's `read` yet, which was no longer waited for: open"
+        ):
             threaded.open()
     assert [what for what, _ in device.calls] == ["open"]
     threads = {thread for _, thread in device.calls}
@@ -370,7 +372,7 @@ def test_a_device_that_hangs_in_closing_is_not_opened_anew(device: _Slow, monkey
     monkeypatch.setattr(device, "close", lambda: go_on.wait(300))
     with pytest.raises(DeviceError, match="does not answer"):
         threaded.close()
-    with pytest.raises(DeviceError, match="has not returned from `close` yet"):
+    with pytest.raises(DeviceError, match="has not returned from its driver's `close` yet"):
         threaded.open()
     assert threaded.hangs_in == "close"
     go_on.set()

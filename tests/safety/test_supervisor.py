@@ -495,10 +495,10 @@ def test_a_device_that_has_not_returned_from_closing_is_not_opened_anew(monkeypa
         rig.device.calls.append("close")
 
     rig.device.close = slow  # type: ignore[method-assign]
-    with pytest.raises(DeviceError, match=r"its driver has not returned from `close` yet, .*: open it again when"):
+    with pytest.raises(DeviceError, match=r"has not returned from its driver's `close` yet, .*: open it again when"):
         rig.it.lifecycle.reconnect()
     assert rig.it.latch.status is Status.CLOSED
-    with pytest.raises(DeviceError, match="its driver has not returned from `close` yet"):
+    with pytest.raises(DeviceError, match="has not returned from its driver's `close` yet"):
         rig.it.lifecycle.reconnect()
     rig.it.lifecycle.close()
     with pytest.raises(WireHeldError):  # the driver may still use it

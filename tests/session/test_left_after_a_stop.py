@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
-from test_rearmed_anew import goes_on, rig, stopped
+from test_rearmed_anew import goes_on, rearm, rig, stopped
 
 import itouch
 from itouch.exchange import ThreadedDevice
-from itouch.plugin import Record
+from itouch.plugin import DeviceError, Record
 from itouch.safety.actuation import BACKWARDS, HELD
 
 pytestmark = pytest.mark.punctual  # tables in threads of their own
@@ -39,7 +40,10 @@ def touching(session: itouch.Session, stick: Any) -> None:
         session.hold()
         stick.shown = max(0.024, stick.shown - 1e-4)
 
+    table = driver_thread(session)
+    patience, table._patience = table._patience, 10.0  # the first touch of a process takes long
     session.run(1.0, each=lower)
+    table._patience = patience
     assert session.state["finger.normal_force"].item() > 0.1
 
 
@@ -130,3 +134,38 @@ def test_a_loop_that_hangs_without_a_stop_still_has_the_surface_retract(tmp_path
         assert table.sent[-1] == 0.0
         with pytest.raises(itouch.DeviceFaultError):
             goes_on(session, 1.0)
+
+
+def test_a_device_that_hangs_is_reconnected_when_its_driver_has_returned(tmp_path: Path) -> None:
+    """Its old thread closed what a new one had opened, and both called one driver."""
+    session, _, _, pad = rig(tmp_path, blocking="Pad")
+    reads, go_on, calls = pad.read, threading.Event(), []
+    opens = pad.open
+
+    def hang(self: object, reading: Record) -> object:
+        go_on.wait(300)
+        return reads(self, reading)
+
+    def opened(self: object) -> None:
+        calls.append("open")
+        opens(self)
+
+    pad.open, pad.close = opened, lambda self: calls.append("close")
+    with session:
+        pad.read = hang
+        with pytest.raises(itouch.DeviceFaultError, match="'pad' was silent"):
+            goes_on(session, 2.0)
+        for _ in range(2):
+            with pytest.raises(DeviceError, match=r"^device 'pad':? has not returned from its driver's `read` yet"):
+                session.reconnect("pad")
+        assert calls == []
+        pad.read = reads
+        go_on.set()
+        deadline = time.monotonic() + 300
+        while "close" not in calls and time.monotonic() < deadline:
+            time.sleep(0.01)
+        session.reconnect("pad")
+        rearm(session)
+        goes_on(session, 0.2)
+        assert calls == ["close", "open"]
+    assert calls == ["close", "open", "close"]
