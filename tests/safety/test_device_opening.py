@@ -163,7 +163,7 @@ def test_nothing_is_begun_while_the_driver_has_not_returned_from_closing(
     driver(slow).closes.clear()
     with pytest.raises(DeviceError, match="did not return from closing"):
         slow.lifecycle.close()
-    with pytest.raises(DeviceError, match="has not returned from `close` yet"):
+    with pytest.raises(DeviceError, match="has not returned from its driver.s `close` yet"):
         slow.lifecycle.begin_reconnect()
     assert held()
 

@@ -25,6 +25,8 @@ from itouch.plugin import (
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch.safety import Trip
 
+pytestmark = pytest.mark.punctual  # devices in real time, some in threads of their own
+
 SCENE = """<itouch version="1.0">
   <materials><material name="wood"><contact stiffness="0.3 N/mm"/></material></materials>
   <world><box name="block" size="4 4 2 cm" pos="0 0 1 cm" material="wood"/></world>

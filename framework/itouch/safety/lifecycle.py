@@ -172,6 +172,7 @@ class Lifecycle:
             return failed
         self.gate.opened()
         self.latch.open()
+        self.missing = False
         return ""
 
     def _result(self, meanwhile: Callable[[], object] | None) -> str:
@@ -303,9 +304,10 @@ class Lifecycle:
     def finish_reconnect(self) -> str:
         """Finish as ``finish_opening`` does, with the commands at their safe values; return why it is not open."""
         failed = self.finish_opening()
-        if not failed:
+        if failed:
+            self.missing = True
+        else:
             self.gate.actuation.rest_at_safe()
-        self.missing = bool(failed)
         return failed
 
     def put_down(self) -> None:
