@@ -232,3 +232,23 @@ def test_without_a_device_that_could_not_be_reconnected_nothing_is_re_armed(tmp_
         rearm(session)
         goes_on(session, 0.05)
         assert {one.latch.status.name for one in session.runners} == {"ENABLED"}
+
+
+def test_nobody_waits_for_a_silent_device_while_others_act(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The loop would stand still with forces on."""
+    session, stick, _, pad = rig(tmp_path, optional=True)
+    with session:
+        pad.broken = True
+        goes_on(session, 0.05)
+        pad.broken = False
+        session.reconnect("pad")
+        assert session.status("stick").name == "ENABLED"
+        pad.silent = True
+        session.runners[2].gate.acquisition._came -= 10.0  # as if nothing had come from it for long
+        waited: list[float] = []
+        monkeypatch.setattr("itouch.safety.acquisition.time.sleep", waited.append)
+        with pytest.raises(DeviceError, match="device 'pad' can't be re-armed: it was silent"):
+            rearm(session)
+        assert waited == []
+        assert session.status("stick").name == "ENABLED"
+        pad.silent = False

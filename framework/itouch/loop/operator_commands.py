@@ -130,7 +130,8 @@ class OperatorCommands:
         failures = self._open_latched(tick)
         self.hold.ask(tick)
         self._require_hold(tick)
-        rearmed, until = [], time.monotonic() + ANSWER_TIME
+        # Where others act already, no tick may be missed for the sake of one that is silent.
+        rearmed, until = [], 0.0 if self._acting else time.monotonic() + ANSWER_TIME
         for runner in self._runners.values():
             try:
                 runner.lifecycle.may_rearm(tick, until)
@@ -152,6 +153,11 @@ class OperatorCommands:
         if self._statistics.faults:
             self._statistics.faults[-1]["rearmed_s"] = tick * self._model.period
 
+    @property
+    def _acting(self) -> bool:
+        """Whether any hardware is ENABLED."""
+        return any(one.latch.enabled and not one.model.twin for one in self._runners.values())
+
     def _open_latched(self, tick: int) -> list[str]:
         """Open what a trip has stopped and a restored session found closed, so that its readings can be checked.
 
@@ -162,7 +168,7 @@ class OperatorCommands:
         closed = (
             [one for one in asked if one.latch.status is Status.CLOSED and not one.model.optional] if latched else []
         )
-        if closed and any(one.latch.enabled and not one.model.twin for one in self._runners.values()):
+        if closed and self._acting:
             return [
                 f"device '{one.model.name}' is CLOSED while others are ENABLED: reconnect it first" for one in closed
             ]
