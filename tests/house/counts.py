@@ -20,7 +20,7 @@ def longest(every: dict[str, Module], many: int = 5) -> list[tuple[int, str]]:
     found = []
     for name, module in every.items():
         code = module.code_lines()
-        for node in ast.walk(module.tree):
+        for node in module.nodes:
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 lines = sum(node.lineno <= line <= (node.end_lineno or 0) for line in code)
                 found.append((lines, f"{name}.{node.name}"))

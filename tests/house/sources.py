@@ -44,6 +44,25 @@ def syntax(text: str) -> ast.Module:
     return ast.parse(text)
 
 
+@cache
+def nodes(text: str) -> tuple[ast.AST, ...]:
+    """Return all nodes of a file's syntax tree, those nearer to its root first, for reading only."""
+    return tuple(walk(syntax(text)))
+
+
+def walk(root: ast.AST) -> Iterator[ast.AST]:
+    """Yield what ``ast.walk`` yields, in half the time."""
+    found = [root]
+    for node in found:
+        for name in node._fields:
+            value = getattr(node, name, None)
+            if isinstance(value, ast.AST):
+                found.append(value)
+            elif isinstance(value, list):
+                found += [item for item in value if isinstance(item, ast.AST)]
+        yield node
+
+
 @dataclass(frozen=True)
 class Module:
     """One file: its dotted name, its path and its text."""
@@ -58,6 +77,11 @@ class Module:
         return syntax(self.text)
 
     @property
+    def nodes(self) -> tuple[ast.AST, ...]:
+        """Return all nodes of the syntax tree."""
+        return nodes(self.text)
+
+    @property
     def is_package(self) -> bool:
         return self.path.name == "__init__.py"
 
@@ -69,7 +93,7 @@ class Module:
     def code_lines(self) -> set[int]:
         """Return the numbers of the lines that hold code: no docstring, no comment, not blank."""
         docs: set[int] = set()
-        for node in ast.walk(self.tree):
+        for node in self.nodes:
             if (
                 isinstance(node, ast.Expr)
                 and isinstance(node.value, ast.Constant)
@@ -117,7 +141,7 @@ class Module:
 
     def _lines_of_functions(self) -> set[int]:
         lines: set[int] = set()
-        for node in ast.walk(self.tree):
+        for node in self.nodes:
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 lines |= set(range(node.lineno, (node.end_lineno or 0) + 1))
         return lines

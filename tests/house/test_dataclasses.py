@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from functools import cache
 
 import pytest
-from sources import ROOT, syntax
+from sources import ROOT, nodes
 
 #: Classes of which another library decides, that keep what they have computed once (`cached_property`), or whose fields
 #: only tests change, to make an instrument another one.
@@ -30,19 +30,21 @@ def flags(decorator: ast.expr) -> set[str] | None:
     return {str(one.arg) for one in words if ast.unparse(one.value) == "True"}
 
 
-def stored(tree: ast.Module) -> set[str]:
+def stored(text: str) -> set[str]:
     """Return the names of attributes that a module assigns to."""
-    nodes = (node for node in ast.walk(tree) if isinstance(node, ast.Attribute))
-    return {node.attr for node in nodes if isinstance(node.ctx, ast.Store | ast.Del)}
+    found = (node for node in nodes(text) if isinstance(node, ast.Attribute))
+    return {node.attr for node in found if isinstance(node.ctx, ast.Store | ast.Del)}
 
 
 def wrong(sources: dict[str, str]) -> Iterator[str]:
     """Yield the dataclasses that lack slots, or that could be frozen and are not."""
-    assigned = cache(lambda file: stored(syntax(sources[file])))
+    assigned = cache(lambda file: stored(sources[file]))
     words = {file: set(re.findall(r"\w+", text)) for file, text in sources.items()}
     for file in (file for file in sources if "dataclass" in words[file]):
-        tree, stem = syntax(sources[file]), file.rpartition("/")[2].removesuffix(".py")
-        for node in (node for node in ast.walk(tree) if isinstance(node, ast.ClassDef) and node.name not in OTHERS):
+        stem = file.rpartition("/")[2].removesuffix(".py")
+        for node in (
+            node for node in nodes(sources[file]) if isinstance(node, ast.ClassDef) and node.name not in OTHERS
+        ):
             for said in filter(lambda one: one is not None, map(flags, node.decorator_list)):
                 if "slots" not in said:
                     yield f"{file}: {node.name} has no slots"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 
-from sources import modules
+from sources import Module, modules, walk
 
 #: Most parameters of a function, without ``self``.
 MOST = 12
@@ -18,20 +18,20 @@ MORE: dict[str, int] = {
 }
 
 
-def counted(name: str, tree: ast.Module) -> Iterator[tuple[str, int]]:
+def counted(module: Module) -> Iterator[tuple[str, int]]:
     """Yield each function of a module, and how many parameters it has."""
-    methods = {id(item) for node in ast.walk(tree) if isinstance(node, ast.ClassDef) for item in node.body}
-    for node in ast.walk(tree):
+    methods = {id(item) for node in module.nodes if isinstance(node, ast.ClassDef) for item in node.body}
+    for node in module.nodes:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             given = node.args
             static = any(ast.unparse(one) == "staticmethod" for one in node.decorator_list)
             own = 1 if id(node) in methods and not static else 0
             count = len(given.posonlyargs) + len(given.args) + len(given.kwonlyargs) - own
-            yield f"{name}.{node.name}", count
+            yield f"{module.name}.{node.name}", count
 
 
 def test_no_function_has_too_many_parameters() -> None:
-    found = [one for name, module in modules().items() for one in counted(name, module.tree)]
+    found = [one for module in modules().values() for one in counted(module)]
     assert len(found) > 5000
     assert {name: count for name, count in found if count > MOST} == MORE
 
@@ -50,14 +50,14 @@ LITERALS = {
 }
 
 
-def literals(tree: ast.Module) -> int:
+def literals(module: Module) -> int:
     """Return how often a compiled function of a module names a place by a number instead of by its name."""
     found = 0
-    for function in ast.walk(tree):
+    for function in module.nodes:
         compiled = isinstance(function, ast.FunctionDef) and any(
             ast.unparse(one).rpartition("_")[2] in COMPILED for one in function.decorator_list
         )
-        for node in ast.walk(function) if compiled else ():
+        for node in walk(function) if compiled else ():
             if isinstance(node, ast.Subscript):
                 where = node.slice
                 begin = where.lower if isinstance(where, ast.Slice) else where
@@ -67,6 +67,6 @@ def literals(tree: ast.Module) -> int:
 
 
 def test_compiled_functions_name_the_places_in_flat_arrays() -> None:
-    found = {name: literals(module.tree) for name, module in modules().items()}
+    found = {name: literals(module) for name, module in modules().items()}
     assert sum("@kernel" in module.text or "@linked" in module.text for module in modules().values()) > 50
     assert {name: count for name, count in found.items() if count} == LITERALS

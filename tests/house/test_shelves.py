@@ -105,7 +105,7 @@ def test_what_is_named_as_module_and_function_is_there() -> None:
     named = {
         (module.name, *found.groups())
         for module in modules().values()
-        for node in ast.walk(module.tree)
+        for node in module.nodes
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and (found := name.fullmatch(node.value))
     }
     assert len(named) > 5
