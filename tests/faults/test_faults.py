@@ -13,7 +13,7 @@ from shipped import SCENES
 
 import itouch
 from itouch.faults import FaultyTwin, Injection, Kind
-from itouch.faults.kinds import UNITS
+from itouch.faults.kinds import AMOUNTS, UNITS
 from itouch.plugin import (
     Bound,
     Device,
@@ -457,3 +457,16 @@ def test_a_twin_of_compiled_calls_is_bound_once_for_what_it_works_on() -> None:
             assert reading["pose"][:3].tolist() == command["pose_target"][:3].tolist()
     assert sorted(inner.bound) == ["read", "read", "step", "step"]
     assert (inner.calls, inner.python) == (48, 16)
+
+
+def test_the_page_says_how_large_a_fault_is_that_has_no_size_of_its_own() -> None:
+    """`docs/how-to/inject-faults.md`, a row for each kind; speeds are those of readings that few devices have."""
+    page = (SCENES.parent / "docs" / "how-to" / "inject-faults.md").read_text(encoding="utf-8")
+    length, force, kelvin, flux = (AMOUNTS[unit] for unit in ("m", "N", "K", "W/m^2"))
+    for column, (kind, per) in enumerate((("bias", ""), ("drift", "/s"), ("spike", ""))):
+        (row,) = (line for line in page.splitlines() if line.startswith(f"| `{kind}` |"))
+        said = row.split("|")[3].strip().split(", ")
+        assert said[:3] == [
+            f"{1e3 * length[column]:g} mm{per}", f"{force[column]:g} N{per}", f"{kelvin[column]:g} K{per}"
+        ]  # fmt: skip
+        assert said[3] == f"{1e-3 * flux[column]:g} kW/m²{' a second' if per else ''}"

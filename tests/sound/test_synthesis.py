@@ -230,6 +230,14 @@ def test_whatever_a_scene_may_say_is_finite_and_bounded(asked, speeds, block):
         assert np.isfinite(samples).all() and np.abs(samples).max(initial=0) < 1.0
 
 
+def test_a_mode_that_dies_at_once_is_a_click_and_no_division_by_zero() -> None:
+    bank = Bank([440.0, 4000.0], [0.0, 1e-12], [1.0, 1.0])
+    bank.strike(1.0)
+    samples = bank.render(480)
+    assert np.isfinite(samples).all() and np.abs(samples).max() > 0.0
+    assert np.abs(samples[48:]).max() < 1e-3 * np.abs(samples).max()
+
+
 def test_loud_samples_are_bent_without_a_kink_and_keep_their_order() -> None:
     """Below the knee nothing is changed; above it the slope falls from one, and full scale is never reached."""
     loud = np.linspace(0.0, 5.0, 5001)

@@ -12,7 +12,9 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -29,6 +31,7 @@ from itouch_tools.viewer.scene_graph import SceneGraph
 from itouch_tools.viewer.temperatures import plate_temperature
 from itouch_tools.viewer.web import Access
 from itouch_tools.viewer.web.access import COOKIE, Gate, Request
+from itouch_tools.viewer.web.browser_scene import Scenery
 
 viser = pytest.importorskip("viser")
 import msgspec  # noqa: E402
@@ -192,6 +195,19 @@ def test_what_is_sent_is_where_the_state_says(scene: str, steps: int, server: An
             assert tuple(face) == pytest.approx([255 * part for part in of_temperature(kelvin)], abs=2)
     assert pushed > 0 or scene != "first_touch.xml"
     engine.close()
+
+
+def test_a_browser_begins_with_everything_in_the_picture() -> None:
+    """The camera looks at the middle, also of a scene that lies beside the origin."""
+    session = itouch.build(SCENES / "two_fingers.xml")
+    low, high = SceneGraph(session.model).bounds(session.state)
+    middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
+    assert np.abs(middle).max() > 1e-3, "it would be in the middle anyway"
+    server: Any = SimpleNamespace(initial_camera=SimpleNamespace(), scene=mock.MagicMock())
+    itself: Any = SimpleNamespace(_model=session.model, _server=server)
+    Scenery._look(itself, session.state)
+    assert server.initial_camera.look_at == pytest.approx(middle)
+    assert 0.6 * size < np.linalg.norm(server.initial_camera.position - middle) < 2.0 * size
 
 
 def test_a_browser_that_comes_later_sees_the_same_and_a_still_session_sends_nothing(
