@@ -25,7 +25,6 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument(
         "-o",
         "--output",
-        "--to",
         dest="to",
         type=recording_file,
         metavar="FILE.mcap",

@@ -63,7 +63,6 @@ def _arguments(touch: argparse.ArgumentParser) -> None:
                        help="write every good touch as it was read, for `identify`")  # fmt: skip
     touch.add_argument("--who", default="", help="who touches, such as P07")
     touch.add_argument("--what", default="", help="what is touched, such as wood")
-    touch.add_argument("--no-prompt", action="store_true", help="no prompts, as where there is no terminal")
     touch.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the twins' noise (default 0)")
     touch.add_argument("--rig", metavar="FILE", help="put another rig under the scene")
     touch.add_argument("--twin", metavar="all|none|NAME", help="run these devices as simulated twins")
@@ -139,7 +138,7 @@ def _touch(options: argparse.Namespace) -> int:
     """
     asked = _asked(options)
     wanted = asked.wanted
-    prompts = None if options.no_prompt or not sys.stderr.isatty() else Prompts(wanted, options.repeat)
+    prompts = Prompts(wanted, options.repeat) if sys.stderr.isatty() else None
     found = sample(
         options.scene, seed=options.seed, rig=options.rig, twin=options.twin, longest=asked.longest, watch=prompts,
         given=asked.given,
