@@ -349,7 +349,8 @@ def test_a_device_that_hangs_is_not_opened_anew_and_what_comes_back_late_closes_
         threaded.close()
     for _ in range(2):
         with pytest.raises(
-            DeviceError, match="has not returned from its driver's `read` yet, which was no longer waited for: open"
+            DeviceError,
+            match="has not returned from its driver's `read` yet, and nobody waits for that any longer: open",
         ):
             threaded.open()
     assert [what for what, _ in device.calls] == ["open"]

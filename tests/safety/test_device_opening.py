@@ -87,10 +87,10 @@ def test_what_is_opened_too_late_is_closed_again_and_never_open(slow: Supervised
     assert beats
     slow.lifecycle.free_wires()
     assert held()
-    again = "has not returned from being opened yet, which was given up: wait, or switch it off"
+    again = "is still being opened, although nobody waits for that any longer: wait, or switch it off"
     assert connect([slow.lifecycle], 0) == {"one": again}
     for act in (slow.lifecycle.reconnect, slow.lifecycle.open):
-        with pytest.raises(DeviceError, match="has not returned from being opened yet"):
+        with pytest.raises(DeviceError, match="is still being opened"):
             act()
     driver(slow).lets.set()
     until_idle(slow)

@@ -255,7 +255,7 @@ def test_samples_that_make_no_scale(scene: Path, rows: list[Any], capsys: pytest
 def test_pairs_that_fit_nothing_rigid_are_refused() -> None:
     rng = np.random.default_rng(5)
     points = rng.uniform(-0.05, 0.05, (6, 3))
-    with pytest.raises(ValueError, match="no axis turned round"):
+    with pytest.raises(ValueError, match="no axis reversed"):
         rigid(points, points * (1.0, 1.0, -1.0))
     with pytest.raises(ValueError, match="in metres"):
         rigid(points, points * 1000.0)

@@ -34,6 +34,6 @@ def failed_in(device: Device | None, method: str) -> str:
 def still_inside(method: str) -> str:
     """Return why a device can't be opened while its driver has not returned from a method that was given up."""
     return (
-        f"has not returned from its driver's `{method}` yet, which was no longer waited for: open it again when that "
-        "has ended, or end the session"
+        f"has not returned from its driver's `{method}` yet, and nobody waits for that any longer: open it again when "
+        "it has returned, or end the session"
     )

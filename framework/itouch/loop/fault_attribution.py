@@ -29,7 +29,9 @@ def foreign_write(model: Model, listed: Sequence[ModalityModel], field: str, tic
     """Return the fault of modalities of which one has written a field that is not its own, bypassing its views."""
     devices = [command.partition(".")[0] for one in listed for command in one.commands] or list(model.devices)
     names = " or ".join(f"'{one.name}'" for one in listed)
-    cause = f"has lost its modality {names}, which wrote '{field}': that is not its own, and was put back"
+    cause = (
+        f"has lost its modality {names}, which wrote '{field}', a field that is not its own; its old value was put back"
+    )
     return DeviceFaultError(devices[0] if devices else "", tick, Trip.MODALITY_ERROR, cause)
 
 

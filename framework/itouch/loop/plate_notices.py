@@ -47,7 +47,7 @@ def lingering_plates(model: Model, state: Record) -> tuple[str, ...]:
             found.append(
                 f"'{probe.name}' still felt the plate of '{probe.scene.surface_to}' for {1e3 * after:.0f} ms after a "
                 f"contact had ended, until {state[f'{name}.lingered_at'].item():.3f} s (the longest such time): the "
-                "virtual surface was gone sooner than a plate that is pressed lets go without a step; what it gave or "
-                "took after the end is in no contact's figures"
+                "virtual surface went away faster than a pressed plate can let go without a step in the force; what it "
+                "gave or took after the end is in no contact's figures"
             )
     return tuple(found)

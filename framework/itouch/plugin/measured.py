@@ -71,7 +71,8 @@ class Measured:
         if self.show not in ("", "page", "no"):
             raise ValueError(f"measured '{self.key}': show is '', 'page' or 'no', not '{self.show}'")
         if (self.must is None) != (not self.otherwise):
-            raise ValueError(f"measured '{self.key}': must says what it has to be, otherwise what is said if it is not")
+            wanted = "must and otherwise go together: what the value must be, and what to say if it is not"
+            raise ValueError(f"measured '{self.key}': {wanted}")
 
     def broken(self, value: object) -> bool:
         """Tell whether a figure is known and does not have the value that it must have."""

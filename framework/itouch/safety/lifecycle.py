@@ -112,7 +112,9 @@ class Lifecycle:
         if self.awaited:
             raise DeviceError("is being opened: wait until that is done")
         if self.busy:
-            raise DeviceError("has not returned from being opened yet, which was given up: wait, or switch it off")
+            raise DeviceError(
+                "is still being opened, although nobody waits for that any longer: wait, or switch it off"
+            )
         if method := self._hangs_in():
             raise DeviceError(still_inside(method))
 

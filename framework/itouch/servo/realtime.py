@@ -91,7 +91,9 @@ def choose_cpu() -> Effort:
     """Pin the process to an isolated processor; without one, the scheduler chooses better than we could."""
     free = sorted(isolated_cpus() & set(range(os.cpu_count() or 1)))
     if not free:
-        return Effort("processor", False, "not pinned: none is isolated from other work (kernel parameter isolcpus)")
+        return Effort(
+            "processor", False, "not pinned: no processor is isolated from other work (kernel parameter isolcpus)"
+        )
     try:
         os.sched_setaffinity(0, {free[-1]})
     except OSError as error:

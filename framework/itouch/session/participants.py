@@ -89,7 +89,7 @@ def read(code: str, now: float | None = None) -> tuple[BudgetUse, tuple[str, ...
         if edited:
             told.append(f"participant '{code}': '{path}' was edited by somebody; the larger use counts")
     if bad and not found:
-        advice = "find out what happened to it; who is sure that nothing was used may remove it"
+        advice = "find out what happened to it; remove it only if you are sure that nothing was used"
         raise SessionError(f"what participant '{code}' has used can't be read: {'; '.join(bad)}: {advice}")
     told += [f"participant '{code}': {text}; the other copy counts" for text in bad]
     if len({used.values[:2] for used in found}) > 1 and not told:

@@ -96,7 +96,7 @@ class ModalitySubject:
         if seconds is None:
             missing = "no touch in the scene begins, slides and ends" if touched else "nothing is touched in the scene"
             raise NotApplicableError(
-                f"{missing}: give one whose operator touches an object, slides over it and lets go"
+                f"{missing}: give a scene whose operator touches an object, slides over it and lets go"
             )
         return scene, max(seconds, self.least or 0.0)
 

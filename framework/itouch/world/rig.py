@@ -247,7 +247,7 @@ def _build(
     commands = with_safe_values(commands, limits)
     if commands and (slow := too_slow(cls, limits.watchdog)):
         sentence = f"device '{element.name}': plugin '{element.plugin}' {slow}"
-        advice = "its author must make it faster, or who has tightened that limit (`watchdog`) must loosen it"
+        advice = "its author must make it faster, or whoever tightened that limit (`watchdog`) must relax it"
         problems.append(Problem("plugin-failed", sentence, place, advice))
     elif commands:
         tick = 1.0 / scene.rates.servo

@@ -119,7 +119,7 @@ def stale(
         f"{age * 1e3:.3g} ms old; the watchdog (W1) allows {watchdog * 1e3:.3g} ms: it "
         f"{'will' if certain else 'may'} be stopped as silent while it runs"
     )
-    advice = "its plugin must exchange more often, or its driver say that it measures later than in the middle of it"
+    advice = "its plugin must exchange more often, or its driver must say that it measures later than halfway through"
     yield Problem("stale-readings", sentence, place, advice, severity="warning")
 
 

@@ -107,7 +107,7 @@ def unfelt(model: CompiledScene) -> Iterator[Problem]:
             continue
         waits = [target for target in probe.operator.motion.targets if isinstance(target.hold, Until)]
         if waits and skin_of(model, probe) is None:
-            sentence = f"nothing tells how warm the skin of '{probe.name}' is, so that nobody can wait for it"
+            sentence = f"nothing tells how warm the skin of '{probe.name}' is, so no motion can wait for it"
             advice = (
                 "put a device under the finger that reads it (role SKIN_TEMPERATURE) or whose twin has a skin, or hold "
                 f"for a time in place of '{WORD} {SKIN}'"

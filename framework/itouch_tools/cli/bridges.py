@@ -32,8 +32,8 @@ def ros2(options: argparse.Namespace) -> int:
         if not 1.0 <= rate <= round(1.0 / link.period):
             raise ItouchError(f"--rate {rate:g}: 1 to {1.0 / link.period:.0f} Hz, the servo rate")
         if not place.answers:
-            note(f"no Zenoh router answers at {place.host}:{place.port}; with ROS it is "
-                 "`ros2 run rmw_zenoh_cpp rmw_zenohd`. It is waited for")  # fmt: skip
+            note(f"no Zenoh router answers at {place.host}:{place.port} yet: start one, with ROS by "
+                 "`ros2 run rmw_zenoh_cpp rmw_zenohd`")  # fmt: skip
 
         def told(names: list[str]) -> None:
             print(f"attached to '{link.name}'; Ctrl-C ends the topics and not the session", file=sys.stderr)

@@ -301,8 +301,8 @@ def rigid(here: NDArray[np.float64], there: NDArray[np.float64]) -> tuple[NDArra
     left_over = float(np.sqrt(np.mean(np.sum(rest * rest, axis=1))))
     if left_over > _WORST:
         raise ValueError(
-            f"the pairs lie {left_over * 1e3:.3g} mm (rms) from one another at best: "
-            "are they in metres, in the same order, and no axis turned round?"
+            f"even at best the pairs lie {left_over * 1e3:.3g} mm (rms) apart: "
+            "are they in metres and in the same order, and is no axis reversed?"
         )
     return np.concatenate([shift, _quaternion(turn)]), left_over
 

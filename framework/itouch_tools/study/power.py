@@ -142,10 +142,10 @@ def check_powered(file: StudyFile) -> None:
     """
     if file.study.staircases or file.study.task.kind not in POWERED:
         other = "this one has staircases, ratings or a plugin's task"
-        raise PowerError(f"power is of studies with conditions and right answers: {other}")
+        raise PowerError(f"power needs a study with conditions and right answers: {other}")
     if not _judged(file):
         raise PowerError(
-            f"power is of studies with right answers: this one shows the standard alone, {file.study.task.standard}"
+            f"power needs a study with right answers: this one shows the standard alone, {file.study.task.standard}"
         )
 
 

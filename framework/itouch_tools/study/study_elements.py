@@ -137,7 +137,7 @@ class Order:
 
     def __post_init__(self) -> None:
         if (self.kind == "blocked") != bool(self.by):
-            raise ValueError("blocked needs by=, the factor whose levels make the blocks, and nothing else takes it")
+            raise ValueError("blocked needs by=, the factor whose levels make the blocks; no other kind takes by=")
 
 
 @dataclass(frozen=True, slots=True)

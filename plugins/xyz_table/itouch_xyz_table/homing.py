@@ -70,7 +70,7 @@ def _believed(servos: Drives, axis: int, lead: float, place: float, clock: Calla
         if clock() - begin > _TOLD:
             raise ServoError(
                 f"axis {AXES[axis]} was told that it is at {1e3 * place:.1f} mm and says {1e3 * found:.1f} mm: its "
-                "servo does not take a place; update its firmware"
+                "servo does not accept a position; update its firmware"
             )
 
 

@@ -321,7 +321,7 @@ class Steppers:
     @staticmethod
     def _anew() -> ServoError:
         return ServoError(
-            "the module has restarted: its limits and the places of its motors are gone; check its supply, then "
+            "the module has restarted: its limits and the positions of its motors are lost; check its supply, then "
             "connect it again"
         )
 

@@ -133,7 +133,7 @@ def test_one_that_gives_less_voltage_than_its_limit_has_not_started_anew() -> No
 
 @pytest.mark.parametrize("limit", [0.0, math.nan])
 def test_one_whose_voltage_is_limited_to_nothing_is_refused(limit: float) -> None:
-    said = pytest.raises(DeviceError, match="limit of voltage .* set it with the maker's program")
+    said = pytest.raises(DeviceError, match="voltage limit .* set it with the maker's program")
     with on_a_line(Controller(Plate(), reads={2031: single(limit)})) as path, said:
         driver(path)
 

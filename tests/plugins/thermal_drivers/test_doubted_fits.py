@@ -24,4 +24,4 @@ def test_a_fit_is_doubted_beyond_a_few_times_the_noise_and_a_part_of_the_change(
     params = SimpleNamespace(plate_noise=0.01, sink_noise=0.01, resistance=2.0)
     found = list(fits._doubts(params, {"resistance": 2.1}, residual, swing))
     assert len(found) == doubted
-    assert all("with the best module this display still answers 0.05 K (rms) off" in said for said in found)
+    assert all("even with the best module the computed response is 0.05 K (rms) off" in said for said in found)

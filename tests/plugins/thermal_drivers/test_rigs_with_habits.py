@@ -298,7 +298,10 @@ def test_a_sealed_word_that_only_begins_as_an_answer_is_none(words: str) -> None
 def test_a_promise_that_can_be_none_is_refused(said: str, instead: str) -> None:
     """A silence of 0 is how many a device says that its watchdog is off."""
     greeting = seal_2(GREETING.replace(said, instead))
-    with on_a_line(OwnRig(2, greets=lambda: greeting)) as terminal, pytest.raises(DeviceError, match="can be none"):
+    with (
+        on_a_line(OwnRig(2, greets=lambda: greeting)) as terminal,
+        pytest.raises(DeviceError, match="impossible limit"),
+    ):
         driver(terminal)
 
 

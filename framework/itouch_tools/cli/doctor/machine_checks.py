@@ -127,7 +127,7 @@ def memory_lock() -> Diagnosis:
 def shared_memory() -> Diagnosis:
     """Whether processes can share anonymous memory and find it."""
     if not SERVO_PROCESS:
-        said = "none that processes find: the loop runs in a thread, on twins only; hardware needs Linux"
+        said = "processes can't find any here: the loop runs in a thread, on twins only; hardware needs Linux"
         return Diagnosis("shared memory", "note", said)
     handle = os.memfd_create("itouch-doctor")
     try:

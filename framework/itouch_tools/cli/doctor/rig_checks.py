@@ -92,7 +92,7 @@ def _sensors(one: Watched, seconds: float) -> Iterator[Diagnosis]:
             f"T8 {name}",
             FAIL,
             one.fault.cause,
-            "its sensor or its cable: nothing may be enabled before it reads what is true",
+            "check its sensor and its cable: nothing may be enabled until its readings are true",
         )
         return
     if not one.model.reads:
@@ -179,7 +179,7 @@ def _watchdog(one: Watched) -> Diagnosis:
         advice = "pull its cable with the drive on, without a finger, and see by a meter what it does"
         return Diagnosis(f"W2 {name}", NOT, found, advice)
     found = f"its own watchdog of {own * 1e3:g} ms was armed and accepted when it was opened"
-    advice = "that it cuts off, only its cable proves: pull it with the drive on, without a finger"
+    advice = "only pulling its cable proves that it cuts off: do so with the drive on, without a finger"
     return Diagnosis(f"W2 {name}", PASS, found, advice)
 
 

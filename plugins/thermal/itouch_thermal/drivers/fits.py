@@ -87,7 +87,7 @@ def _doubts(params: Any, values: Mapping[str, float], residual: float, swing: fl
     noise = math.hypot(params.plate_noise, params.sink_noise) / math.sqrt(2.0)
     if residual > max(_NOISES * noise, _OF_SWING * swing):
         yield (
-            f"with the best module this display still answers {residual:.2g} K (rms) off what was measured, and its "
+            f"even with the best module the computed response is {residual:.2g} K (rms) off the measured one, and the "
             f"sensors' noise is {noise:.2g} K: another plate or sink, a finger on it, or another time base?"
         )
     for name, value in values.items():

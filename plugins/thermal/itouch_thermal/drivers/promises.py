@@ -62,7 +62,7 @@ class Promises:
             raise DeviceError(f"a rig greets with '{greeting}': a limit that is not a number")
         if found.amps <= 0.0 or found.silence <= 0.0 or low >= high:
             raise DeviceError(
-                f"a rig greets with '{greeting}': a limit that can be none; amps and silence must be more than 0, and "
+                f"a rig greets with '{greeting}': an impossible limit; amps and silence must be more than 0, and "
                 "the plate's first temperature less than its second"
             )
         return found

@@ -120,7 +120,7 @@ class TecDriver:
             voltage = self._client.read_float(VOLTAGE_LIMIT, self._instance)
             if not voltage > NO_VOLTAGE:
                 raise DeviceError(
-                    f"the TEC controller's limit of voltage (parameter {VOLTAGE_LIMIT}) is {voltage:g} V, with which "
+                    f"the TEC controller's voltage limit (parameter {VOLTAGE_LIMIT}) is {voltage:g} V, with which "
                     "no current flows: set it with the maker's program"
                 )
             self._client.write_float(LIVE_VOLTAGE, voltage, self._instance)
