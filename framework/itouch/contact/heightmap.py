@@ -13,7 +13,7 @@ Heights = NDArray[np.float64]
 #: Largest file of a height map [bytes], and its greatest number of samples.
 MAX_BYTES = 32 * 2**20
 MAX_SAMPLES = 2048 * 2048
-STEEPEST = 1.0  # greatest slope of the carved surface that is left as it is
+STEEPEST = 1.0  # greatest slope of a texture that is not smoothed: 45 degrees
 _PGM = re.compile(rb"P([25])(?:\s+|#[^\n]*\n)+(\d{1,6})(?:\s+|#[^\n]*\n)+(\d{1,6})(?:\s+|#[^\n]*\n)+(\d{1,6})\s")
 
 

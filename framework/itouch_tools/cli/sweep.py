@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 #: The sub-commands that may follow `sweep` instead of a file.
 COMMANDS = ("check", "run", "status", "replay", "page")
 
+#: How many runs (pilots) `check` makes to estimate what a sweep will cost, unless `--pilots` says.
+PILOTS = 3
+
 #: Most reasons that `status` prints.
 MOST_REASONS = 10
 
@@ -128,7 +131,9 @@ def _check(words: list[str]) -> int:
     """Print every problem of a sweep, and what it will cost."""
     parser = Parser(prog="itouch-py sweep check", description=_check.__doc__)
     parser.add_argument("sweep", metavar="SWEEP.xml")
-    parser.add_argument("--pilots", type=int, default=3, metavar="N", help="runs that are made for it (default: 3)")
+    parser.add_argument(
+        "--pilots", type=int, default=PILOTS, metavar="N", help=f"runs that are made for it (default: {PILOTS})"
+    )
     parser.add_argument("--cores", type=int, metavar="N", help="for how many cores (default: those of this machine)")
     options = parser.parse_args(words)
     from itouch.platforms import cores

@@ -1,4 +1,4 @@
-"""What a sweep will cost, from a few of its runs: seconds, bytes, and keys that no report has."""
+"""What a sweep will cost, from a few of its runs (pilots): seconds, bytes, and keys that no report has."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Estimate:
         return self.runs * self.run_s + self.structures * self.build_s
 
 
-def estimate(file: SweepFile, catalog: Catalog, pilots: int = 3) -> Estimate:
+def estimate(file: SweepFile, catalog: Catalog, pilots: int) -> Estimate:
     """Run some pilots on this machine, spread over the plan, and return what they cost.
 
     Raises

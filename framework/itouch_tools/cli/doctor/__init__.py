@@ -10,6 +10,8 @@ from dataclasses import asdict
 from itouch_tools.cli.arguments import Parser, seconds
 from itouch_tools.cli.progress import measured
 
+#: How long [s] `--rig` watches the sensors of a rig, unless `--for` says.
+WATCHED = 3.0
 _MARKS = {"ok": "ok    ", "lack": "LACK  ", "note": "note  "}
 
 
@@ -28,7 +30,7 @@ def main(argv: Sequence[str]) -> int:
                         help="look at a scene's devices in the air: sensors, watchdogs, cut-offs")  # fmt: skip
     parser.add_argument("--twin", metavar="all|none|NAME", help="with --rig: take these devices as twins")
     parser.add_argument("--for", dest="duration", type=seconds, metavar="3s",
-                        help="with --rig: how long to watch the sensors (default 3 s)")  # fmt: skip
+                        help=f"with --rig: how long to watch the sensors (default {WATCHED:g} s)")  # fmt: skip
     parser.add_argument("--busy", type=int, default=0, metavar="N",
                         help="with --rates: while N processes compute, compared with a bare timer")  # fmt: skip
     parser.add_argument("--clear-kept", action="store_true",
@@ -44,7 +46,7 @@ def main(argv: Sequence[str]) -> int:
         return 0
     with measured("doctor"):
         if options.rig is not None:
-            watched = 3.0 if options.duration is None else options.duration
+            watched = WATCHED if options.duration is None else options.duration
             return _rig(options.rig, options.twin, watched, as_json=options.json)
         if options.rates is not None:
             return _rates(options.rates, options.measure or 5.0, beside=options.busy, as_json=options.json)

@@ -35,7 +35,7 @@ STILL = 1.0
 PASS, FAIL, NOT = "pass", "fail", "not possible"
 
 
-def examine_rig(session: Session, seconds: float = 3.0) -> Iterator[Diagnosis]:
+def examine_rig(session: Session, seconds: float) -> Iterator[Diagnosis]:
     """Yield the findings on a rig that nobody touches, watched for some seconds; the session is closed at the end."""
     try:
         yield from _examined(session, seconds)
