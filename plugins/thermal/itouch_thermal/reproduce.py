@@ -54,6 +54,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--measured", metavar="FOLDER",
                         help="lay a lab's curves over figures 2, 5 to 7 and 11: MATERIAL.csv with columns t and "
                              "j")  # fmt: skip
+    parser.add_argument("--seconds", type=int, choices=(4, 10), default=10, help="how much of a touch is shown")
     return parser
 
 
@@ -81,7 +82,7 @@ def _reproduce(out: Path, options: argparse.Namespace) -> str:
     def make(number: int) -> None:
         nonlocal files
         figure = FIGURES[number](work)
-        draw(figure, out)
+        draw(figure, out, float(options.seconds))
         files += write_curves(figure, out) if options.csv else 0
         figures.append(figure)
 

@@ -13,16 +13,14 @@ from itouch_thermal.whole_file import write_whole
 
 #: Width of a column and height of a panel [inch], dots per inch.
 WIDTH, HEIGHT, DPI = 3.5, 2.55, 220
-#: How much of a touch is shown [s].
-LENGTH = 10.0
 _STYLE: dict[Any, Any] = {
     "font.size": 8.0, "axes.titlesize": 8.5, "axes.labelsize": 8.0, "xtick.labelsize": 7.5, "ytick.labelsize": 7.5,
     "legend.fontsize": 7.5, "axes.linewidth": 0.7, "svg.hashsalt": "itouch-py",
 }  # fmt: skip
 
 
-def draw(figure: Figure, out: Path) -> None:
-    """Draw a figure as SVG and PNG into a folder."""
+def draw(figure: Figure, out: Path, seconds: float) -> None:
+    """Draw a figure as SVG and PNG into a folder, with curves up to ``seconds``."""
     try:
         import matplotlib
     except ImportError as missing:
@@ -31,7 +29,7 @@ def draw(figure: Figure, out: Path) -> None:
     import matplotlib.pyplot as plt
 
     with plt.rc_context(_STYLE):
-        picture = _panels(plt, figure) if figure.panels else _sketch(plt, figure)
+        picture = _panels(plt, figure, seconds) if figure.panels else _sketch(plt, figure)
         for ending in ("svg", "png"):
             still: dict[str, Any] = {"Date": None} if ending == "svg" else {"Software": None}
             drawn = BytesIO()
@@ -40,15 +38,15 @@ def draw(figure: Figure, out: Path) -> None:
         plt.close(picture)
 
 
-def _panels(plt: Any, figure: Figure) -> Any:
+def _panels(plt: Any, figure: Figure, seconds: float) -> Any:
     count = len(figure.panels)
     picture, found = plt.subplots(count, 1, figsize=(WIDTH, HEIGHT * count), layout="constrained", squeeze=False)
     for axes, panel in zip(found[:, 0], figure.panels, strict=True):
-        _panel(axes, panel)
+        _panel(axes, panel, seconds)
     return picture
 
 
-def _panel(axes: Any, panel: Panel) -> None:
+def _panel(axes: Any, panel: Panel, seconds: float) -> None:
     axes.set_xlabel("time [s]")
     axes.set_ylabel(panel.left)
     axes.grid(alpha=0.35, linewidth=0.5)
@@ -67,7 +65,7 @@ def _panel(axes: Any, panel: Panel) -> None:
             alpha=0.75 if line.right else 1.0,
         )  # fmt: skip
     last = max(float(line.times[-1]) for line in panel.lines)
-    axes.set_xlim(float(panel.lines[0].times[0]) if panel.logarithmic else 0.0, min(last, _shown(panel)))
+    axes.set_xlim(float(panel.lines[0].times[0]) if panel.logarithmic else 0.0, min(last, _shown(panel, seconds)))
     if any(line.right for line in panel.lines):
         largest = max(float(abs(line.values).max()) for line in panel.lines if line.right)
         other.set_ylim(-1.15 * largest, 1.15 * largest)
@@ -84,10 +82,10 @@ def _panel(axes: Any, panel: Panel) -> None:
         )  # fmt: skip
 
 
-def _shown(panel: Panel) -> float:
+def _shown(panel: Panel, seconds: float) -> float:
     """Return the end of a panel's time axis [s]: a touch that begins at 1 s is shown for as long as the others."""
     first = panel.lines[0].times
-    return LENGTH + (1.0 if first[0] == 0.0 and len(first) > 1 and first[1] == 1.0 else 0.0)
+    return seconds + (1.0 if first[0] == 0.0 and len(first) > 1 and first[1] == 1.0 else 0.0)
 
 
 def _sketch(plt: Any, figure: Figure) -> Any:

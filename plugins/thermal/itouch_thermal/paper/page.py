@@ -42,7 +42,7 @@ DIFFERENCES: tuple[tuple[str, str, str], ...] = (
     ("loop", "closed loop, gains and rate not stated", "PI, 40 and 800 1/s, 1 kHz; the integral begins at the flux "
         "before"),
     ("limits", "not stated", "plate 15 to 40 °C and 10 K/s, 35 kW/m²"),
-    ("length of a touch", "not stated in the text", "10 s"),
+    ("length of a touch", "not stated in the text", "10 s; `--seconds 4` shows 4 s"),
     ("problem 1 with R", "constant flux, eq. 9", "two half-spaces joined by R: exact for longer"),
     ("eq. 10", "without T₁", "with T₁"),
     ("arm", "Phantom Omni", "Novint Falcon's twin; `openhaptics` drives an Omni"),
