@@ -10,14 +10,22 @@ from __future__ import annotations
 import struct
 
 HEARTBEAT, ESTOP, SET_STATE, ESTIMATES = 0x01, 0x02, 0x07, 0x09
-SET_MODE, SET_POSITION, SET_VELOCITY, SET_LIMITS, CURRENTS, CLEAR_ERRORS = 0x0B, 0x0C, 0x0D, 0x0F, 0x14, 0x18
+SET_MODE, SET_POSITION, SET_VELOCITY, SET_LIMITS, CURRENTS, SUPPLY, CLEAR_ERRORS = (
+    0x0B,
+    0x0C,
+    0x0D,
+    0x0F,
+    0x14,
+    0x17,
+    0x18,
+)
 #: States of an axis; control modes (velocity, position), and the input mode that passes goals through unfiltered.
 IDLE, CLOSED_LOOP = 1, 8
 BY_VELOCITY, BY_POSITION, FOLLOW = 2, 3, 1
 #: Formats of the commands' data: for example, a position with velocity and torque feed-forward in 1/1000.
 _PACKED = {
     SET_STATE: "<I", SET_MODE: "<II", SET_POSITION: "<fhh", SET_VELOCITY: "<ff", SET_LIMITS: "<ff",
-    ESTIMATES: "<ff", CURRENTS: "<ff", CLEAR_ERRORS: "<B", ESTOP: "<",
+    ESTIMATES: "<ff", CURRENTS: "<ff", SUPPLY: "<f", CLEAR_ERRORS: "<B", ESTOP: "<",
 }  # fmt: skip
 MILLI = 1000.0
 #: The error bits of an expired watchdog: of firmware 0.6, and of 0.5.

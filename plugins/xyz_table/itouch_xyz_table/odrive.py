@@ -4,6 +4,9 @@ A servo broadcasts its state ten times a second; positions and currents are quer
 feeds the servo's own watchdog.  The watchdog can be enabled over USB only, so it is tested when the bus is opened: each
 servo holds its position, gets no frames, and must let go by its watchdog.  A lost answer is queried again; commands are
 not acknowledged, so limits and modes are sent again and again.
+
+An answer does not say which query it is to.  A query that was repeated may be answered twice, so before the next one
+each servo that may still owe an answer is asked for something else (its supply): its answers come in order.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ import contextlib
 import errno
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from itouch.plugin import Trace
@@ -23,6 +26,10 @@ from itouch_xyz_table.servos import AXES, Goal, PortLock, ServoError, ServoState
 #: Longest wait for answers [s], and how often missing ones are queried; longest time [s] without a heartbeat for which
 #: a servo's state counts as known; how long [s] a change of state may take.
 PATIENCE, TRIES, SILENT, CHANGE = 0.01, 8, 0.35, 0.6
+#: Answers are waited for this many times as long as they usually take, but at most so long [s].
+USUAL, LATEST = 2.0, 0.1
+#: Weight of a new answer time in the usual one; a longer one counts at once if it is certain.
+_NEWEST = 0.25
 #: Without frames a servo must let go by itself within the first time [s], and report so within the second.
 LONGEST_WATCHDOG, HEARTBEAT = 0.5, 0.25
 #: One servo is sent its limits and mode again in every so many exchanges; one that has not started or stopped after
@@ -76,6 +83,11 @@ class Odrives:
         self._mode: list[int | None] = [None] * len(self._ids)
         self._limits: list[tuple[float, float] | None] = [None] * len(self._ids)
         self._found: dict[tuple[int, int], tuple[float, ...]] = {}
+        #: Usual time that answers take [s]; the axes of which late answers may still come; and those whose servos tell
+        #: their supply.
+        self._usual = 0.0
+        self._owing: set[int] = set()
+        self._ordered: set[int] = set()
         interface, _, channel = bus.partition(":")
         self._lock = PortLock(channel.partition("@")[0] if interface == "slcan" else "")
         try:
@@ -85,6 +97,9 @@ class Odrives:
             raise
         try:
             self._await("sends no heartbeat: check its cable and supply", lambda axis: self._heard[axis] > -math.inf)
+            self._ordered = set(range(len(self._ids)))
+            self._hear_out(self._ordered)
+            self._ordered = {axis for axis, what in self._found if what == can_.SUPPLY}
             self._prove_watchdog()
         except BaseException:
             self.close()
@@ -107,20 +122,55 @@ class Odrives:
             If one does not answer or sends no heartbeat.
         """
         self._listen(0.0)
+        if self._owing:
+            self._hear_out(self._owing)
         wanted = {(axis, what) for axis in range(len(self._ids)) for what in (can_.ESTIMATES, can_.CURRENTS)}
+        self._found.clear()
         for turn in range(TRIES):
-            self._found = {key: value for key, value in self._found.items() if key in wanted and turn}
-            missing = sorted(wanted - set(self._found))
-            for axis, what in missing:
+            begin = self._clock()
+            for axis, what in sorted(wanted - set(self._found)):
                 self._ask(axis, what)
-            end = self._clock() + PATIENCE * self._patience
-            while len(self._found) < len(wanted) and self._clock() < end:
+            end = begin + self._wait()
+            while not wanted <= set(self._found) and self._clock() < end:
                 self._listen(end - self._clock())
-            if len(self._found) == len(wanted):
+            if wanted <= set(self._found):
+                if not turn:  # else nobody knows to which query the answer was
+                    self._took(self._clock() - begin)
                 return tuple(self._shown(axis) for axis in range(len(self._ids)))
             self.repeated += 1
+            self._owing.update(axis for axis, _ in wanted - set(self._found))
         axis = min(axis for axis, _ in wanted - set(self._found))
         raise ServoError(f"servo {AXES[axis]} (id {self._ids[axis]}) does not answer: check its cable and supply")
+
+    def _hear_out(self, axes: Iterable[int]) -> None:
+        """Let late answers pass: each servo's have all come once it has answered what is asked after them.
+
+        Of a servo that never answers that, late answers are waited for as long as those to any query.
+        """
+        self._found.clear()
+        wanted = {(axis, can_.SUPPLY) for axis in axes}
+        longest = LATEST * self._patience if self._ordered >= set(axes) else self._wait()
+        begin, asked = self._clock(), 0
+        while not wanted <= set(self._found) and (left := begin + longest - self._clock()) > 0.0:
+            for axis, what in sorted(wanted - set(self._found)):
+                self._ask(axis, what)
+            asked += 1
+            end = self._clock() + min(left, self._wait())
+            while not wanted <= set(self._found) and self._clock() < end:
+                self._listen(end - self._clock())
+        if wanted <= set(self._found):
+            self._took(self._clock() - begin, sure=asked == 1)
+        self._owing.clear()
+
+    def _wait(self) -> float:
+        """Return how long to wait for an answer before it is asked for again [s]."""
+        return self._patience * min(LATEST, max(PATIENCE, USUAL * self._usual))
+
+    def _took(self, seconds: float, *, sure: bool = True) -> None:
+        """Note how long answers took [s]; ``sure``: they were asked for once, so they are no answers to another try."""
+        took = seconds / self._patience
+        learnt = self._usual + _NEWEST * (took - self._usual)
+        self._usual = max(took, learnt) if sure else learnt
 
     def command(self, goals: Sequence[Goal | None]) -> tuple[ServoState, ...]:
         """Command the servos that have a goal, and read the state of all."""
@@ -322,7 +372,8 @@ class Odrives:
                 raise self._failed(error) from error
             if message is None:
                 return
-            wait = 0.0
+            if wait:  # the first one
+                wait, end = 0.0, min(end, self._clock() + DRAIN)
             if not (message.is_remote_frame or message.is_error_frame or message.is_extended_id):
                 self._take(message.arbitration_id, bytes(message.data))
 
@@ -337,7 +388,7 @@ class Odrives:
             if what == can_.HEARTBEAT:
                 self._error[axis], self._state[axis] = can_.heartbeat(data)
                 self._heard[axis] = self._clock()
-            elif what in (can_.ESTIMATES, can_.CURRENTS):
+            elif what in (can_.ESTIMATES, can_.CURRENTS, can_.SUPPLY):
                 values = can_.unpack(what, data)
                 if all(math.isfinite(value) for value in values):
                     self._found[axis, what] = values

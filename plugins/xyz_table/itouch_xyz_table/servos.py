@@ -24,6 +24,10 @@ AXES = "xyz"
 #: wait, for as long as this many such waits take: an adaptor that refuses a line does so at once, and can be asked more
 #: often.
 PATIENCE, TRIES = 0.04, 5
+#: Registers by which the answers of one exchange are told from late ones of another; the first asks for none.
+MARKS = ("", "Q_CURRENT", "D_CURRENT")
+#: How long [s] late answers are dropped before such an exchange.
+FLUSH = 2e-3
 #: What is said where a scene names no port and none is found.
 NO_ADAPTOR = "no CAN-FD adaptor (fdcanusb) is attached: plug it in, or write port="
 T = TypeVar("T")
@@ -128,6 +132,9 @@ class Servos:
         self._watchdog, self._patience, self._port, self._trace = watchdog, PATIENCE * patience, port, trace
         #: Number of exchanges repeated because a line was lost or damaged.
         self.repeated = 0
+        #: Whether answers may still come to commands that were sent again: none says which one it is to.
+        self._owing = False
+        self._ids, self._mark = list(ids), 0
         #: The client's message about a line that the adaptor refused or the client could not read.
         self._refused = ""
         self._loop = _new_loop()
@@ -147,7 +154,7 @@ class Servos:
         found = _found(moteus, self._port)
         self._lock = PortLock(found)
         self._transport = self._run(_opened(moteus, found, self._patience, self._trace))
-        self._servos = _controllers(moteus, ids, self._transport)
+        self._servos = [_controllers(moteus, ids, self._transport, mark) for mark in MARKS]
 
     def _run(self, work: Coroutine[Any, Any, T], patience: float = 1.0) -> T:
         try:
@@ -184,13 +191,13 @@ class Servos:
         ServoError
             If one does not answer, or has restarted.
         """
-        states = self._cycle([servo.make_query() for servo in self._servos])
+        states = self._cycle([servo.make_query() for servo in self._marked()])
         self._watch()
         return states
 
     def stop(self, *, latched: bool = False) -> tuple[ServoState, ...]:
         """Stop all servos without force, which clears latched faults; ``latched``: return the states after that."""
-        states = self._cycle([servo.make_stop(query=True) for servo in self._servos])
+        states = self._cycle([servo.make_stop(query=True) for servo in self._marked()])
         return states if not latched else self.query()
 
     def command(self, goals: Sequence[Goal | None]) -> tuple[ServoState, ...]:
@@ -201,7 +208,7 @@ class Servos:
         ServoError
             If one does not answer, or has restarted: it would follow its goals from another zero.
         """
-        states = self._cycle([self._make(servo, goal) for servo, goal in zip(self._servos, goals, strict=True)])
+        states = self._cycle([self._make(servo, goal) for servo, goal in zip(self._marked(), goals, strict=True)])
         self._watch()
         return states
 
@@ -210,7 +217,7 @@ class Servos:
         for axis, (before, now) in enumerate(zip(self._ready, self._anchors, strict=False)):
             if before != now:
                 raise ServoError(
-                    f"servo {AXES[axis]} (id {self._servos[axis].id}) has restarted and does not know its place any "
+                    f"servo {AXES[axis]} (id {self._ids[axis]}) has restarted and does not know its place any "
                     "more: check its supply, then connect it again"
                 )
 
@@ -234,7 +241,7 @@ class Servos:
 
     def set_position(self, axis: int, position: float) -> None:
         """Tell a servo that it is at ``position`` [rev]."""
-        self._exchange({axis: self._servos[axis].make_set_output_exact(position=position, query=True)})
+        self._exchange({axis: self._marked()[axis].make_set_output_exact(position=position, query=True)})
 
     def _cycle(self, commands: list[Any]) -> tuple[ServoState, ...]:
         """Exchange one command with each servo."""
@@ -255,13 +262,29 @@ class Servos:
         while missing := [axis for axis in commands if axis not in states]:
             if time.monotonic() >= end:
                 raise ServoError(
-                    f"servo {AXES[missing[0]]} (id {self._servos[missing[0]].id}) does not answer: check its cable and "
+                    f"servo {AXES[missing[0]]} (id {self._ids[missing[0]]}) does not answer: check its cable and "
                     f"supply{self._refused}"
                 )
             self.repeated += 1
+            self._owing = True
             for axis in missing:
                 self._ask([commands[axis]], states, 0.5 * self._patience)
         return states
+
+    def _marked(self) -> list[Any]:
+        """Return the client's servos for the next exchange, whose answers can be told from those that may still come.
+
+        An answer has no number, but it names the registers that were asked for: after a repeated command, another one
+        is asked for, and what has arrived meanwhile is dropped.
+        """
+        if self._owing:
+            self._owing = False
+            self._mark = self._mark % (len(self._servos) - 1) + 1
+            try:
+                self._run(self._transport.flush_read_queue(timeout=FLUSH), 1.0)
+            except ServoError as error:
+                self._revive(error)
+        return self._servos[self._mark]
 
     def _ask(self, commands: list[Any], states: dict[int, ServoState], patience: float) -> None:
         """Exchange once, and store the states that were answered."""
@@ -270,15 +293,23 @@ class Servos:
         except ServoError as error:
             self._revive(error)
             return
-        axes = {servo.id: axis for axis, servo in enumerate(self._servos)}
+        axes = {number: axis for axis, number in enumerate(self._ids)}
         for result in results:
-            state = _state(result.values) if result.id in axes else None
+            mine = result.id in axes and self._bears_mark(result.values)
+            state = _state(result.values) if mine else None
             if state is not None:
                 axis = axes[result.id]
                 states[axis] = state
                 # An answer without this register says nothing new: a servo that has restarted reports it with the next.
                 anchor = _anchor(result.values)
                 self._anchors[axis] = self._anchors[axis] if anchor is None else anchor
+
+    def _bears_mark(self, values: Any) -> bool:
+        """Tell whether an answer is to this exchange, where there may be others."""
+        import moteus
+
+        mark = MARKS[self._mark]
+        return not mark or getattr(moteus.Register, mark) in values
 
     def _revive(self, error: ServoError) -> None:
         """Recover from missing answers, or from a line that the client could not read; not from a lost bus.
@@ -302,7 +333,7 @@ class Servos:
         # port.
         self.close()
         self._loop = _new_loop()
-        self._open(moteus, [servo.id for servo in self._servos])
+        self._open(moteus, self._ids)
 
 
 def _new_loop() -> asyncio.AbstractEventLoop:
@@ -343,10 +374,12 @@ class _Log:
         (self._trace.sent if mark == b">" else self._trace.received)(text)
 
 
-def _controllers(moteus: Any, ids: Sequence[int], transport: Any) -> list[Any]:
-    """Return the client's servos, with queries that also ask what their positions refer to."""
+def _controllers(moteus: Any, ids: Sequence[int], transport: Any, mark: str) -> list[Any]:
+    """Return the client's servos, with queries that also ask what their positions refer to, and for a mark."""
     asked = moteus.QueryResolution()
     asked.home_state = moteus.INT8
+    if mark:
+        setattr(asked, mark.lower(), moteus.INT8)
     return [moteus.Controller(id=number, transport=transport, query_resolution=asked) for number in ids]
 
 

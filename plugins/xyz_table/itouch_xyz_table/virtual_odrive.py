@@ -12,6 +12,8 @@ from itouch_xyz_table.virtual import FASTEST, FEED, GOAL, GOAL_SPEED, MOST, Virt
 
 #: The error bit of an expired watchdog in firmware 0.6; period of the heartbeat [s].
 WATCHDOG_ENDED, BEAT = 0x1000000, 0.1
+#: Its supply [V].
+SUPPLY_VOLTS = 24.0
 
 
 @dataclass(slots=True)
@@ -73,6 +75,8 @@ class VirtualOdrive(VirtualServo):
             data = can_.pack(command, self.place + self.zero, self.speed)
         elif command == can_.CURRENTS:
             data = can_.pack(command, self.torque / self.constant, self.torque / self.constant)
+        elif command == can_.SUPPLY:
+            data = can_.pack(command, SUPPLY_VOLTS)
         elif command == can_.HEARTBEAT:
             return [self.beat()]
         else:
