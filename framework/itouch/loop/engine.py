@@ -35,7 +35,7 @@ from itouch.loop.safe_shutdown import SafeShutdown
 from itouch.loop.timing import Timing
 from itouch.loop.warm_up import reset_modalities, warm_up
 from itouch.loop.write_access import view_for
-from itouch.plugin import Bound, DeviceError, Record
+from itouch.plugin import Bound, Record
 from itouch.safety import Outcome, Trip
 from itouch.schema import ItouchError
 from itouch.schema.plugin_errors import failing
@@ -265,7 +265,7 @@ class Engine:
             self._operator.enable(opens=opens)
         except LatchedError:
             raise
-        except DeviceError:
+        except BaseException:  # Ctrl-C, too: what was opened until then is not to stay open
             self.close()
             raise
         self._enabled = True
@@ -748,8 +748,9 @@ class Engine:
         """
         hardware = [
             one for one in self._all
-            if not one.model.twin and (one.latch.status is not Status.CLOSED or one.lifecycle.awaited)
+            if not one.model.twin and (one.latch.status is not Status.CLOSED or one.lifecycle.busy)
         ]  # fmt: skip
+        hardware.sort(key=lambda one: one.lifecycle.busy)  # what is open need not wait for what still opens
         steps = [partial(released, runner) for runner in hardware]
         self._enabled = False
         if any(runner.latch.enabled for runner in hardware):

@@ -107,7 +107,8 @@ class Notifications:
     act
         Devices are about to be enabled or armed anew: what must be there before anything acts is there after this.
     waiting
-        Nothing is enabled, and the caller of ``rearm`` waits for devices to be opened: called again and again.
+        Nothing is enabled, and the caller of ``enable`` or ``rearm`` waits for devices to be opened: called again and
+        again.  What a listener raises ends the waiting.
     outside
         The State was changed from outside the loop, or is about to be by a sequence that is no tick; with the reason.
     left_out

@@ -35,7 +35,7 @@ class OperatorCommands:
     ) -> None:
         self._model, self._runners, self._rigs, self._statistics = model, runners, rigs, statistics
         self._tick = state["tick"]
-        #: Called again and again while devices are opened that must be open for it to be re-armed.
+        #: Called again and again while devices are opened before anything is enabled or re-armed.
         self.waiting: Callable[[], None] = lambda: None
         self.hold = HoldToRun(
             state, [one.gate for one in runners.values()], model.period, asked=model.scene.safety.hold_to_run
@@ -58,7 +58,7 @@ class OperatorCommands:
             raise LatchedError("\n".join([*told, "it is still stopped: re-arm first, when what stopped it is over"]))
         wanted = [one for one in self._runners.values() if opens or one.latch.status is not Status.CLOSED]
         self._require_sight(wanted)
-        failures = connect([one.lifecycle for one in wanted], tick)
+        failures = connect([one.lifecycle for one in wanted], tick, meanwhile=self.waiting)
         for name, why in failures.items():
             if self._runners[name].model.optional:
                 self._runners[name].lifecycle.abandon()

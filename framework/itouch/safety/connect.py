@@ -31,7 +31,7 @@ def connect(
     patience
         How long [s] to wait for all of them.
     meanwhile
-        Called again and again while it waits.
+        Called again and again while it waits; what it raises ends the waiting, and what opens after that is closed.
 
     Returns
     -------
@@ -46,9 +46,14 @@ def connect(
     for one in begun:
         if why := _begin(one, patience):
             failures[one.model.name] = why
-    for one in begun:
-        if one.model.name not in failures and (why := one.finish_opening(meanwhile)):
-            failures[one.model.name] = why
+    try:
+        for one in begun:
+            if one.model.name not in failures and (why := one.finish_opening(meanwhile)):
+                failures[one.model.name] = why
+    except BaseException:  # Ctrl-C, or the session is to end: nobody takes the results of the others either
+        for one in begun:
+            one.give_up(0.0)
+        raise
     for one in wanted:
         if one.model.name not in failures:
             first_reading(one, tick, failures)

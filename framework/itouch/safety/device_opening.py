@@ -46,8 +46,8 @@ class DeviceOpening:
         self._patience, self._deadline = patience, time.monotonic() + patience
         self._device, self._work, self._release = device, work, release
         self._lock, self._returned, self._ended = threading.Lock(), threading.Event(), threading.Event()
-        #: Whether nobody waits for it any more.
-        self.given_up = False
+        #: Whether nobody waits for it any more, and since when [s].
+        self.given_up, self._since = False, 0.0
         #: Why the device did not open; empty: it did, or still may.
         self.failure = ""
         threading.Thread(target=self._live, name=f"open {name}", daemon=True).start()
@@ -81,15 +81,19 @@ class DeviceOpening:
         return self.failure
 
     def give_up(self, seconds: float = 0.0) -> None:
-        """Let the device be closed as soon as it has been opened; wait for that, but not longer than told."""
+        """Let the device be closed as soon as it has been opened; wait for that, but not longer than told.
+
+        That is counted from when it was given up first: several that were given up at once are waited for at once.
+        """
         with self._lock:
             undone, self.given_up = self.given_up, True
+            self._since = self._since if undone else time.monotonic()
             late = self._ended.is_set() and not undone
             if late:
                 self._ended.clear()
         if late:
             threading.Thread(target=self._undo, name="close what was opened too late", daemon=True).start()
-        self._ended.wait(seconds)
+        self._ended.wait(max(0.0, self._since + seconds - time.monotonic()))
 
     def _live(self) -> None:
         try:

@@ -371,10 +371,13 @@ class Lifecycle:
             self._let_go()
             self._claims.release()  # but not if the device can't be closed: its driver may still use the wire
 
-    def give_up(self) -> None:
-        """Give up the opening that is under way, if one is: its thread closes the device as soon as it is open."""
+    def give_up(self, seconds: float = CLOSE_TIME) -> None:
+        """Give up the opening that is under way, if one is: its thread closes the device as soon as it is open.
+
+        ``seconds``: how long after it was given up for the first time that is waited for.
+        """
         if self._opening is not None:
-            self._opening.give_up(CLOSE_TIME)
+            self._opening.give_up(seconds)
             if self._opening.ended:
                 self._opening = None
 

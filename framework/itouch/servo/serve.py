@@ -104,6 +104,10 @@ def unsent(session: Session) -> int:
     return found
 
 
+class _EndAsked(BaseException):
+    """The session is to end while devices are being opened."""
+
+
 class Servo:
     """Runs one session in this process."""
 
@@ -148,7 +152,9 @@ class Servo:
         modules = LoadedModules()
         try:
             self._kept.enter_context(open_outputs(self.session, Outputs(**self._config["keep"])))
-            self._begin()
+            self.session.on.waiting.append(self._look_while_opening)
+            with contextlib.suppress(_EndAsked):
+                self._begin()
             self._run()
             error = self._failure
         except BaseException as raised:
@@ -270,10 +276,17 @@ class Servo:
         self._scripted = last is None and session.scripted
         session.taps.append(self._tap)
         session.loss_hooks.append(self._tell_loss)
-        session.on.waiting.append(self._beat)
         self._follow_once()
         self.words[at.BEAT] = monotonic()
         self.words[at.PHASE] = at.RUNNING
+        with contextlib.suppress(_EndAsked):
+            self._tick_to_the_end(last)
+        if session.fault is not None:
+            raise session.fault
+
+    def _tick_to_the_end(self, last: int | None) -> None:
+        """Run until the session is over or is to end; rest while it is paused or stopped by a fault."""
+        session = self.session
         while not self.words[at.STOP] and not self._over(last):
             if self._asked.paused or session.fault is not None:
                 self._rest()
@@ -285,8 +298,6 @@ class Servo:
                 if not self._config.get("linger"):
                     raise
                 self._tell_fault()
-        if session.fault is not None:
-            raise session.fault
 
     def _follow_once(self) -> None:
         """Do once, before the first tick, what follows each: the first time takes longer than a period at 4 kHz."""
@@ -330,8 +341,19 @@ class Servo:
         self._watch_others()
         time.sleep(IDLE)
 
-    def _beat(self) -> None:
+    def _look_while_opening(self) -> None:
+        """Do what cannot wait while devices are being opened, which may take long.
+
+        Raises
+        ------
+        _EndAsked
+            If the session is to end.
+        """
         self.words[at.BEAT] = monotonic()
+        self.outbox.flush()
+        self._watch_others()
+        if self.words[at.STOP]:
+            raise _EndAsked
 
     def _hold(self) -> None:
         """Pass on to the engine whether somebody holds the dead-man's switch, and whether a holder has let go."""

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from importlib import import_module
 from typing import Any, Protocol
 
-from itouch.loop import Clock, Engine
+from itouch.loop import Clock, Engine, engine_view
 from itouch.loop.device_runner import Status
 from itouch.plugin import DeviceError, Record
 from itouch.plugin.bases import Bases, keeping
@@ -439,7 +439,12 @@ class Session(Shown, Engine):
         wanted = [one for one in hardware if not one.model.optional]
         moving = [one.model for one in wanted if one.model.cls.moves_on_open and one.latch.status is Status.CLOSED]
         failures = {model.name: why for model in moving if (why := model.missing())}
-        failures |= connect([one.lifecycle for one in wanted if not one.model.cls.moves_on_open], self.ticks)
+        standing = [one.lifecycle for one in wanted if not one.model.cls.moves_on_open]
+        try:
+            failures |= connect(standing, self.ticks, meanwhile=lambda: engine_view.tell(self.on.waiting))
+        except BaseException:  # nobody waits any more
+            self.release()
+            raise
         if failures:
             self.release()
             raise DeviceError("\n".join(f"device '{name}': {why}" for name, why in failures.items()))
