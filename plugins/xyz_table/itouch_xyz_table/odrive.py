@@ -29,7 +29,7 @@ PATIENCE, TRIES, SILENT, CHANGE = 0.01, 8, 0.35, 0.6
 #: Answers are waited for this many times as long as they usually take, but at most so long [s].
 USUAL, LATEST = 2.0, 0.1
 #: Weight of a new answer time in the usual one; a longer one counts at once if it is certain.
-_NEWEST = 0.25
+_FOLLOWS = 0.25
 #: Without frames a servo must let go by itself within the first time [s], and report so within the second.
 LONGEST_WATCHDOG, HEARTBEAT = 0.5, 0.25
 #: One servo is sent its limits and mode again in every so many exchanges; one that has not started or stopped after
@@ -169,7 +169,7 @@ class Odrives:
     def _took(self, seconds: float, *, sure: bool = True) -> None:
         """Note how long answers took [s]; ``sure``: they were asked for once, so they are no answers to another try."""
         took = seconds / self._patience
-        learnt = self._usual + _NEWEST * (took - self._usual)
+        learnt = self._usual + _FOLLOWS * (took - self._usual)
         self._usual = max(took, learnt) if sure else learnt
 
     def command(self, goals: Sequence[Goal | None]) -> tuple[ServoState, ...]:
