@@ -10,15 +10,8 @@ from __future__ import annotations
 import struct
 
 HEARTBEAT, ESTOP, SET_STATE, ESTIMATES = 0x01, 0x02, 0x07, 0x09
-SET_MODE, SET_POSITION, SET_VELOCITY, SET_LIMITS, CURRENTS, SUPPLY, CLEAR_ERRORS = (
-    0x0B,
-    0x0C,
-    0x0D,
-    0x0F,
-    0x14,
-    0x17,
-    0x18,
-)
+SET_MODE, SET_POSITION, SET_VELOCITY, SET_LIMITS = 0x0B, 0x0C, 0x0D, 0x0F
+CURRENTS, SUPPLY, CLEAR_ERRORS = 0x14, 0x17, 0x18
 #: States of an axis; control modes (velocity, position), and the input mode that passes goals through unfiltered.
 IDLE, CLOSED_LOOP = 1, 8
 BY_VELOCITY, BY_POSITION, FOLLOW = 2, 3, 1
