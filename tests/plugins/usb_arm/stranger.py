@@ -131,6 +131,8 @@ class StrangerBus(usb.backend.IBackend):
         self.attached_again = True
 
     def claim_interface(self, dev_handle: Any, intf: int) -> None:
+        if intf != 0:  # it has one
+            raise usb.core.USBError("Entity not found", -5, errno.ENOENT)
         if not self.detached or self.habits.held[dev_handle.number % len(self.habits.held)]:
             raise usb.core.USBError("Resource busy", -6, errno.EBUSY)
 
