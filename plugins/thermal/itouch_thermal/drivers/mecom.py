@@ -21,6 +21,10 @@ PATIENCE, TRIES, DAMAGED = 0.06, 3, 8
 #: answer times, so that a slow controller is not overrun.  (All have the same number: the first answer counts, the
 #: others are late.)
 SOONER, QUICK, USUAL = 4, 0.02, 2.0
+#: A controller answers within this time [s]; an answer that took longer may have been given before.
+PROMPT = 5e-3
+#: How many bytes an answer has around its payload.
+_AROUND = 12
 #: Weight of a new answer time in the usual one.
 _NEWEST = 0.25
 #: The address to which every controller answers, stating its own.
@@ -86,6 +90,9 @@ class MecomClient:
         self.baud = baud
         #: Whether a loop is waiting for the answers; and the usual time that they take [s], from the latest ones.
         self.hurry, self._usual = False, 0.0
+        #: How old the newest answer may be besides its time on the line [s]: it may have waited anywhere, and be to the
+        #: first sending of its request, whose number is that of the second.
+        self.doubt = 0.0
         self._spoilt = False
         #: The address of another controller that has answered requests to this one; -1: none.
         self._other = -1
@@ -233,6 +240,7 @@ class MecomClient:
         first = SOONER if falls else SOONER + tries - 1 if self.hurry else tries
         turns, turn, spoilt = first + tries if falls else first, 0, 0
         begin = monotonic()
+        unanswered: list[float] = []  # when each request was sent that nothing has come to yet
         while turn < turns:
             if turn == first and refusal is not None:
                 break  # it is at this speed
@@ -240,16 +248,21 @@ class MecomClient:
                 self._set(self._slow)
             self._line.clear()
             self._line.send(request)
+            unanswered.append(monotonic())
             sooner = self.hurry and turn < SOONER
             quick = min(PATIENCE, max(QUICK, USUAL * self._usual))
             end = monotonic() + self._patience * (quick if sooner else PATIENCE)
             answer = self._answer(crc, end)
+            earliest = unanswered.pop(0) if answer is not None or self._spoilt else 0.0
             if answer is None and self._spoilt and spoilt < DAMAGED - tries:
                 spoilt += 1  # a damaged answer is not a silence
                 continue
             turn += 1
             if answer is None:
                 continue
+            byte = 10.0 / self.baud
+            waited = monotonic() - earliest - (len(answer) + _AROUND) * byte
+            self.doubt = waited if unanswered or waited > PROMPT + len(request) * byte else 0.0
             self._usual += _NEWEST * ((monotonic() - begin) / self._patience - self._usual)
             if not answer.startswith("+"):
                 return answer

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import struct
+from time import monotonic
 from typing import NamedTuple
 
 from itouch.plugin import DeviceError, Stamps, Trace
@@ -57,7 +58,9 @@ class TecDriver:
         self, params: Mecom, trace: Trace | None = None, *, patience: float = 1.0, ceiling: float = CEILING
     ) -> None:
         self._client = MecomClient(params.port, params.baud, params.address, patience=patience, trace=trace)
-        self._instance, self._count, self._sink, self._bulk = params.instance, 0, 0.0, True
+        self._instance, self._count, self._bulk = params.instance, 0, True
+        #: Temperature of the sink [K], which is not read in every exchange, and when it was measured [s].
+        self._sink, self._sink_since = 0.0, 0.0
         self._flowing = FlowingCurrent("the TEC controller")
         self._watched, self._enabled = params.watchdog, False
         #: Instance of the status: a controller with two channels may have one status for both.
@@ -102,6 +105,7 @@ class TecDriver:
         self._enabled = True  # even if its answer is lost
         client.write_int(LIVE_ENABLE, 1, instance)
         self._sink = _temperature(client.read_raw(SINK_TEMPERATURE, instance), "sink")
+        self._sink_since = self._begun(20)
         client.hurry = True  # from now on a loop is waiting
 
     def _place(self, parameter: int) -> int:
@@ -199,9 +203,13 @@ class TecDriver:
         if slow == STATUS and self._status != self._instance:
             self._check(self._client.read_int(STATUS, self._status))
             slow = SINK_TEMPERATURE
-        plate, actual, other = self._values((OBJECT_TEMPERATURE, ACTUAL_CURRENT, slow))
+        (plate, since), (actual, _), (other, then) = self._values((OBJECT_TEMPERATURE, ACTUAL_CURRENT, slow))
+        if slow == SINK_TEMPERATURE:
+            self._sink_since = then
         if stamps is not None:
-            stamps.measured("plate_temperature", "sink_temperature", ago=36 * self._byte())
+            now = monotonic()
+            stamps.measured("plate_temperature", ago=now - since)
+            stamps.measured("sink_temperature", ago=now - self._sink_since)
         flowing = _float(actual)
         self._slowly(slow, other)
         self._flowing.follows(flowing)
@@ -211,16 +219,25 @@ class TecDriver:
         """Return the duration of a byte on the line [s]."""
         return 10.0 / self._client.baud
 
-    def _values(self, parameters: tuple[int, ...]) -> list[bytes]:
-        """Return parameters in one request, or one by one if the controller does not know that request."""
+    def _values(self, parameters: tuple[int, ...]) -> list[tuple[bytes, float]]:
+        """Return parameters, and when each was measured at the earliest [s].
+
+        They are read in one request, or one by one if the controller does not know that request.
+        """
         if self._bulk:
             try:
-                return self._client.read_several(parameters, self._instance)
+                found = self._client.read_several(parameters, self._instance)
+                since = self._begun(12 + 8 * len(parameters))
+                return [(value, since) for value in found]
             except MecomRefusal as refusal:
                 if refusal.code == BUSY:
                     raise
                 self._bulk = False  # a refused parameter shows when read by itself
-        return [self._client.read_raw(parameter, self._instance) for parameter in parameters]
+        return [(self._client.read_raw(one, self._instance), self._begun(20)) for one in parameters]
+
+    def _begun(self, size: int) -> float:
+        """Return when the controller began to send the newest answer at the earliest [s], by its number of bytes."""
+        return monotonic() - size * self._byte() - max(0.0, self._client.doubt)
 
     def _slowly(self, parameter: int, data: bytes) -> None:
         """Handle a value that is not read in every exchange."""
