@@ -48,6 +48,20 @@ def test_hardware_is_stopped_in_the_first_tick_after_the_machine_has_slept(
     session.run(0.02)
 
 
+@pytest.mark.punctual
+def test_hardware_is_stopped_in_the_first_tick_after_the_loop_stood_still(session: itouch.Session) -> None:
+    """Its last force stood for as long as that, and then the session went on as if nothing had been."""
+    session.run(0.02)
+    with pytest.raises(
+        itouch.DeviceFaultError, match=r"'stick' was stopped: the loop stood still for 0\.3 s"
+    ) as caught:
+        session.run(0.1, each=lambda: time.sleep(0.3), every=5)
+    assert caught.value.tick == 25
+    assert session.status("stick").name == "FAULT"
+    session.rearm()
+    session.run(0.02)
+
+
 def test_what_a_machine_has_slept_is_told_by_its_clocks() -> None:
     found = [clock.asleep() for _ in range(50)]  # two clocks, read one after the other
     assert max(found) - min(found) < 0.1

@@ -18,6 +18,8 @@ from itouch.schema.quantities import checked_time
 HOPELESS = 20
 #: For how long [s] the machine must have been suspended for that to count: two clocks tell it, not read at once.
 SLEPT = 0.2
+#: For how long [s] hardware may be left unattended by a loop before it is stopped whatever servo-overrun says: W2.
+UNATTENDED = 0.2
 #: How many ticks may be run at once where nothing is paced: so many that calling them costs little, and so few that a
 #: run which is asked to stop ends at once.
 TOGETHER = 16
@@ -93,7 +95,7 @@ class Pacing:
             if late > HOPELESS * engine.model.period:  # more than a period has passed since the last reading
                 engine.leave_out(late, running=True)
             if real:
-                self._mind_sleep()
+                self._mind_absence(late)
                 begin, waited = processor_time(), waits()
             if real or until is not None:
                 engine.tick()
@@ -116,25 +118,36 @@ class Pacing:
             if over:
                 return
 
-    def _mind_sleep(self) -> None:
-        """Stop hardware if the machine has been suspended: neither lateness nor the age of a reading shows that.
+    def _mind_absence(self, late: float) -> None:
+        """Stop hardware if it was left to itself for too long, because the machine or this process was suspended.
+
+        The guardian sees that a process is suspended, but not if it has been, too (a frozen container, a virtual
+        machine that pauses).  That the machine slept shows neither in how late a tick is nor in the age of a reading.
+
+        Parameters
+        ----------
+        late
+            How late the tick that comes next begins [s].
 
         Raises
         ------
         DeviceFaultError
-            If it has been, and hardware is enabled.
+            If hardware is enabled and was left to itself.
         """
         engine, before = self._engine, self._slept
         self._slept = asleep()
         slept = self._slept - before
         hardware = [runner for runner in engine.runners if not runner.model.twin]
-        if slept <= SLEPT or not hardware:
+        if slept > SLEPT:
+            cause = f"was stopped: this machine has slept for {slept:.0f} s while devices were enabled"
+            for runner in hardware:
+                runner.gate.device_monitors.leave_out(round(slept / engine.model.period))
+        elif late > UNATTENDED:
+            cause = f"was stopped: the loop stood still for {late:.1f} s while devices were enabled"
+        else:
             return
-        for runner in hardware:
-            runner.gate.device_monitors.leave_out(round(slept / engine.model.period))
         acting = [runner.model.name for runner in hardware if runner.latch.enabled]
         if acting:
-            cause = f"was stopped: this machine has slept for {slept:.0f} s while devices were enabled"
             fault = DeviceFaultError(acting[0], engine.ticks, Trip.OVERRUN, cause)
             engine.make_safe(fault)
             raise fault

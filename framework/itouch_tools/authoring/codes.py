@@ -161,7 +161,9 @@ RUNNING = (
     Code("modality-error", "a modality's code has raised an error", "its message says where; report it to its author"),
     Code("calibration", "the plate was not felt during touch-off", "check the force sensor and the mount"),
     Code("released", "nobody holds the switch (W3)", "hold Space in the window, or the device's button"),
-    Code("overrun", 'the loop fell behind, and the scene says `servo-overrun="stop"`', "`itouch-py doctor` says why"),
+    Code("overrun",
+         'the loop fell behind, and the scene says `servo-overrun="stop"`; or hardware was left to itself for 0.2 s',
+         "`itouch-py doctor` says why"),
     Code("injected", "not a trip: a `<fault>` of the scene took effect", "remove it when you have seen enough"),
 )  # fmt: skip
 

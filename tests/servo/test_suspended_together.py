@@ -1,0 +1,58 @@
+"""A session whose processes are all suspended, guardian and all, in the middle of a touch, and go on later."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+from strangers import install
+from test_harm_from_inside import PLUGIN, SCENE
+
+import itouch
+from itouch.session.outputs import Outputs
+
+#: For how long [s] nobody runs.
+PAUSE = 0.6
+
+
+def suspend(pids: list[int], pause: float) -> float:
+    """Suspend these processes for so long [s], and let them go on in this order; return when they did [s]."""
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    time.sleep(pause)
+    awake = time.monotonic()
+    for pid in pids:
+        os.kill(pid, signal.SIGCONT)
+        time.sleep(0.002)
+    return awake
+
+
+@pytest.mark.punctual
+def test_hardware_is_let_go_when_a_session_and_its_guardian_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The guardian has seen nothing; the force stood, and went on as if nothing had been."""
+    log, recorded = tmp_path / "log", tmp_path / "r.mcap"
+    listed = "[itouch.modalities]\nevil.it = evil:Evil\n[itouch.devices]\nstick = evil:Stick\n"
+    code = PLUGIN.format(act="        pass", file=str(log)).replace('(handle, f"', '(handle, f"{time.monotonic()} ')
+    install(tmp_path, "evil", listed, code=code)
+    (tmp_path / "scene.xml").write_text(SCENE, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(tmp_path), os.environ.get("PYTHONPATH", ""))))
+    with itouch.launch(tmp_path / "scene.xml", seconds=60.0, enable=True, keep=Outputs(record=str(recorded))) as handle:
+        while handle.running and handle.seconds < 1.2:  # it is ramped in
+            time.sleep(0.01)
+        awake = suspend([handle.pid, handle.guardian_pid], PAUSE)
+        with pytest.raises(itouch.ItouchError, match="'stick' was stopped: the loop stood still for 0.6 s"):
+            handle.wait(300)
+        (fault,) = handle.report()["faults"]
+    assert (fault["trip"], fault["safe"]["reached"]) == ("overrun", True)
+    lines = [line.split() for line in log.read_text(encoding="utf-8").splitlines()]
+    sent = [float(what) for at, _, what in lines if float(at) >= awake and what not in ("open", "close")]
+    assert sent[0] < 0.31 and sent[-1] == 0.0 and sum(force > 0.0 for force in sent) <= 1
+    assert not any(Path(f"/proc/{pid}").exists() for pid in (handle.pid, handle.guardian_pid))
+    outcome = itouch.replay(recorded)
+    assert outcome.mismatches == 0 and outcome.ticks >= 1200
