@@ -14,8 +14,9 @@ import pytest
 
 import itouch
 from itouch.servo import control_block as at
+from itouch.servo import guardian as guardian_of
 from itouch.servo.error_transport import let_go
-from itouch.servo.guardian import ORPHAN_TIME, SILENCE, Guardian, LastWords, Process
+from itouch.servo.guardian import COMES_TO, ORPHAN_TIME, SILENCE, SILENCE_ALONE, Guardian, LastWords, Process
 from itouch.servo.shared_memory import monotonic
 from itouch_evidence.deaths.observer import Observer
 from itouch_tools.cli.doctor.touch_scene import scene
@@ -203,4 +204,29 @@ def test_a_guardian_that_waited_for_a_processor_itself_calls_nobody_hung_for_it(
     monkeypatch.setattr(guardian, "_orphaned", None, raising=False)
     monkeypatch.setattr(guardian, "_gone", lambda: False)
     monkeypatch.setattr(guardian, "_was_armed", bool(words[at.ARMED]), raising=False)
+    assert guardian._hangs() == hangs
+
+
+@pytest.mark.parametrize(
+    ("armed", "since", "hangs"),
+    [(1, 0.5 * COMES_TO, False), (1, 2.0 * COMES_TO, True), (0, 0.5 * SILENCE_ALONE, False), (0, 6.0, True)],
+    ids=["armed, just back", "armed", "alone, just back", "alone"],
+)
+def test_a_guardian_that_was_suspended_itself_counts_no_silence_of_that_time(
+    armed: int, since: float, hangs: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A session of twins that was frozen for 7 s, its guardian with it, was killed as it went on."""
+    now = [monotonic()]
+    monkeypatch.setattr(guardian_of, "monotonic", lambda: now[0])
+    guardian = Guardian.__new__(Guardian)
+    monkeypatch.setattr(guardian, "_words", Words({at.ARMED: armed, at.BEAT: now[0]}, {}), raising=False)
+    monkeypatch.setattr(guardian, "_segment", SimpleNamespace(phase=at.RUNNING), raising=False)
+    monkeypatch.setattr(guardian, "_orphaned", None, raising=False)
+    monkeypatch.setattr(guardian, "_gone", lambda: False)
+    monkeypatch.setattr(guardian, "_was_armed", bool(armed), raising=False)
+    monkeypatch.setattr(guardian, "_looked", now[0], raising=False)
+    now[0] += 20 * 10**9
+    guardian._note_absence()
+    assert guardian._back == now[0]
+    now[0] += round(since * 1e9)
     assert guardian._hangs() == hangs

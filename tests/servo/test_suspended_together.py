@@ -31,10 +31,11 @@ def suspend(pids: list[int], pause: float) -> float:
 
 
 @pytest.mark.punctual
+@pytest.mark.parametrize("first", ["servo", "guardian"])
 def test_hardware_is_let_go_when_a_session_and_its_guardian_go_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    first: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The guardian has seen nothing; the force stood, and went on as if nothing had been."""
+    """The force stood, and went on as if nothing had been; or the guardian killed what was about to end in order."""
     log, recorded = tmp_path / "log", tmp_path / "r.mcap"
     listed = "[itouch.modalities]\nevil.it = evil:Evil\n[itouch.devices]\nstick = evil:Stick\n"
     code = PLUGIN.format(act="        pass", file=str(log)).replace('(handle, f"', '(handle, f"{time.monotonic()} ')
@@ -45,7 +46,8 @@ def test_hardware_is_let_go_when_a_session_and_its_guardian_go_on(
     with itouch.launch(tmp_path / "scene.xml", seconds=60.0, enable=True, keep=Outputs(record=str(recorded))) as handle:
         while handle.running and handle.seconds < 1.2:  # it is ramped in
             time.sleep(0.01)
-        awake = suspend([handle.pid, handle.guardian_pid], PAUSE)
+        pids = [handle.pid, handle.guardian_pid]
+        awake = suspend(pids if first == "servo" else pids[::-1], PAUSE)
         with pytest.raises(itouch.ItouchError, match="'stick' was stopped: the loop stood still for 0.6 s"):
             handle.wait(300)
         (fault,) = handle.report()["faults"]

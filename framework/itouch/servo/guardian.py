@@ -32,6 +32,9 @@ LOOK, SILENCE, SILENCE_ALONE = 0.005, 0.12, 5.0
 SILENCE_ENDING = 90.0
 #: Silence [s] after which the kernel is asked.
 DOUBT = 0.01
+#: How long [s] the servo process may take to give a sign of life when the guardian itself did not run for longer than
+#: ``SILENCE``: whatever held that up (a frozen container, a virtual machine that paused) held up both.
+COMES_TO = 0.02
 #: How long [s] the servo process may take until all is safe when its launcher is gone (files that it then still writes
 #: are waited for as otherwise), and to be dead once it is killed.
 ORPHAN_TIME, _DEAD = 3.0, 1.0
@@ -98,6 +101,9 @@ class LastWords:
 class Guardian:
     """Watches one session."""
 
+    #: When [ns] it looked again after it had not run for longer than ``SILENCE``.
+    _back = 0
+
     def __init__(self, segment: SharedMemory, servo: int, owner: int) -> None:
         self._segment, self._words = segment, segment.words
         self._servo, self._owner = servo, owner
@@ -111,6 +117,7 @@ class Guardian:
         #: For how long [s] there was no heartbeat when that was noticed.
         self._silent = 0.0
         self._last_words: LastWords | None = None
+        self._looked = monotonic()
         #: Devices that the loop could not reach and the guardian has made safe, as in ``UNSENT``.
         self._helped = 0
 
@@ -121,6 +128,7 @@ class Guardian:
         poller.register(self._owner, select.POLLIN)
         while True:
             ready = {handle for handle, _ in poller.poll(LOOK * 1e3)}
+            self._note_absence()
             if self._servo in ready:
                 return self._died()
             if self._owner in ready and self._orphaned is None:
@@ -134,6 +142,12 @@ class Guardian:
                     return self._end_it()
             elif self._hangs() and not self._may_speak():
                 return self._end_it()
+
+    def _note_absence(self) -> None:
+        """Note that it looks now, and whether it could not look for a while before."""
+        before, self._looked = self._looked, monotonic()
+        if self._looked - before > SILENCE * 1e9:
+            self._back = self._looked
 
     def _prepare(self) -> None:
         """Open in advance what can be opened, so that only sending is left to do; from then on send heartbeats."""
@@ -166,9 +180,13 @@ class Guardian:
             return True
         if self._segment.phase < at.RUNNING and not self._was_armed:
             return False
+        watched = (monotonic() - self._back) * 1e-9
+        if watched <= COMES_TO:
+            return False
         if self._was_armed and silent > DOUBT and self._gone():
             return True
-        if silent <= (SILENCE if self._was_armed else SILENCE_ENDING if ends_in_order else SILENCE_ALONE):
+        longest = SILENCE if self._was_armed else SILENCE_ENDING if ends_in_order else SILENCE_ALONE
+        if silent <= longest or (not self._was_armed and watched <= longest):
             return False
         # between these two reads this process, too, may have waited for a processor: meanwhile the other one may have
         # sent a heartbeat, or disarmed because its devices are at rest, and only then have fallen silent
@@ -257,6 +275,7 @@ class OwnProcessGuardian(Guardian):
         while True:
             if poller.poll(LOOK * 1e3):
                 return self._died()
+            self._note_absence()
             if self._segment.phase >= at.ENDED:
                 return self._died()
             self._prepare()
