@@ -13,6 +13,7 @@ from test_harm_from_inside import PLUGIN, SCENE
 
 import itouch
 from itouch.session.outputs import Outputs
+from itouch_tools.cli.doctor.touch_scene import scene
 
 #: For how long [s] nobody runs.
 PAUSE = 0.6
@@ -58,3 +59,18 @@ def test_hardware_is_let_go_when_a_session_and_its_guardian_go_on(
     assert not any(Path(f"/proc/{pid}").exists() for pid in (handle.pid, handle.guardian_pid))
     outcome = itouch.replay(recorded)
     assert outcome.mismatches == 0 and outcome.ticks >= 1200
+
+
+@pytest.mark.punctual
+def test_of_a_suspended_session_of_twins_it_is_said_that_it_was_suspended(tmp_path: Path) -> None:
+    """It was said to have hung."""
+    (tmp_path / "scene.xml").write_text(scene(remote=False, hold=False), encoding="utf-8")
+    with itouch.launch(tmp_path / "scene.xml", keep=Outputs(record=str(tmp_path / "r.mcap"))) as handle:
+        while handle.running and handle.seconds < 0.3:
+            time.sleep(0.01)
+        os.kill(handle.pid, signal.SIGSTOP)
+        with pytest.raises(
+            itouch.ServoError, match=r"the servo process was suspended \(no beat for \d+ ms\) and was ended"
+        ):
+            handle.wait(300)
+    assert itouch.replay(tmp_path / "r.mcap").mismatches == 0

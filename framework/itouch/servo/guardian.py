@@ -236,6 +236,8 @@ class Guardian:
         return self._make_safe(f"the servo process {'ended with devices that were not safe' if ended else 'died'}")
 
     def _end_it(self) -> str:
+        if not self._said:
+            self._gone()  # a process that was suspended does not hang, and nobody need look for a loop without an end
         with contextlib.suppress(ProcessLookupError):
             signal.pidfd_send_signal(self._servo, signal.SIGKILL)
         if self._said and not self._stays_safe:  # it may have sent something since the devices were made safe
