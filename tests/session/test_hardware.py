@@ -296,3 +296,22 @@ def test_a_device_whose_quaternion_shrinks_is_stopped_and_pushes_with_nothing(sc
     assert Shrinks.sent[-1] == 0.0
     assert session.state["stick.pose"][3] == 1.0, "what is not believed is worked with by nobody"
     session.close()
+
+
+def test_a_recording_replays_of_two_devices_that_fail_at_once(scene: Path) -> None:
+    """As when their hub is unplugged: that the second one failed, too, stood in no fault, and it was replayed as well."""
+    text = scene.read_text(encoding="utf-8")
+    text = text.replace("<devices>", '<devices><device name="other" plugin="stick" twin="no"/>')
+    scene.write_text(text.replace("<interaction>", '<interaction><probe name="thumb" pose-from="other"/>'))
+    cls = stick(fails_at=300)
+    session = itouch.build(scene, catalog=catalog(cls))
+    session.record(scene.parent / "r.mcap")
+    session.enable()
+    with pytest.raises(itouch.DeviceFaultError):
+        session.run(1.0)
+    (fault,) = session.report()["faults"]
+    assert len(fault["also"]) == 1
+    session.close()
+    outcome = itouch.replay(scene.parent / "r.mcap", catalog=catalog(stick()))
+    assert outcome.mismatches == 0, outcome
+    assert outcome.ticks >= 290

@@ -11,6 +11,7 @@ from itouch.plugin import Device, DeviceError, Record, Twin, TwinInputs
 from itouch.plugin.device import is_new
 from itouch.plugin.stamps import Stamped
 from itouch.recording import Recording
+from itouch.safety import Trip
 from itouch.session.row_layout import in_track
 
 if TYPE_CHECKING:
@@ -103,6 +104,7 @@ class Feed:
         }
         self._sequences = {name: session.state[f"{name}.sequence"] for name in self._readings}
         self._ages = {name: session.state[f"{name}.age"] for name in self._readings}
+        self._trips = {name: session.state[f"{name}.trip"] for name in self._readings}
         self.ticks = recording.ticks
         self.at = 0
         self._errors = {
@@ -115,7 +117,20 @@ class Feed:
 
     def error_of(self, device: str) -> str:
         """Return the error of a device that failed in this tick, or an empty string."""
-        return self._errors.get((int(self.ticks[self.at]), device), "") if self.at < len(self.ticks) else ""
+        if self.at >= len(self.ticks):
+            return ""
+        return self._errors.get((int(self.ticks[self.at]), device), "") or self._failed_too(device)
+
+    def _failed_too(self, device: str) -> str:
+        """Return an error for a device that failed after another one, while all was made safe.
+
+        No fault tells of it, as that of the first device does, but its recorded trip.
+        """
+        table = self._tables.get(device)
+        if table is None or device not in self._trips or "trip" not in (table.dtype.names or ()):
+            return ""
+        fails = table["trip"][self.at] == Trip.DEVICE_ERROR != self._trips[device].item()
+        return "it failed after another device" if fails else ""
 
     def give(self, device: str, reading: Record) -> bool:
         """Fill a reading from the current row; tell whether it was new.
