@@ -1,9 +1,11 @@
-"""A session whose processes are all suspended, guardian and all, in the middle of a touch, and go on later."""
+"""A session whose processes are suspended in the middle of a touch, the guardian too, and go on later."""
 
 from __future__ import annotations
 
 import os
 import signal
+import socket
+import threading
 import time
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from strangers import install
 from test_harm_from_inside import PLUGIN, SCENE
 
 import itouch
+from itouch.servo.launcher_pipe import Outbox, messages
 from itouch.session.outputs import Outputs
 from itouch_tools.cli.doctor.touch_scene import scene
 
@@ -74,3 +77,17 @@ def test_of_a_suspended_session_of_twins_it_is_said_that_it_was_suspended(tmp_pa
         ):
             handle.wait(300)
     assert itouch.replay(tmp_path / "r.mcap").mismatches == 0
+
+
+@pytest.mark.punctual
+def test_the_report_of_a_long_session_reaches_a_launcher_that_was_suspended_at_its_end() -> None:
+    """What no longer fits into the pipe was lost after 5 s: a whole session ended as if its servo process had died."""
+    near, far = socket.socketpair()
+    report = {"contacts": ["a touch"] * 100_000}
+    last = threading.Thread(target=Outbox(far).finish, args=({"report": report, "error": None},))
+    with near, far:
+        last.start()
+        time.sleep(6.0)
+        (told,) = messages(near)
+        last.join()
+    assert told == {"kind": "end", "report": report, "error": None}

@@ -11,8 +11,9 @@ from typing import Any
 
 #: How much may wait to be sent [bytes]; beyond that, further messages are dropped, but never the last one.
 BACKLOG = 8 << 20
-#: How long [s] the last message may take: the launcher may be suspended.
-LAST_WAIT = 5.0
+#: How long [s] the last message may take: the launcher may be suspended (Ctrl-Z).  All is safe and written by then; a
+#: launcher that has died is noticed at once.
+LAST_WAIT = 60.0
 
 
 class Outbox:
