@@ -6,6 +6,10 @@ is opened.
 
 The frames are built here.  Trinamic's own library (PyTrinamic) installs packages called ``tests``, ``docs`` and
 ``examples`` beside itself, depends on three more, and goes out of step with the frames after a lost byte.
+
+An answer tells neither the parameter nor the motor that it is about, and one may come late or twice.  The module
+answers in order, so requests that must not be confused are followed by one of another kind: if this is answered next,
+and nothing was left over, each answer was that to its request.
 """
 
 from __future__ import annotations
@@ -15,7 +19,7 @@ import errno
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 from itouch.plugin import DeviceError, Trace
 from itouch.plugin.wire_claims import share
@@ -34,6 +38,9 @@ SEARCH, LEAVE, GRACE = 0.02, 0.005, 3.0
 #: An axis farther [m] than this beyond twice what its greatest speed allows has another zero.
 FURTHER = 2e-3
 _POLL = 2e-3
+#: Most bytes of a line that are dropped at once.
+_PIECE = 256
+T = TypeVar("T")
 
 
 class Steppers:
@@ -84,8 +91,13 @@ class Steppers:
         self.repeated = 0
         #: Whether a late answer that is no longer waited for may still arrive.
         self._owing = False
+        #: The last answer; whether an answer of the requests since `_surely` began may be that to another one of them;
+        #: and how long the line must be quiet before each of these [s].
+        self._latest, self._crossed, self._quiet = b"", False, 0.0
         #: Another host that the module has answered, or -1; and whether the module last reported a damaged request.
         self._other, self._garbled = -1, False
+        #: The status with which the module answers when it is asked for its heartbeat; 0: not known yet.
+        self._tells = 0
         self._driven, self._count = False, 0
         self._limits: list[int] = [0] * len(self._motors)
         self._last: list[tuple[float, float]] = []
@@ -114,13 +126,14 @@ class Steppers:
         ServoError
             If the module does not answer, or has restarted.
         """
-        return tuple(self._place(axis) for axis in range(len(self._motors)))
+        states, _ = self._read()
+        return states
 
     def command(self, goals: Sequence[Goal | None]) -> tuple[ServoState, ...]:
         """Read all positions, check that the module has not restarted, then command the motors that have a goal."""
         self._driven = True
-        self._watch()
-        states = self.query()
+        states, beats = self._read()
+        self._watch(beats)
         for axis, goal in enumerate(goals):
             if goal is not None:
                 self._go(axis, goal)
@@ -135,6 +148,10 @@ class Steppers:
             If a motor does not accept the stop; the others have been stopped all the same.
         """
         self._driven, self._last = False, []
+        self._surely(self._halt)
+        return self.query()
+
+    def _halt(self) -> None:
         failed = list[ServoError]()
         for axis in range(len(self._motors)):
             try:
@@ -143,7 +160,6 @@ class Steppers:
                 failed.append(error)
         if failed:
             raise ServoError("; ".join(map(str, failed))) from failed[0]
-        return self.query()
 
     def set_position(self, axis: int, position: float) -> None:
         """Tell the module that a motor is at ``position`` [rev]."""
@@ -235,6 +251,7 @@ class Steppers:
             self._ask(axis, tm.SET_AXIS, tm.SEARCH_SPEED, max(1, round(SEARCH * turn)))
             self._ask(axis, tm.SET_AXIS, tm.SWITCH_SPEED, max(1, round(LEAVE * turn)))
             self._ask(axis, tm.SEARCH, tm.SEARCH_START)
+            self._owing = True  # the same answer once more would be taken for the end of the search
             end = self._clock() + travel[axis] / SEARCH + GRACE
             while self._ask(axis, tm.SEARCH, tm.SEARCH_STATUS):
                 if self._clock() > end:
@@ -302,8 +319,10 @@ class Steppers:
         if found != round(1e3 * self._watchdog):
             raise ServoError(f"the module keeps its heartbeat at {found} ms: {advice}")
 
-    def _watch(self) -> None:
+    def _watch(self, beats: int) -> None:
         """Check what a restarted module has forgotten: its heartbeat, and each motor's speed limit in turn.
+
+        ``beats`` [ms] is its heartbeat.
 
         Raises
         ------
@@ -312,8 +331,7 @@ class Steppers:
         """
         turn = self._count % len(self._motors)
         self._count += 1
-        beats = self._watchdog is not None
-        if beats and self._ask(0, tm.GET_GLOBAL, tm.HEARTBEAT, bank=0) != round(1e3 * (self._watchdog or 0.0)):
+        if self._watchdog is not None and beats != round(1e3 * self._watchdog):
             raise self._anew()
         if abs(self._ask(turn, tm.GET_AXIS, tm.MAX_SPEED) - self._limits[turn]) > 0.02 * self._limits[turn]:
             raise self._anew()
@@ -328,9 +346,15 @@ class Steppers:
     def _go(self, axis: int, goal: Goal) -> None:
         self._ask(axis, tm.MOVE, tm.ABSOLUTE, self._steps(axis, goal.position))
 
-    def _place(self, axis: int) -> ServoState:
-        steps = self._ask(axis, tm.GET_AXIS, tm.ACTUAL)
-        place, now = steps / self._microsteps[axis], self._clock()
+    def _read(self) -> tuple[tuple[ServoState, ...], int]:
+        """Return the states of all motors, and the module's heartbeat [ms]."""
+        found, beats = self._surely(
+            lambda: [(self._ask(axis, tm.GET_AXIS, tm.ACTUAL), self._clock()) for axis in range(len(self._motors))]
+        )
+        return tuple(self._place(axis, steps, now) for axis, (steps, now) in enumerate(found)), beats
+
+    def _place(self, axis: int, steps: int, now: float) -> ServoState:
+        place = steps / self._microsteps[axis]
         if len(self._last) == len(self._motors):
             before, when = self._last[axis]
             lead = abs(self._leads[axis])
@@ -348,6 +372,29 @@ class Steppers:
             raise ServoError(f"motor {AXES[axis]} cannot go to {position}")
         return round(position * self._microsteps[axis])
 
+    def _surely(self, requests: Callable[[], T]) -> tuple[T, int]:
+        """Make requests until each answer is surely its own; return what they return, and the module's heartbeat [ms].
+
+        Raises
+        ------
+        ServoError
+            If answers never come once each, or as the requests do.
+        """
+        self._quiet = 0.0
+        for turn in range(TRIES):
+            self._crossed = False
+            found = requests()
+            beats = self._catch_up()
+            if beats is not None and not self._crossed:
+                self._quiet = 0.0
+                return found, beats
+            self.repeated += 1
+            self._quiet = QUIET * 2**turn
+        self._quiet = 0.0
+        raise ServoError(
+            f"the answers of module {self._address} on {self._port} do not come once each: check its cable and adaptor"
+        )
+
     def _ask(self, axis: int, command: int, kind: int = 0, value: int = 0, *, bank: int | None = None) -> int:
         """Send a request until a valid answer comes, and return its value.
 
@@ -361,24 +408,28 @@ class Steppers:
         asked = tm.Request(self._address, command, kind, self._motors[axis] if bank is None else bank, value)
         self._other, self._garbled = -1, False
         for turn in range(TRIES):
-            if turn:
-                self.repeated += 1
+            self.repeated += turn > 0
+            if turn or self._quiet:
                 self._settle()
-            if self._owing and not self._catch_up():
+            if self._owing and self._catch_up() is None:
                 continue
             said = self._exchange(tm.request(asked))
             self._garbled = said is not None and said.status == tm.WRONG_SUM
             if said is None or self._garbled:
                 continue
             if said.command != command:
-                self._owing = True
+                self._crossed = self._owing = True
                 continue
             if said.status != tm.OK:  # nor LOADED: a command stored in a program is not executed
-                why = tm.STATUS.get(said.status, f"status {said.status}")
                 what = f"motor {AXES[axis]}" if bank is None else "the module"
-                raise ServoError(f"{what} refuses command {command}, type {kind}, value {value}: {why}")
+                raise self._refusal(what, command, kind, value, said.status)
             return said.value
         raise ServoError(f"motor {AXES[axis]} (module {self._address}) {self._unheard()}")
+
+    @staticmethod
+    def _refusal(what: str, command: int, kind: int, value: int, status: int) -> ServoError:
+        why = tm.STATUS.get(status, f"status {status}")
+        return ServoError(f"{what} refuses command {command}, type {kind}, value {value}: {why}")
 
     def _unheard(self) -> str:
         """Return what is wrong with a module that gives no valid answer, and what to do."""
@@ -403,7 +454,10 @@ class Steppers:
             if data == frame:  # an adaptor's echo: no answer equals a request
                 continue
             said = tm.told(data)
+            if said is not None and data == self._latest and said.command != frame[1]:  # the last one once more
+                continue
             if said is None or self._mine(said):
+                self._latest = data
                 return said
         self._owing = True
         return None
@@ -414,8 +468,8 @@ class Steppers:
             self._other = said.host
         return said.module == self._address and said.host == tm.HOST
 
-    def _catch_up(self) -> bool:
-        """Drop late answers, and return whether none can be outstanding any more.
+    def _catch_up(self) -> int | None:
+        """Drop late answers; return the module's heartbeat [ms] if none can be outstanding any more.
 
         An answer does not say which parameter or motor it is about, so a late one would be taken for that to the next
         request: one axis's position for another's.  The module answers its requests in order; once it has answered a
@@ -427,9 +481,36 @@ class Steppers:
         while data := self._receive(end):
             said = tm.told(data) if data != asked else None
             if said is not None and self._mine(said) and said.command == tm.GET_GLOBAL:
-                self._owing = False
-                return True
-        return False
+                self._garbled = said.status == tm.WRONG_SUM
+                if self._garbled:
+                    return None
+                self._owing, self._latest = False, data
+                self._known(said.status)
+                return said.value
+            self._pass_over(data)
+        return None
+
+    def _known(self, status: int) -> None:
+        """Check that a module without a heartbeat goes on refusing to tell it, and that one with a heartbeat tells it.
+
+        Raises
+        ------
+        ServoError
+            If it once tells its heartbeat and once refuses.
+        """
+        self._tells = self._tells or status
+        if status != self._tells:
+            raise self._refusal(
+                "the module", tm.GET_GLOBAL, tm.HEARTBEAT, 0, self._tells if status == tm.OK else status
+            )
+
+    def _pass_over(self, data: bytes) -> None:
+        """Note what was left over: a copy of the last answer does no harm, another answer is one to some request."""
+        for at in range(0, len(data), tm.SIZE):
+            frame = data[at : at + tm.SIZE]
+            said = tm.told(frame)
+            if said is not None and frame != self._latest and self._mine(said):
+                self._crossed = self._owing = True
 
     def _failed(self, error: OSError) -> ServoError:
         return ServoError(f"the module's port {self._port} failed: {error}; check its plug")
@@ -437,10 +518,23 @@ class Steppers:
     def _send(self, frame: bytes) -> None:
         if self._trace is not None:
             self._trace.sent(frame.hex().encode())
+        self._drop()
         try:
             self._serial.write(frame)
         except OSError as error:
             raise self._failed(error) from error
+
+    def _drop(self) -> None:
+        """Drop what has arrived before a request: it cannot be the answer."""
+        piece = bytearray(_PIECE)
+        try:
+            data = bytes(piece[: self._serial.readinto(piece, timeout=0.0)])
+        except OSError as error:
+            raise self._failed(error) from error
+        if data and self._trace is not None:
+            self._trace.received(data.hex().encode())
+        self._crossed |= len(data) % tm.SIZE > 0
+        self._pass_over(data)
 
     def _receive(self, end: float) -> bytes:
         """Return the bytes of a frame, or those that have arrived by a time [s]."""
@@ -456,13 +550,15 @@ class Steppers:
 
     def _settle(self) -> None:
         """Wait until the line is quiet and drop the bytes that arrive: frames have no start mark."""
+        dropped = b""
         try:
             end, quiet = self._clock() + PATIENCE * self._patience, self._clock()
-            while self._clock() - quiet < QUIET and self._clock() < end:
-                if self._serial.read(256):
-                    quiet = self._clock()
+            while self._clock() - quiet < max(QUIET, self._quiet) and self._clock() < end:
+                if data := self._serial.read(_PIECE):
+                    dropped, quiet = dropped + data, self._clock()
         except OSError as error:
             raise self._failed(error) from error
+        self._pass_over(dropped)
 
 
 def _opened(port: str, baud: int) -> Any:

@@ -77,6 +77,11 @@ class Module:
         found, self._out = self._out[:size], self._out[size:]
         return found
 
+    def readinto(self, piece: bytearray, timeout: float) -> int:
+        found, self._out = self._out[: len(piece)], self._out[len(piece) :]
+        piece[: len(found)] = found
+        return len(found)
+
     def close(self) -> None:
         self.closed = True
 
