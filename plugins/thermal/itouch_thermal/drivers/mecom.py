@@ -22,7 +22,7 @@ PATIENCE, TRIES, DAMAGED = 0.06, 3, 8
 #: others are late.)
 SOONER, QUICK, USUAL = 4, 0.02, 2.0
 #: A controller answers within this time [s]; an answer that took longer may have been given before.
-PROMPT = 5e-3
+TURNAROUND = 5e-3
 #: How many bytes an answer has around its payload.
 _AROUND = 12
 #: Weight of a new answer time in the usual one.
@@ -262,7 +262,7 @@ class MecomClient:
                 continue
             byte = 10.0 / self.baud
             waited = monotonic() - earliest - (len(answer) + _AROUND) * byte
-            self.doubt = waited if unanswered or waited > PROMPT + len(request) * byte else 0.0
+            self.doubt = waited if unanswered or waited > TURNAROUND + len(request) * byte else 0.0
             self._usual += _NEWEST * ((monotonic() - begin) / self._patience - self._usual)
             if not answer.startswith("+"):
                 return answer
