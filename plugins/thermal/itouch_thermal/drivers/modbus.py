@@ -25,6 +25,8 @@ _BUSY, _TRIES = (5, 6), 3
 _READ, _WRITE, _REFUSED = 3, 16, 0x80
 #: Bytes of an answer up to its data: number, protocol, length, unit, function, count or exception.
 _HEAD = 9
+#: The lowest number of our own requests: pymodbus numbers its own from 1 to 65000.
+_OWN = 65001
 
 
 class ModbusRefusal(DeviceError):  # noqa: N818
@@ -57,7 +59,7 @@ class ModbusLine:
         self._client: Any = client(address, port=port, timeout=PATIENCE * patience, retries=0)
         #: Usual time that answers take [s], from the latest ones; None before the first.
         self._usual: float | None = None
-        self._number, self._asked_for = 0, -1
+        self._number, self._asked_for = _OWN, -1
         #: Number of connections made so far.
         self.connections = 0
         if not self._connect():
@@ -107,7 +109,7 @@ class ModbusLine:
         """
         if self._asked_for >= 0:  # the last answer was not fetched: it must not be mistaken for this one
             self._client.close()
-        self._number, self._asked_for = (self._number + 1) % 0x10000, address
+        self._number, self._asked_for = max(_OWN, (self._number + 1) % 0x10000), address
         if self._trace:
             self._trace.sent(b"read %d x 1" % address)
         request = struct.pack(">HHHBBHH", self._number, 0, 6, 1, _READ, address, 2)
