@@ -155,6 +155,8 @@ class Steppers:
         failed = list[ServoError]()
         for axis in range(len(self._motors)):
             try:
+                if self._owing:  # what is asked first to hear late answers out may never be answered; this must leave
+                    self._send(tm.request(tm.Request(self._address, tm.STOP, 0, self._motors[axis], 0)))
                 self._ask(axis, tm.STOP)
             except ServoError as error:
                 failed.append(error)

@@ -49,6 +49,8 @@ class Bench:
         self.motors = {number: Clock(number, place=0.0) for number in (0, 1, 2)}
         self.module = VirtualTmcl({**self.motors}, address=3, spoil=self._out)
         self.arrivals: Callable[[bytes], Sequence[float]] = lambda answer: (0.0,)
+        #: All bytes that have come to it.
+        self.heard = b""
         self._waiting: list[tuple[float, bytes]] = []
         self._begin, self._stop = time.monotonic(), False
         self._thread = threading.Thread(target=self._serve)
@@ -68,7 +70,9 @@ class Bench:
         while not self._stop:
             for motor in self.motors.values():
                 motor.time = self.now
-            self.module.take(self.terminal.receive(), lambda: self.now)
+            data = self.terminal.receive()
+            self.heard += data
+            self.module.take(data, lambda: self.now)
             due = [answer for when, answer in self._waiting if when <= self.now]
             del self._waiting[: len(due)]
             self.terminal.send(b"".join(due))
@@ -133,3 +137,13 @@ def test_the_doubled_answer_to_the_start_of_a_search_is_not_its_end() -> None:
         bench.arrivals = lambda answer: (0.0, 2e-3) if answer[3] == tm.SEARCH else (0.0,)
         with pytest.raises(ServoError, match="axis z found no end switch"):
             steppers.search((-0.056,) * 3, (0.0,) * 3)
+
+
+def test_every_motor_is_told_to_stop_though_no_answer_comes_any_more() -> None:
+    """Of all but the first, an answer was waited for before they were told: they went on turning."""
+    with opened() as (bench, steppers):
+        bench.arrivals, bench.heard = lambda answer: (), b""
+        with pytest.raises(ServoError, match="does not answer"):
+            steppers.stop()
+        for motor in (0, 1, 2):
+            assert tm.request(tm.Request(3, tm.STOP, 0, motor, 0)) in bench.heard
