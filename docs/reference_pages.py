@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -102,12 +103,25 @@ def write_commands() -> None:
         "",
     ]
     for name in sorted({*COMMANDS, *_plugin_commands()}):
-        words = [sys.executable, "-m", "itouch_tools.cli", name, "--help"]
-        done = subprocess.run(words, capture_output=True, text=True, check=True,
-                              env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1"})  # fmt: skip
-        lines += [f"## itouch-py {name}", "", "```text", done.stdout.rstrip(), "```", ""]
+        lines += _of_command(name)
     lines += [_variables()]
     _put(HERE / "reference" / "command-line.md", "\n".join(lines))
+
+
+def _of_command(*words: str) -> list[str]:
+    """Return the section of a command, with those of the commands that it has of its own, whose list is in its help."""
+    from itouch_tools.cli import sweep
+
+    done = subprocess.run([sys.executable, "-m", "itouch_tools.cli", *words, "--help"], capture_output=True, text=True,
+                          check=True, env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1"})  # fmt: skip
+    text = done.stdout.rstrip()
+    own = list(sweep.COMMANDS) if words == ("sweep",) else re.findall(r"(?m)^ {4}([a-z][a-z-]*)(?=  |$)", text)
+    if len(words) > 1:
+        text = text.partition("\n\noptions of every command:")[0]
+    lines = ["#" * (1 + len(words)) + f" itouch-py {' '.join(words)}", "", "```text", text, "```", ""]
+    for each in own:
+        lines += _of_command(*words, each)
+    return lines
 
 
 def _variables() -> str:

@@ -14,7 +14,7 @@ sys.path.insert(0, str(DOCS))
 import reference_pages
 
 from itouch_tools.authoring.codes import CODES
-from itouch_tools.cli import COMMANDS, _plugin_commands
+from itouch_tools.cli import COMMANDS, _plugin_commands, sweep
 
 REFERENCE: Path = DOCS / "reference"
 _ADVICE = "the program writes another page: python docs/reference_pages.py"
@@ -34,6 +34,16 @@ def test_all_pages_are_kept_and_name_all() -> None:
     assert [name for name in {*COMMANDS, *_plugin_commands()} if f"## itouch-py {name}\n" not in commands] == [], (
         _ADVICE
     )
+
+
+def test_the_commands_of_a_command_have_their_sections() -> None:
+    page = (REFERENCE / "command-line.md").read_text(encoding="utf-8")
+    for name in ("study", "thermal", "measure"):
+        own = page.partition(f"\n## itouch-py {name}\n")[2].partition("\n## ")[0]
+        listed = re.findall(r"(?m)^ {4}([a-z-]+)(?=  |$)", own)
+        assert listed
+        assert [each for each in listed if f"\n### itouch-py {name} {each}\n" not in own] == [], _ADVICE
+    assert [each for each in sweep.COMMANDS if f"\n### itouch-py sweep {each}\n" not in page] == [], _ADVICE
 
 
 def test_each_switch_of_a_cache_stands_in_the_reference_of_the_command_line() -> None:

@@ -33,6 +33,12 @@ class Parser(argparse.ArgumentParser):
         return super().format_help() + "\n" + HELP
 
 
+def add_command(commands: Any, name: str, says: str) -> argparse.ArgumentParser:
+    """Add a command of its own to a command, with what it does as help of both; return its parser."""
+    parser: argparse.ArgumentParser = commands.add_parser(name, help=says, description=f"{says[0].upper()}{says[1:]}.")
+    return parser
+
+
 def parser_of(program: str, description: str | None) -> argparse.ArgumentParser:
     """Return a parser of this kind, for a command whose sub-commands are added by others."""
     return Parser(prog=program, description=description)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from itouch.schema.terminal import did, number_of
 from itouch.schema.wait_notices import waiting
 from itouch_tools.cli import study_analyses, study_run, study_serve
-from itouch_tools.cli.arguments import parser_of
+from itouch_tools.cli.arguments import add_command, parser_of
 from itouch_tools.cli.output_files import Output, output_folder
 from itouch_tools.cli.study_participant import folder_of
 
@@ -27,11 +27,11 @@ def main(argv: Sequence[str]) -> int:
     """Check, freeze, run, simulate or report a study."""
     parser = parser_of("itouch-py study", main.__doc__)
     commands = parser.add_subparsers(dest="command", required=True, metavar="check|freeze|run|simulate|report|...")
-    check = commands.add_parser("check", help="print every problem, the number of trials, and how long they take")
-    check.add_argument("study", metavar="STUDY.xml")
+    check = add_command(commands, "check", "print every problem, the number of trials, and how long they take")
+    check.add_argument("study", metavar="STUDY.xml", help="the study")
     check.add_argument("--participant", metavar="CODE", help="print the order of this participant too")
-    simulate = commands.add_parser("simulate", help="run the trials on twins, answered by simulated observers")
-    simulate.add_argument("study", metavar="STUDY.xml")
+    simulate = add_command(commands, "simulate", "run the trials on twins, answered by simulated observers")
+    simulate.add_argument("study", metavar="STUDY.xml", help="the study")
     simulate.add_argument(
         "-o",
         "--output",
@@ -46,8 +46,8 @@ def main(argv: Sequence[str]) -> int:
     )
     simulate.add_argument("--same-skin", action="store_true", help="give all of them the scene's skin temperature")
     simulate.add_argument("--processes", type=int, default=1, metavar="N", help="processes at once (default: 1)")
-    report = commands.add_parser("report", help="write page, JSON and table of a study's data")
-    report.add_argument("study", metavar="STUDY.xml")
+    report = add_command(commands, "report", "write page, JSON and table of a study's data")
+    report.add_argument("study", metavar="STUDY.xml", help="the study")
     report.add_argument("folder", metavar="FOLDER", help="the study's data")
     report.add_argument(
         "-o",
@@ -56,15 +56,15 @@ def main(argv: Sequence[str]) -> int:
         metavar="FILE.html",
         help="the page to write; default: report.html in the folder",
     )
-    freeze = commands.add_parser("freeze", help="stamp study, scene and program before the first participant")
-    freeze.add_argument("study", metavar="STUDY.xml")
-    freeze.add_argument("folder", type=output_folder, metavar="FOLDER")
+    freeze = add_command(commands, "freeze", "stamp study, scene and program before the first participant")
+    freeze.add_argument("study", metavar="STUDY.xml", help="the study")
+    freeze.add_argument("folder", type=output_folder, metavar="FOLDER", help="the study's data")
     study_run.add_parser(commands)
     study_serve.add_parser(commands)
     study_analyses.add_parsers(commands)
-    forget = commands.add_parser("forget", help="delete a participant's personal data for good; the trials stay")
-    forget.add_argument("folder", metavar="FOLDER")
-    forget.add_argument("--participant", metavar="CODE", required=True)
+    forget = add_command(commands, "forget", "delete a participant's personal data for good; the trials stay")
+    forget.add_argument("folder", metavar="FOLDER", help="the study's data")
+    forget.add_argument("--participant", metavar="CODE", required=True, help="the participant's code, as P07")
     forget.add_argument("--recordings", action="store_true", help="the recordings of the sessions, too")
     options = parser.parse_args(argv)
     missing = _missing()

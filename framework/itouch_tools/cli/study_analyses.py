@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from itouch.schema.wait_notices import waiting
+from itouch_tools.cli.arguments import add_command
 from itouch_tools.cli.output_files import Output, output_file, output_folder, write_output
 
 if TYPE_CHECKING:
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
 
 def add_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the commands' options."""
-    power = commands.add_parser("power", help="intervals and power of equivalence against the size of the panel")
-    power.add_argument("study", metavar="STUDY.xml")
+    power = add_command(commands, "power", "intervals and power of equivalence against the size of the panel")
+    power.add_argument("study", metavar="STUDY.xml", help="the study")
     power.add_argument("--panel", type=_numbers, default=(8, 16, 24, 32, 40), metavar="8..40",
                        help="sizes: 8..40, 8..40:4 or 8,12,20 (default: 8..40:8)")  # fmt: skip
     power.add_argument(
@@ -30,23 +31,25 @@ def add_parsers(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     power.add_argument("--studies", type=int, default=400, metavar="N", help="panels drawn for each (default: 400)")
     power.add_argument("--seed", type=int, default=1, metavar="N", help="seed of people and panels (default: 1)")
     power.add_argument("--json", type=output_file, metavar="FILE", help="write the numbers too")
-    audit = commands.add_parser("audit", help="let a classifier guess the condition from all but heat and force")
-    audit.add_argument("study", metavar="STUDY.xml")
+    audit = add_command(commands, "audit", "let a classifier guess the condition from all but heat and force")
+    audit.add_argument("study", metavar="STUDY.xml", help="the study")
     audit.add_argument("--trials", type=int, default=1000, metavar="N", help="on the twins (default: 1000)")
     audit.add_argument("--seed", type=int, default=1, metavar="N", help="seed of order, noise and folds (default: 1)")
     audit.add_argument("--without", action="store_true", help="as if the study had no <blind>")
-    coverage = commands.add_parser("coverage", help="check intervals and tests against synthetic studies")
+    coverage = add_command(commands, "coverage", "check intervals and tests against synthetic studies")
     coverage.add_argument(
         "--studies", type=int, default=500, metavar="N", help="number of studies for coverage (default: 500)"
     )
     coverage.add_argument(
         "--null", type=int, default=2000, metavar="N", help="number of studies for the errors of tests (default: 2000)"
     )
-    export = commands.add_parser("export", help="write the trials as TSV, Parquet or a BIDS folder")
+    export = add_command(commands, "export", "write the trials as TSV, Parquet or a BIDS folder")
     export.add_argument("folder", metavar="FOLDER", help="the study's data")
-    export.add_argument("--tsv", type=Output("table", (".tsv", ".txt")), metavar="FILE.tsv")
-    export.add_argument("--parquet", type=Output("table", (".parquet",)), metavar="FILE.parquet")
-    export.add_argument("--bids", type=output_folder, metavar="FOLDER")
+    export.add_argument("--tsv", type=Output("table", (".tsv", ".txt")), metavar="FILE.tsv", help="a table of text")
+    export.add_argument(
+        "--parquet", type=Output("table", (".parquet",)), metavar="FILE.parquet", help="a table for pandas and R"
+    )
+    export.add_argument("--bids", type=output_folder, metavar="FOLDER", help="a folder in the form of BIDS")
 
 
 def _numbers(text: str) -> tuple[int, ...]:

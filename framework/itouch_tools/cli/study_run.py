@@ -6,6 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from itouch_tools.cli.arguments import add_command
 from itouch_tools.cli.output_files import output_folder
 
 if TYPE_CHECKING:
@@ -14,8 +15,8 @@ if TYPE_CHECKING:
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the command's options."""
-    run = commands.add_parser("run", help="run a participant's trials; goes on where the participant stopped")
-    run.add_argument("study", metavar="STUDY.xml")
+    run = add_command(commands, "run", "run a participant's trials; goes on where the participant stopped")
+    run.add_argument("study", metavar="STUDY.xml", help="the study")
     run.add_argument("-o", "--output", type=output_folder, metavar="FOLDER",
                      help="the study's data; default: NAME.data beside the file")  # fmt: skip
     run.add_argument("--participant", metavar="CODE", required=True, help="the participant's code, as P07")

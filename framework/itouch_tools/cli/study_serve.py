@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from itouch_tools.cli.arguments import add_command
 from itouch_tools.cli.output_files import output_file
 from itouch_tools.cli.shutdown import Interrupted, Stopping
 
@@ -15,8 +16,8 @@ if TYPE_CHECKING:
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the command's options."""
-    serve = commands.add_parser("serve", help="let another program lead: PsychoPy, a notebook, Matlab over a socket")
-    serve.add_argument("study", metavar="STUDY.xml")
+    serve = add_command(commands, "serve", "let another program lead: PsychoPy, a notebook, Matlab over a socket")
+    serve.add_argument("study", metavar="STUDY.xml", help="the study")
     serve.add_argument(
         "--key",
         type=output_file,

@@ -181,7 +181,13 @@ def add_display(commands: Any) -> None:
     display = commands.add_parser("display", help="look at a self-built display", description=_display.__doc__)
     display.add_argument("port", metavar="PORT", help="serial port, such as /dev/ttyACM0")
     display.add_argument("--baud", type=int, default=250000, metavar="N", help="speed of the port (default 250000)")
-    display.add_argument("--current", type=float, default=0.0, metavar="A", help=f"of either sign, up to {_AMPS:g} A")
+    display.add_argument(
+        "--current",
+        type=float,
+        default=0.0,
+        metavar="A",
+        help=f"drive it with this current, of either sign, up to {_AMPS:g} A (default 0)",
+    )
     display.add_argument("--seconds", type=float, default=5.0, metavar="S", help="how long (default 5)")
     display.add_argument("--csv", type=output_file(), metavar="FILE", help="write time, current, plate, sink [s, A, K]")
     display.add_argument("--release", action="store_true", help="release a cut-off, if its cause is over")
