@@ -1,7 +1,8 @@
 r"""What is printed on a terminal: escaping of foreign text, quiet or verbose, colours.
 
 Characters that would move the cursor, change colours or the title, ring the bell, hide text or reverse its direction
-are written as their codes, such as ``\x1b``.
+are written as their codes, such as ``\x1b``.  What the encoding of the output does not have is written as in a scene,
+such as ``degC`` and ``W/m^2``, or as its code.
 
 >>> plain("a\x1b[31mred\u202e")
 'a\\x1b[31mred\\u202e'
@@ -9,12 +10,15 @@ are written as their codes, such as ``\x1b``.
 
 from __future__ import annotations
 
+import codecs
 import errno
+import io
+import json
 import os
 import re
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, TextIO
 
@@ -24,6 +28,8 @@ _UNSAFE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\ud800-\udfff"
     "\U000e0000-\U000e007f]"
 )
+#: What is written for a sign that the encoding of the output does not have: as in a scene, where that has a spelling.
+_SPELLED = {"°": "deg", "²": "^2", "³": "^3", "µ": "u", "μ": "u", "×": "x", "≤": "<=", "≥": ">=", "–": "-", "…": "..."}
 _RED, _GREEN, _YELLOW, _BLUE, _CYAN = "1;31", "32", "1;33", "34", "1;36"
 #: Pattern of a line, whose group is coloured, and its colour.
 _RULES: tuple[tuple[re.Pattern[str], str], ...] = (
@@ -106,6 +112,17 @@ def _code(match: re.Match[str]) -> str:
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 
 
+def _spelled(error: UnicodeError) -> tuple[str, int]:
+    """Return what is written for characters that an encoding does not have; their codes are those of JSON, too."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    found = error.object[error.start : error.end]
+    return "".join(_SPELLED.get(each) or json.dumps(each)[1:-1] for each in found), error.end
+
+
+codecs.register_error("itouch.spelled", _spelled)
+
+
 class PlainStream:
     """A stream that escapes all that is written to it; ``inner`` is the terminal itself, for the program's own output.
 
@@ -167,13 +184,34 @@ def control(stream: TextIO, sequence: str) -> None:
 
 @contextmanager
 def escaped() -> Iterator[None]:
-    """Escape all that is printed inside the context."""
+    """Escape all that is printed inside the context, and spell what the encoding of an output does not have."""
     before = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = (PlainStream(one) if not isinstance(one, PlainStream) else one for one in before)
+    with spelled(before[0]), spelled(before[1]):
+        try:
+            yield
+        finally:
+            sys.stdout, sys.stderr = before
+
+
+@contextmanager
+def spelled(stream: TextIO) -> Iterator[None]:
+    """Inside the context, spell what the encoding of a stream does not have, whoever writes it; or write its code.
+
+    >>> "20 °C, 3 W/m²".encode("ascii", "itouch.spelled")
+    b'20 degC, 3 W/m^2'
+    """
+    if not isinstance(stream, io.TextIOWrapper) or stream.closed:
+        yield
+        return
+    before = stream.errors
+    stream.reconfigure(errors="itouch.spelled")
     try:
         yield
     finally:
-        sys.stdout, sys.stderr = before
+        if not stream.closed:
+            with suppress(OSError):  # it flushes what is left, which a reader that has gone does not take
+                stream.reconfigure(errors=before)
 
 
 def coloured(text: str) -> str:
