@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 import struct
 import time
+from collections import defaultdict
 from typing import NamedTuple, Protocol
 
 from itouch.plugin import DeviceError, Stamps, Trace
+from itouch_thermal.drivers.answer_times import AnswerTimes
 from itouch_thermal.drivers.driver_params import SAMPLING, FluxSensor, Infrared
 from itouch_thermal.drivers.modbus import PORT, ModbusLine, ModbusRefusal
 
@@ -84,10 +86,11 @@ class LabJackDriver:
     def __init__(self, params: Wired, trace: Trace | None = None, *, patience: float = 1.0) -> None:
         self._params, self._patience = params, patience
         self._samples = round(params.averaging * SAMPLING) if params.flux_sensor is not None else 0
-        #: Whether it averages by itself; transit time of its answers [s]; time of the pending request; number of
-        #: exchanges.
-        self._averages, self._way, self._asked, self._count = False, 0.0, -1.0, 0
+        #: Whether it averages by itself, and a mean is requested; number of exchanges.
+        self._averages, self._asked, self._count = False, False, 0
         self._skin_volts, self._flux_age, self._skin_age, self._looked = math.nan, _Age(), _Age(), 0.0
+        #: When the newest single samples were taken [s], and which answers are prompt, by their number of samples.
+        self.sampled, self._times = 0.0, defaultdict[int, AnswerTimes](AnswerTimes)
         self._line = ModbusLine("LabJack", params.host, trace, patience=patience)
         self._lines = 1
         try:
@@ -122,9 +125,7 @@ class LabJackDriver:
             line.write(EF_SAMPLES + at, struct.pack(">I", self._samples))
             line.write(EF_RATE + at, struct.pack(">f", SAMPLING))
             line.write(STREAM_RESOLUTION, struct.pack(">I", self._params.resolution))
-            begin = time.monotonic()
             self._averages = line.whole(EF_INDEX + at) == AVERAGE
-            self._way = 0.5 * (time.monotonic() - begin)
         except ModbusRefusal:
             self._averages = False
         if self._averages:
@@ -157,11 +158,10 @@ class LabJackDriver:
             )
         self._count += 1
         if infrared is not None:
-            begin = time.monotonic()
-            self._skin_volts = self._line.floats(2 * infrared.channel)[0]
-            self._looked = 0.5 * (begin + time.monotonic())
+            self._skin_volts = self._samples_of(infrared.channel)[0]
+            self._looked = self.sampled
         self._line.ask(EF_RESULT + at)
-        self._asked = time.monotonic()
+        self._asked = True
 
     def exchange(self, plate: float) -> Sensors:
         """Measure; ``plate`` is the flux sensor's temperature [K].
@@ -191,8 +191,18 @@ class LabJackDriver:
 
     def stamp(self, stamps: Stamps) -> None:
         """Stamp the readings of the last exchange with their times: for a mean, the middle of its samples."""
-        stamps.measured("heat_flux", ago=self._flux_age.ago, inside=self._flux_age.inside)
-        stamps.measured("skin_temperature", "skin_valid", ago=self._skin_age.ago)
+        if self._params.flux_sensor is not None:
+            stamps.measured("heat_flux", ago=self._flux_age.ago, inside=self._flux_age.inside)
+        if self._params.infrared is not None:
+            stamps.measured("skin_temperature", "skin_valid", ago=self._skin_age.ago)
+
+    def _samples_of(self, first: int, count: int = 1) -> list[float]:
+        """Return single samples of an input and the following ones [V]; a late answer counts from its request."""
+        line = self._line
+        found = line.floats(2 * first, count)
+        prompt = self._times[count].prompt(line.arrived - line.sent)
+        self.sampled = 0.5 * (line.sent + line.arrived) if prompt else line.sent
+        return found
 
     def _singles(self) -> tuple[float, float]:
         """Return single samples of the film's and the thermometer's inputs [V], read in one request."""
@@ -201,11 +211,9 @@ class LabJackDriver:
         if not channels:
             return math.nan, math.nan
         first, last = min(channels), max(channels)
-        begin = time.monotonic()
-        volts = self._line.floats(2 * first, last - first + 1)
-        middle = 0.5 * (begin + time.monotonic())
+        volts = self._samples_of(first, last - first + 1)
         self._watch()
-        self._flux_age = self._skin_age = _Age(time.monotonic() - middle)
+        self._flux_age = self._skin_age = _Age(time.monotonic() - self.sampled)
         return (
             math.nan if flux is None else volts[flux.channel - first],
             math.nan if infrared is None else volts[infrared.channel - first],
@@ -231,28 +239,29 @@ class LabJackDriver:
 
     def _mean(self, flux: FluxSensor) -> tuple[float, float]:
         """Return the mean that the T7 has taken since `begin` [V], and the thermometer's voltage read before it [V]."""
-        if self._asked < 0.0:
+        if not self._asked:
             self.begin()
-        voltage, first = self._line.answer()
+        voltage, _ = self._line.answer()
         now, window = time.monotonic(), self._params.averaging
-        # The T7 has sampled since the request reached it; the burst of a repeated request has ended just now.
-        since = now - self._asked - self._way if first else window + self._way
+        # The T7 has sampled since the request reached it; how long its answer was on its way does not matter.
+        since = now - self._line.sent - 0.5 * self._line.quickest
         self._flux_age = _Age(max(0.0, since - window), 0.5 * (self._samples - 1) / SAMPLING)
-        self._skin_age, self._asked = _Age(now - self._looked), -1.0
+        self._skin_age, self._asked = _Age(now - self._looked), False
         return voltage, self._skin_volts
 
     def _mean_of_singles(self, flux: FluxSensor) -> tuple[float, float]:
         """Return the mean of as many single samples as the T7 delivers in that time [V], and the thermometer's [V]."""
-        line, infrared = self._line, self._params.infrared
-        skin = line.floats(2 * infrared.channel)[0] if infrared is not None else math.nan
-        self._looked = begin = time.monotonic()
-        total, count = 0.0, 0
+        infrared = self._params.infrared
+        skin = self._samples_of(infrared.channel)[0] if infrared is not None else math.nan
+        self._looked, begin = self.sampled, time.monotonic()
+        total, when, count = 0.0, 0.0, 0
         while count < self._samples and (count == 0 or time.monotonic() - begin < self._params.averaging):
             time.sleep(max(0.0, begin + count / SAMPLING - time.monotonic()))
-            total += line.floats(2 * flux.channel)[0]
+            total += self._samples_of(flux.channel)[0]
+            when += self.sampled
             count += 1
         now = time.monotonic()
-        self._flux_age, self._skin_age = _Age(0.5 * (now - begin)), _Age(now - self._looked)
+        self._flux_age, self._skin_age = _Age(now - when / count), _Age(now - self._looked)
         return total / count, skin
 
     def listen(self, channel: int) -> None:
@@ -260,14 +269,14 @@ class LabJackDriver:
         self._configure(channel, 10.0, SINGLE_ENDED)
 
     def volts(self, channel: int) -> float:
-        """Return the voltage at an input [V].
+        """Return the voltage at an input [V]; `sampled` is its time.
 
         Raises
         ------
         DeviceError
             If the T7 does not answer, or the input is overloaded.
         """
-        found = self._line.floats(2 * channel)[0]
+        found = self._samples_of(channel)[0]
         if found <= _OVERLOAD or not math.isfinite(found):
             raise DeviceError(f"the input AIN{channel} is overloaded or open")
         return found

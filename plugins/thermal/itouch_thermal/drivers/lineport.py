@@ -20,7 +20,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from itouch.plugin import DeviceError, Trace
+from itouch.plugin import DeviceError, Stamps, Trace
+from itouch_thermal.drivers.answer_times import AnswerTimes
 from itouch_thermal.drivers.driver_params import BELIEVED, LinePort
 from itouch_thermal.drivers.flowing_current import FlowingCurrent
 from itouch_thermal.drivers.promises import CAUSES, Promises, not_kept
@@ -138,12 +139,15 @@ class LineDriver:
         self._patience, self._way = patience, 0.0 if "://" in params.port else _BYTES * 10.0 / params.baud
         self._line = SerialLine(params.port, params.baud, end=b"\n", trace=trace, patience=max(1.0, patience))
         self._number, self._version = 0, 1
-        #: Number of answers that may still come to lines sent.
-        self._owed = 0
+        #: Whether answers to a repeated line of version 1 may be on their way; to how many greetings they may.
+        self._owes, self._greetings = False, 0
         #: Usual time that answers take [s], from the latest ones.
         self._usual = 0.0
         #: Transit time of the last answer on the wire [s]; unknown, 0, behind a socket.
-        self.wire = 0.0
+        self._wire = 0.0
+        #: Age of its readings when it sends them [s]; how long before its arrival the newest answer counts as given
+        #: [s], and which answers are prompt.
+        self._age, self._ago, self._times = params.age, 0.0, AnswerTimes()
         self._byte = 0.0 if "://" in params.port else 10.0 / params.baud
         #: The promises of a rig of version 2; None: it speaks version 1.
         self.promises: Promises | None = None
@@ -211,21 +215,24 @@ class LineDriver:
         line = seal_2(text) if self._version == 2 else seal(text)
         longest = self._patience * (self._way + PATIENCE)
         quick = min(self._patience * max(self._way + QUICK, USUAL * self._usual), longest)
-        if self._version == 1:
-            self._hear_out(quick, longest)
+        if self._owes and wanted == "R":
+            self._hear_out(quick)
         begin = time.monotonic()
-        for _ in range(TRIES):
+        for turn in range(TRIES):
             wait = quick if self._version == 2 else longest
             self._line.clear()
             self._line.send(line)
-            self._owed += 1
+            self._greetings += wanted == "N"
             body = self._answer(wanted, wait)
             took = time.monotonic() - begin
+            self._owes = self._owes or (wanted == "R" and (turn > 0 or body is None))
             if body is None and took < SILENT * longest:
                 continue
             if body is None:
                 break
             self._usual += _NEWEST * (took / self._patience - self._usual)
+            if wanted != "N":
+                self._ago = self._before(begin, len(line), again=turn > 0)
             if not _says(body, wanted):
                 raise DeviceError(f"the rig on {self._line.port} refuses '{text}': {body[1:].strip()}")
             return body[len(wanted) :].strip()
@@ -233,28 +240,36 @@ class LineDriver:
             f"the rig on {self._line.port} did not answer '{text}', sent again and again; check its power and its cable"
         )
 
-    def _hear_out(self, quiet: float, longest: float) -> None:
-        """Let the late answers to a repeated line pass: without numbers, they would be taken for the next line's.
+    def _before(self, begin: float, size: int, *, again: bool) -> float:
+        """Return how long ago the answer that has just come was given [s], to ``size`` bytes sent since ``begin`` [s].
 
-        They have all come once they are counted, or after ``quiet`` seconds of silence; a line that never falls silent
-        delays a command by ``longest`` seconds at most.
+        One that is late, or to a line sent ``again``, may have been given as soon as the rig was asked.
         """
-        limit = time.monotonic() + longest
-        while self._owed:
-            wait = min(quiet, limit - time.monotonic())
-            if wait <= 0.0:
-                return
-            answer = self._line.receive(wait)
-            if answer is None:
-                self._owed = 0
-            else:
-                self._arrived(answer)
+        took = time.monotonic() - begin
+        prompt = self._times.prompt(took - size * self._byte - self._wire)
+        if again or not prompt:
+            return took
+        return self._wire if self._age else 0.5 * took
 
-    def _arrived(self, answer: bytes) -> None:
-        """Count an answer, also one that may have been damaged."""
-        body = self._body(answer)
-        said = answer.lstrip(b"\r\n\0")[:1] in b"NRE" or b"*" in answer if body is None else body[:1] in "NRE"
-        self._owed = max(0, self._owed - said)
+    def _hear_out(self, quiet: float) -> None:
+        """Let late answers to a repeated line of version 1 pass: without numbers, they would be taken for the next's.
+
+        Answers come in order: when the one to a greeting has come, those to all lines before it have.  Those to earlier
+        greetings are heard out, too; if none comes for ``quiet`` seconds, they are lost.
+        """
+        self._ask("?", "N")
+        end = time.monotonic() + quiet
+        while self._greetings and (rest := end - time.monotonic()) > 0.0:
+            answer = self._line.receive(rest)
+            if answer is not None and self._greeted(self._body(answer)):
+                end = time.monotonic() + quiet
+        self._owes, self._greetings = False, 0
+
+    def _greeted(self, body: str | None) -> bool:
+        """Tell whether this answers a greeting, and count it."""
+        found = body is not None and _says(body, "N")
+        self._greetings = max(0, self._greetings - found)
+        return found
 
     def _answer(self, wanted: str, wait: float) -> str | None:
         """Return the answer, or a refusal, that comes within ``wait`` seconds, or None.
@@ -268,17 +283,17 @@ class LineDriver:
             answer = self._line.receive(max(0.0, limit - time.monotonic()))
             if answer is None:
                 return None
-            self._arrived(answer)
             body = self._body(answer)
+            self._greeted(body)
             if body is None:
                 if b"*" in answer or answer.lstrip(b"\r\n\0").startswith(wanted[:1].encode()):
                     limit = min(limit, time.monotonic() + self._patience * (BEHIND + self._way))
             elif _says(body, wanted) or _says(body, REFUSED):
-                self.wire = (len(answer) + 1) * self._byte  # including its end
+                self._wire = (len(answer) + 1) * self._byte  # including its end
                 return body
 
-    def exchange(self, current: float) -> LineReading:
-        """Set the current [A], and read the measurements.
+    def exchange(self, current: float, stamps: Stamps | None = None) -> LineReading:
+        """Set the current [A], and read the measurements, which are never said to be newer than they may be.
 
         Raises
         ------
@@ -288,6 +303,8 @@ class LineDriver:
         """
         self._flowing.ask(current)
         said = self._order(f"{current:.5f}")
+        if stamps is not None:
+            stamps.measured(ago=self._ago, inside=self._age)
         words, state = said[:_NUMBERS], said[_NUMBERS:]
         fits = len(words) == _NUMBERS and len(state) == self._version - 1
         if not fits or not all(_NUMBER.fullmatch(word) for word in words):
@@ -316,7 +333,7 @@ class LineDriver:
 
     def close(self) -> None:
         """Set the current to zero, then release the line."""
-        self._owed = 0  # setting zero waits for no late answers
+        self._owes = False  # setting zero waits for no late answers
         try:
             self._order("0")
         finally:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from time import monotonic, sleep
 
 from itouch.plugin import DeviceError, Trace
+from itouch_thermal.drivers.answer_times import TURNAROUND
 from itouch_thermal.drivers.serialport import SerialLine
 
 #: How long [s] an answer may take, and how often a request without an answer is sent; how often at most if answers come
@@ -21,8 +22,6 @@ PATIENCE, TRIES, DAMAGED = 0.06, 3, 8
 #: answer times, so that a slow controller is not overrun.  (All have the same number: the first answer counts, the
 #: others are late.)
 SOONER, QUICK, USUAL = 4, 0.02, 2.0
-#: A controller answers within this time [s]; an answer that took longer may have been given before.
-TURNAROUND = 5e-3
 #: How many bytes an answer has around its payload.
 _AROUND = 12
 #: Weight of a new answer time in the usual one.

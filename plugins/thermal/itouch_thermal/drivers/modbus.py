@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import struct
 import time
 from collections.abc import Callable
@@ -60,6 +61,8 @@ class ModbusLine:
         #: Usual time that answers take [s], from the latest ones; None before the first.
         self._usual: float | None = None
         self._number, self._asked_for = _OWN, -1
+        #: When the newest answer was requested, and when it arrived [s]; how long the quickest took so far [s].
+        self.sent, self.arrived, self.quickest = 0.0, 0.0, math.inf
         #: Number of connections made so far.
         self.connections = 0
         if not self._connect():
@@ -117,6 +120,7 @@ class ModbusLine:
             try:
                 if not self._connect():
                     raise self._failure("no connection")
+                self.sent = time.monotonic()
                 self._client.send(request)
                 return
             except (self._failure, OSError) as error:
@@ -190,7 +194,9 @@ class ModbusLine:
                         f"the {self._name} at {self._host} refuses register {address}: exception {code}"
                     )
                 if not answer.isError() and answer.function_code == function:
-                    took = time.monotonic() - begin
+                    self.arrived = time.monotonic()
+                    self.quickest = min(self.quickest, self.arrived - self.sent)
+                    took = self.arrived - begin
                     self._usual = took if self._usual is None else self._usual + _NEWEST * (took - self._usual)
                     return answer
                 said = f"it answers {answer}"
@@ -207,6 +213,7 @@ class ModbusLine:
             raise self._failure("no connection")
         if known is not None:
             settings.timeout_connect = min(self._patience, max(QUICK * self._patience / PATIENCE, USUAL * known))
+        self.sent = time.monotonic()
         try:
             return ask()
         finally:

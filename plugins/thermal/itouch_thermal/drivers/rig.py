@@ -32,12 +32,10 @@ class Rig:
         self, params: Any, trace: Trace | None = None, *, patience: float = 1.0, limits: Mapping[str, Any] | None = None
     ) -> None:
         self._labjack: LabJackDriver | None = None
-        self._age = 0.0
         self._source: TecDriver | LineDriver
         if params.mecom is not None:
             self._source = TecDriver(params.mecom, trace, patience=patience, ceiling=params.max_current)
         else:
-            self._age = params.line.age
             self._source = LineDriver(params.line, trace, patience=patience, limits=limits)
         if params.labjack is not None:
             try:
@@ -57,12 +55,7 @@ class Rig:
         """
         if self._labjack is not None:
             self._labjack.begin()
-        if isinstance(self._source, TecDriver):
-            read: TecReading | LineReading = self._source.exchange(current, stamps)
-        else:
-            read = self._source.exchange(current)
-            if stamps is not None and self._age:
-                stamps.measured(ago=self._source.wire, inside=self._age)
+        read: TecReading | LineReading = self._source.exchange(current, stamps)
         flux, skin = getattr(read, "flux", math.nan), getattr(read, "skin", math.nan)
         if self._labjack is not None:
             sensors = self._labjack.exchange(read.plate)

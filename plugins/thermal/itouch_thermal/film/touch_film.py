@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from typing import Any, ClassVar
 
 from itouch.plugin import (
@@ -98,13 +99,17 @@ class TouchFilm(Device):
         """
         if self._driver is None:
             raise DeviceError("the film is not open")
-        given = self.params.labjack
+        given, driver = self.params.labjack, self._driver
         # Without a thermometer, the film's sensitivity at its calibration temperature is used.
         film = given.flux_sensor.reference
         if given.thermometer is not None:
-            film = given.thermometer.zero + given.thermometer.slope * self._driver.volts(given.thermometer.channel)
-        found = self._driver.exchange(film)
-        force = self._driver.volts(given.force_sensor.channel) - given.force_sensor.zero
+            film = given.thermometer.zero + given.thermometer.slope * driver.volts(given.thermometer.channel)
+            self._stamp("film_temperature")
+        found = driver.exchange(film)
+        if self.stamps is not None:
+            driver.stamp(self.stamps)
+        force = driver.volts(given.force_sensor.channel) - given.force_sensor.zero
+        self._stamp("wrench")
         seen = math.isfinite(found.skin)
         if seen:
             self._skin = found.skin
@@ -115,3 +120,8 @@ class TouchFilm(Device):
         reading["wrench"][2] = -given.force_sensor.slope * force
         reading["skin_temperature"], reading["skin_valid"] = self._skin, float(seen)
         return True
+
+    def _stamp(self, channel: str) -> None:
+        """Stamp a channel with the time of the newest sample."""
+        if self.stamps is not None and self._driver is not None:
+            self.stamps.measured(channel, ago=time.monotonic() - self._driver.sampled)
