@@ -7,16 +7,23 @@ from __future__ import annotations
 
 import random
 import struct
+import time
 from collections import deque
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
+import numpy as np
 import pymodbus.client
 import pytest
 from pymodbus.exceptions import ModbusIOException
+from test_rigs_with_habits import OwnRig
+from test_rigs_with_habits import on_a_line as on_a_terminal
 
+from itouch.exchange.thread import ThreadedDevice
 from itouch.plugin import Field, Record, Stamps, stamps
+from itouch_thermal.display.device import ThermalDisplay
+from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.drivers import FluxSensor, Infrared, LabJack, LinePort, labjack, lineport, modbus
 from itouch_thermal.drivers.lineport import KELVIN, seal, seal_2, unseal, unseal_2
 from itouch_thermal.drivers.rig import Rig
@@ -354,3 +361,36 @@ def test_no_reading_of_a_film_is_said_to_be_newer_than_it_is(clock: Clock, late:
         for name, seconds in passed.items():
             assert moments[name] - BEGIN - seconds < 2.0 * WAY + (PROMPT if late in LATE else EXACT)
         clock.sleep(5e-3)
+
+
+@pytest.mark.punctual
+@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("age", [0.0, 10e-3], ids=["without an age", "with an age"])
+def test_the_loop_is_told_an_age_of_a_late_reading_that_is_not_too_small(version: int, age: float) -> None:
+    """In real time, through the thread that exchanges with the display: what the monitors of ages see."""
+    begin, rig = time.monotonic(), OwnRig(version)
+
+    def answer(number: str, amps: float) -> str:
+        rig.late = 0.04 if rig.orders % 4 == 0 else 0.0
+        values = f"{ROOM - KELVIN + time.monotonic() - begin - age:.6f} 25.1 120.0 nan {amps:.5f}"
+        return f"R {number} {values} ok" if version == 2 else f"R {values}"
+
+    rig.answers = answer
+    with on_a_terminal(rig) as terminal:
+        display = ThermalDisplay(DisplayParams(line=LinePort(port=terminal.path, baud=250_000, age=age)))
+        display.patience = 3.0
+        reads, _ = ThermalDisplay.channels(display.params)
+        reading, ticks = Record.of(Field.of(channel) for channel in reads), np.zeros(len(reads), np.int64)
+        plate = [channel.name for channel in reads].index("plate_temperature")
+        threaded, late = ThreadedDevice(display, patience=10.0), 0
+        threaded.open()
+        while late < 8:
+            if not threaded.read(reading):
+                time.sleep(1e-4)
+                continue
+            tick = round((time.monotonic() - begin) * 1e3)
+            threaded.measured(reading, tick, ticks)
+            true = 1e3 * (reading["plate_temperature"].item() - ROOM)
+            late += tick - true > 1e3 * age + 40.0
+            assert ticks[plate] - true < 1e3 * (USUAL + PROMPT) + 1.0
+        threaded.close()
