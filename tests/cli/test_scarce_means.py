@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
+import subprocess
+import sys
 import tracemalloc
 from pathlib import Path
 
@@ -26,6 +28,29 @@ def test_memory_that_runs_out_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     done = program("check", FIRST)
     assert done.returncode == 2
     assert done.stderr.startswith("error: memory has run out\n")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits of a process are those of POSIX")
+@pytest.mark.parametrize(
+    ("limit", "value", "said"),
+    [
+        (
+            "RLIMIT_FSIZE",
+            40_000,
+            "error: no file may be as large as is needed\n  = help: raise the limit (ulimit -f)\n",
+        ),
+        ("RLIMIT_NOFILE", 8, "error: too many files are open\n  = help: raise the limit (ulimit -n)\n"),
+    ],
+)
+def test_a_limit_of_the_system_that_is_met_is_told(limit: str, value: int, said: str, tmp_path: Path) -> None:
+    code = (
+        f"import resource, sys; resource.setrlimit(resource.{limit}, ({value},) * 2);"
+        "from itouch_tools.cli import main; sys.exit(main())"
+    )
+    words = [sys.executable, "-c", code, FIRST, "--for", "50ms", "--record", str(tmp_path / "r.mcap")]
+    done = subprocess.run(words, capture_output=True, text=True, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"})
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.endswith(said), done.stderr
 
 
 def test_a_part_of_the_program_that_is_missing_is_told_and_no_other_module(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -149,6 +149,16 @@ def _main(argv: Sequence[str] | None) -> int:
         return code
 
 
+#: What a program may not do beyond a limit of the system, and what helps, by the number of the error.
+_LIMITS = {
+    errno.EMFILE: "too many files are open\n  = help: raise the limit (ulimit -n)",
+    errno.ENFILE: "too many files are open on this machine\n  = help: end other programs",
+    errno.EFBIG: "no file may be as large as is needed\n  = help: raise the limit (ulimit -f)",
+    errno.EAGAIN: "no more processes can be started\n  = help: end other programs, or raise the limit (ulimit -u)",
+    errno.ENOMEM: "memory has run out\n  = help: end other programs, or raise the limit (ulimit -v)",
+}
+
+
 def _guarded(words: list[str]) -> int:
     """Run a command; what a user or a device can cause becomes a message, never a traceback."""
     from itouch.schema.diagnostics import ItouchError
@@ -172,22 +182,23 @@ def _guarded(words: list[str]) -> int:
         stop_writing()
         return 141
     except OSError as error:
-        if error.errno != errno.ENOSPC:  # the output goes to a full disk; any other error here is a bug
-            if _interrupts:
-                return _interrupted()
-            if not _stands():
-                print("error: the current folder has been removed\n  = help: change to another one", file=sys.stderr)
-                return 2
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):  # where the output goes
+            stop_writing()
+            print(f"cannot write: {error.strerror}", file=sys.stderr)
+            return 2
+        if _interrupts:
+            return _interrupted()
+        if not _stands():
+            print("error: the current folder has been removed\n  = help: change to another one", file=sys.stderr)
+            return 2
+        if error.errno not in _LIMITS:  # any other error here is a bug
             raise
-        stop_writing()
-        print(f"cannot write: {error.strerror}", file=sys.stderr)
+        print(f"error: {_LIMITS[error.errno]}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return _interrupted()
     except MemoryError:
-        print(
-            "error: memory has run out\n  = help: end other programs, or raise the limit (ulimit -v)", file=sys.stderr
-        )
+        print(f"error: {_LIMITS[errno.ENOMEM]}", file=sys.stderr)
         return 2
     except Exception as error:
         if _interrupts:
