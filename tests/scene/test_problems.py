@@ -48,6 +48,7 @@ ONE_LINE = [
     ('<world><box name="b" size="1 1 1 mm" materiel="wood"/></world>', "unknown-attribute", 38, "did you mean 'material'"),
     ('<world><bux name="b"/></world>', "unknown-element", 8, "did you mean 'box'"),
     ('<world><box name="2b" size="1 1 1 mm" material="wood"/></world>', "bad-value", 13, "is not a name"),
+    ('<world><box name="größe" size="1 1 1 mm" material="wood"/></world>', "bad-value", 13, "from a to z and A to Z"),
     ('<world><box name="arm" size="1 1 1 mm" material="wood"/></world>', "duplicate-name", 13, "arm"),
     ('<world><box name="b" size="1 1 1 mm" material="wood" temperature="22"/></world>', "out-of-range", 54, "22 degC"),
     ('<world><box name="b" size="1 1 1 mm" material="wood" rpy="0 0 1" quat="1 0 0 0"/></world>', "exclusive", 66, "only one"),

@@ -137,7 +137,7 @@ def _file(spec: Spec, text: str) -> str:
 
 def _name(spec: Spec, text: str) -> str:
     if _NAME.fullmatch(text) is None:
-        advice = "letters, digits, '_' and '-', beginning with a letter"
+        advice = "letters from a to z and A to Z, digits, '_' and '-', beginning with a letter or '_'"
         raise ValueProblemError("bad-value", f"'{text}' is not a name", advice)
     return text
 
