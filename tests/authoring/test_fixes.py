@@ -159,7 +159,7 @@ def test_what_is_told_to_be_replaced_is_what_is_replaced(tmp_path: Path, text: s
             lines[edit.line - 1] = line[: edit.column - 1] + edit.text + line[edit.column - 1 + edit.length :]
             replaced += 1
         assert "\n".join(lines).encode() == mended(text.encode(), str(path), [problem])[0]
-    assert replaced == 3
+    assert replaced == 7
 
 
 @given(st.lists(st.text("abcde", min_size=3, max_size=8), max_size=4), st.text("abcde", min_size=3, max_size=8))

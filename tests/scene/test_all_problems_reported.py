@@ -63,6 +63,74 @@ def test_files_of_textures_and_motions_are_read_whatever_else_is_wrong(tmp_path:
     assert found == [(3, "texture"), (5, "unknown-attribute"), (7, "motion")]
 
 
+EFFECTS = """<itouch version="1.0">
+  <materials>
+    <material name="iron"><contact stiffness="1 N/mm"/><magnetic force="1 N" range="90 mm"/></material>
+    <material name="bell"><contact stiffness="1 N/mm"/>
+      <vibration amplitude="0.1 N" frequency="400 Hz"/></material>
+  </materials>
+  <world>
+    <box name="block" size="60 60 20 mm" material="iron"/>
+    <box name="lid" size="60 60 20 mm" material="bell"/>
+    <ORDINARY/>
+  </world>
+  <devices><device name="arm" plugin="usb-arm"/></devices>
+  <interaction>
+    <probe name="finger" pose-from="arm"/>
+  </interaction>
+  <record to="run.mcap" channels="finger.contct arm.pose"/>
+</itouch>"""
+ORDINARY = {
+    "misspelt": '<box name="more" size="1 1 1 mm" material="iron" colour="red"/>',
+    "unit": '<box name="more" size="1 1 1 kg" material="iron"/>',
+    "material": '<box name="more" size="1 1 1 mm" material="irn"/>',
+    "mesh": '<mesh name="more" file="absent.stl" material="iron"/>',
+}
+
+
+@pytest.mark.parametrize("ordinary", ORDINARY)
+def test_what_is_found_last_is_told_beside_an_ordinary_mistake(tmp_path: Path, ordinary: str) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_text(EFFECTS.replace("<ORDINARY/>", ORDINARY[ordinary]))
+    with pytest.raises(SceneError) as caught:
+        itouch.build(path)
+    found = [(problem.place.line, problem.code) for problem in caught.value.problems if problem.place is not None]
+    assert [line for line, _ in found] == [3, 5, 10, 16]
+    assert [code for line, code in found if line != 10] == ["out-of-range", "out-of-range", "unknown-channel"]
+
+
+def test_what_a_mistake_brings_with_it_is_not_told(tmp_path: Path) -> None:
+    """Neither that a probe which could not be read is missing, nor its channels, nor what its range is compared with."""
+    path = tmp_path / "scene.xml"
+    text = EFFECTS.replace("    <ORDINARY/>\n", "").replace('pose-from="arm"', 'pose-from="arm" neer="100 mm"')
+    path.write_text(text)
+    with pytest.raises(SceneError) as caught:
+        itouch.build(path)
+    found = [(problem.place.line, problem.code) for problem in caught.value.problems if problem.place is not None]
+    assert found == [(5, "out-of-range"), (13, "unknown-attribute")]
+
+
+def test_a_misspelt_section_is_checked_as_the_one_that_was_meant(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_text(EFFECTS.replace("    <ORDINARY/>\n", "").replace("devices>", "devics>").replace("400 Hz", "40 Hz"))
+    with pytest.raises(SceneError) as caught:
+        itouch.build(path)
+    found = [(problem.place.line, problem.code) for problem in caught.value.problems if problem.place is not None]
+    assert found == [(3, "out-of-range"), (11, "unknown-element"), (15, "unknown-channel")]
+
+
+def test_a_circle_of_modalities_is_told_beside_an_ordinary_mistake() -> None:
+    from itouch_tools.cli.explain import examples
+    from itouch_tools.cli.explain.example import play
+
+    circle = examples()["modality-cycle"]
+    scene = circle.files["scene.xml"]
+    assert isinstance(scene, str)
+    wrong = scene.replace("</itouch>", '<world><box name="block" size="1 1 1 mm" material="wod"/></world></itouch>')
+    told = play(dataclasses.replace(circle, files={**circle.files, "scene.xml": wrong}))
+    assert [told.count(code) for code in ("error[modality-cycle]", "error[unknown-name]", "error[")] == [1, 1, 2]
+
+
 def test_mending_what_is_told_leaves_nothing(tmp_path: Path) -> None:
     """What is told beside other problems is wrong by itself: it is there, too, when they are mended."""
     path = tmp_path / "scene.xml"

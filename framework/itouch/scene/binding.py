@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import MISSING, dataclass, field, replace
 from typing import Any
 
+from itouch.scene.doubts import Named
 from itouch.scene.elements import PluginPart
 from itouch.scene.extensions import Extensions, missing_part
-from itouch.scene.names import Names
+from itouch.scene.names import Names, name_of
 from itouch.scene.places import Places
 from itouch.scene.source import Attribute, Node
 from itouch.scene.values import ValueProblemError, parse_value
@@ -19,6 +20,8 @@ from itouch.schema.plugin_errors import failure
 
 #: Value of a field that could not be read; its problem has been reported already.
 BROKEN: Any = object()
+#: Sections that hold elements, or more than one attribute: what is right in one is checked, whatever else is wrong.
+SECTIONS = ("materials", "world", "devices", "interaction", "rates", "safety", "faults", "record")
 
 
 @dataclass(slots=True)
@@ -36,14 +39,22 @@ class Binder:
     defaults: Mapping[str, Mapping[str, Attribute]] = field(default_factory=dict)
     rename: Callable[[str], str] = str
     names: Names = field(default_factory=Names)
+    #: Attributes for which there are defaults of an element that is not known: one that lacks them is not told.
+    astray: Set[str] = frozenset()
     section: str = ""
     folder: str = ""
     root: str = "."
     #: Identities of elements of which a child was wrong and is left out.
     _incomplete: set[int] = field(default_factory=set)
+    #: Materials that are left out, as far as they could be read; what elements with a problem of their own refer to.
+    remnants: list[Any] = field(default_factory=list)
+    wanted: set[Named] = field(default_factory=set)
 
     def bind(self, node: Node, cls: type, *, extra: frozenset[str] = frozenset()) -> Any:
-        """Return an instance of ``cls``, or None if a fault prevents it; the caller reads the ``extra`` attributes."""
+        """Return an instance of ``cls``, or None if a fault prevents it; the caller reads the ``extra`` attributes.
+
+        In a section what could not be read has its default, so that what else is in it is checked.
+        """
         table = specs(cls)
         attributes = self._with_defaults(node, cls)
         values: dict[str, Any] = {}
@@ -66,7 +77,7 @@ class Binder:
 
     def _build(self, node: Node, cls: type, values: dict[str, Any], spots: dict[str, Place]) -> Any:
         if any(value is BROKEN for value in values.values()):
-            return None
+            return self._salvage(node, cls, values, spots)
         try:
             instance = cls(**values)
         except (ValueError, ItouchError) as error:  # a plugin's own check in __post_init__
@@ -76,7 +87,7 @@ class Binder:
             if isinstance(error, ParameterError):
                 place, advice = spots.get(error.field, place), error.advice
             self.problems.append(Problem("bad-value", f"<{node.written}>: {error}", place, advice))
-            return None
+            return self._salvage(node, cls, values, spots)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
@@ -84,6 +95,23 @@ class Binder:
             return None
         self.places.put(instance, node.place, spots)
         return instance
+
+    def _salvage(self, node: Node, cls: type, values: Mapping[str, Any], spots: Mapping[str, Place]) -> Any:
+        """Return a section with defaults where it could not be read, else None; a material becomes a remnant."""
+        if not self.section or node.tag not in ("material", *SECTIONS):
+            return None
+        stands_in = getattr(cls, "STANDS_IN", {})
+        read = {name: value for name, value in values.items() if value is not BROKEN}
+        try:
+            found = cls(**{**read, **stands_in})
+        except (TypeError, ValueError):  # it can't be without what is missing
+            return None
+        self.places.put(found, node.place, spots)
+        if node.tag == "material":
+            self.remnants.append(found)
+            return None
+        self.names.unsound.add(("section", node.tag))
+        return found
 
     def _with_defaults(self, node: Node, cls: type) -> dict[str, Attribute]:
         merged = dict(node.attributes)
@@ -106,15 +134,16 @@ class Binder:
         table: Mapping[str, Spec],
         extra: frozenset[str],
         cls: type,
-    ) -> set[str]:
+    ) -> dict[str, Attribute]:
+        """Tell of the attributes that are not known, and return them by the known ones that they resemble."""
         known = [xml_name(n) for n, spec in table.items() if spec.kind not in ("child", "children", "plugin")]
         known += sorted(extra)
-        misspelt = set()
+        misspelt: dict[str, Attribute] = {}
         for name, attribute in attributes.items():
             if name in known or hasattr(cls, "OPEN"):
                 continue
             close = nearest(name, [k for k in known if k not in attributes]) or nearest(name, known)
-            misspelt.add(close)
+            misspelt[close] = attribute
             advice = f"did you mean '{close}'?" if close else did_you_mean(name, known, "its attributes are")
             sentence = f"<{node.written}> has no attribute '{name}'"
             mend = meant(name, [k for k in known if k not in attributes])
@@ -124,13 +153,17 @@ class Binder:
         return misspelt
 
     def _default(
-        self, node: Node, cls: type, name: str, spec: Spec, misspelt: set[str], values: dict[str, Any]
+        self, node: Node, cls: type, name: str, spec: Spec, misspelt: Mapping[str, Attribute], values: dict[str, Any]
     ) -> None:
         default = default_of(cls, name)
         if default is not MISSING:
             return
         values[name] = BROKEN
         if xml_name(name) in misspelt:  # a misspelt required attribute is one problem, reported already
+            if spec.kind in ("name", "ref"):  # others refer to it, or it to others
+                self._value(node, name, spec, misspelt[xml_name(name)])
+            return
+        if xml_name(name) in self.astray:
             return
         what = spec.doc or spec.kind
         sentence = f"<{node.written}> needs the attribute '{xml_name(name)}'"
@@ -206,12 +239,16 @@ class Binder:
         parts: dict[tuple[str, str, str], PluginPart] = {}
         first: dict[str, Node] = {}
         for child in node.children:
+            problems, mark = len(self.problems), self.names.mark()
             if child.namespace.startswith(PLUGIN_NAMESPACE) and plugin_slot:
                 self._part(node, child, parts)
             elif child.tag in slots and self._same_namespace(node, child):
                 self._child(node, child, slots[child.tag], values, listed, first)
-            else:
-                self._unknown_element(node, child, list(slots), bool(plugin_slot))
+            elif meant_tag := self._unknown_element(node, child, list(slots), bool(plugin_slot)):
+                inside = replace(child, tag=meant_tag)  # what is in it is checked as well
+                self._child(node, inside, slots[meant_tag], values, listed, first)
+            if any(problem.severity == "error" for problem in self.problems[problems:]):
+                self.wanted.update(self.names.doubt(mark))
         if node.text:
             sentence = f"<{node.written}> may not hold the text '{_short(node.text)}'"
             self.problems.append(Problem("unexpected-text", sentence, node.place, "values are attributes"))
@@ -265,6 +302,9 @@ class Binder:
                 problem = replace(problem, severity="warning")
             if not (problem.code == "plugin-failed" and any(p.sentence == problem.sentence for p in self.problems)):
                 self.problems.append(problem)
+            if host.tag == "interaction":  # others may refer to it
+                word = meant(node.tag, self.extensions.locals(plugin, host.tag))
+                self._modality_name(node if word is None else replace(node, tag=word[1]))
             return None
         name = self._modality_name(node) if host.tag == "interaction" else ""
         params = self.bind(node, cls, extra=frozenset({"name"}) if name else frozenset())
@@ -275,12 +315,13 @@ class Binder:
         return part
 
     def _modality_name(self, node: Node) -> str:
-        given = node.attributes.get("name")
+        given = name_of(node)
         name = self.rename(given.value if given else node.tag)
         self.names.define(node.tag, name, given.place if given else node.place, "modality")
         return name
 
-    def _unknown_element(self, node: Node, child: Node, known: list[str], parts: bool) -> None:
+    def _unknown_element(self, node: Node, child: Node, known: list[str], parts: bool) -> str:
+        """Tell of an element that is not known; return the tag that can only have been meant, or nothing."""
         sentence = f"<{node.written}> has no element <{child.written}>"
         advice = did_you_mean(child.tag, known, "its elements are")
         mend = meant(child.tag, known) if not child.namespace else None
@@ -289,6 +330,7 @@ class Binder:
         elif child.namespace and not self._same_namespace(node, child):
             advice = f"the namespace '{child.namespace}' is not one of a plugin ({PLUGIN_NAMESPACE}NAME)"
         self.problems.append(Problem("unknown-element", sentence, child.place, advice or "remove it", mend=mend))
+        return mend[1] if mend is not None else ""
 
 
 def _short(text: str, width: int = 40) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from itouch.scene.doubts import NO_DOUBTS, Doubts
 from itouch.scene.elements import (
     VERSION,
     DeviceElement,
@@ -67,6 +68,8 @@ class Scene(Shown):
     folder: str = field(default=".", compare=False)
     files: Mapping[str, bytes] | None = field(default=None, compare=False, repr=False, hash=False)
     places: Places = field(default_factory=Places, compare=False, repr=False, hash=False)
+    #: Of a scene with problems, what other checks must not count on.
+    doubts: Doubts = field(default=NO_DOUBTS, compare=False, repr=False, hash=False)
 
     @property
     def objects(self) -> tuple[Any, ...]:

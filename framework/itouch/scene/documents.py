@@ -81,6 +81,7 @@ class DocumentReader:
             self.problems.append(Problem("duplicate-include", f"'{shown}' is included twice", place, advice, related))
             return None
         if len(self._open) >= MAX_INCLUDE_DEPTH or len(self._read) >= MAX_DOCUMENTS:
+            self.incomplete = True
             sentence = f"includes are nested more than {MAX_INCLUDE_DEPTH} deep, or more than {MAX_DOCUMENTS} in all"
             self.problems.append(Problem("too-many-includes", sentence, place))
             return None
@@ -172,6 +173,10 @@ class DocumentReader:
             sentence = f"<itouch> has no element <{node.written}>"
             mend = meant(node.tag, SECTIONS) if not node.namespace else None
             self.problems.append(Problem("unknown-element", sentence, node.place, advice, mend=mend))
+            if mend is not None:  # what is in it is checked as well
+                self._section(document, replace(node, tag=mend[1]))
+            elif node.children:
+                self.incomplete = True
         elif node.tag == "include":
             self._include(document, node)
         elif node.tag == "fault":  # any number of them; collected as if in an element of their own
@@ -183,6 +188,7 @@ class DocumentReader:
             self.problems.append(
                 Problem("duplicate-element", sentence, node.place, "put their content into one", related)
             )
+            document.sections[node.tag].children.extend(node.children)  # so that they are checked as well
         else:
             document.sections[node.tag] = node
 
@@ -196,6 +202,7 @@ class DocumentReader:
                 self.problems.append(Problem("unknown-attribute", sentence, attribute.place, advice, mend=mend))
         file = node.attributes.get("file")
         if file is None:
+            self.incomplete = True
             if not any(name not in known for name in node.attributes):
                 self.problems.append(Problem("missing-attribute", "<include> needs the attribute 'file'", node.place))
             return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -11,9 +11,10 @@ from itouch.scene import elements, rigs
 from itouch.scene.binding import Binder
 from itouch.scene.description import ReplacedRig, Scene
 from itouch.scene.documents import Document, DocumentReader
+from itouch.scene.doubts import Doubts, Named
 from itouch.scene.edits import Edit, apply_edits
 from itouch.scene.extensions import Extensions
-from itouch.scene.names import Names
+from itouch.scene.names import Names, name_of
 from itouch.scene.places import Places
 from itouch.scene.source import Node
 from itouch.schema.diagnostics import Adviser, Place, Problem, SceneError, did_you_mean
@@ -124,11 +125,13 @@ def in_file_order(problems: Iterable[Problem]) -> list[Problem]:
     """Sort problems by file (in the order of first mention), line and column, and drop duplicates.
 
     What is wrong in a material is found again in each one that has it as its base: it is told once, as in the base.
+    Of an element that is not known nothing else is told, but what is in it, as of the one that was meant.
     """
     told: dict[tuple[str, str, Place | None], Problem] = {}
     for problem in problems:
         told.setdefault((problem.code, problem.sentence, problem.place), problem)
-    unique = list(told.values())
+    unknown = {problem.place for problem in told.values() if problem.code == "unknown-element"}
+    unique = [one for one in told.values() if one.code == "unknown-element" or one.place not in unknown]
     files = list(dict.fromkeys(problem.place.file for problem in unique if problem.place))
     rank = {file: index for index, file in enumerate(files)}
 
@@ -156,6 +159,8 @@ class _Assembly:
     faults: list[elements.Fault] = field(default_factory=list)
     single: dict[str, Any] = field(default_factory=dict)
     names: Names = field(default_factory=Names)
+    remnants: list[elements.Material] = field(default_factory=list)
+    wanted: set[Named] = field(default_factory=set)
     root: str = "."
     incomplete: bool = False
 
@@ -170,6 +175,9 @@ class _Assembly:
                 if tag != "defaults":
                     binder.section = tag
                     self._section(tag, binder.bind(node, _SECTION_CLASSES[tag]), node)
+            self.remnants += binder.remnants
+            self.wanted |= binder.wanted
+        self.names.unsound.update(("material", name) for name in bases.unsettled(self.names.unsound))
         return self
 
     def _binder(self, document: Document) -> Binder:
@@ -178,7 +186,8 @@ class _Assembly:
         def rename(name: str) -> str:
             return document.prefix + name if name in own else name
 
-        return Binder(self.extensions, self.problems, self.places, document.defaults, rename, self.names,
+        astray = {name for tag, given in document.defaults.items() if tag not in DEFAULTABLE for name in given}
+        return Binder(self.extensions, self.problems, self.places, document.defaults, rename, self.names, astray,
                       folder=document.folder, root=self.root)  # fmt: skip
 
     def _check_defaults(self, document: Document) -> None:
@@ -265,9 +274,21 @@ class _Assembly:
             swapped=self.swapped,
             places=self.places,
         )
-        self.problems += self.names.problems(whole=not self.incomplete)
-        self.problems += _mount_cycles(scene)
-        return scene
+        wrong = list(self.names.problems(whole=not self.incomplete))
+        self.wanted |= {("material", one.mend[1]) for one in wrong if one.mend is not None}  # devices are never mended
+        self.problems += wrong
+        circles = _mount_cycles(scene)
+        self.problems += circles.values()
+        doubts = Doubts(self._unsound(circles), not self.incomplete, tuple(self.remnants), frozenset(self.wanted))
+        return replace(scene, doubts=doubts)
+
+    def _unsound(self, circles: Iterable[str]) -> frozenset[Named]:
+        """Return kind and name of what other checks must not count on; ``circles``: devices mounted on themselves."""
+        names, modalities = self.names, {entry.name for entry in self.names.of("modality")}
+        found = {*names.unsound, *names.repeated(), *(("device", name) for name in circles)}
+        if any(one.section == "rates" and one.name not in modalities for one in names.wanted):
+            found.add(("section", "rates"))  # perhaps it is the servo's rate that has been misspelt
+        return frozenset(found)
 
 
 @dataclass(slots=True)
@@ -285,14 +306,29 @@ class _Bases:
         for document in self.documents:
             section = document.sections.get("materials")
             for node in section.children if section else ():
-                if node.tag == "material" and "name" in node.attributes:
-                    name = document.prefix + node.attributes["name"].value
+                if node.tag == "material" and (given := name_of(node)) is not None:
+                    name = document.prefix + given.value
                     self._nodes.setdefault(name, (node, document))
         self._adviser = Adviser(self._nodes, "materials are")
 
     def resolved(self, document: Document, section: Node) -> Node:
         children = [self._material(document, node) for node in section.children]
         return replace(section, children=children)
+
+    def unsettled(self, unsound: Collection[Named]) -> Iterator[str]:
+        """Yield the materials whose bases do not exist, go in a circle, or have a problem of their own."""
+        for name in self._nodes:
+            seen, at = set[str](), name
+            while at in self._nodes and at not in seen and ("material", at) not in unsound:
+                seen.add(at)
+                node, document = self._nodes[at]
+                base = node.attributes.get("base")
+                if base is None:
+                    break
+                own = document.prefix + base.value
+                at = own if own in self._nodes else base.value
+            else:
+                yield name
 
     def _material(self, document: Document, node: Node) -> Node:
         """Follow the bases of a material to the last one, then go back and merge what each material adds."""
@@ -328,10 +364,11 @@ def _without_base(node: Node) -> Node:
     return replace(node, attributes={key: value for key, value in node.attributes.items() if key != "base"})
 
 
-def _mount_cycles(scene: Scene) -> list[Problem]:
+def _mount_cycles(scene: Scene) -> dict[str, Problem]:
+    """Return a problem for each device that is mounted on itself, directly or through others, by its name."""
     mounts = {device.name: device.mount for device in scene.devices}
     followed: set[str] = set()
-    problems = []
+    problems = {}
     for device in scene.devices:
         path: dict[str, int] = {}
         name = device.name
@@ -341,7 +378,7 @@ def _mount_cycles(scene: Scene) -> list[Problem]:
         for member in list(path)[path[name] :] if name in path else ():
             sentence = f"device '{member}' is mounted on itself"
             place = scene.places.of(mounts[member], "on")
-            problems.append(Problem("mount-cycle", sentence, place, "mount it elsewhere"))
+            problems[member] = Problem("mount-cycle", sentence, place, "mount it elsewhere")
         followed.update(path)
     return problems
 

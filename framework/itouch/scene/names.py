@@ -5,11 +5,13 @@ Both are collected while elements are bound, so that an element with a fault of 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from itouch.scene.source import Node
-from itouch.schema.diagnostics import Adviser, Place, Problem
+from itouch.scene.doubts import Named
+from itouch.scene.source import Attribute, Node
+from itouch.schema.diagnostics import Adviser, Place, Problem, meant
 
 _KINDS = {"material": "material", "device": "device", "probe": "probe"}
 #: Names (before the dot) under which State and recordings have what belongs to no single element.
@@ -33,6 +35,8 @@ class Names:
 
     defined: list[Entry] = field(default_factory=list)
     wanted: list[Entry] = field(default_factory=list)
+    #: Kind and name of the elements that have a problem of their own: what they say may not be what was meant.
+    unsound: set[Named] = field(default_factory=set)
 
     def define(self, tag: str, name: str, place: Place, section: str) -> None:
         """Record the name of an element with this tag."""
@@ -44,27 +48,42 @@ class Names:
         """Record a reference."""
         self.wanted.append(Entry(kind, name, place, section))
 
+    def mark(self) -> tuple[int, int]:
+        """Return how many names and references there are."""
+        return len(self.defined), len(self.wanted)
+
+    def doubt(self, mark: tuple[int, int]) -> set[Named]:
+        """Take the names since a mark for those of elements with a problem of their own; return what these refer to."""
+        self.unsound.update((entry.kind, entry.name) for entry in self.defined[mark[0] :])
+        return {(entry.kind, entry.name) for entry in self.wanted[mark[1] :]}
+
     def of(self, kind: str) -> list[Entry]:
         """Return the names of one kind of element."""
         return [entry for entry in self.defined if entry.kind == kind]
 
     def only(self, section: str) -> Names:
         """Return the names and references of a section."""
-        return Names(
-            [entry for entry in self.defined if entry.section == section],
-            [entry for entry in self.wanted if entry.section == section],
-        )
+        return self._those(lambda entry: entry.section == section)
 
     def without(self, section: str) -> Names:
         """Return the names and references without those of a section."""
-        return Names(
-            [entry for entry in self.defined if entry.section != section],
-            [entry for entry in self.wanted if entry.section != section],
-        )
+        return self._those(lambda entry: entry.section != section)
+
+    def _those(self, of: Callable[[Entry], bool]) -> Names:
+        defined = [entry for entry in self.defined if of(entry)]
+        kept = {(entry.kind, entry.name) for entry in defined}
+        return Names(defined, [entry for entry in self.wanted if of(entry)], self.unsound & kept)
 
     def joined(self, other: Names) -> Names:
         """Return the names and references of both."""
-        return Names(self.defined + other.defined, self.wanted + other.wanted)
+        return Names(self.defined + other.defined, self.wanted + other.wanted, self.unsound | other.unsound)
+
+    def repeated(self) -> Iterator[Named]:
+        """Yield kind and name of what is defined twice, or under the name of something else."""
+        for same in (True, False):
+            mine = [entry for entry in self.defined if (entry.kind == "material") is same]
+            counts = Counter(entry.name for entry in mine)
+            yield from ((entry.kind, entry.name) for entry in mine if counts[entry.name] > 1)
 
     def problems(self, *, whole: bool = True) -> Iterator[Problem]:
         """Find names given twice and, if all files could be read (``whole``), references to names that do not exist."""
@@ -92,6 +111,12 @@ class Names:
                 # never mended by guessing: a person must say which device acts on whom, and which finger is meant
                 mend = advisers[kind].mend(entry.name) if kind not in ("device", "probe") else None
                 yield Problem("unknown-name", sentence, entry.place, advice, mend=mend)
+
+
+def name_of(node: Node) -> Attribute | None:
+    """Return the attribute that gives an element's name, even if ``name`` is misspelt; None: it has none."""
+    misspelt = (attribute for key, attribute in node.attributes.items() if meant(key, ["name"]))
+    return node.attributes.get("name") or next(misspelt, None)
 
 
 def _duplicates(entries: list[Entry]) -> Iterator[Problem]:

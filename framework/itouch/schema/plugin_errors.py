@@ -79,6 +79,15 @@ def failure(what: str, method: str, error: BaseException, place: Place | None) -
 
 
 @contextmanager
+def gathering(problems: list[Problem]) -> Iterator[None]:
+    """Put the problems with which something inside is given up to the others, so that what comes after is checked."""
+    try:
+        yield
+    except SceneError as error:
+        problems += error.problems
+
+
+@contextmanager
 def failing(what: str, method: str, place: Place | None) -> Iterator[None]:
     """Turn an error in a plugin's code into a problem of the scene.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 
 from itouch.garbage import seldom
@@ -11,14 +12,15 @@ from itouch.plugin.bases import Bases, keeping
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
 from itouch.scene.loader import in_file_order, read_scene
-from itouch.schema import Problem, SceneError
+from itouch.schema import ItouchError, Problem, SceneError
 from itouch.schema.diagnostics import did_you_mean
 from itouch.session.calibration import calibrated
+from itouch.session.channel_selection import recording_problems
 from itouch.session.open import read_session
 from itouch.session.session import Session
 from itouch.session.session_error import SessionError
 from itouch.session.snapshot import Snapshot
-from itouch.world import Model, further
+from itouch.world import Model, survey
 
 
 def load_scene(
@@ -51,10 +53,27 @@ def load_scene(
     """
     catalog = catalog or Catalog()
     scene, problems = read_scene(path, catalog, rig=rig)
+    try:
+        scene = scene if twin is None else choose_twins(scene, twin)
+    except SceneError as error:
+        problems += error.problems
+    if records:
+        scene, unfit = with_records(scene, catalog)
+        problems += unfit
     if any(problem.severity == "error" for problem in problems):
-        raise SceneError(in_file_order([*problems, *further(scene, catalog, problems)]))
-    chosen = scene if twin is None else choose_twins(scene, twin)
-    return calibrated(chosen, catalog=catalog) if records else chosen
+        found = survey(scene, catalog, problems)
+        raise SceneError(in_file_order([*problems, *found.problems, *recording_problems(found)]))
+    return scene
+
+
+def with_records(scene: Scene, catalog: Catalog) -> tuple[Scene, Sequence[Problem]]:
+    """Return a scene with the calibration records beside it put in, and what is wrong with these."""
+    try:
+        return calibrated(scene, catalog=catalog), ()
+    except SceneError as error:
+        return scene, error.problems
+    except ItouchError as error:  # their file can't be read
+        return scene, [Problem("calibration-stale", str(error))]
 
 
 def choose_twins(scene: Scene, twin: str) -> Scene:

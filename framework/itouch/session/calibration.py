@@ -268,6 +268,8 @@ def calibrated(scene: Scene, *, stale: bool = False, catalog: Catalog | None = N
         for record in records:
             if record.device != device.name or record.twin != bool(device.twin):
                 continue
+            if ("device", device.name) in scene.doubts.unsound:  # what the record is put into is not what was meant
+                continue
             try:
                 changed = _with(changed, record)
             except (ValueError, AttributeError, TypeError) as error:
@@ -314,6 +316,8 @@ def _strangers(scene: Scene, catalog: Catalog | None) -> Iterator[Problem]:
                     sentence = f"device '{device.name}' has no calibration '{record.kind}' ({path.name})"
                     advice = did_you_mean(record.kind, kinds, "it has") or "remove the record"
                     yield Problem("calibration-stale", sentence, scene.places.of(device), advice)
+            elif not scene.doubts.whole or ("device", record.device) in scene.doubts.unsound:
+                continue  # it may be there once the scene is right
             elif path == home_of(scene) or meant(record.device, known):
                 sentence = (
                     f"calibration '{record.kind}' is of a device '{record.device}', which the scene does not have"

@@ -5,7 +5,8 @@ from __future__ import annotations
 import fnmatch
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from contextlib import suppress
 from pathlib import PurePath
 
 from itouch.plugin import Record
@@ -15,7 +16,7 @@ from itouch.scene.elements.recorded_tracks import RecordChannels
 from itouch.schema import Problem, SceneError
 from itouch.schema.diagnostics import nearest
 from itouch.session.row_layout import Wish, chosen_tracks, real_device_of, recordable, replay_tracks
-from itouch.world import Model, declared, make_state
+from itouch.world import Model, Survey, declared, make_state
 
 
 def tracks_of(model: Model, state: Record) -> list[Track]:
@@ -35,8 +36,13 @@ def tracks_of(model: Model, state: Record) -> list[Track]:
     return [*found, *chosen_tracks(model, state, selections_of(element, model.scene.rates.servo))]
 
 
-def _wrong(model: Model, state: Record, element: RecordElement) -> Iterator[Problem]:
-    """Yield a problem for each rate that is impossible and each pattern that matches nothing, at its attribute."""
+def _wrong(
+    model: Model, state: Record, element: RecordElement, passed: Collection[str] = (), *, rates: bool = True
+) -> Iterator[Problem]:
+    """Yield a problem for each rate that is impossible and each pattern that matches nothing, at its attribute.
+
+    Patterns for what one of the ``passed`` elements has are passed over, and rates if they are not to be checked.
+    """
     groups: list[tuple[RecordElement | RecordChannels, str, str, float | None]] = [
         (element, "channels", element.channels, element.rate),
         *((more, "of", more.of, more.rate) for more in element.more),
@@ -45,9 +51,13 @@ def _wrong(model: Model, state: Record, element: RecordElement) -> Iterator[Prob
     for owner, attribute, text, rate in groups:
         # a rate is tried without a pattern, a pattern with the servo's rate, so that each problem has its own place
         tries: list[tuple[str, Wish, str]] = []
-        if rate and text.split():
+        if rate and text.split() and rates:
             tries.append(("rate", ([], rate), "write the rate that the message gives"))
-        tries += [(attribute, ([pattern], servo), "") for pattern in text.split()]
+        tries += [
+            (attribute, ([pattern], servo), "")
+            for pattern in text.split()
+            if not fnmatch.filter(passed, pattern.partition(".")[0])
+        ]
         for name, wish, advice in tries:
             try:
                 chosen_tracks(model, state, [wish])
@@ -64,13 +74,30 @@ def _advice(state: Record, pattern: str) -> str:
     return "channels are names of State, such as arm.pose or finger.*; `itouch-py inspect SCENE` lists them"
 
 
-def recording_problems(model: Model) -> list[Problem]:
-    """Return what is wrong with the channels that the scene wants recorded."""
+def recording_problems(found: Survey) -> list[Problem]:
+    """Return what is wrong with the channels that the scene wants recorded.
+
+    Of a scene with errors these are the channels that no element has which is left out because of an error.
+    """
+    if found.part is None:
+        return []
+    if found.model is None:
+        with suppress(Exception):  # half a scene may not allow it
+            return list(_sure(found.part, found.doubtful))
+        return []
     try:
-        tracks_of(model, make_state(model))
+        tracks_of(found.model, make_state(found.model))
     except SceneError as error:
         return list(error.problems)
     return []
+
+
+def _sure(part: Model, doubtful: Collection[tuple[str, str]]) -> Iterator[Problem]:
+    """Yield a problem for each channel and rate that are wrong, whatever the ``doubtful`` elements will be."""
+    if part.scene.record is None:
+        return
+    rates = ("section", "rates") in doubtful
+    yield from _wrong(part, make_state(part), part.scene.record, [name for _, name in doubtful], rates=not rates)
 
 
 def recording_notes(model: Model) -> list[str]:

@@ -29,7 +29,7 @@ from itouch.session.recorder import Continuation, Recorder, SessionCalls
 from itouch.session.session_error import SessionError, plainly
 from itouch.session.snapshot import Saving, Snapshot, SnapshotWriter, write_snapshot
 from itouch.session.state_validation import validate_state
-from itouch.world import Model
+from itouch.world import Model, accepted, survey
 
 Path = str | os.PathLike[str]
 
@@ -95,7 +95,9 @@ class Session(Shown, Engine):
         """Build a session from a scene; the results of eigen-solves are kept for its snapshots."""
         bases = Bases()
         with keeping(bases):
-            return cls(Model.of(scene, catalog), seed=seed, clock=clock, catalog=catalog, bases=bases)
+            found = survey(scene, catalog)
+            model = accepted(found, channel_selection.recording_problems(found) if found.model is None else ())
+            return cls(model, seed=seed, clock=clock, catalog=catalog, bases=bases)
 
     def tell(self, notice: str) -> None:
         """Add a notice."""

@@ -1,7 +1,7 @@
 """Scene -> Model (read-only arrays) and State (one record)."""
 
 from itouch.world.modalities import ModalityModel
-from itouch.world.model import Model, ProbeModel, compile_scene, further
+from itouch.world.model import Model, ProbeModel, Survey, accepted, compile_scene, survey
 from itouch.world.rig import DeviceModel
 from itouch.world.state import declared, layout, make_state, truth, undeclared
 
@@ -10,11 +10,13 @@ __all__ = [
     "ModalityModel",
     "Model",
     "ProbeModel",
+    "Survey",
+    "accepted",
     "compile_scene",
-    "further",
     "declared",
     "layout",
     "make_state",
+    "survey",
     "truth",
     "undeclared",
 ]

@@ -14,6 +14,7 @@ from itouch.plugin import (
     Field,
     Modality,
     ParameterError,
+    Role,
     Touches,
     World,
     WorldDevice,
@@ -27,7 +28,7 @@ from itouch.scene.elements.rates import CLOSE
 from itouch.schema import Place, Problem
 from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.fields import default_of, specs, xml_name
-from itouch.schema.plugin_errors import ReturnedError, failing, failure
+from itouch.schema.plugin_errors import ReturnedError, failing, failure, gathering
 from itouch.world.answers import texts_of
 from itouch.world.presented_surfaces import check_alone, check_carried, check_touched
 from itouch.world.rig import DeviceModel, skins_of
@@ -84,16 +85,24 @@ def build_modalities(
     world = replace(_world(scene, devices, surfaces, reader, period, probes), geometry=geometry)
     rates = dict(scene.rates.modalities)
     found: list[ModalityModel] = []
-    for part in _ordered(scene, problems):
+    idle: set[str] = set()  # those left out because an optional device is missing
+    for part in ordered(scene, problems):
         every = _every(scene, part, rates.get(part.name, scene.rates.servo), problems)
         cls = catalog.modality(part.plugin, part.local)
-        if cls is None or not _has_devices(scene, part, devices, problems):  # reported while the scene was read
+        if cls is None:  # reported while the scene was read
+            continue
+        known = len(problems)
+        if not _has_devices(scene, part, devices, problems):
+            idle.update([part.name] if len(problems) > known else [])
             continue
         declared = {one.name: one.declared for one in found}
+        if _modalities_of(part) - declared.keys() - idle:  # one could not be made, or reads what this one writes
+            continue
         own = replace(world, objects=_objects(scene, part.plugin), period=period * every, fields=declared)
-        found += _compiled(scene, part, cls, own, every, devices, problems)
+        with gathering(problems):
+            found += _compiled(scene, part, cls, own, every, devices, problems)
     problems += check_alone(scene, [(one.name, one.touches) for one in found if one.touches is not None])
-    if not any(problem.severity == "error" for problem in problems):
+    if len(found) + len(idle) == len(scene.modalities):  # else a faulty one may be what brings a surface
         found += _default_carriers(scene, catalog, devices, world, found, problems)
     return found
 
@@ -209,7 +218,12 @@ def _default_carriers(
     and its fields may have the names of the framework's own fields of the surface.
     """
     served = {one.carries.probe for one in known if one.carries is not None}
-    alone = [probe for probe in scene.probes if probe.name in world.surfaces and probe.name not in served]
+    met = [probe for probe in scene.probes if probe.name in world.surfaces and probe.name not in served]
+    # a device that can't bring a surface, or would bring it to itself, has been told of
+    alone = [
+        probe for probe in met
+        if devices[probe.surface_to].command(Role.SURFACE_POSE) is not None and probe.surface_to != probe.pose_from
+    ]  # fmt: skip
     found: list[ModalityModel] = []
     for probe in alone:
         plugin, cls = catalog.carrier(probe.carrier)
@@ -233,7 +247,8 @@ def _default_carriers(
             problems.append(Problem("modality", sentence, place, advice))
         else:
             part = PluginPart(plugin, "", cls.Params(probe=probe.name), name)
-            found += _compiled(scene, part, cls, world, 1, devices, problems, probe)
+            with gathering(problems):
+                found += _compiled(scene, part, cls, world, 1, devices, problems, probe)
     for one in found:
         if one.carries is None:
             place = scene.places.of(next(probe for probe in alone if probe.name == one.default_of), "carrier")
@@ -265,7 +280,14 @@ def _has_devices(scene: Scene, part: PluginPart, devices: Mapping[str, DeviceMod
     return True
 
 
-def _ordered(scene: Scene, problems: list[Problem]) -> list[PluginPart]:
+def _modalities_of(part: PluginPart) -> set[str]:
+    """Return the modalities from which a modality takes input."""
+    table = specs(type(part.params)).items()
+    refs = (getattr(part.params, name) for name, spec in table if spec.kind == "ref" and spec.target == "modality")
+    return {name for name in refs if name}
+
+
+def ordered(scene: Scene, problems: list[Problem]) -> list[PluginPart]:
     """Return the modalities in file order, but each after those from which it takes input."""
     parts = {part.name: part for part in scene.modalities}
     found: list[PluginPart] = []

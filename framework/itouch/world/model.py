@@ -16,12 +16,13 @@ from itouch.plugin import Role, WorldSurface, poses
 from itouch.plugin.bases import keeping_anyhow
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
+from itouch.scene.doubts import Named
 from itouch.scene.elements import Operator, Probe
 from itouch.scene.loader import in_file_order
 from itouch.schema import Place, Problem, SceneError
 from itouch.world.bindings import blind, check_bindings, check_fingers, check_reach, check_writers
 from itouch.world.limits import check_safety
-from itouch.world.modalities import ModalityModel, build_modalities, notices_of
+from itouch.world.modalities import ModalityModel, build_modalities, notices_of, ordered
 from itouch.world.motion_tables import NO_MOTIONS, Motions, build_motions
 from itouch.world.object_shapes import build_shapes
 from itouch.world.overlap import overlaps
@@ -31,7 +32,8 @@ from itouch.world.replaced_limits import differences, fitted
 from itouch.world.rig import DeviceModel, build_devices, orientation
 from itouch.world.scene_files import SceneFile, SceneFiles
 from itouch.world.skin_source import unfelt
-from itouch.world.surfaces import build_effects, build_friction, contact_of, read_textures
+from itouch.world.standing import doubtful_of, new, standing
+from itouch.world.surfaces import build_effects, build_friction, check_effects, contact_of, read_textures
 from itouch.world.virtual_coupling import Coupling, couplings, on_bodies, relied, stable_effects
 
 Vector = tuple[float, float, float]
@@ -143,20 +145,108 @@ class Model:
         SceneError
             With everything that can't work together, in file order.
         """
-        model, problems = compile_scene(scene, catalog)
-        if model is None:
-            raise SceneError(in_file_order(problems))
-        warnings = (f"{problem.place}: {problem.sentence}" for problem in problems if problem.place is not None)
-        return replace(model, notices=(*model.notices, *warnings))
+        return accepted(survey(scene, catalog))
+
+
+def accepted(found: Survey, more: Iterable[Problem] = ()) -> Model:
+    """Return a compiled scene, which has its warnings as notices.
+
+    Raises
+    ------
+    SceneError
+        With everything that can't work together, and what ``more`` is wrong with it then, in file order.
+    """
+    if found.model is None:
+        raise SceneError(in_file_order([*found.problems, *more]))
+    warnings = (f"{problem.place}: {problem.sentence}" for problem in found.problems if problem.place is not None)
+    return replace(found.model, notices=(*found.model.notices, *warnings))
 
 
 def compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Problem]]:
     """Compile a scene; the model is None if any of the problems is an error."""
-    with keeping_anyhow():
-        return _compile_scene(scene, catalog)
+    found = survey(scene, catalog)
+    return found.model, list(found.problems)
 
 
-def _compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[Problem]]:
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """What compiling a scene has found.
+
+    Attributes
+    ----------
+    model
+        The compiled scene; None if there is any error.
+    problems
+        What is wrong beyond what was known before.
+    part
+        The compiled part of the scene that stands by itself, for further checks; None if there is none.
+    doubtful
+        Kind and name of what is not in that part as it was meant.
+    """
+
+    model: Model | None
+    problems: Sequence[Problem]
+    part: Model | None
+    doubtful: frozenset[Named]
+
+
+def survey(scene: Scene, catalog: Catalog, known: Iterable[Problem] = ()) -> Survey:
+    """Compile a scene as far as it can be: ``known`` is what has been found wrong with it already.
+
+    All is told at once, but nothing twice: neither what is wrong only because something else is, nor, of a scene that
+    has problems already, warnings.
+    """
+    errors = [problem for problem in known if problem.severity == "error"]
+    rest = standing(scene)
+    whole = rest is scene and scene.doubts.whole
+    part: Model | None = None
+    if whole and not errors:
+        with keeping_anyhow():
+            part, problems = _compile_scene(scene, catalog)
+        sound = not any(problem.severity == "error" for problem in problems)
+        return Survey(part if sound else None, problems, part, frozenset() if sound else _doubtful(scene, part))
+    problems = _of_pieces(scene, catalog)
+    with contextlib.suppress(Exception), keeping_anyhow():  # half a scene may not allow it
+        part, more = _compile_scene(rest, catalog, whole=whole)
+        problems += more
+    doubtful = _doubtful(scene, part)
+    return Survey(None, [problem for problem in problems if new(problem, errors, doubtful)], part, doubtful)
+
+
+def _doubtful(scene: Scene, part: Model | None) -> frozenset[Named]:
+    """Return kind and name of what is not in a compiled part as it was meant."""
+    if part is None:
+        return doubtful_of(scene, ())
+    there = [("device", name) for name in part.devices] + [("object", name) for name in part.objects]
+    there += [("modality", one.name) for one in part.modalities]
+    there += [("probe", one.name) for one in part.probes if not one.scene.surface_to]  # its fields are a modality's
+    found = doubtful_of(scene, there)
+    if part.motions.bodies is None and any(one.dynamics is not None for one in scene.objects):
+        return found | {("object", "objects")}  # State has no room for them
+    return found
+
+
+def _of_pieces(scene: Scene, catalog: Catalog) -> list[Problem]:
+    """Return what is wrong with single devices, limits, materials, files and circles of a scene that has problems.
+
+    Each depends on little else, so that those are checked, too, which do not stand by themselves.
+    """
+    problems: list[Problem] = []
+    with contextlib.suppress(Exception):  # half a scene may not allow it
+        problems += check_safety(scene)
+        fit, reader = fitted(scene, catalog), SceneFiles(scene)
+        devices = build_devices(fit, catalog, problems, reader)
+        built = build_shapes(scene, reader, problems)
+        read_textures(scene, reader, problems)
+        sure = tuple(probe for probe in scene.probes if ("probe", probe.name) not in scene.doubts.unsound)
+        check_effects(replace(scene, probes=sure, materials=(*scene.materials, *scene.doubts.remnants)), problems)
+        build_motions(scene, _poses(scene, problems), built.shapes, devices, reader, problems, built.failed)
+        ordered(scene, problems)
+    return problems
+
+
+def _compile_scene(scene: Scene, catalog: Catalog, *, whole: bool = True) -> tuple[Model, list[Problem]]:
+    """Compile a scene, of which what has an error is left out or idle; not ``whole``: it is a part of one."""
     problems: list[Problem] = []
     scene = fitted(scene, catalog)
     reader = SceneFiles(scene)
@@ -164,7 +254,8 @@ def _compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[P
     problems += check_safety(scene)
     problems += check_bindings(scene, devices)
     notices: list[str] = list(differences(scene, devices, catalog))
-    built = build_shapes(scene, reader, problems)
+    forms: list[Problem] = []
+    built = build_shapes(scene, reader, forms)
     notices += built.notices
     problems += check_reach(scene, devices, built.boxes)
     problems += large_lengths(scene)
@@ -172,14 +263,15 @@ def _compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[P
     notices += _worn_notices(scene, devices)
     shapes, surfaces = built.shapes, build_friction(scene, problems)
     effects = build_effects(scene, reader, problems, notices)
-    poses = _poses(scene, problems)
-    motions = build_motions(scene, poses, shapes, devices, reader, problems)
+    poses = _poses(scene, forms)
+    motions = build_motions(scene, poses, shapes, devices, reader, forms, built.failed)
+    problems += forms
     ease = motions.bodies.ease if motions.bodies is not None else (1.0,) * len(shapes)
     probes = _probes(scene, devices, effects, ease, notices, reader, problems)
     period = 1.0 / scene.rates.servo
     presented = surfaces_of(scene, devices, {probe.name: probe.operator for probe in probes})
-    whole = not any(problem.severity == "error" for problem in problems)
-    geometry = Geometry.build(shapes, surfaces) if whole else Geometry.build([Plane()] * len(shapes))
+    formed = not any(problem.severity == "error" for problem in forms)
+    geometry = Geometry.build(shapes, surfaces) if formed else Geometry.build([Plane()] * len(shapes))
     modalities = build_modalities(scene, catalog, devices, presented, geometry, reader, period, probes, problems)
     notices += notices_of(modalities)
     notices += [
@@ -187,40 +279,18 @@ def _compile_scene(scene: Scene, catalog: Catalog) -> tuple[Model | None, list[P
     ]
     writers = _writers(scene, devices, modalities)
     problems += check_writers(scene, writers)
-    problems += check_fingers(scene, devices, writers)
-    if any(problem.severity == "error" for problem in problems):
-        return None, problems
+    if whole:  # else what is missing here may be what is wrong there
+        problems += check_fingers(scene, devices, writers)
     poses.setflags(write=False)
     model = Model(
         scene, period, tuple(o.name for o in scene.objects), poses, tuple(shapes), geometry,
         devices, tuple(probes), tuple(modalities), tuple(notices), layout.MEMORY_POSES + 7 * len(shapes),
         layout.RESULT_SIZE, reader.all(), effects, motions, presented,
     )  # fmt: skip
-    problems += unfelt(model)
-    return (None if any(problem.severity == "error" for problem in problems) else model), problems
-
-
-def further(scene: Scene, catalog: Catalog, known: Iterable[Problem]) -> list[Problem]:
-    """Return what else is wrong with a scene that has problems already, so that all are told at once.
-
-    Only devices, limits and files are checked, which depend on little else.  A problem in the line of a ``known`` one
-    may be its consequence, and is left for later.
-    """
-    problems: list[Problem] = []
-    with contextlib.suppress(Exception):  # half a scene may not allow more checks than this
-        scene = fitted(scene, catalog)
-        problems += check_safety(scene)
-        reader = SceneFiles(scene)
-        devices = build_devices(scene, catalog, problems, reader)
-        shapes = build_shapes(scene, reader, problems).shapes
-        read_textures(scene, reader, problems)
-        build_motions(scene, _poses(scene, problems), shapes, devices, reader, problems)
-    lines = {(problem.place.file, problem.place.line) for problem in known if problem.place is not None}
-    return [
-        problem for problem in problems
-        if problem.severity == "error" and problem.place is not None
-        and (problem.place.file, problem.place.line) not in lines
-    ]  # fmt: skip
+    felt = all(one.name in devices for one in scene.devices) or not any(one.severity == "error" for one in problems)
+    if whole and felt:
+        problems += unfelt(model)
+    return model, problems
 
 
 def worn_on(scene: Scene, devices: Mapping[str, DeviceModel], tracker: str) -> tuple[DeviceModel, ...]:

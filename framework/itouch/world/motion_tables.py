@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -81,8 +81,12 @@ def build_motions(
     devices: Mapping[str, DeviceModel],
     reader: SceneFiles,
     problems: list[Problem],
+    shapeless: Collection[int] = (),
 ) -> Motions:
-    """Return how the objects move; ``rows`` are their poses at start (n, 7) [m; quaternion]."""
+    """Return how the objects move; ``rows`` are their poses at start (n, 7) [m; quaternion].
+
+    ``shapeless`` are those, by index, whose shape could not be made: as rigid bodies they are not looked at.
+    """
     scripts: list[tuple[float, ...]] = []
     pieces: list[tuple[float, ...]] = []
     carried: list[Carried] = []
@@ -111,24 +115,30 @@ def build_motions(
     )  # fmt: skip
     for table in tables:
         table.setflags(write=False)
-    return Motions(*tables, tuple(carried), duration, _bodies(scene, rows, shapes, problems))
+    return Motions(*tables, tuple(carried), duration, _bodies(scene, rows, shapes, shapeless, problems))
 
 
-def _bodies(scene: Scene, rows: Floats, shapes: Sequence[Shape], problems: list[Problem]) -> Bodies | None:
+def _bodies(
+    scene: Scene, rows: Floats, shapes: Sequence[Shape], shapeless: Collection[int], problems: list[Problem]
+) -> Bodies | None:
     """Return the world of rigid bodies; None if no object is one, or if it cannot be made, which becomes a problem."""
     free = [element for element in scene.objects if element.dynamics is not None]
-    if not free or any(problem.severity == "error" for problem in problems):
+    if not free:
         return None
     if not available():
         sentence = f"object '{free[0].name}' is a rigid body, which needs MuJoCo, and that is not installed"
         advice = "pip install 'itouch-py[dynamics]'"
         problems.append(Problem("missing-extra", sentence, scene.places.of(free[0].dynamics), advice))
         return None
-    bodies = [_body(scene, *each) for each in zip(scene.objects, rows, shapes, strict=True)]
+    formed = [index for index in range(len(shapes)) if index not in shapeless]
+    bodies = [_body(scene, scene.objects[index], rows[index], shapes[index]) for index in formed]
+    if not any(body.kind == FREE for body in bodies):
+        return None
     try:
-        return build_bodies(bodies, scene.world.gravity, 1.0 / scene.rates.servo)
+        made = build_bodies(bodies, scene.world.gravity, 1.0 / scene.rates.servo)
+        return None if shapeless else made
     except BodyError as error:
-        element = scene.objects[error.index]
+        element = scene.objects[formed[error.index]]
         what = "be a rigid body" if element.dynamics is not None else "be met by rigid bodies"
         sentence = f"object '{element.name}' cannot {what}: {error}"
         problems.append(Problem("dynamics", sentence, scene.places.of(element.dynamics or element)))
@@ -152,8 +162,9 @@ def _path(
     """Return the pieces of one object's script."""
     motion = element.motion
     if bool(motion.file) == bool(motion.keys):
-        sentence = f"the motion of '{element.name}' needs either a file or <to> elements"
-        problems.append(Problem("one-of", sentence, scene.places.of(motion)))
+        if ("object", element.name) not in scene.doubts.unsound:  # else one may be there that could not be read
+            sentence = f"the motion of '{element.name}' needs either a file or <to> elements"
+            problems.append(Problem("one-of", sentence, scene.places.of(motion)))
         return []
     if not motion.file:
         return _keys(scene, motion, start, problems)
@@ -209,7 +220,7 @@ def _turn(a: Floats, b: Floats) -> tuple[float, ...]:
 
 
 def _check_closed(scene: Scene, element: Any, path: list[tuple[float, ...]], problems: list[Problem]) -> None:
-    if not element.motion.repeat:
+    if not element.motion.repeat or ("object", element.name) in scene.doubts.unsound:
         return
     first, last = np.array(path[0]), np.array(path[-1])
     end = last[at.PIECE_FROM : at.PIECE_WAY] + last[at.PIECE_WAY : at.PIECE_QUATERNION]

@@ -32,12 +32,15 @@ class Shapes:
         Every file that was read.
     notices
         What was repaired in meshes.
+    failed
+        The objects, by index, whose shape could not be made.
     """
 
     shapes: list[Shape] = field(default_factory=list)
     boxes: dict[str, Corners] = field(default_factory=dict)
     files: tuple[SceneFile, ...] = ()
     notices: list[str] = field(default_factory=list)
+    failed: set[int] = field(default_factory=set)
 
 
 def build_shapes(scene: Scene, reader: SceneFiles, problems: list[Problem]) -> Shapes:
@@ -50,6 +53,7 @@ def build_shapes(scene: Scene, reader: SceneFiles, problems: list[Problem]) -> S
             continue
         mesh = _mesh(scene, element, reader, loaded, problems)
         if mesh is None:
+            built.failed.add(len(built.shapes))
             built.shapes.append(Plane())
             continue
         built.shapes.append(Mesh(mesh.surface))

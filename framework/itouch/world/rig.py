@@ -19,7 +19,7 @@ from itouch.scene.elements import DeviceElement, Fault
 from itouch.schema import Place, Problem
 from itouch.schema.diagnostics import did_you_mean, meant
 from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
-from itouch.schema.plugin_errors import ReturnedError, error_text, failing, failure
+from itouch.schema.plugin_errors import ReturnedError, error_text, failing, failure, gathering
 from itouch.schema.quantities import QuantityError, parse_quantity
 from itouch.world import answers
 from itouch.world.limits import DeviceLimits, resolve
@@ -183,10 +183,12 @@ def build_devices(
     devices: dict[str, DeviceModel] = {}
     reader = reader or SceneFiles(scene)
     for element in scene.devices:
-        model = _build(scene, element, catalog, problems, reader)
-        if model is not None:
-            devices[element.name] = model
-    problems += _shared_wires(scene, devices)
+        with gathering(problems):
+            model = _build(scene, element, catalog, problems, reader)
+            if model is not None:
+                devices[element.name] = model
+    with gathering(problems):
+        problems += _shared_wires(scene, devices)
     return devices
 
 

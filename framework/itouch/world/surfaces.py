@@ -54,6 +54,14 @@ def read_textures(scene: Scene, reader: SceneFiles, problems: list[Problem]) -> 
         _texture(scene, material, reader, problems, [])
 
 
+def check_effects(scene: Scene, problems: list[Problem]) -> None:
+    """Check the effects of all materials that are used, be it by an element with a problem, without making them."""
+    used = {element.material for element in scene.objects} | {name for _, name in scene.doubts.wanted}
+    for material in scene.materials:
+        if material.name in used:
+            _check(scene, material, problems)
+
+
 def _effects(
     scene: Scene, material: elements.Material, reader: SceneFiles, problems: list[Problem], notices: list[str]
 ) -> Effects:

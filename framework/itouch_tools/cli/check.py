@@ -15,8 +15,6 @@ from itouch_tools.cli.arguments import Parser, add_json, as_json
 from itouch_tools.cli.output_files import output_file, write_output
 
 if TYPE_CHECKING:
-    from itouch.plugin.discovery import Catalog
-    from itouch.scene import Scene
     from itouch.schema import Problem
     from itouch.world import Model
     from itouch_tools.authoring.fixes import Edit
@@ -79,8 +77,9 @@ def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None
     from itouch.scene.loader import in_file_order, read_scene
     from itouch.schema.diagnostics import SceneError
     from itouch.session import choose_twins
+    from itouch.session.building import with_records
     from itouch.session.channel_selection import recording_notes, recording_problems
-    from itouch.world import compile_scene, further
+    from itouch.world import survey
     from itouch_tools.authoring.lint import odd
     from itouch_tools.report.safety.rules import alone
 
@@ -90,29 +89,15 @@ def examined(path: str, rig: str | None, twin: str | None) -> tuple[Model | None
         scene = scene if twin is None else choose_twins(scene, twin)
     except SceneError as error:
         problems += error.problems
-    broken = any(problem.severity == "error" for problem in problems)
-    scene, unfit = (scene, ()) if broken else _calibrated(scene, catalog)
-    model, more = (None, further(scene, catalog, problems)) if broken else compile_scene(scene, catalog)
-    unrecordable = recording_problems(model) if model is not None else []
+    scene, unfit = with_records(scene, catalog)
+    found = survey(scene, catalog, problems)
+    model, more, unrecordable = found.model, list(found.problems), recording_problems(found)
     if model is not None and not unrecordable:
         more = [*more, *odd(model)]
         untold = (notice for notice in model.notices if not _told(notice, more))
         unwatched = (_ALONE.format(name) for name in alone(model))
         model = replace(model, notices=(*untold, *recording_notes(model), *unwatched))
     return (None if unrecordable or unfit else model), in_file_order([*problems, *unfit, *more, *unrecordable])
-
-
-def _calibrated(scene: Scene, catalog: Catalog) -> tuple[Scene, Sequence[Problem]]:
-    """Return the scene with the records beside it put in, as a run has it, and the problems of these records."""
-    from itouch.schema import ItouchError, Problem, SceneError
-    from itouch.session.calibration import calibrated
-
-    try:
-        return calibrated(scene, catalog=catalog), ()
-    except SceneError as error:
-        return scene, error.problems
-    except ItouchError as error:
-        return scene, [Problem("calibration-stale", str(error))]
 
 
 def _told(notice: str, problems: Sequence[Problem]) -> bool:

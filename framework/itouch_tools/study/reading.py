@@ -18,7 +18,7 @@ from itouch.scene.places import Places
 from itouch.scene.source import Attribute, Node, SourceError, read_root
 from itouch.schema.diagnostics import Place, Problem, SceneError, did_you_mean
 from itouch.schema.hold_until import Until
-from itouch.world import Model, compile_scene
+from itouch.world import Model, survey
 from itouch.world.scene_files import SceneFile
 from itouch.world.skin_source import LONGEST
 from itouch_tools.study.adaptive import Staircase
@@ -309,6 +309,7 @@ def _scenes(file: StudyFile, catalog: Catalog) -> Iterator[Problem]:
     base, problems = read_scene(file.scene_path, catalog, place=file.places.of(file.study, "scene"))
     yield from problems
     if any(problem.severity == "error" for problem in problems):
+        yield from survey(base, catalog, problems).problems
         return
     known = [each.name for each in base.world.objects]
     wanted = file.study.contact.object_
@@ -320,11 +321,9 @@ def _scenes(file: StudyFile, catalog: Catalog) -> Iterator[Problem]:
     told: set[str] = set()
     for condition in each_level_once(file):
         scene, found = file.scene(condition, catalog)
-        if not any(problem.severity == "error" for problem in found):
-            model, more = compile_scene(scene, catalog)
-            found = [*found, *more]
-            file.files.update({one.file: one for one in model.files} if model is not None else {})
-        for problem in found:
+        compiled = survey(scene, catalog, found)
+        file.files.update({one.file: one for one in compiled.model.files} if compiled.model is not None else {})
+        for problem in (*found, *compiled.problems):
             if problem.severity == "error" and problem.sentence not in told:
                 told.add(problem.sentence)
                 shown = ", ".join(f"{name}={level}" for name, level in condition.items())

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.plugin.discovery import Catalog
 from itouch.schema.diagnostics import Problem, did_you_mean
-from itouch.world import Model, compile_scene, make_state
+from itouch.world import Model, make_state, survey
 from itouch_tools.sweeps import report_paths
 from itouch_tools.sweeps.functions import FunctionError, check_function
 from itouch_tools.sweeps.run_plan import Setting, written
@@ -87,11 +87,9 @@ def scenes(file: SweepFile, catalog: Catalog) -> Iterator[Problem]:
     base: Model | None = None
     for sets, shown in _each_level_once(file):
         scene, found = file.scene(sets, catalog)
-        model = None
-        if not any(problem.severity == "error" for problem in found):
-            model, more = compile_scene(scene, catalog)
-            found = [*found, *more]
-        for problem in found:
+        compiled = survey(scene, catalog, found)
+        model = compiled.model
+        for problem in (*found, *compiled.problems):
             if problem.severity == "error" and problem.sentence not in told:
                 told.add(problem.sentence)
                 yield replace(problem, sentence=f"{problem.sentence} (with {shown})") if shown else problem

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -27,6 +28,8 @@ class RecordElement:
     """Records the session as MCAP: everything that a replay needs, and the channels that are chosen here."""
 
     TAG: ClassVar[str] = "record"
+    #: What is taken for a name that can't be read, so that the channels are checked all the same.
+    STANDS_IN: ClassVar[Mapping[str, str]] = {"to": "unread.mcap"}
     to: str = text(doc="file below the working folder, ending in .mcap; {scene}, {time} and {seed} are filled in")
     channels: str = text(default="", doc="names of State fields, separated by spaces; * stands for any characters")
     rate: float | None = quantity(

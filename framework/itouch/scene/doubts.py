@@ -1,0 +1,35 @@
+"""What of a scene with problems is not as it was meant, so that nothing that depends on it is told as wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from itouch.scene.elements import Material
+
+#: Kind and name of an element; a section's kind is ``section``, its name its tag.
+Named = tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Doubts:
+    """What other checks must not count on.
+
+    Attributes
+    ----------
+    unsound
+        Elements with a problem of their own, whether they are left out of the scene or not.
+    whole
+        Whether all files of the scene could be read.
+    remnants
+        Materials that are left out, as far as they could be read.
+    wanted
+        What the elements with a problem refer to.
+    """
+
+    unsound: frozenset[Named] = frozenset()
+    whole: bool = True
+    remnants: tuple[Material, ...] = ()
+    wanted: frozenset[Named] = frozenset()
+
+
+NO_DOUBTS = Doubts()
