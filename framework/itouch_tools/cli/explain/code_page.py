@@ -19,7 +19,9 @@ _HEAD = """# Messages and their codes
 Generated from the program: the table of its codes, an input that gives each, and what it prints then.
 
 Every problem of a file has a code, a sentence, a place (`file:line:column`) and advice. All problems of a scene are
-reported at once, nothing is started, and the exit code is 2. A *warning* is reported too, but does not stop. A
+reported at once, nothing is started, and the exit code is 2. Only what may be the consequence of another problem waits
+until that is mended, as do names that may stand in a file which can't be read. A *warning* is reported too, but does
+not stop; beside problems that are found while the files are read, those of the compiled scene are left out. A
 device that is stopped while it runs is a *fault*: its code is printed, stands in the report under `trip`, and is
 `fault.trip.label` of the `itouch.DeviceFaultError` that is raised; the exit code is 1. `itouch-py explain CODE` prints
 what stands here, but for the files of the program in which a code is told: they are for whoever changes a message.
