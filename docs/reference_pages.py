@@ -95,11 +95,16 @@ def _digest() -> str:
 def write_commands() -> None:
     """Write the reference of the command line, out of each command's own help, and the environment variables."""
     from itouch_tools.cli import COMMANDS, _plugin_commands
+    from itouch_tools.cli.command_options import HELP
 
     lines = [
         "# Command line",
         "",
         "Generated from the commands' own help. At the end: [environment variables](#environment-variables).",
+        "",
+        "```text",
+        HELP.rstrip(),
+        "```",
         "",
     ]
     for name in sorted({*COMMANDS, *_plugin_commands()}):
@@ -113,11 +118,10 @@ def _of_command(*words: str) -> list[str]:
     from itouch_tools.cli import sweep
 
     done = subprocess.run([sys.executable, "-m", "itouch_tools.cli", *words, "--help"], capture_output=True, text=True,
-                          check=True, env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1"})  # fmt: skip
+                          check=True, env={**os.environ, "COLUMNS": "78", "NO_COLOR": "1"})  # fmt: skip
     text = done.stdout.rstrip()
     own = list(sweep.COMMANDS) if words == ("sweep",) else re.findall(r"(?m)^ {4}([a-z][a-z-]*)(?=  |$)", text)
-    if len(words) > 1:
-        text = text.partition("\n\noptions of every command:")[0]
+    text = text.partition("\n\noptions of every command:")[0]  # they stand at the top
     lines = ["#" * (1 + len(words)) + f" itouch-py {' '.join(words)}", "", "```text", text, "```", ""]
     for each in own:
         lines += _of_command(*words, each)

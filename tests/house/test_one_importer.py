@@ -24,7 +24,6 @@ REASONS = {
     "itouch.session.state_validation": "what a stored State may be is checked by rules of their own",
     "itouch_tools.cli.doctor.timer": "a program of its own, run in another process",
     "itouch_tools.cli.study_serve": "each sub-command of `study` that runs something has a file",
-    "itouch_tools.cli.synopsis": "loaded only for help that lists a plugin's command",
     "itouch_tools.cli.wake_ups": "a program of its own, run in another process",
     "itouch_tools.sound.wav": "a sound is played, or written to a file: one file for each",
     "itouch_tools.sweeps.pages": "the work of a command lies below the command line",

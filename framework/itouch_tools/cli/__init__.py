@@ -268,9 +268,9 @@ def _dispatch(words: list[str]) -> int:
 def _help(words: list[str]) -> int:
     if len(words) > 1 and not words[1].startswith("-"):  # `itouch-py help check`
         return _dispatch([words[1], "--help"])
-    from itouch_tools.cli.command_options import HELP
+    from itouch_tools.cli.command_options import HELP, in_columns
 
-    print(_USAGE.format(commands=_listed(), common=HELP))
+    print(_USAGE.format(commands=in_columns(listed()), common=HELP))
     return 0 if words else 2
 
 
@@ -304,9 +304,3 @@ def listed() -> dict[str, str]:
         if entry.name not in lines:
             lines[entry.name] = synopsis(entry) or f"command of {entry.dist.name if entry.dist else 'a plugin'}"
     return dict(sorted(lines.items()))
-
-
-def _listed() -> str:
-    lines = listed()
-    width = max(map(len, lines))
-    return "\n".join(f"  {name:<{width}}  {text}" for name, text in lines.items())

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import sys
 from collections.abc import Sequence
 
 from itouch.plugin.discovery import BENCHES, Found, find
 from itouch.schema.diagnostics import did_you_mean
+from itouch_tools.cli.command_options import in_columns
 from itouch_tools.cli.progress import measured
+from itouch_tools.cli.synopsis import source_of
 
 
 def main(argv: Sequence[str]) -> int:
     """Measure accuracy and speed."""
     found = find(BENCHES)
     if not argv or argv[0] in ("-h", "--help"):
-        names = "\n".join(f"  {name:<12} {_measures(entry)}" for name, entry in found.items())
-        print(f"usage: itouch-py bench NAME [options]\n\nbenches:\n{names}")
+        names = in_columns({name: _measures(entry) for name, entry in found.items()})
+        print(f"usage: itouch-py bench NAME [options]\n\nbenches (each has --help):\n{names}")
         return 0 if argv else 2
     if argv[0] not in found:
         advice = did_you_mean(argv[0], found, "benches are")
@@ -30,17 +31,13 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _measures(entry: Found) -> str:
-    """Return what a bench measures: the first line of its module's docstring, read without importing the module.
+    """Return what a bench measures: the first line of its module's docstring, read without importing anything.
 
-    For a bench without one, or whose plugin fails to be found, return the name of the distribution that brings it.
+    For a bench without one, or that is not found, return the name of the distribution that brings it.
     """
     try:
-        spec = importlib.util.find_spec(entry.entry.module)
-        with open(spec.origin if spec and spec.origin else "", "rb") as source:
-            told = ast.get_docstring(ast.parse(source.read())) or ""
-    except (
-        Exception,
-        SystemExit,
-    ):  # finding a module imports the package around it, and a plugin's may raise anything
-        told = ""
-    return told.partition("\n")[0].removeprefix(f"``itouch-py bench {entry.name}``: ") or entry.distribution
+        source = source_of(entry.entry.module)
+        told = ast.get_docstring(ast.parse(source.read_bytes())) if source is not None else None
+    except (OSError, SyntaxError, ValueError, ImportError):
+        told = None
+    return (told or "").partition("\n")[0].removeprefix(f"``itouch-py bench {entry.name}``: ") or entry.distribution

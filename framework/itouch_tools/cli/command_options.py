@@ -1,8 +1,8 @@
-"""Options of all commands: `--quiet`, `--verbose`, `--color`."""
+"""Options of all commands: `--quiet`, `--verbose`, `--color`; how a help lists names."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from itouch.schema import ItouchError
@@ -16,6 +16,21 @@ options of every command:
   -v, --verbose   also what took how long
   --color WHEN    auto (the default; NO_COLOR is obeyed), always or never
 """
+
+
+def in_columns(rows: Mapping[str, str]) -> str:
+    """Return names, each beside what it is, in the width of the terminal, as the help of options is."""
+    from shutil import get_terminal_size
+    from textwrap import wrap
+
+    name_width = max(map(len, rows), default=0)
+    width = max(get_terminal_size().columns - 2, name_width + 24)
+    indent = " " * (name_width + 4)
+    entries = (
+        wrap(text, width, initial_indent=f"  {name:<{name_width}}  ", subsequent_indent=indent)
+        for name, text in rows.items()
+    )
+    return "\n".join(line for entry in entries for line in entry)
 
 
 def taken(words: list[str]) -> tuple[list[str], dict[str, object]]:

@@ -12,7 +12,7 @@ from pathlib import Path
 def synopsis(entry: EntryPoint) -> str:
     """Return the first sentence of the docstring of an entry point's function, else of its module, or nothing."""
     try:
-        source = _source(entry.module)
+        source = source_of(entry.module)
         tree = ast.parse(source.read_text(encoding="utf-8")) if source is not None else ast.Module([], [])
     except (OSError, SyntaxError, ValueError, ImportError):
         return ""
@@ -24,7 +24,7 @@ def synopsis(entry: EntryPoint) -> str:
     return sentence[:1].lower() + sentence[1:]
 
 
-def _source(module: str) -> Path | None:
+def source_of(module: str) -> Path | None:
     """Return the file of a module, without importing the packages that hold it."""
     top, *inner = module.split(".")
     spec = PathFinder.find_spec(top) or find_spec(top)
