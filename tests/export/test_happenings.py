@@ -39,6 +39,8 @@ def test_events_of_bids_say_which_finger_touched_and_which_device_failed(kept: P
     touched = {(row["source"], row["value"]) for row in events if row["trial_type"] == "contact"}
     assert touched == {("thumb", "block"), ("index", "block")}
     assert {row["source"] for row in events if row["trial_type"] == "fault"} == {"right"}
+    begins = [float(row["onset"]) for row in events]
+    assert begins == sorted(begins) and begins[-1] == pytest.approx(0.7, abs=0.01)  # whatever happened, in time's order
 
 
 def test_what_a_fault_consists_of_is_json_in_its_table(kept: Path) -> None:

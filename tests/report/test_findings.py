@@ -322,3 +322,14 @@ def test_without_such_a_touch_there_is_no_picture_of_one() -> None:
     for touched in [-1] * 9 + [2] * 4 + [-1] * 9:
         shown.look(_State({"finger.object": touched}))
     assert shown.state is None
+
+
+@pytest.mark.parametrize(
+    ("twins", "simulated"), [((True, True), True), ((True, False), False), ((False, False), False), ((), False)]
+)
+def test_only_where_every_device_was_a_twin_a_session_is_said_to_be_simulated(
+    twins: tuple[bool, ...], simulated: bool
+) -> None:
+    model = SimpleNamespace(devices={str(n): SimpleNamespace(twin=twin) for n, twin in enumerate(twins)})
+    findings = SimpleNamespace(contacts=[], summary={}, faults=[], losses=[], model=model)
+    assert ("simulated" in sections.answer(findings)["said"]) == simulated

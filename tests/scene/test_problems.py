@@ -378,3 +378,9 @@ def test_the_device_that_brings_the_surface_does_not_say_where_the_finger_is(wri
     )
     assert (found.code, found.place.column if found.place else None) == ("exclusive", 48)
     assert "the finger would be wherever the surface is" in found.sentence
+
+
+def test_what_is_wrong_after_an_unknown_default_is_told_too(write: Write) -> None:
+    path = write("scene.xml", HEAD + '<defaults><bax size="1 1 1 mm"/><box colour="red"/></defaults>' + TAIL)
+    found = [(problem.code, problem.place.column) for problem in problems_of(path) if problem.place is not None]
+    assert found == [("unknown-element", 11), ("unknown-attribute", 38)]

@@ -48,6 +48,8 @@ def test_reads(text: str, unit: str, size: int, expected: tuple[float, ...]) -> 
         ("1e999 m", "m", "too large"),
         ("3 kg", "N*s/m", "'kg' is not a unit of N*s/m"),
         ("3 furlong", "m", "'furlong' is not a unit"),
+        ("3 m/furlong", "m", "^'furlong' is not a unit"),
+        ("3 N/", "N", "^'N/' is not a unit"),
         ("1 2 m", "m", "expected 1 number, found 2"),
         ("", "m", "found 0"),
         ("mm", "m", "found 0"),

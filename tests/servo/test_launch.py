@@ -14,7 +14,7 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch.servo import attach, sessions
+from itouch.servo import attach, launching, sessions
 from itouch.session.outputs import Outputs
 
 Write = Callable[[str, str], Path]
@@ -244,3 +244,14 @@ def test_a_session_that_can_not_be_saved_at_its_end_still_tells_why_it_ended(tmp
         with pytest.raises(itouch.DeviceFaultError, match="NaN"):
             handle.wait(300)
         assert "not-a-number" in [fault["trip"] for fault in handle.report()["faults"]]
+
+
+def test_sessions_without_a_name_that_begin_after_one_another_have_names_of_their_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Those of one process, of one scene, within a second: names are those of its shared memory and its socket."""
+    for step in (1_000, 1_000_000, 123_457_000):
+        nows = iter(range(0, 8 * step, step))
+        monkeypatch.setattr(launching.time, "monotonic_ns", nows.__next__)
+        names = [launching.named("a/touch.xml") for _ in range(8)]
+        assert len(set(names)) == 8 and all(name.startswith(f"touch-{os.getpid()}-") for name in names)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import random
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +15,10 @@ from running import RUNNABLE
 from shipped import SCENES
 
 import itouch
+from itouch.plugin import Field, Record
 from itouch.recording import Recording
 from itouch.session.manifest import host_facts
+from itouch.session.playback import Feed
 from itouch.session.replaying import Mismatch, Replay
 from itouch_tools.cli import main
 
@@ -185,3 +189,37 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     (tmp_path / "n.mcap").write_bytes(b"no")
     assert main(["replay", str(tmp_path / "n.mcap")]) == 2
     assert "not a recording" in capsys.readouterr().err
+
+
+class _Recorded(dict[str, np.ndarray]):
+    """A recording of readings, row by row: what a replay is fed with."""
+
+    def __init__(self, tables: dict[str, np.ndarray]) -> None:
+        super().__init__(tables)
+        self.tracks = {name: SimpleNamespace(replay=True) for name in tables}
+        self.ticks, self.faults = np.arange(2) + 7, list[dict[str, object]]()
+
+
+def test_beyond_the_rows_that_were_recorded_there_is_no_reading_and_nothing_is_asked_of_it() -> None:
+    """A recording may be cut, and a device may have left nothing in it."""
+    rows = np.array(
+        [(3, 1, 0.5, 40, 38, 2.0), (3, 2, 0.5, 41, 39, 2.5)],
+        [("sequence", "i8"), ("age", "i8"), ("force", "f8"), ("measured", "i8"), ("left", "i8"), ("out.pose", "f8")],
+    )
+    named = {"arm": SimpleNamespace(reads=[SimpleNamespace(name="force")]), "other": SimpleNamespace(reads=[])}
+    state = {"arm.sequence": np.array(3), "arm.age": np.array(2), "arm.trip": np.array(0)}
+    session = SimpleNamespace(model=SimpleNamespace(devices=named), state=state)
+    feed: Any = Feed(_Recorded({"arm": rows}), session)  # type: ignore[arg-type]
+    reading, command, ticks = (Record.of([Field(name)]) for name in ("force", "pose", "ticks"))
+    reading["force"] = 0.5
+    found = []
+    for feed.at in range(3):
+        feed.measured("arm", 9, ticks["ticks"])
+        found.append(
+            (feed.uncounted("arm"), feed.give("arm", reading), ticks["ticks"].item(), feed.departed("arm", command))
+        )
+        feed.measured("other", 9, ticks["ticks"])
+        of_the_other = feed.uncounted("other"), feed.give("other", reading), feed.departed("other", command)
+        assert (*of_the_other, ticks["ticks"].item()) == (False, False, None, 9)
+    assert found == [(False, False, 40, 38), (True, False, 41, 39), (False, False, 9, None)]
+    assert (reading["force"].item(), command["pose"].item()) == (0.5, 2.5)

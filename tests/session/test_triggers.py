@@ -7,6 +7,7 @@ import os
 import random
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -203,3 +204,32 @@ def test_sync_tells_the_distribution() -> None:
     assert 0.0 < asked["min_ms"] <= asked["p50_ms"] <= asked["p99_ms"] <= asked["max_ms"]
     assert ticked["p50_ms"] < asked["p50_ms"]  # who asks waits for the tick
     assert program("sync", "--marks", "10", "--limit", "0.0001").returncode == 1
+
+
+def test_the_far_end_is_the_emulated_box_or_a_port_that_is_read_whole(box: Terminal) -> None:
+    line = os.open(box.path, os.O_WRONLY | os.O_NOCTTY)
+    try:
+        for port, terminal, send in ((None, box, partial(os.write, line)), (box.path, None, box.send)):
+            with sync.FarEnd(port, terminal) as far:
+                begin = time.monotonic_ns()
+                send(bytes((1, 9)))
+                arrived = far.wait(9)
+                assert arrived is not None and begin <= arrived <= time.monotonic_ns()
+    finally:
+        os.close(line)
+
+
+@pytest.mark.parametrize(
+    ("limit", "seconds", "lost", "code"),
+    [(None, (1e-3, 3e-3), 0, 0), (5.0, (1e-3, 3e-3), 0, 0), (2.0, (1e-3, 3e-3), 0, 1), (5.0, (1e-3, 3e-3), 1, 1),
+     (None, (), 10, 1)],
+)  # fmt: skip
+def test_sync_is_good_if_no_code_is_lost_and_its_limit_is_kept(
+    limit: float | None, seconds: tuple[float, ...], lost: int, code: int,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    rows = [sync.Delays(way, seconds, lost) for way in ("asked", "ticked")]
+    monkeypatch.setattr(sync, "measure", lambda *words: rows)
+    words = ["--json"] if limit is None else ["--json", "--limit", str(limit)]
+    assert sync.main(words) == code
+    assert json.loads(capsys.readouterr().out)["good"] == (code == 0)

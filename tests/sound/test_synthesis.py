@@ -17,7 +17,7 @@ from itouch_evidence.bench_sound import peaks
 from itouch_tools.cli import main
 from itouch_tools.sound import Bank, SoundTrack, Synth
 from itouch_tools.sound.modal import RATE
-from itouch_tools.sound.sliding import Sliding
+from itouch_tools.sound.sliding import FULL_FORCE, FULL_SPEED, Sliding
 from itouch_tools.sound.synth import (
     STANDS,
     TONE_AGAIN,
@@ -28,7 +28,7 @@ from itouch_tools.sound.synth import (
     TONES,
     limited,
 )
-from itouch_tools.sound.texture_profile import Relief, Way, reliefs
+from itouch_tools.sound.texture_profile import Relief, Way, _sampled, reliefs
 
 SCENE = """<itouch version="1.0">
   <materials>{materials}</materials>
@@ -246,3 +246,36 @@ def test_loud_samples_are_bent_without_a_kink_and_keep_their_order() -> None:
     assert (np.diff(slopes) < 1e-9).all() and slopes[0] == pytest.approx(1.0) and (np.abs(np.diff(slopes)) < 0.02).all()
     assert (slopes >= 0.0).all() and bent.max() < 1.0 and bent[-1] > 0.99
     assert limited(-loud) == pytest.approx(-bent)
+
+
+def test_beyond_its_full_speed_sliding_grows_no_louder_but_for_its_pitch() -> None:
+    """Its pitch fades what is beyond hearing; where grains are coarse, nothing is left of the speed but the pitch."""
+    levels = []
+    for speed in (0.5, 1.01, 2.0, 20.0):
+        sliding = Sliding()
+        sliding.render(RATE, speed * FULL_SPEED, FULL_FORCE, grain=10.0, level=0.1)
+        levels.append(sliding._level)
+    assert levels[0] < 0.08 and levels[1:] == pytest.approx([0.1] * 3, rel=1e-3)
+
+
+def test_sliding_that_dies_away_slows_down(plates) -> None:
+    """As a finger that comes to rest does; it whistled if it went on at a speed."""
+    synth = Synth(plates[0].model)
+    synth.hear(plates[2])
+    synth.render(round(0.01 * RATE))
+    (sliding,) = synth._sliding.values()
+    synth._slides.clear()
+    steps = [sliding._step]
+    while not sliding.silent:
+        synth.render(48)
+        steps.append(sliding._step)
+    assert len(steps) > 10 and all(later < sooner for sooner, later in zip(steps, steps[1:-1], strict=False))
+
+
+def test_between_samples_a_map_is_linear_and_it_repeats_both_ways() -> None:
+    heights = np.array([[0.0, 1.0, 5.0], [10.0, 20.0, -7.0]])
+    places = np.array(
+        [(0.0, 0.0), (2.0, 1.0), (0.25, 0.0), (0.0, 0.25), (0.5, 0.5), (2.5, 0.0), (1.0, 1.5), (-1.0, -1.0)]
+    )
+    expected = [0.0, -7.0, 0.25, 2.5, 7.75, 2.5, 10.5, -7.0]
+    assert _sampled(heights, places) == pytest.approx(expected)

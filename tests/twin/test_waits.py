@@ -258,6 +258,7 @@ def test_a_skin_that_is_never_read_or_never_back_ends_the_wait_in_time() -> None
     assert play([306.0] * 5 + [304.0] * 5 + [306.0] * 20, [True] * 30)[1:] == (5, waits.BACK)
     assert play([306.0] * 30, [True] * 30)[1:] == (0, waits.BACK)
     assert play([306.0] * 5 + [np.nan] * 4 + [306.0] * 21, [True] * 30)[1:] == (4, waits.BACK)
+    assert play([306.0] * 5 + [0.0] * 4 + [306.0] * 21, [True] * 30)[1:] == (4, waits.BACK)  # no skin is that cold
 
 
 def test_a_wait_is_a_minute_at_most() -> None:

@@ -202,3 +202,13 @@ def test_a_module_that_cannot_be_talked_to_says_why(module: Module, change: dict
     with pytest.raises(ServoError, match=rf"motor x \(module 3\) {words}"):
         steppers(module)
     assert module.closed
+
+
+def test_the_slowest_axis_on_full_steps_is_given_a_speed_and_an_acceleration_all_the_same(module: Module) -> None:
+    """Rounded to nought, either would let the motor stand, or a module take what it has of its own."""
+    Steppers(
+        "/dev/bench", baud=9600, address=ADDRESS, motors=(0, 1, 2), microsteps=(1.0, 10.0, 100.0), leads=(0.5,) * 3,
+        speed=0.01, acceleration=0.1, watchdog=None, clock=module.clock,
+    ).close()  # fmt: skip
+    assert [module.set[motor, 4] for motor in range(3)] == [1, 1, 2]
+    assert [module.set[motor, 5] for motor in range(3)] == [1, 2, 20]
