@@ -84,3 +84,16 @@ def test_a_folder_has_a_table_of_each_track_under_its_name(tmp_path: Path) -> No
     heads = {path: Path(path).read_text(encoding="utf-8").partition("\n")[0] for path in written[:2]}
     assert [("force.x [N]" in head, "pose.x [m]" in head) for head in heads.values()] == [(True, False), (False, True)]
     assert [len(Path(path).read_text(encoding="utf-8").splitlines()) for path in written[:2]] == [3, 3]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, ""), (1.5, "1.5"), ("plain", "plain"), ('a "b"', '"a ""b"""'), ("a, b", '"a, b"'), ("a\nb", '"a\nb"'),
+        ([1.0, 2.5], "1.0 2.5"), ([], ""), ({"code": 7}, '"{""code"": 7}"'), ([[1], [2]], '"[[1], [2]]"'),
+        ([1, {"a": None}], '"[1, {""a"": null}]"'),
+    ],
+)  # fmt: skip
+def test_a_cell_is_text_numbers_in_a_row_or_json(value: object, text: str) -> None:
+    """Programs in any language read the payloads of marks, and a list of numbers as it stands."""
+    assert tables._quoted(value) == text

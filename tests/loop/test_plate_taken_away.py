@@ -11,8 +11,9 @@ import pytest
 from kernels_in_python import python_of
 
 from itouch.loop import probe_steps, render
-from itouch.loop.surface import force, plate
+from itouch.loop.surface import force, ground, plate
 from itouch.loop.surface import surface_memory as at
+from itouch.plugin import carried_surfaces
 from itouch.twin import frame_rotation
 
 ORIGIN, RADIUS, PERIOD = np.array((0.3, -0.2, 0.1)), 0.008, 1e-3
@@ -76,3 +77,37 @@ def test_the_finger_is_where_its_tracker_is_mounted_and_its_speed_is_smoothed(mo
         assert figures[render.HIP : render.HIP + 3] == pytest.approx(ORIGIN + quarter @ place, abs=1e-15)
         speed = np.zeros(3) if first else quarter @ (places[1] - places[0]) / PERIOD * 0.25
         assert figures[render.VELOCITY : render.VELOCITY + 3] == pytest.approx(speed, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("moves", "hit", "normal", "tilted", "slope"),
+    [
+        (0.02, 4, (0.6, 0.0, 0.8), 1.0, (-0.75, 0.0)),
+        (0.02, 4, (0.0, -0.6, 0.8), 1.0, (0.0, 0.75)),
+        (0.0, 4, (0.6, 0.0, 0.8), 1.0, (0.1, 0.2)),  # it stays where it is
+        (0.02, -1, (0.6, 0.0, 0.8), 1.0, (0.3, 0.4)),  # nothing is there
+        (0.02, 4, (0.98, 0.0, 0.199), 1.0, (0.3, 0.4)),  # what no plate follows
+        (0.02, 4, (0.6, 0.0, 0.8), 0.5, (0.3, 0.4)),  # what this one, tilted as it is, does not render
+    ],
+)
+def test_the_slope_is_that_of_where_the_finger_will_be_or_else_as_it_was(
+    moves: float, hit: int, normal: tuple[float, ...], tilted: float, slope: tuple[float, float],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    casts = list[list[float]]()
+
+    def cast(*words: Any) -> tuple[float, int]:
+        casts.append(words[3].tolist())
+        words[-1][:] = normal
+        return 1e-3, hit
+
+    monkeypatch.setattr(ground, "sphere_cast", cast)
+    monkeypatch.setattr(ground, "along_plate", python_of(ground.along_plate))
+    c, memory, start = np.zeros(render.CONSTANTS), np.zeros(at.MEMORY), np.array(ORIGIN)
+    c[render.PERIOD], c[render.PLATE_COSINE], c[render.TABLE + 11] = PERIOD, 0.7, tilted
+    memory[at.SLOPE : at.SLOPE + 2], memory[at.GOES : at.GOES + 2] = (0.3, 0.4), (moves, -2.0 * moves)
+    down, found = np.array((0.0, 0.0, -1.0)), np.zeros(3)
+    told = python_of(ground._slope_ahead)(c, None, None, None, memory, start, down, found, 0.1, 0.2)
+    assert told == pytest.approx(slope)
+    way = np.array((moves, -2.0 * moves, 0.0)) * carried_surfaces.SLOPE_AHEAD
+    assert casts == ([] if moves == 0.0 else [pytest.approx(ORIGIN + way)])

@@ -288,6 +288,15 @@ def test_the_worst_that_a_script_does_is_told_in_degrees_where_it_is_a_temperatu
     assert rows.rows[:2] == (("plate", "20.00 °C", "40.50 °C"), ("push", "0 N", "1.5 N"))
 
 
+def test_the_dose_of_the_skin_is_told_in_minutes_at_43_degrees() -> None:
+    worst = SimpleNamespace(low={"plate [K]": 300.0}, high={"plate [K]": 316.0}, dose=90.0, longest=12.0,
+                            session=SimpleNamespace(seconds=100.0))  # fmt: skip
+    *_, rows = safety._worst_case(SimpleNamespace(), worst, "")
+    assert rows.rows[1:] == (
+        ("thermal dose of the skin", "0", "1.5 CEM43"), ("longest contact with the plate", "", "12.00 s"),
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize(("count", "shown", "more"), [(3, 3, 0), (12, 12, 0), (14, 12, 2)])
 def test_a_dozen_remarks_stand_below_the_table_and_the_others_are_counted(
     count: int, shown: int, more: int, monkeypatch: pytest.MonkeyPatch

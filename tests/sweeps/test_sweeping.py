@@ -21,11 +21,11 @@ from sweeping import COLLECT, VARIED, written
 
 import itouch
 from itouch.plugin.discovery import Catalog
-from itouch_tools.cli import main
+from itouch_tools.cli import main, sweep
 from itouch_tools.sweeps.cost_estimate import estimate
 from itouch_tools.sweeps.engines import Engine, EngineLostError, NoEngineError
 from itouch_tools.sweeps.running import Running
-from itouch_tools.sweeps.sweep_client import Client, SweepError
+from itouch_tools.sweeps.sweep_client import Client, SweepError, Swept
 from itouch_tools.sweeps.sweep_elements import Enough, Stop
 from itouch_tools.sweeps.sweep_progress import Progress
 from itouch_tools.sweeps.sweep_reading import load_sweep
@@ -269,3 +269,13 @@ def test_a_sweep_of_a_scene_that_is_a_link(tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert main(["sweep", str(path), "-o", str(out), "--workers", "1"]) == 0
     assert [row["status"] for row in rows(out)] == ["done"]
+
+
+@pytest.mark.parametrize(("ended_by", "code"), [("", 0), ("interrupted", 130), ("the end of its time", 0)])
+def test_the_command_ends_with_the_code_of_what_ended_it(
+    ended_by: str, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert sweep._told(Swept(tmp_path, 3, 8, {"done": 2, "failed": 1}, ended_by, 1, 2)) == code
+    said = capsys.readouterr().out
+    assert f"3 of 8 runs in {tmp_path}: 2 done, 1 failed\n  tried again: 1 runs; engine lost: 2 times\n" in said
+    assert ("the same command goes on" in said) == bool(ended_by) and ended_by in said
