@@ -30,10 +30,22 @@ def flags(decorator: ast.expr) -> set[str] | None:
     return {str(one.arg) for one in words if ast.unparse(one.value) == "True"}
 
 
-def stored(text: str) -> set[str]:
-    """Return the names of attributes that a module assigns to."""
-    found = (node for node in nodes(text) if isinstance(node, ast.Attribute))
-    return {node.attr for node in found if isinstance(node.ctx, ast.Store | ast.Del)}
+def stored(text: str) -> set[tuple[str, str]]:
+    """Return the attributes that a module assigns to, each with the class whose ``self`` has it; "": of any object.
+
+    What a class does to its ``self`` it may do to a field of what it is derived from.
+    """
+    found, owned = set[tuple[str, str]](), set[ast.Attribute]()
+    for one in nodes(text):
+        if isinstance(one, ast.ClassDef):
+            names = [one.name, *(ast.unparse(base).rpartition(".")[2] for base in one.bases)]
+            own = [
+                node for node in ast.walk(one) if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "self"
+            ]
+            owned.update(own)
+            found |= {(name, node.attr) for name in names for node in own if isinstance(node.ctx, ast.Store | ast.Del)}
+    others = (node for node in nodes(text) if isinstance(node, ast.Attribute) and node not in owned)
+    return found | {("", node.attr) for node in others if isinstance(node.ctx, ast.Store | ast.Del)}
 
 
 def wrong(sources: dict[str, str]) -> Iterator[str]:
@@ -52,7 +64,8 @@ def wrong(sources: dict[str, str]) -> Iterator[str]:
                 if "frozen" in said or "setattr(" in ast.unparse(node):
                     continue
                 near = [name for name in words if name == file or not words[name].isdisjoint((node.name, stem))]
-                if not any(fields & assigned(name) for name in near):
+                mine = {(owner, field) for owner in ("", node.name) for field in fields}
+                if not any(mine & assigned(name) for name in near):
                     yield f"{file}: nothing assigns to the fields of {node.name}: it could be frozen"
 
 
@@ -67,6 +80,9 @@ def test_dataclasses_have_slots_and_are_frozen_unless_they_change() -> None:
         ("@dataclass(frozen=True, slots=False)", "", "no slots"),
         ("@dataclass(frozen=False, slots=True)", "", "could be frozen"),
         ("@dataclass(slots=True)", "\n    def to(self) -> None: self.x += 1", ""),
+        ("@dataclass(slots=True)", "\nclass Other(Some):\n    def to(self) -> None: self.x += 1", ""),
+        ("@dataclass(slots=True)", "\nclass Other:\n    def to(self) -> None: self.x += 1", "could be frozen"),
+        ("@dataclass(slots=True)", "\ndef to(some: Some) -> None: some.x += 1", ""),
         ("@dataclass(slots=True)", "\n    def to(self, name: str) -> None: setattr(self, name, 1)", ""),
         ("@dataclasses.dataclass", "\n    def to(self) -> None: self.x = 1", "no slots"),
         ("@other", "", ""),

@@ -113,7 +113,7 @@ def _made(rule: Staircase) -> Any:
     return library.PsiMarginal(function, xCandidates=np.linspace(rule.low, rule.high, 31), maxIterations=rule.trials)
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Running:
     """A staircase in progress.  ``rows`` are its pairs (level, answer), from which it can be restored."""
 

@@ -105,7 +105,7 @@ def _dask(address: str) -> Iterator[tuple[Any, int]]:
             client.close(timeout=2.0)
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Pool:
     """Workers of an engine: joblib's backend, the number of tasks at once, and the backend's options (``told``)."""
 
