@@ -13,6 +13,7 @@ import pytest
 
 from itouch.recording.tracks import Column, Track
 from itouch_tools.export import bids, foxglove, tables
+from itouch_tools.export.contacts import ContactSpan
 from itouch_tools.export.ros_messages import type_of
 
 TRACK = Track("arm", 2, True, (
@@ -97,3 +98,24 @@ def test_a_folder_has_a_table_of_each_track_under_its_name(tmp_path: Path) -> No
 def test_a_cell_is_text_numbers_in_a_row_or_json(value: object, text: str) -> None:
     """Programs in any language read the payloads of marks, and a list of numbers as it stands."""
     assert tables._quoted(value) == text
+
+
+def test_events_of_bids_are_in_the_order_of_their_time_whatever_they_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spans = [ContactSpan("thumb", "block", 0.25, None), ContactSpan("index", "block", 0.125, 0.5)]
+    monkeypatch.setattr(bids, "contacts_of", lambda recording: spans)
+    recording: Any = SimpleNamespace(
+        marks=[{"time": 0.375, "name": "go", "payload": "now"}, {"time": 0.0, "name": "begin", "payload": ""}],
+        faults=[{"time": 0.3125, "cause": "lost\tits cable", "device": "arm"}],
+    )
+    bids._events(recording, str(tmp_path / "x"), "touch")
+    rows = [line.split("\t") for line in (tmp_path / "x.tsv").read_text(encoding="utf-8").splitlines()]
+    assert rows == [
+        ["onset", "duration", "trial_type", "value", "source"],
+        ["0.0", "0.0", "mark", "begin", "n/a"],
+        ["0.125", "0.375", "contact", "block", "index"],
+        ["0.25", "n/a", "contact", "block", "thumb"],
+        ["0.3125", "0.0", "fault", "lost its cable", "arm"],
+        ["0.375", "0.0", "mark", "go now", "n/a"],
+    ]

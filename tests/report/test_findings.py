@@ -342,3 +342,9 @@ def test_only_where_every_device_was_a_twin_a_session_is_said_to_be_simulated(
     model = SimpleNamespace(devices={str(n): SimpleNamespace(twin=twin) for n, twin in enumerate(twins)})
     findings = SimpleNamespace(contacts=[], summary={}, faults=[], losses=[], model=model)
     assert ("simulated" in sections.answer(findings)["said"]) == simulated
+
+
+def test_where_nothing_was_touched_for_long_the_end_is_pictured(tmp_path):
+    made(tmp_path, 3, seconds=0.02)
+    shown = collect(tmp_path / "run.mcap")
+    assert not shown.touching and shown.state["tick"] == 20
