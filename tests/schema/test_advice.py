@@ -17,3 +17,8 @@ def test_a_dozen_are_listed_in_order_and_only_that_there_are_more_is_said(count:
 def test_who_knows_nothing_advises_nothing() -> None:
     assert did_you_mean("zzz", ()) == ""
     assert did_you_mean("stifness", ("damping", "stiffness")) == "did you mean 'stiffness'?"
+
+
+def test_a_word_in_other_letters_is_found_and_of_several_such_always_the_same() -> None:
+    assert did_you_mean("WOOD", ("steel", "wood")) == "did you mean 'wood'?"
+    assert {did_you_mean("WOOD", names) for names in (("wood", "Wood"), ("Wood", "wood"))} == {"did you mean 'Wood'?"}

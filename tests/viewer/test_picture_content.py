@@ -141,6 +141,17 @@ def test_a_direction_that_is_none_has_a_frame_that_is_not_turned():
     assert frame[:3, :3].tolist() == np.eye(3).tolist() and frame[:3, 3].tolist() == [0.1, 0.2, 0.3]
 
 
+@pytest.mark.parametrize(
+    ("name", "low", "high"),
+    [("unit sphere", -np.ones(3), np.ones(3)), ("unit box", -np.full(3, 0.5), np.full(3, 0.5)),
+     ("shaft", (-1.0, -1.0, -0.5), (1.0, 1.0, 0.5)), ("tip", (-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)),
+     ("disc", (-1.0, -1.0, 0.0), (1.0, 1.0, 0.0))],
+)  # fmt: skip
+def test_what_is_drawn_at_any_size_is_a_unit_large_and_stands_at_its_own_origin(session, name, low, high):
+    places = SceneGraph(session.model).solids[name].positions
+    assert places.min(0) == pytest.approx(low, abs=0.02) and places.max(0) == pytest.approx(high, abs=0.02)
+
+
 def test_the_force_arrow_has_its_direction_and_grows_with_it():
     assert not list(arrow(np.zeros(3), np.zeros(3)))
     for force in (np.array([1.0, 2.0, -0.5]), np.array([0.0, 0.0, 3.0]), np.array([-1.0, 0.0, 0.0])):
