@@ -216,7 +216,7 @@ class LineDriver:
         longest = self._patience * (self._way + PATIENCE)
         quick = min(self._patience * max(self._way + QUICK, USUAL * self._usual), longest)
         if self._owes and wanted == "R":
-            self._hear_out(quick)
+            self._hear_out(line, quick)
         begin = time.monotonic()
         for turn in range(TRIES):
             wait = quick if self._version == 2 else longest
@@ -236,8 +236,10 @@ class LineDriver:
             if not _says(body, wanted):
                 raise DeviceError(f"the rig on {self._line.port} refuses '{text}': {body[1:].strip()}")
             return body[len(wanted) :].strip()
+        driven = ", and that its program answers '?' at any time" if self._owes and wanted == "N" else ""
         raise _SilentError(
-            f"the rig on {self._line.port} did not answer '{text}', sent again and again; check its power and its cable"
+            f"the rig on {self._line.port} did not answer '{text}', sent again and again; check its power and its "
+            f"cable{driven}"
         )
 
     def _before(self, begin: float, size: int, *, again: bool) -> float:
@@ -251,12 +253,14 @@ class LineDriver:
             return took
         return self._wire if self._age else 0.5 * took
 
-    def _hear_out(self, quiet: float) -> None:
+    def _hear_out(self, line: bytes, quiet: float) -> None:
         """Let late answers to a repeated line of version 1 pass: without numbers, they would be taken for the next's.
 
         Answers come in order: when the one to a greeting has come, those to all lines before it have.  Those to earlier
-        greetings are heard out, too; if none comes for ``quiet`` seconds, they are lost.
+        greetings are heard out, too; if none comes for ``quiet`` seconds, they are lost.  The current that is to be set
+        does not wait for that: its ``line`` is sent first, and its answer passes with the others.
         """
+        self._line.send(line)
         self._ask("?", "N")
         end = time.monotonic() + quiet
         while self._greetings and (rest := end - time.monotonic()) > 0.0:
@@ -333,9 +337,12 @@ class LineDriver:
 
     def close(self) -> None:
         """Set the current to zero, then release the line."""
-        self._owes = False  # setting zero waits for no late answers
+        owes, self._owes = self._owes, False  # setting zero waits for no late answers
         try:
             self._order("0")
+            if owes:  # but one of these may have been taken for its own
+                self._owes = True
+                self._order("0")
         finally:
             self._line.close()
 
