@@ -119,6 +119,36 @@ def test_a_misspelt_section_is_checked_as_the_one_that_was_meant(tmp_path: Path)
     assert found == [(3, "out-of-range"), (11, "unknown-element"), (15, "unknown-channel")]
 
 
+@pytest.mark.parametrize("before", [True, False])
+def test_what_stands_outside_its_section_is_checked_as_if_it_stood_there(tmp_path: Path, before: bool) -> None:
+    path = tmp_path / "scene.xml"
+    material = '<material name="cork"><contact stiffness="1 N/mm"/><visual colour="1 0 0"/></material>'
+    text = (
+        EFFECTS.replace("    <ORDINARY/>\n", "")
+        .replace("400 Hz", "40 Hz")
+        .replace('material="bell"', 'material="cork"')
+    )
+    text = text.replace("finger.contct", "finger.*").replace("90 mm", "9 mm")
+    at = text.index("  <materials>") if before else text.index("</itouch>")
+    path.write_text(f"{text[:at]}{material}\n{text[at:]}")
+    with pytest.raises(SceneError) as caught:
+        itouch.build(path)
+    found = caught.value.problems
+    assert [problem.code for problem in found] == ["unknown-element", "unknown-attribute"]
+    assert len({problem.place.line for problem in found if problem.place is not None}) == 1
+    assert found[0].advice == "put it into <materials>"
+
+
+def test_a_layer_that_could_not_be_read_is_not_missing(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    layer = '<softness>\n<layer thickness="1 mm" stiffnes="1 N/mm"/>\n</softness>'
+    text = EFFECTS.replace("    <ORDINARY/>\n", "").replace('<magnetic force="1 N" range="90 mm"/>', layer)
+    path.write_text(text.replace("400 Hz", "40 Hz").replace("finger.contct", "finger.*"))
+    with pytest.raises(SceneError) as caught:
+        itouch.build(path)
+    assert [problem.code for problem in caught.value.problems] == ["unknown-attribute"]
+
+
 def test_a_circle_of_modalities_is_told_beside_an_ordinary_mistake() -> None:
     from itouch_tools.cli.explain import examples
     from itouch_tools.cli.explain.example import play

@@ -16,6 +16,8 @@ from itouch.schema.diagnostics import Place, Problem, did_you_mean, meant
 MAX_INCLUDE_DEPTH = 16
 MAX_DOCUMENTS = 256
 SECTIONS = ("include", "defaults", "materials", "world", "devices", "interaction", "rates", "safety", "fault", "record")
+#: Elements that are named much like the section which holds them.
+HOLDS = {"material": "materials", "device": "devices"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +132,9 @@ class DocumentReader:
         document = Document(shown, root, prefix, folder)
         for child in root.children:
             self._section(document, child)
+        for child in root.children:  # when the sections are known
+            if not child.namespace and child.tag in HOLDS:
+                self._misplaced(document, child)
         if root.text:
             self.problems.append(Problem("unexpected-text", "<itouch> may not hold text", root.place))
         _collect_defaults(document)
@@ -168,6 +173,8 @@ class DocumentReader:
     def _section(self, document: Document, node: Node) -> None:
         if node.tag == "session" and not node.namespace:
             return  # the State of a whole session: only restoring reads it
+        if not node.namespace and node.tag in HOLDS:
+            return
         if node.namespace or node.tag not in SECTIONS:
             advice = did_you_mean(node.tag, SECTIONS, "its elements are")
             sentence = f"<itouch> has no element <{node.written}>"
@@ -191,6 +198,14 @@ class DocumentReader:
             document.sections[node.tag].children.extend(node.children)  # so that they are checked as well
         else:
             document.sections[node.tag] = node
+
+    def _misplaced(self, document: Document, node: Node) -> None:
+        """Tell of an element that stands outside its section, and check what is in it as if it stood there."""
+        section = HOLDS[node.tag]
+        sentence = f"<itouch> has no element <{node.written}>"
+        self.problems.append(Problem("unknown-element", sentence, node.place, f"put it into <{section}>"))
+        home = document.sections.setdefault(section, replace(node, tag=section, attributes={}, children=[]))
+        home.children.append(node)
 
     def _include(self, document: Document, node: Node) -> None:
         known = ("file", "prefix")

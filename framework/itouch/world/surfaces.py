@@ -116,7 +116,9 @@ def _texture(
 def _check(scene: Scene, material: elements.Material, problems: list[Problem]) -> None:
     """Find vibrations too fast for the loop, magnets that reach beyond a probe's ``near``, and too many layers."""
     buzz, magnet = material.vibration, material.magnetic
-    if material.softness is not None and not 1 <= len(material.softness.layers) <= MAX_LAYERS:
+    # of a material with a problem there may be layers that could not be read
+    fewest = 0 if ("material", material.name) in scene.doubts.unsound else 1
+    if material.softness is not None and not fewest <= len(material.softness.layers) <= MAX_LAYERS:
         sentence = f"<softness> has {len(material.softness.layers)} layers; 1 to {MAX_LAYERS} are possible"
         problems.append(Problem("out-of-range", sentence, scene.places.of(material.softness)))
     if buzz is not None:
