@@ -149,6 +149,25 @@ def test_a_layer_that_could_not_be_read_is_not_missing(tmp_path: Path) -> None:
     assert [problem.code for problem in caught.value.problems] == ["unknown-attribute"]
 
 
+@pytest.mark.parametrize("name", ['name="2nd finger"', ""])
+@pytest.mark.parametrize(("wanted", "told"), [("finger", 0), ("thumb", 0), ("midle-finger", 1), ("finger thumb", 2)])
+def test_what_refers_to_a_name_that_could_not_be_read_is_not_told(
+    tmp_path: Path, name: str, wanted: str, told: int
+) -> None:
+    """But a name much like one that is there is told, and names are of which it can only be one."""
+    path = tmp_path / "scene.xml"
+    text = EFFECTS.replace("    <ORDINARY/>\n", "").replace('name="finger"', name)
+    more = ['<probe name="middle-finger" pose-from="arm"/>']
+    more += [
+        f'<operator probe="{one}"><motion>\n<to pos="0 0 40 mm" in="1 s"/></motion></operator>'
+        for one in wanted.split()
+    ]
+    path.write_text(text.replace("</interaction>", "\n".join([*more, "</interaction>"])))
+    with pytest.raises(SceneError) as caught:
+        itouch.build(path)
+    assert [problem.code for problem in caught.value.problems].count("unknown-name") == told
+
+
 def test_a_circle_of_modalities_is_told_beside_an_ordinary_mistake() -> None:
     from itouch_tools.cli.explain import examples
     from itouch_tools.cli.explain.example import play

@@ -190,6 +190,18 @@ def test_of_files_that_could_not_be_read_nobody_says_what_is_not_in_them(write: 
     assert "elsewhere.xml" in problem.sentence
 
 
+@pytest.mark.parametrize("unread", ["s.xml", "rig.xml"])
+@pytest.mark.parametrize("name", ['name="2nd"', ""])
+def test_of_a_device_whose_name_could_not_be_read_nobody_says_that_it_is_missing(
+    write: Write, unread: str, name: str
+) -> None:
+    broken = xml().replace('name="arm"', name)
+    scene, rig = (write(file, broken if file == unread else xml()) for file in ("s.xml", "rig.xml"))
+    with pytest.raises(itouch.SceneError) as caught:
+        itouch.build(scene, rig=rig)
+    assert [problem.code for problem in caught.value.problems] == ["bad-value" if name else "missing-attribute"]
+
+
 def test_a_whole_scene_as_a_rig_is_not_said_to_define_the_scenes_things_twice(write: Write) -> None:
     more = '<materials><material name="m"><contact stiffness="1 N/mm"/></material></materials>'
     more += '<world><sphere name="b" radius="9 mm" material="m"/></world>'

@@ -163,6 +163,8 @@ class Binder:
             if spec.kind in ("name", "ref"):  # others refer to it, or it to others
                 self._value(node, name, spec, misspelt[xml_name(name)])
             return
+        if spec.kind == "name":
+            self.names.define(node.tag, "", node.place, self.section)
         if xml_name(name) in self.astray:
             return
         what = spec.doc or spec.kind
@@ -175,6 +177,8 @@ class Binder:
         except ValueProblemError as fault:
             sentence = f'<{node.written} {xml_name(name)}="{_short(attribute.value)}">: {fault}'
             self.problems.append(Problem(fault.code, sentence, attribute.place, fault.advice, mend=fault.mend))
+            if spec.kind == "name":
+                self.names.define(node.tag, "", attribute.place, self.section)
             return BROKEN
         if spec.kind == "file":
             return self._file(value, attribute)

@@ -37,12 +37,13 @@ class Names:
     wanted: list[Entry] = field(default_factory=list)
     #: Kind and name of the elements that have a problem of their own: what they say may not be what was meant.
     unsound: set[Named] = field(default_factory=set)
+    #: The elements whose names could not be read; these are empty here.
+    nameless: list[Entry] = field(default_factory=list)
 
     def define(self, tag: str, name: str, place: Place, section: str) -> None:
-        """Record the name of an element with this tag."""
-        self.defined.append(
-            Entry(_KINDS.get(tag, "object") if section != "modality" else section, name, place, section)
-        )
+        """Record the name of an element with this tag; empty: it could not be read."""
+        entry = Entry(_KINDS.get(tag, "object") if section != "modality" else section, name, place, section)
+        (self.defined if name else self.nameless).append(entry)
 
     def refer(self, kind: str, name: str, place: Place, section: str) -> None:
         """Record a reference."""
@@ -72,11 +73,17 @@ class Names:
     def _those(self, of: Callable[[Entry], bool]) -> Names:
         defined = [entry for entry in self.defined if of(entry)]
         kept = {(entry.kind, entry.name) for entry in defined}
-        return Names(defined, [entry for entry in self.wanted if of(entry)], self.unsound & kept)
+        wanted, nameless = ([entry for entry in entries if of(entry)] for entries in (self.wanted, self.nameless))
+        return Names(defined, wanted, self.unsound & kept, nameless)
 
     def joined(self, other: Names) -> Names:
         """Return the names and references of both."""
-        return Names(self.defined + other.defined, self.wanted + other.wanted, self.unsound | other.unsound)
+        return Names(
+            self.defined + other.defined,
+            self.wanted + other.wanted,
+            self.unsound | other.unsound,
+            self.nameless + other.nameless,
+        )
 
     def repeated(self) -> Iterator[Named]:
         """Yield kind and name of what is defined twice, or under the name of something else."""
@@ -100,16 +107,21 @@ class Names:
         known: dict[str, dict[str, None]] = {}
         for entry in self.defined:
             known.setdefault(entry.kind, {})[entry.name] = None
-        advisers: dict[str, Adviser] = {}
+        missing: dict[str, list[Entry]] = {}
         for entry in self.wanted:
-            kind = entry.kind
-            if entry.name not in known.get(kind, {}):
-                if kind not in advisers:
-                    advisers[kind] = Adviser(list(known.get(kind, {})), f"the scene's {kind} names are")
-                advice = advisers[kind].advise(entry.name) or f"define a {kind}"
+            if entry.name not in known.get(entry.kind, {}):
+                missing.setdefault(entry.kind, []).append(entry)
+        for kind, entries in missing.items():
+            adviser = Adviser(list(known.get(kind, {})), f"the scene's {kind} names are")
+            strange = {entry.name for entry in entries if adviser.mend(entry.name) is None}
+            unread = sum(entry.kind == kind for entry in self.nameless)
+            for entry in entries:
+                if entry.name in strange and len(strange) <= unread:
+                    continue  # it may be the name that could not be read
+                advice = adviser.advise(entry.name) or f"define a {kind}"
                 sentence = f"there is no {kind} named '{entry.name}'"
                 # never mended by guessing: a person must say which device acts on whom, and which finger is meant
-                mend = advisers[kind].mend(entry.name) if kind not in ("device", "probe") else None
+                mend = adviser.mend(entry.name) if kind not in ("device", "probe") else None
                 yield Problem("unknown-name", sentence, entry.place, advice, mend=mend)
 
 

@@ -50,9 +50,12 @@ def unmatched(
     """Find devices that only one of scene and rig has, by the names that their files give.
 
     A device with a fault of its own still has its name.  ``whole``, ``others_whole``: whether all files of the scene,
-    and of the rig, could be read; of what the others may have, nothing is said.
+    and of the rig, could be read; of what the others may have, nothing is said, nor of devices whose names could not be
+    read.
     """
     own, brought = names.of("device"), others.of("device")
+    whole = whole and not any(entry.kind == "device" for entry in names.nameless)
+    others_whole = others_whole and not any(entry.kind == "device" for entry in others.nameless)
     wanted, offered = {entry.name for entry in own}, {entry.name for entry in brought}
     for entry in own if others_whole else ():
         if entry.name not in offered and brought:
