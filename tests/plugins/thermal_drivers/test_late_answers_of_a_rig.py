@@ -321,6 +321,14 @@ def test_the_age_of_a_rigs_flux_counts_beside_a_labjack_that_sees_only_the_skin(
     assert max(abs(one) for one in found["heat_flux"]) < USUAL
 
 
+def test_the_skin_that_only_the_rig_sees_has_the_time_of_the_rig(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thermometer at the LabJack sees no finger, and is asked after the rig has answered."""
+    blind = LabJack(host="t7", infrared=Infrared(slope=1.0, zero=ROOM - 200.0))
+    rig = Rig(Named(line=on_a_line(clock, monkeypatch, 2, 0.0), labjack=blind))
+    newer(clock, rig, in_time, 12)
+    assert max(newer(clock, rig, LATE["now and then"])["skin_temperature"]) < USUAL + PROMPT
+
+
 @pytest.mark.parametrize("averaging", [0.0, 20e-3], ids=["single samples", "means"])
 @pytest.mark.parametrize("can", [True, False], ids=["of its own", "of samples asked for"])
 @pytest.mark.parametrize("late", ["never", *LATE])

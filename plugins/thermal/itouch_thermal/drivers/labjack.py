@@ -189,11 +189,14 @@ class LabJackDriver:
             seen = seen if infrared.range[0] <= seen <= infrared.range[1] else math.nan
         return Sensors(found, seen)
 
-    def stamp(self, stamps: Stamps) -> None:
-        """Stamp the readings of the last exchange with their times: for a mean, the middle of its samples."""
+    def stamp(self, stamps: Stamps, *, skin: bool = True) -> None:
+        """Stamp the readings of the last exchange with their times: for a mean, the middle of its samples.
+
+        ``skin``: whether the skin's reading is one of this instrument.
+        """
         if self._params.flux_sensor is not None:
             stamps.measured("heat_flux", ago=self._flux_age.ago, inside=self._flux_age.inside)
-        if self._params.infrared is not None:
+        if self._params.infrared is not None and skin:
             stamps.measured("skin_temperature", "skin_valid", ago=self._skin_age.ago)
 
     def _samples_of(self, first: int, count: int = 1) -> list[float]:

@@ -60,7 +60,7 @@ class Rig:
         if self._labjack is not None:
             sensors = self._labjack.exchange(read.plate)
             if stamps is not None:
-                self._labjack.stamp(stamps)
+                self._labjack.stamp(stamps, skin=math.isfinite(sensors.skin) or not math.isfinite(skin))
             flux = sensors.flux if math.isfinite(sensors.flux) else flux
             skin = sensors.skin if math.isfinite(sensors.skin) else skin
         return Measured(read.plate, read.sink, flux, skin, read.current)
