@@ -53,6 +53,21 @@ def test_a_limit_of_the_system_that_is_met_is_told(limit: str, value: int, said:
     assert done.stderr.endswith(said), done.stderr
 
 
+def test_a_thread_that_can_not_be_started_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python has no error of its own for it, and gives no number."""
+    words = iter(["can't start new thread", "another"])
+
+    def refused(*_: object) -> int:
+        raise RuntimeError(next(words))
+
+    monkeypatch.setattr(itouch_tools.cli, "_dispatch", refused)
+    done = program("check", FIRST)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: no more threads can be started, or processes\n")
+    with pytest.raises(RuntimeError, match="another"):
+        program("check", FIRST)
+
+
 def test_a_part_of_the_program_that_is_missing_is_told_and_no_other_module(monkeypatch: pytest.MonkeyPatch) -> None:
     """While the program is upgraded in place, its files are replaced one after the other."""
 

@@ -154,7 +154,8 @@ _LIMITS = {
     errno.EMFILE: "too many files are open\n  = help: raise the limit (ulimit -n)",
     errno.ENFILE: "too many files are open on this machine\n  = help: end other programs",
     errno.EFBIG: "no file may be as large as is needed\n  = help: raise the limit (ulimit -f)",
-    errno.EAGAIN: "no more processes can be started\n  = help: end other programs, or raise the limit (ulimit -u)",
+    errno.EAGAIN: "no more threads can be started, or processes\n"
+    "  = help: end other programs, or raise the limit (ulimit -u)",
     errno.ENOMEM: "memory has run out\n  = help: end other programs, or raise the limit (ulimit -v)",
 }
 
@@ -206,6 +207,9 @@ def _guarded(words: list[str]) -> int:
         if isinstance(error, ModuleNotFoundError) and str(error.name).startswith("itouch"):
             advice = "it was changed while it ran: start it again; or install it again"
             print(f"error: a part of the program is missing ({error.name})\n  = help: {advice}", file=sys.stderr)
+            return 2
+        if isinstance(error, RuntimeError) and str(error) == "can't start new thread":  # Python's, without a number
+            print(f"error: {_LIMITS[errno.EAGAIN]}", file=sys.stderr)
             return 2
         raise
     except SystemExit:  # of a parser: what it printed must be flushed here, where the reader may be gone
