@@ -168,6 +168,28 @@ def test_what_refers_to_a_name_that_could_not_be_read_is_not_told(
     assert [problem.code for problem in caught.value.problems].count("unknown-name") == told
 
 
+@pytest.mark.parametrize("moved", ["device", "probe", "material", "foo"])
+def test_what_refers_to_an_element_in_a_wrong_section_is_not_told(tmp_path: Path, moved: str) -> None:
+    path = tmp_path / "scene.xml"
+    text = EFFECTS.replace("    <ORDINARY/>\n", "").replace("400 Hz", "40 Hz").replace("90 mm", "9 mm")
+    text = text.replace("finger.contct", "*").replace("</interaction>", '<operator probe="finger"/>\n</interaction>')
+    lines = {
+        "device": '<device name="arm" plugin="usb-arm"/>',
+        "probe": '<probe name="finger" pose-from="arm"/>',
+        "material": '<material name="bell"><contact stiffness="1 N/mm"/>\n'
+        '      <vibration amplitude="0.1 N" frequency="40 Hz"/></material>',
+        "foo": '<device name="arm" plugin="usb-arm"/>',
+    }
+    line = lines[moved]
+    assert line in text
+    wrong = line.replace("<device", "<foo") if moved == "foo" else line
+    text = text.replace(line, "")
+    path.write_text(text.replace("</world>", f"{wrong}\n</world>"))
+    with pytest.raises(SceneError) as caught:
+        itouch.build(path)
+    assert [problem.code for problem in caught.value.problems] == ["unknown-element"]
+
+
 def test_a_circle_of_modalities_is_told_beside_an_ordinary_mistake() -> None:
     from itouch_tools.cli.explain import examples
     from itouch_tools.cli.explain.example import play

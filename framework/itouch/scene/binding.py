@@ -334,6 +334,8 @@ class Binder:
         elif child.namespace and not self._same_namespace(node, child):
             advice = f"the namespace '{child.namespace}' is not one of a plugin ({PLUGIN_NAMESPACE}NAME)"
         self.problems.append(Problem("unknown-element", sentence, child.place, advice or "remove it", mend=mend))
+        if mend is None and (given := name_of(child)) is not None:
+            self.names.stray.add(self.rename(given.value))
         return mend[1] if mend is not None else ""
 
 

@@ -286,6 +286,7 @@ class _Assembly:
         """Return kind and name of what other checks must not count on; ``circles``: devices mounted on themselves."""
         names, modalities = self.names, {entry.name for entry in self.names.of("modality")}
         found = {*names.unsound, *names.repeated(), *(("device", name) for name in circles)}
+        found.update(("", name) for name in names.stray)  # of no kind
         if any(one.section == "rates" and one.name not in modalities for one in names.wanted):
             found.add(("section", "rates"))  # perhaps it is the servo's rate that has been misspelt
         return frozenset(found)

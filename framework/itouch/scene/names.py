@@ -39,6 +39,8 @@ class Names:
     unsound: set[Named] = field(default_factory=set)
     #: The elements whose names could not be read; these are empty here.
     nameless: list[Entry] = field(default_factory=list)
+    #: Names of elements that are not known where they stand: each may be one that is referred to.
+    stray: set[str] = field(default_factory=set)
 
     def define(self, tag: str, name: str, place: Place, section: str) -> None:
         """Record the name of an element with this tag; empty: it could not be read."""
@@ -74,7 +76,7 @@ class Names:
         defined = [entry for entry in self.defined if of(entry)]
         kept = {(entry.kind, entry.name) for entry in defined}
         wanted, nameless = ([entry for entry in entries if of(entry)] for entries in (self.wanted, self.nameless))
-        return Names(defined, wanted, self.unsound & kept, nameless)
+        return Names(defined, wanted, self.unsound & kept, nameless, self.stray)
 
     def joined(self, other: Names) -> Names:
         """Return the names and references of both."""
@@ -83,6 +85,7 @@ class Names:
             self.wanted + other.wanted,
             self.unsound | other.unsound,
             self.nameless + other.nameless,
+            self.stray | other.stray,
         )
 
     def repeated(self) -> Iterator[Named]:
@@ -109,7 +112,7 @@ class Names:
             known.setdefault(entry.kind, {})[entry.name] = None
         missing: dict[str, list[Entry]] = {}
         for entry in self.wanted:
-            if entry.name not in known.get(entry.kind, {}):
+            if entry.name not in known.get(entry.kind, {}) and entry.name not in self.stray:
                 missing.setdefault(entry.kind, []).append(entry)
         for kind, entries in missing.items():
             adviser = Adviser(list(known.get(kind, {})), f"the scene's {kind} names are")
