@@ -190,6 +190,32 @@ def test_what_refers_to_an_element_in_a_wrong_section_is_not_told(tmp_path: Path
     assert [problem.code for problem in caught.value.problems] == ["unknown-element"]
 
 
+UNREAD = {
+    "no name": '<devices><device name="2nd table" plugin="xyz-table"/>',
+    "none": '<devices><device plugin="xyz-table"/>',
+    "astray": '<world><device name="table" plugin="xyz-table"/></world><devices>',
+}
+
+
+@pytest.mark.parametrize("unread", UNREAD)
+def test_what_belongs_to_a_device_whose_name_could_not_be_read_is_not_told(tmp_path: Path, unread: str) -> None:
+    """Neither its channels nor its calibration are; a channel that is much like one of another device is."""
+    from itouch_tools.cli.explain import examples
+
+    path = tmp_path / "scene.xml"
+    path.write_text(f"""<itouch version="1.0">{UNREAD[unread]}
+      <device name="arm" plugin="usb-arm"/></devices>
+      <record to="r.mcap" channels="table.position armm.pose"/></itouch>""")
+    records = examples()["calibration-stale"].files["scene.calibration.json"]
+    assert isinstance(records, str)
+    (tmp_path / "scene.calibration.json").write_text(records)
+    with pytest.raises(SceneError) as caught:
+        itouch.build(path)
+    said = [problem.sentence for problem in caught.value.problems]
+    assert len(said) == 2
+    assert "armm.pose" in said[1]
+
+
 def test_a_circle_of_modalities_is_told_beside_an_ordinary_mistake() -> None:
     from itouch_tools.cli.explain import examples
     from itouch_tools.cli.explain.example import play

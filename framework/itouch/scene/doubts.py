@@ -17,7 +17,8 @@ class Doubts:
     Attributes
     ----------
     unsound
-        Elements with a problem of their own, whether they are left out of the scene or not.
+        Elements with a problem of their own, whether they are left out of the scene or not.  The name is empty where
+        it could not be read, the kind where an element is not known in its place.
     whole
         Whether all files of the scene could be read.
     remnants

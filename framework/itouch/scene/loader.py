@@ -287,6 +287,7 @@ class _Assembly:
         names, modalities = self.names, {entry.name for entry in self.names.of("modality")}
         found = {*names.unsound, *names.repeated(), *(("device", name) for name in circles)}
         found.update(("", name) for name in names.stray)  # of no kind
+        found.update((entry.kind, entry.name) for entry in names.nameless)
         if any(one.section == "rates" and one.name not in modalities for one in names.wanted):
             found.add(("section", "rates"))  # perhaps it is the servo's rate that has been misspelt
         return frozenset(found)

@@ -316,7 +316,7 @@ def _strangers(scene: Scene, catalog: Catalog | None) -> Iterator[Problem]:
                     sentence = f"device '{device.name}' has no calibration '{record.kind}' ({path.name})"
                     advice = did_you_mean(record.kind, kinds, "it has") or "remove the record"
                     yield Problem("calibration-stale", sentence, scene.places.of(device), advice)
-            elif not scene.doubts.whole or ("device", record.device) in scene.doubts.unsound:
+            elif not scene.doubts.whole or _doubted(record.device, scene):
                 continue  # it may be there once the scene is right
             elif path == home_of(scene) or meant(record.device, known):
                 sentence = (
@@ -325,6 +325,11 @@ def _strangers(scene: Scene, catalog: Catalog | None) -> Iterator[Problem]:
                 advice = did_you_mean(record.device, known, "its devices are") or "the scene has no devices"
                 place = Place(str(path), 1, 1)
                 yield Problem("calibration-stale", sentence, place, f"{advice}, or remove the record")
+
+
+def _doubted(name: str, scene: Scene) -> bool:
+    """Tell whether a device that is not in a scene may be one with a problem, as its name."""
+    return not {("device", name), ("device", ""), ("", name)}.isdisjoint(scene.doubts.unsound)
 
 
 def _with(device: Any, record: CalibrationRecord) -> Any:

@@ -56,7 +56,7 @@ def _wrong(
         tries += [
             (attribute, ([pattern], servo), "")
             for pattern in text.split()
-            if not fnmatch.filter(passed, pattern.partition(".")[0])
+            if not _passed(pattern.partition(".")[0], passed, state)
         ]
         for name, wish, advice in tries:
             try:
@@ -64,6 +64,13 @@ def _wrong(
             except ValueError as error:
                 place = places.of(owner, name) or places.of(owner) or places.of(element)
                 yield Problem("unknown-channel", f"<{owner.TAG}>: {error}", place, advice or _advice(state, *wish[0]))
+
+
+def _passed(owner: str, passed: Collection[str], state: Record) -> bool:
+    """Tell whether a pattern's owner is, or may be, one of the ``passed`` elements, of which one may have any name."""
+    if fnmatch.filter(passed, owner):
+        return True
+    return "" in passed and not nearest(owner, {name.partition(".")[0] for name in state})
 
 
 def _advice(state: Record, pattern: str) -> str:
