@@ -190,6 +190,30 @@ def test_what_refers_to_an_element_in_a_wrong_section_is_not_told(tmp_path: Path
     assert [problem.code for problem in caught.value.problems] == ["unknown-element"]
 
 
+BASES = {
+    "named": ('<material name="iron">', '<material name="1ron">', "bad-value"),
+    "called": ('<material name="iron">', "<material>", "missing-attribute"),
+    "known": ('<material name="iron">', '<materiaq name="iron">', "unknown-element"),
+    "in a file": ("  <materials>", '  <include fil="more.xml"/><materials>', "unknown-attribute"),
+    "there": ('<material name="iron">', '<material name="iron">', "unknown-name"),
+}
+
+
+@pytest.mark.parametrize("wrong", BASES)
+def test_a_base_that_could_not_be_read_is_not_told_as_unknown(tmp_path: Path, wrong: str) -> None:
+    path = tmp_path / "scene.xml"
+    text = EFFECTS.replace("    <ORDINARY/>\n", "").replace("400 Hz", "40 Hz").replace("90 mm", "9 mm")
+    text = text.replace("finger.contct", "finger.*").replace('material="iron"', 'material="steel"')
+    base = "iron" if wrong not in ("in a file", "there") else "cast"
+    text = text.replace("  </materials>", f'    <material name="steel" base="{base}"/>\n  </materials>')
+    one, other, code = BASES[wrong]
+    text = text.replace(one, other, 1)
+    path.write_text(text.replace("</material>", "</materiaq>", 1) if "materiaq" in other else text)
+    with pytest.raises(SceneError) as caught:
+        itouch.build(path)
+    assert [problem.code for problem in caught.value.problems] == [code]
+
+
 UNREAD = {
     "no name": '<devices><device name="2nd table" plugin="xyz-table"/>',
     "none": '<devices><device plugin="xyz-table"/>',

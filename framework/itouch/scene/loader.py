@@ -17,7 +17,7 @@ from itouch.scene.extensions import Extensions
 from itouch.scene.names import Names, name_of
 from itouch.scene.places import Places
 from itouch.scene.source import Node
-from itouch.schema.diagnostics import Adviser, Place, Problem, SceneError, did_you_mean
+from itouch.schema.diagnostics import Place, Problem, SceneError, did_you_mean
 from itouch.schema.fields import tag_of
 
 _SECTION_CLASSES: dict[str, type] = {
@@ -165,7 +165,7 @@ class _Assembly:
     incomplete: bool = False
 
     def add(self, documents: list[Document]) -> _Assembly:
-        bases = _Bases(documents, self.problems)
+        bases = _Bases(documents, self.problems, self.names)
         for document in documents:
             binder = self._binder(document)
             self._check_defaults(document)
@@ -299,10 +299,10 @@ class _Bases:
 
     documents: list[Document]
     problems: list[Problem]
+    names: Names
     _nodes: dict[str, tuple[Node, Document]] = field(default_factory=dict)
     #: Materials completed from their bases, by the identity of their nodes.
     _done: dict[int, Node] = field(default_factory=dict)
-    _adviser: Adviser = field(init=False)
 
     def __post_init__(self) -> None:
         for document in self.documents:
@@ -311,7 +311,6 @@ class _Bases:
                 if node.tag == "material" and (given := name_of(node)) is not None:
                     name = document.prefix + given.value
                     self._nodes.setdefault(name, (node, document))
-        self._adviser = Adviser(self._nodes, "materials are")
 
     def resolved(self, document: Document, section: Node) -> Node:
         children = [self._material(document, node) for node in section.children]
@@ -340,10 +339,8 @@ class _Bases:
                 break
             self._done[id(node)] = _without_base(node)  # used if its bases lead back to it
             found = self._nodes.get(document.prefix + base.value) or self._nodes.get(base.value)
-            if found is None:
-                advice = self._adviser.advise(base.value)
-                sentence = f"there is no material named '{base.value}'"
-                self.problems.append(Problem("unknown-name", sentence, base.place, advice))
+            if found is None:  # told, if it is not there, with all other names
+                self.names.refer("material", base.value, base.place, "materials")
                 break
             derived.append(node)
             node, document = found
