@@ -73,7 +73,7 @@ def test_building_a_session_looks_seldom_and_leaves_it_as_it_was(
         seen.append(gc.get_threshold())
         raise ValueError
 
-    monkeypatch.setattr(Model, "of", look)
+    monkeypatch.setattr("itouch.session.session.survey", look)
     with pytest.raises(ValueError):
         itouch.build(SCENES / "materials.xml")
     assert seen == [garbage.MEANWHILE]

@@ -293,7 +293,7 @@ class _Assembly:
         return frozenset(found)
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class _Bases:
     """Resolves ``base=`` of materials, on the nodes: what a material does not give comes from its base."""
 
