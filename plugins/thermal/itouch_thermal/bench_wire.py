@@ -81,6 +81,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--bound", type=float, metavar="PERCENT",
                         help=f"most error; twice that in the corners (default {100.0 * BOUND:g}, on a self-built rig "
                              f"{100.0 * OWN_RIG:g})")  # fmt: skip
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="(first) seed of all noise (default 0)")
     parser.add_argument("--json", type=output_file(), metavar="FILE", help="write the rows to this file too")
     parser.add_argument("--real-time", action="store_true",
                         help="in real time; the surface's tracking and greatest forces are judged, too")  # fmt: skip
@@ -89,6 +90,10 @@ def main(argv: Sequence[str]) -> int:
         parser.error("--unsteady is in step: in real time the wires are as they are")
     if options.real_time and options.alone:
         parser.error("--real-time has every device on its wire: leave --alone out")
+    if options.real_time and options.seed:
+        parser.error("--seed is for runs in step: leave it out in real time")
+    if options.seed < 0:
+        parser.error("--seed must be 0 or more")
     if not options.scene.is_file():
         print(
             f"error: there is no scene '{options.scene}'; run this where the repository's scenes/ is", file=sys.stderr
@@ -112,7 +117,7 @@ def main(argv: Sequence[str]) -> int:
             errors = [
                 run(options.scene, mismatch, options.duration, alone=options.alone, wires=FASTER.get(name, ()),
                     words=words)
-                for words in _words(name, unsteady=options.unsteady)
+                for words in _words(name, options.seed, unsteady=options.unsteady)
             ]  # fmt: skip
         except RuntimeError as error:
             print(f"error: {name}: {error}", file=sys.stderr)
@@ -142,11 +147,10 @@ def _has(name: str, asked: str) -> bool:
     return any(words[at : at + len(wanted)] == wanted for at in range(1 + len(words) - len(wanted)))
 
 
-def _words(name: str, *, unsteady: bool) -> list[tuple[str, ...]]:
+def _words(name: str, first: int, *, unsteady: bool) -> list[tuple[str, ...]]:
     """Return the extra words for ``virtual-rig`` for each run of a row: several seeds if wires are compared."""
-    if not unsteady:
-        return [()]
-    return [(*UNSTEADY[name], *(("--seed", str(seed)) if seed else ())) for seed in range(SEEDS)]
+    wire, count = (UNSTEADY[name], SEEDS) if unsteady else ((), 1)
+    return [(*wire, *(("--seed", str(seed)) if seed else ())) for seed in range(first, first + count)]
 
 
 def _together(errors: Sequence[Mapping[str, float | None]]) -> dict[str, float | None]:

@@ -89,6 +89,28 @@ def test_a_run_that_fails_and_a_scene_that_is_not_there_are_told(
     assert "error: as written: fault: the table is gone" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("words", "seeds"), [(("--only", "as written"), ["4"]), (("--unsteady", "--only", "19 ms"), 2 * ["4", "5", "6"])]
+)
+def test_the_noise_is_that_of_the_seed(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...], seeds: list[str],
+) -> None:  # fmt: skip
+    asked: list[tuple[str, ...]] = []
+
+    def run(scene: Path, mismatch: dict[str, float], duration: str | None, **more: Any) -> dict[str, float | None]:
+        asked.append(more["words"])
+        return {"foam": 0.01}
+
+    monkeypatch.setattr(bench_wire, "run", run)
+    assert main([str(scenes / "four_materials_wire.xml"), "--seed", "4", *words]) == 0
+    assert [each[-2:] for each in asked] == [("--seed", seed) for seed in seeds]
+    for wrong in (("--seed", "-1"), ("--seed", "4", "--real-time")):
+        with pytest.raises(SystemExit):
+            main([str(scenes / "four_materials_wire.xml"), *wrong])
+    assert "--seed must be 0 or more" in capsys.readouterr().err
+
+
 def test_one_plant_is_chosen_by_words_of_its_name(
     scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
