@@ -1,4 +1,4 @@
-"""Golden transcripts of the display's instruments: made by `python test_golden_wires.py`, read against the protocols."""
+"""Golden transcripts of the display's instruments: made by this file as a script (`PYTHONPATH=tests`), read against the protocols."""
 
 from __future__ import annotations
 
