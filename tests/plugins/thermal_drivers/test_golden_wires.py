@@ -1,4 +1,7 @@
-"""Golden transcripts of the display's instruments: made by this file as a script (`PYTHONPATH=tests`), read against the protocols."""
+"""Golden transcripts of the display's instruments, made by this file as a script; read against the protocols.
+
+``PYTHONPATH=tests python tests/plugins/thermal_drivers/test_golden_wires.py [NAME ...]`` makes them anew.
+"""
 
 from __future__ import annotations
 
