@@ -384,3 +384,9 @@ def test_what_is_wrong_after_an_unknown_default_is_told_too(write: Write) -> Non
     path = write("scene.xml", HEAD + '<defaults><bax size="1 1 1 mm"/><box colour="red"/></defaults>' + TAIL)
     found = [(problem.code, problem.place.column) for problem in problems_of(path) if problem.place is not None]
     assert found == [("unknown-element", 11), ("unknown-attribute", 38)]
+
+
+def test_a_misspelt_rate_of_the_loop_is_advised_though_modalities_have_rates_there_too(write: Write) -> None:
+    path = write("scene.xml", HEAD + '<rates servoo="1 kHz"/>' + TAIL)
+    (problem,) = problems_of(path)
+    assert (problem.code, problem.advice) == ("unknown-name", "did you mean 'servo'?")

@@ -8,6 +8,7 @@ import json
 import os
 import pickle
 import random
+import re
 import resource
 import zipfile
 from collections.abc import Callable
@@ -295,3 +296,21 @@ def test_a_state_that_can_be_none_is_one_sentence_for_who_starts_it(
     forged = write(tmp_path / "s.itouch", with_state(members, state))
     assert cli([str(forged), "--headless", "--for", "0.1 s", "--pace", pace]) == 2
     assert "the session can't be resumed: " in capsys.readouterr().err
+
+
+def test_all_that_is_wrong_with_the_scene_of_an_edited_session_is_told_at_once(
+    tmp_path: Path, members: dict[str, bytes]
+) -> None:
+    session, document = write(tmp_path / "s.itouch", members), tmp_path / "s.xml"
+    assert cli(["export", str(session), "-o", str(document)]) == 0
+    text = document.read_text(encoding="utf-8")
+    plugin = re.search(r'<device name="\w+" plugin="([\w-]+)"', text)
+    material = re.search(r'<box [^>]*material="(\w+)"', text)
+    assert plugin and material
+    for found in sorted((plugin, material), key=lambda each: -each.start(1)):
+        text = f"{text[: found.start(1)]}nobodys{text[found.end(1) :]}"
+    document.write_text(text, encoding="utf-8")
+    with pytest.raises(itouch.SessionError) as told:
+        itouch.restore(document)
+    assert "no material named 'nobodys'" in str(told.value)
+    assert "no device plugin named 'nobodys'" in str(told.value)

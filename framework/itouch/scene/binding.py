@@ -21,7 +21,7 @@ from itouch.schema.plugin_errors import failure
 #: Value of a field that could not be read; its problem has been reported already.
 BROKEN: Any = object()
 #: Sections that hold elements, or more than one attribute: what is right in one is checked, whatever else is wrong.
-SECTIONS = ("materials", "world", "devices", "interaction", "rates", "safety", "faults", "record")
+SALVAGED = ("materials", "world", "devices", "interaction", "rates", "safety", "faults", "record")
 
 
 @dataclass(slots=True)
@@ -98,7 +98,7 @@ class Binder:
 
     def _salvage(self, node: Node, cls: type, values: Mapping[str, Any], spots: Mapping[str, Place]) -> Any:
         """Return a section with defaults where it could not be read, else None; a material becomes a remnant."""
-        if not self.section or node.tag not in ("material", *SECTIONS):
+        if not self.section or node.tag not in ("material", *SALVAGED):
             return None
         stands_in = getattr(cls, "STANDS_IN", {})
         read = {name: value for name, value in values.items() if value is not BROKEN}

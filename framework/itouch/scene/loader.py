@@ -111,14 +111,21 @@ def loads(
     SceneError
         If there is any error, with all problems in file order.
     """
+    scene, problems = read_text(data, extensions, shown=shown, files=files)
+    if any(problem.severity == "error" for problem in problems):
+        raise SceneError(problems)
+    return scene
+
+
+def read_text(
+    data: bytes, extensions: Extensions, *, shown: str = "scene.xml", files: Mapping[str, bytes] | None = None
+) -> tuple[Scene, list[Problem]]:
+    """Load as much of a scene from memory as possible, with all problems found; for the arguments, see ``loads``."""
     problems: list[Problem] = []
     reader = DocumentReader(problems)
     documents = reader.read_text(data, shown)
     scene = _Assembly(extensions, problems, incomplete=reader.incomplete).add(documents).scene(shown)
-    scene = replace(scene, folder=os.fspath(reader.root_folder), files=files)
-    if any(problem.severity == "error" for problem in problems):
-        raise SceneError(in_file_order(problems))
-    return scene
+    return replace(scene, folder=os.fspath(reader.root_folder), files=files), in_file_order(problems)
 
 
 def in_file_order(problems: Iterable[Problem]) -> list[Problem]:

@@ -122,6 +122,10 @@ class Names:
                 if entry.name in strange and len(strange) <= unread:
                     continue  # it may be the name that could not be read
                 advice = adviser.advise(entry.name) or f"define a {kind}"
+                if entry.section == "rates" and meant(
+                    entry.name, ["servo"]
+                ):  # there, what is no modality's is the loop's
+                    advice = "did you mean 'servo'?"
                 sentence = f"there is no {kind} named '{entry.name}'"
                 # never mended by guessing: a person must say which device acts on whom, and which finger is meant
                 mend = adviser.mend(entry.name) if kind not in ("device", "probe") else None

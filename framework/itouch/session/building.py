@@ -11,16 +11,16 @@ from itouch.loop import Clock
 from itouch.plugin.bases import Bases, keeping
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
-from itouch.scene.loader import in_file_order, read_scene
+from itouch.scene.loader import read_scene
 from itouch.schema import ItouchError, Problem, SceneError
 from itouch.schema.diagnostics import did_you_mean
 from itouch.session.calibration import calibrated
-from itouch.session.channel_selection import recording_problems
+from itouch.session.channel_selection import every_problem
 from itouch.session.open import read_session
 from itouch.session.session import Session
 from itouch.session.session_error import SessionError
 from itouch.session.snapshot import Snapshot
-from itouch.world import Model, survey
+from itouch.world import Model
 
 
 def load_scene(
@@ -61,8 +61,7 @@ def load_scene(
         scene, unfit = with_records(scene, catalog)
         problems += unfit
     if any(problem.severity == "error" for problem in problems):
-        found = survey(scene, catalog, problems)
-        raise SceneError(in_file_order([*problems, *found.problems, *recording_problems(found)]))
+        raise SceneError(every_problem(scene, catalog, problems))
     return scene
 
 

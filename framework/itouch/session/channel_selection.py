@@ -5,18 +5,21 @@ from __future__ import annotations
 import fnmatch
 import os
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from pathlib import PurePath
 
 from itouch.plugin import Record
+from itouch.plugin.discovery import Catalog
 from itouch.recording.tracks import Track
+from itouch.scene import Scene
 from itouch.scene.elements import RecordElement
 from itouch.scene.elements.recorded_tracks import RecordChannels
+from itouch.scene.loader import in_file_order
 from itouch.schema import Problem, SceneError
 from itouch.schema.diagnostics import nearest
 from itouch.session.row_layout import Wish, chosen_tracks, real_device_of, recordable, replay_tracks
-from itouch.world import Model, Survey, declared, make_state
+from itouch.world import Model, Survey, declared, make_state, survey
 
 
 def tracks_of(model: Model, state: Record) -> list[Track]:
@@ -97,6 +100,12 @@ def recording_problems(found: Survey) -> list[Problem]:
     except SceneError as error:
         return list(error.problems)
     return []
+
+
+def every_problem(scene: Scene, catalog: Catalog, known: Sequence[Problem]) -> list[Problem]:
+    """Return all that is wrong with a scene in file order; ``known`` is what was found while it was read."""
+    found = survey(scene, catalog, known)
+    return in_file_order([*known, *found.problems, *recording_problems(found)])
 
 
 def _sure(part: Model, doubtful: Collection[tuple[str, str]]) -> Iterator[Problem]:

@@ -18,12 +18,14 @@ from itouch.loop.engine_view import Running
 from itouch.plugin import Record
 from itouch.plugin.bases import Arrays, Bases
 from itouch.plugin.discovery import Catalog
-from itouch.scene import Scene, loads, write
+from itouch.scene import Scene, write
+from itouch.scene.loader import read_text
 from itouch.schema import SceneError
 from itouch.schema.durable import write_whole
 from itouch.schema.quantities import LONGEST
 from itouch.session.archive import MAX_MEMBER, ArchiveWriter, read_members
 from itouch.session.arrays import load_bases, npy_header, pack_bases, record_from, write_record
+from itouch.session.channel_selection import every_problem
 from itouch.session.manifest import FORMAT, constant_part, digest
 from itouch.session.session_error import ADVICE, SessionError, check_ledger, plainly
 from itouch.world import Model
@@ -184,9 +186,9 @@ def read_scene(
     SessionError
         If it does not load here.
     """
-    try:
-        scene = loads(xml, catalog, shown=f"{name}/scene.xml", files=files)
-    except SceneError as error:
+    scene, problems = read_text(xml, catalog, shown=f"{name}/scene.xml", files=files)
+    if any(problem.severity == "error" for problem in problems):
+        error = SceneError(every_problem(scene, catalog, problems))
         raise SessionError(f"the scene in '{name}' does not load here:\n\n{error}") from error
     return replace(scene, source=str(manifest.get("source", "")))
 
