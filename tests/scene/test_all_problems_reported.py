@@ -10,7 +10,7 @@ import pytest
 import itouch
 from itouch.monitors.default_limits import FORCE
 from itouch.scene.elements.materials import Magnetic, StickSlip
-from itouch.schema import SceneError
+from itouch.schema import Problem, SceneError
 from itouch_tools.cli import main
 
 SCENE = """<itouch version="1.0">
@@ -80,6 +80,27 @@ EFFECTS = """<itouch version="1.0">
   </interaction>
   <record to="run.mcap" channels="finger.contct arm.pose"/>
 </itouch>"""
+#: The same with the last mistakes mended.
+MENDED = EFFECTS.replace("400 Hz", "40 Hz").replace("90 mm", "9 mm").replace("finger.contct", "finger.*")
+
+
+def told(tmp_path: Path, text: str) -> list[Problem]:
+    """Return what is told of a scene, in which there may be room for an ordinary mistake."""
+    path = tmp_path / "scene.xml"
+    path.write_text(text.replace("    <ORDINARY/>\n", ""))
+    with pytest.raises(SceneError) as caught:
+        itouch.build(path)
+    return list(caught.value.problems)
+
+
+def lines_and_codes(problems: list[Problem]) -> list[tuple[int, str]]:
+    return [(problem.place.line, problem.code) for problem in problems if problem.place is not None]
+
+
+def codes(problems: list[Problem]) -> list[str]:
+    return [problem.code for problem in problems]
+
+
 ORDINARY = {
     "misspelt": '<box name="more" size="1 1 1 mm" material="iron" colour="red"/>',
     "unit": '<box name="more" size="1 1 1 kg" material="iron"/>',
@@ -90,89 +111,58 @@ ORDINARY = {
 
 @pytest.mark.parametrize("ordinary", ORDINARY)
 def test_what_is_found_last_is_told_beside_an_ordinary_mistake(tmp_path: Path, ordinary: str) -> None:
-    path = tmp_path / "scene.xml"
-    path.write_text(EFFECTS.replace("<ORDINARY/>", ORDINARY[ordinary]))
-    with pytest.raises(SceneError) as caught:
-        itouch.build(path)
-    found = [(problem.place.line, problem.code) for problem in caught.value.problems if problem.place is not None]
+    found = lines_and_codes(told(tmp_path, EFFECTS.replace("<ORDINARY/>", ORDINARY[ordinary])))
     assert [line for line, _ in found] == [3, 5, 10, 16]
     assert [code for line, code in found if line != 10] == ["out-of-range", "out-of-range", "unknown-channel"]
 
 
 def test_what_a_mistake_brings_with_it_is_not_told(tmp_path: Path) -> None:
     """Neither that a probe which could not be read is missing, nor its channels, nor what its range is compared with."""
-    path = tmp_path / "scene.xml"
-    text = EFFECTS.replace("    <ORDINARY/>\n", "").replace('pose-from="arm"', 'pose-from="arm" neer="100 mm"')
-    path.write_text(text)
-    with pytest.raises(SceneError) as caught:
-        itouch.build(path)
-    found = [(problem.place.line, problem.code) for problem in caught.value.problems if problem.place is not None]
-    assert found == [(5, "out-of-range"), (13, "unknown-attribute")]
+    found = told(tmp_path, EFFECTS.replace('pose-from="arm"', 'pose-from="arm" neer="100 mm"'))
+    assert lines_and_codes(found) == [(5, "out-of-range"), (13, "unknown-attribute")]
 
 
 def test_a_misspelt_section_is_checked_as_the_one_that_was_meant(tmp_path: Path) -> None:
-    path = tmp_path / "scene.xml"
-    path.write_text(EFFECTS.replace("    <ORDINARY/>\n", "").replace("devices>", "devics>").replace("400 Hz", "40 Hz"))
-    with pytest.raises(SceneError) as caught:
-        itouch.build(path)
-    found = [(problem.place.line, problem.code) for problem in caught.value.problems if problem.place is not None]
-    assert found == [(3, "out-of-range"), (11, "unknown-element"), (15, "unknown-channel")]
+    found = told(tmp_path, EFFECTS.replace("devices>", "devics>").replace("400 Hz", "40 Hz"))
+    assert lines_and_codes(found) == [(3, "out-of-range"), (11, "unknown-element"), (15, "unknown-channel")]
 
 
 @pytest.mark.parametrize("before", [True, False])
 def test_what_stands_outside_its_section_is_checked_as_if_it_stood_there(tmp_path: Path, before: bool) -> None:
-    path = tmp_path / "scene.xml"
     material = '<material name="cork"><contact stiffness="1 N/mm"/><visual colour="1 0 0"/></material>'
-    text = (
-        EFFECTS.replace("    <ORDINARY/>\n", "")
-        .replace("400 Hz", "40 Hz")
-        .replace('material="bell"', 'material="cork"')
-    )
-    text = text.replace("finger.contct", "finger.*").replace("90 mm", "9 mm")
+    text = MENDED.replace('material="bell"', 'material="cork"')
     at = text.index("  <materials>") if before else text.index("</itouch>")
-    path.write_text(f"{text[:at]}{material}\n{text[at:]}")
-    with pytest.raises(SceneError) as caught:
-        itouch.build(path)
-    found = caught.value.problems
-    assert [problem.code for problem in found] == ["unknown-element", "unknown-attribute"]
+    found = told(tmp_path, f"{text[:at]}{material}\n{text[at:]}")
+    assert codes(found) == ["unknown-element", "unknown-attribute"]
     assert len({problem.place.line for problem in found if problem.place is not None}) == 1
     assert found[0].advice == "put it into <materials>"
 
 
 def test_a_layer_that_could_not_be_read_is_not_missing(tmp_path: Path) -> None:
-    path = tmp_path / "scene.xml"
     layer = '<softness>\n<layer thickness="1 mm" stiffnes="1 N/mm"/>\n</softness>'
-    text = EFFECTS.replace("    <ORDINARY/>\n", "").replace('<magnetic force="1 N" range="90 mm"/>', layer)
-    path.write_text(text.replace("400 Hz", "40 Hz").replace("finger.contct", "finger.*"))
-    with pytest.raises(SceneError) as caught:
-        itouch.build(path)
-    assert [problem.code for problem in caught.value.problems] == ["unknown-attribute"]
+    found = told(tmp_path, MENDED.replace('<magnetic force="1 N" range="9 mm"/>', layer))
+    assert codes(found) == ["unknown-attribute"]
 
 
 @pytest.mark.parametrize("name", ['name="2nd finger"', ""])
-@pytest.mark.parametrize(("wanted", "told"), [("finger", 0), ("thumb", 0), ("midle-finger", 1), ("finger thumb", 2)])
+@pytest.mark.parametrize(("wanted", "unknown"), [("finger", 0), ("thumb", 0), ("midle-finger", 1), ("finger thumb", 2)])
 def test_what_refers_to_a_name_that_could_not_be_read_is_not_told(
-    tmp_path: Path, name: str, wanted: str, told: int
+    tmp_path: Path, name: str, wanted: str, unknown: int
 ) -> None:
     """But a name much like one that is there is told, and names are of which it can only be one."""
-    path = tmp_path / "scene.xml"
-    text = EFFECTS.replace("    <ORDINARY/>\n", "").replace('name="finger"', name)
+    text = EFFECTS.replace('name="finger"', name)
     more = ['<probe name="middle-finger" pose-from="arm"/>']
     more += [
         f'<operator probe="{one}"><motion>\n<to pos="0 0 40 mm" in="1 s"/></motion></operator>'
         for one in wanted.split()
     ]
-    path.write_text(text.replace("</interaction>", "\n".join([*more, "</interaction>"])))
-    with pytest.raises(SceneError) as caught:
-        itouch.build(path)
-    assert [problem.code for problem in caught.value.problems].count("unknown-name") == told
+    found = told(tmp_path, text.replace("</interaction>", "\n".join([*more, "</interaction>"])))
+    assert codes(found).count("unknown-name") == unknown
 
 
 @pytest.mark.parametrize("moved", ["device", "probe", "material", "foo"])
 def test_what_refers_to_an_element_in_a_wrong_section_is_not_told(tmp_path: Path, moved: str) -> None:
-    path = tmp_path / "scene.xml"
-    text = EFFECTS.replace("    <ORDINARY/>\n", "").replace("400 Hz", "40 Hz").replace("90 mm", "9 mm")
-    text = text.replace("finger.contct", "*").replace("</interaction>", '<operator probe="finger"/>\n</interaction>')
+    text = MENDED.replace("finger.*", "*").replace("</interaction>", '<operator probe="finger"/>\n</interaction>')
     lines = {
         "device": '<device name="arm" plugin="usb-arm"/>',
         "probe": '<probe name="finger" pose-from="arm"/>',
@@ -184,10 +174,7 @@ def test_what_refers_to_an_element_in_a_wrong_section_is_not_told(tmp_path: Path
     assert line in text
     wrong = line.replace("<device", "<foo") if moved == "foo" else line
     text = text.replace(line, "")
-    path.write_text(text.replace("</world>", f"{wrong}\n</world>"))
-    with pytest.raises(SceneError) as caught:
-        itouch.build(path)
-    assert [problem.code for problem in caught.value.problems] == ["unknown-element"]
+    assert codes(told(tmp_path, text.replace("</world>", f"{wrong}\n</world>"))) == ["unknown-element"]
 
 
 BASES = {
@@ -201,17 +188,13 @@ BASES = {
 
 @pytest.mark.parametrize("wrong", BASES)
 def test_a_base_that_could_not_be_read_is_not_told_as_unknown(tmp_path: Path, wrong: str) -> None:
-    path = tmp_path / "scene.xml"
-    text = EFFECTS.replace("    <ORDINARY/>\n", "").replace("400 Hz", "40 Hz").replace("90 mm", "9 mm")
-    text = text.replace("finger.contct", "finger.*").replace('material="iron"', 'material="steel"')
+    text = MENDED.replace('material="iron"', 'material="steel"')
     base = "iron" if wrong not in ("in a file", "there") else "cast"
     text = text.replace("  </materials>", f'    <material name="steel" base="{base}"/>\n  </materials>')
     one, other, code = BASES[wrong]
     text = text.replace(one, other, 1)
-    path.write_text(text.replace("</material>", "</materiaq>", 1) if "materiaq" in other else text)
-    with pytest.raises(SceneError) as caught:
-        itouch.build(path)
-    assert [problem.code for problem in caught.value.problems] == [code]
+    found = told(tmp_path, text.replace("</material>", "</materiaq>", 1) if "materiaq" in other else text)
+    assert codes(found) == [code]
 
 
 UNREAD = {
@@ -226,16 +209,13 @@ def test_what_belongs_to_a_device_whose_name_could_not_be_read_is_not_told(tmp_p
     """Neither its channels nor its calibration are; a channel that is much like one of another device is."""
     from itouch_tools.cli.explain import examples
 
-    path = tmp_path / "scene.xml"
-    path.write_text(f"""<itouch version="1.0">{UNREAD[unread]}
-      <device name="arm" plugin="usb-arm"/></devices>
-      <record to="r.mcap" channels="table.position armm.pose"/></itouch>""")
     records = examples()["calibration-stale"].files["scene.calibration.json"]
     assert isinstance(records, str)
     (tmp_path / "scene.calibration.json").write_text(records)
-    with pytest.raises(SceneError) as caught:
-        itouch.build(path)
-    said = [problem.sentence for problem in caught.value.problems]
+    scene = f"""<itouch version="1.0">{UNREAD[unread]}
+      <device name="arm" plugin="usb-arm"/></devices>
+      <record to="r.mcap" channels="table.position armm.pose"/></itouch>"""
+    said = [problem.sentence for problem in told(tmp_path, scene)]
     assert len(said) == 2
     assert "armm.pose" in said[1]
 
@@ -248,8 +228,8 @@ def test_a_circle_of_modalities_is_told_beside_an_ordinary_mistake() -> None:
     scene = circle.files["scene.xml"]
     assert isinstance(scene, str)
     wrong = scene.replace("</itouch>", '<world><box name="block" size="1 1 1 mm" material="wod"/></world></itouch>')
-    told = play(dataclasses.replace(circle, files={**circle.files, "scene.xml": wrong}))
-    assert [told.count(code) for code in ("error[modality-cycle]", "error[unknown-name]", "error[")] == [1, 1, 2]
+    said = play(dataclasses.replace(circle, files={**circle.files, "scene.xml": wrong}))
+    assert [said.count(code) for code in ("error[modality-cycle]", "error[unknown-name]", "error[")] == [1, 1, 2]
 
 
 def test_mending_what_is_told_leaves_nothing(tmp_path: Path) -> None:
