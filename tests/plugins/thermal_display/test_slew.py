@@ -12,7 +12,8 @@ from itouch_thermal.display.display_twin import DisplayTwin
 from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.display.plant import CURRENT
 from itouch_thermal.flux import observer as at
-from itouch_thermal.flux.law import ModelLaw
+from itouch_thermal.flux import slew
+from itouch_thermal.flux.law import FutureCurrent, ModelLaw
 from itouch_thermal.heat import FINGER
 
 PERIOD, SLEW = 1e-3, 100.0
@@ -70,7 +71,7 @@ def test_who_knows_the_slew_knows_the_plate_as_who_is_told_every_step_of_the_ram
 def test_what_is_still_to_come_comes_at_that_rate(touching: bool) -> None:
     """A step that is on its way is the ramp that it becomes: what is asked for next is the same."""
     step = np.array([2.0] * 12)
-    laws, asked = [law_of(PARAMS), law_of(replace(PARAMS, slew=0.0))], []
+    laws, asked = [law_of(PARAMS), law_of(PARAMS)], []
     for (law, state), coming in zip(laws, (step, ramped(step, SLEW * PERIOD)), strict=True):
         if touching:
             law.begin(state, 0.0)
@@ -87,3 +88,69 @@ def test_what_is_still_to_come_comes_at_that_rate(touching: bool) -> None:
         law.track(state, float(amps), np.nan, np.nan, np.nan)
     other = law.follow(state) if touching else law.approach(state, 290.0)[:2]
     assert abs(other[0] - asked[0][0]) > 1e-3
+
+
+#: A display behind a wire: a command leaves every so many periods.
+HOLD = 8
+
+
+@pytest.mark.parametrize("touching", [False, True])
+def test_no_more_is_asked_for_than_flows_before_the_next_command_leaves(touching: bool) -> None:
+    """Whatever is wanted: more would flow when nobody wants it any more, and the loop would swing."""
+    law, state = law_of(PARAMS)
+    wanted = np.random.default_rng(1)
+    if touching:
+        law.begin(state, 0.0)
+    sent, far = np.zeros(12), 0
+    for turn in range(120):
+        if turn % 3 == 0:
+            state["wanted"], target = wanted.uniform(-9000.0, 9000.0), wanted.uniform(285.0, 310.0)
+        coming = FutureCurrent(hold=HOLD)
+        asked = law.follow(state, every=HOLD, coming=coming)[0] if touching else law.approach(state, target, coming)[0]
+        flows = ramped(sent, SLEW * PERIOD)[-1]
+        assert abs(asked - flows) <= HOLD * SLEW * PERIOD + 1e-9
+        far += abs(asked - flows) > 0.9 * HOLD * SLEW * PERIOD
+        for _ in range(HOLD):
+            law.track(state, asked, np.nan, np.nan, np.nan)
+        sent = np.concatenate((sent, np.full(HOLD, asked)))
+    assert far > 10, "the driver was never hurried, so nothing was shown"
+
+
+@pytest.mark.parametrize("change", [-0.4, -0.1, 0.0, 0.02, 0.3, 0.4])
+def test_the_mean_of_the_ramp_is_the_current_that_is_needed(change: float) -> None:
+    asked = slew.reached(1.0 + change, 1.0, 0.8)
+    flowing = 1.0 + np.clip(0.8 * (np.arange(8000) + 0.5) / 8000, 0.0, abs(asked - 1.0)) * np.sign(change)
+    assert flowing.mean() == pytest.approx(1.0 + change, abs=1e-6)
+    assert slew.reached(1.0 + 20.0 * change, 1.0, 0.8) == pytest.approx(1.0 + 0.8 * np.sign(change) if change else 1.0)
+    assert slew.reached(1.0 + change, 1.0, 0.0) == 1.0 + change
+
+
+@pytest.mark.parametrize("heat", [3.0, -30.0, 300.0, 3000.0])
+def test_heat_that_is_taken_away_is_not_taken_too_far(heat: float) -> None:
+    """The flux changes no faster than the driver lets it, and yet the plate does not pass its target."""
+    step, within, most = 1e-4, 12e-3, 6e5
+    left, flux, passed = heat, 0.0, 0.0
+    for _ in range(round((2.2 * (abs(heat) / most) ** 0.5 + 8.0 * within) / step)):
+        asked = slew.braked(left, within, most)
+        flux += max(-most * step, min(most * step, asked - flux))
+        left -= flux * step
+        passed = max(passed, -left * np.sign(heat))
+    assert passed < 0.02 * abs(heat)
+    assert abs(left) < 2e-3 * abs(heat), "the way took much longer than the driver needs"
+
+
+@pytest.mark.parametrize("lag", [0.2, 0.3, 0.5, 1.0])
+def test_a_plate_that_was_disturbed_is_known_again_when_learning_goes_on(lag: float) -> None:
+    """However slow its sensor is: its reading is behind the plate by that lag."""
+    law, state = law_of(replace(PARAMS, plate_lag=lag))
+    _, plant = law_of(replace(PARAMS, plate_lag=lag))
+    n, column = law.fine.tissue.shape[1], law.fine.tissue.shape[1] + law.fine.plate.shape[1]
+    plant["x"][0, n:column] += law.fine.flat
+    plant["x"][0, [column + at.X_FACE, column + at.X_BACK]] += 1.0
+    flux, tick = 5e3, 0
+    while tick == 0 or state["memory"][at.M_QUIET] > 0.0:
+        law.track(plant, 0.0, np.nan, np.nan, np.nan)
+        film = plant["x"][0, column + at.X_FILM] if tick % 20 == 0 else np.nan
+        law.track(state, 0.0, flux, film, np.nan)
+        flux, tick = state["x"][0, column + at.X_SEEN], tick + 1
+    assert state["x"][0, column + at.X_FACE] == pytest.approx(plant["x"][0, column + at.X_FACE], abs=0.1)

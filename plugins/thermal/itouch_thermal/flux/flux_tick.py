@@ -350,7 +350,7 @@ def command(
     leaving = FutureCurrent(taken.hold[0], taken.wait[0], (taken.out[0], taken.out[1], taken.out[2]))
     comes = own.on_plate[0] == 0 and approach.pressed(scene, figures.heat)
     if comes or (figures.hold > 1 and scene.ready[0] == 0):
-        memory.memory[observer.M_QUIET] = observer.QUIET
+        memory.memory[observer.M_QUIET] = observer.quiet(models.fixed.fine.c)
     played, previewed = touching and own.object[0] >= 0 and given.played[own.object[0]] != 0, False
     if touching:
         if own.fresh[0] != 0:

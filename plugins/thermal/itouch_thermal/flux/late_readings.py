@@ -86,7 +86,7 @@ def recall(
     counts = flux_back < kept[VALID]
     if memory[at.M_TOUCHING] == 0.0:
         if counts and abs(flux - seen) > 6.0 * c[at.O_FLUX_NOISE] + 0.3 * abs(seen):
-            memory[at.M_QUIET] = at.QUIET
+            memory[at.M_QUIET] = at.quiet(c)
         if memory[at.M_QUIET] > 0.0:
             _follow(c, plate, x, theta, memory, past, kept, film_back, film, column)
             return

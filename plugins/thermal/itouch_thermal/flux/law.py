@@ -16,7 +16,7 @@ from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.display.peltier import current_for
 from itouch_thermal.display.sideways import Sideways
 from itouch_thermal.drivers.driver_params import SAMPLING
-from itouch_thermal.flux import late_readings, planner
+from itouch_thermal.flux import late_readings, planner, slew
 from itouch_thermal.flux import observer as at
 from itouch_thermal.flux.limits import RATE, RATE_OVER
 
@@ -146,6 +146,19 @@ def _coming(line: Any, slot: int, delay: int, out: Any, i: int) -> float:
 
 
 @linked
+def _flowing(line: Any, slots: Any, leaving: Any, flows: float, most: float) -> float:
+    """Return the current [A] that flows where the one that is asked for begins to act.
+
+    ``flows`` is the current that flows now, ``most`` [A] by how much it may change in a period; ``leaving`` is a
+    `FutureCurrent`.
+    """
+    delay = int(slots[1])
+    for i in range(delay + leaving.wait):
+        flows = at.slewed(_coming(line, int(slots[0]), delay, leaving.out, i), flows, most)
+    return flows
+
+
+@linked
 def _queue(
     line: Any, slot: int, delay: int, out: Any, size: int, fine: Any, coarse: Any, flows: float, most: float
 ) -> None:
@@ -259,8 +272,10 @@ def _approach(basis: Any, own: Any, bounds: Any, leaving: Any, target: float, wi
         change = c[at.O_PERIOD] * (air - pump - theta[at.FLUX]) / heat
         mean += change
     error = mean + excess - target
-    flux = min(limit, max(-limit, heat * error / within + air))
+    braked = slew.braked(heat * error, within, slew.rate(c, theta, before, mean))
+    flux = min(limit, max(-limit, braked + air))
     current = current_for(seebeck, ohmic, legs, (flux - theta[at.FLUX]) * c[at.O_AREA], mean, hot)
+    current = slew.reached(current, before, most * leaving.hold)
     return min(ceiling, max(-ceiling, current)), flux, error
 
 
@@ -323,9 +338,13 @@ def _follow(fixed: Any, own: Any, bounds: Any, leaving: Any, scale: float, doubt
     first = int(memory[at.M_AGE] / size) + single.shape[0] // size + queue.shape[0] + 1
     _limits(fixed.band, own.trace, first, RATE * RATE_OVER * RATE_USED, span)
     planned = planner.Planned(own.wanted, span, own.response, fixed.hats, last, rest)
+    if most > 0.0:
+        before = _flowing(own.line, slots, leaving, memory[at.M_BEFORE], most)
+    rate = slew.rate(c, theta, before, back)
+    allowed = planner.Slew(_pumped(c, theta, before, back, hot), 0.5 * leaving.hold * period * rate, rate)
     planner.plan(
         fixed.coarse, theta, scale, planned, above, below, flux, bounds.flux_limit,
-        (ticks + slots[1] + leaving.wait) * period, step, spill, _pumped(c, theta, before, back, hot),
+        (ticks + slots[1] + leaving.wait) * period, step, spill, allowed,
     )  # fmt: skip
     # A current that is held for long gives the plan's mean over that time.
     flux = last[0] + 0.5 * min(1.0, leaving.hold * period / planner.KNOTS[1]) * (last[1] - last[0])
@@ -337,6 +356,7 @@ def _follow(fixed: Any, own: Any, bounds: Any, leaving: Any, scale: float, doubt
     seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
     ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])
     current = current_for(seebeck, ohmic, legs, (flux - theta[at.FLUX]) * c[at.O_AREA], back, hot)
+    current = slew.reached(current, before, most * leaving.hold)
     return min(ceiling, max(-ceiling, current)), flux
 
 

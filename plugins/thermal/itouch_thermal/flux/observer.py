@@ -56,10 +56,12 @@ X_FLUX, X_BACK, X_FACE, X_SEEN, X_FILM, X_DRIFT, X_TAIL = range(7)
 M_TOUCHING, M_SINK, M_SINK_SEEN, M_CONTACT, M_TICKS, M_QUIET, M_AGE, M_UNSEEN, M_PART, M_TAIL = range(10)
 #: One more, where the delay is a parameter or the driver's slew rate is limited: the current [A] of the period before.
 M_BEFORE = M_TAIL
-#: For how long [s] nothing is learnt after a flux that air cannot explain: something touches the plate.
-QUIET = 0.2
 #: Rates [1/s] at which the sink follows its sensor, and a disturbed plate its own.
 SINK_RATE, PLATE_RATE = 2.0, 20.0
+#: For how long nothing is learnt after a flux that air cannot explain, as something touches the plate: in time
+#: constants of following.  Any sooner the plate is not yet where its sensor says, and the parameters, which alone can
+#: explain that later, would be led away from the display.
+QUIET = 4.0
 
 #: Places in ``pad``: contact area at 1 N [m2], exponent of the force in it, areas of plate and sensor [m2].
 PAD_AREA, PAD_EXPONENT, PAD_PLATE, PAD_SENSOR = range(4)
@@ -502,10 +504,16 @@ def observe(
 
 
 @linked
+def quiet(c: Any) -> float:
+    """Return for how long [s] nothing is learnt once a bare plate was disturbed; ``c``: constants (O_CONSTANTS,)."""
+    return float(QUIET * max(1.0 / PLATE_RATE, c[O_PLATE_LAG]))
+
+
+@linked
 def _disturbed(c: Any, x: Any, memory: Any, flux: float, o: int) -> bool:
     """Tell whether the bare plate has just had, or had not long ago, a flux that air does not explain."""
     if abs(flux - x[0, o + X_SEEN]) > 6.0 * c[O_FLUX_NOISE] + 0.3 * abs(x[0, o + X_SEEN]):
-        memory[M_QUIET] = QUIET
+        memory[M_QUIET] = quiet(c)
     if memory[M_QUIET] > 0.0:
         memory[M_QUIET] -= c[O_PERIOD]
         return True
@@ -535,12 +543,14 @@ def missed(k: int, film: float, theta: Any, expected: float) -> float:
 
 @linked
 def follow(c: Any, plate: Any, row: Any, periods: float, miss: float, o: int) -> float:
-    """Move plate and drift of a row towards a reading that differs by ``miss``; return by how much the plate moved.
+    """Move plate and drift of a row towards a reading that differs by ``miss``; return by how much its reading moved.
 
     The drift is a flux [W/m2] of unknown cause that takes the plate away from the model: without it the plate would lag
     behind its sensor by as much as it departs within the time constant of following.  ``periods`` have passed since the
-    last reading.
+    last reading.  A sensor that is slower than the plate follows it tells of the plate's errors later: the reading that
+    is expected and the drift are moved by less, so that all three errors fade within the sensor's lag, and none swings.
     """
+    slower = max(1.0, PLATE_RATE * c[O_PLATE_LAG])
     m = plate.shape[1]
     n, time, square, rise = o - m, c[O_PERIOD] * periods, 0.0, 0.0
     if time <= 0.0:
@@ -550,11 +560,12 @@ def follow(c: Any, plate: Any, row: Any, periods: float, miss: float, o: int) ->
         rise += plate[P_MEAN, i] * plate[P_PUMP, i] / c[O_PERIOD]
     part = min(1.0, PLATE_RATE * time)
     shift = part * miss
-    row[o + X_DRIFT] -= part * part / (2.0 - part) * miss / (time * rise)
+    row[o + X_DRIFT] -= part * part / (2.0 - part) * miss / (time * rise) / slower
     for i in range(m):
         row[n + i] += shift * plate[P_MEAN, i] / square
-    row[o + X_FILM] += shift
-    return float(shift)
+    sensed = shift / math.sqrt(slower)
+    row[o + X_FILM] += sensed
+    return float(sensed)
 
 
 @linked

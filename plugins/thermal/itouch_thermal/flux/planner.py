@@ -58,6 +58,18 @@ class Joint(NamedTuple):
     rest: float
 
 
+class Slew(NamedTuple):
+    """What the driver's slew rate leaves of a plan: of what it begins with, and how fast it may change.
+
+    ``flux`` [W/m2] is pumped where the plan begins, ``first`` [W/m2] by how much its first knot may differ from that,
+    and ``rate`` [W/m2 per second] how fast the pumped flux may change; 0: at any rate.
+    """
+
+    flux: float
+    first: float
+    rate: float
+
+
 class Planned(NamedTuple):
     """What the plan is made of.
 
@@ -194,7 +206,7 @@ def arrive(
 @kernel
 def plan(
     basis: Any, theta: Any, scale: float, planned: Planned, above: Any, below: Any, flux: float, limit: float,
-    age: float, step_time: float, spill: float, before: float,
+    age: float, step_time: float, spill: float, slew: Slew,
 ) -> None:  # fmt: skip
     """Improve the plan's knots of the pumped flux [W/m2].
 
@@ -212,13 +224,13 @@ def plan(
         Time of the touch at which the plan begins, and length of its steps [s].
     spill
         What air gives to the plate beside the finger [W/m2 of the plate].
-    before
-        The flux that is pumped where the plan begins [W/m2].
+    slew
+        The flux that is pumped where the plan begins [W/m2], and how fast it may change.
     """
     c, tissue, plate = basis.c, basis.tissue, basis.plate
     wanted, band, response, hats = planned.wanted, planned.span, planned.response, planned.hats
     last, work = planned.knots, planned.work
-    joint = joined(basis, theta, scale, c[at.O_REST] - c[at.O_REFERENCE])
+    joint, before = joined(basis, theta, scale, c[at.O_REST] - c[at.O_REFERENCE]), slew.flux
     steps, v, shift = wanted.shape[0], HATS * HATS, later(theta) / step_time
     for a in range(v + HATS):
         work[a] = 0.0
@@ -244,6 +256,9 @@ def plan(
         work[a * HATS + a] += SMOOTH
         for b in range(a):
             work[b * HATS + a] = work[a * HATS + b]
+    if slew.rate > 0.0:
+        _solve_slewing(work, last, limit, slew)
+        return
     _solve(work)
     for a in range(HATS):
         last[a] = min(limit, max(-limit, last[a] + work[v + a]))
@@ -263,3 +278,30 @@ def _solve(work: Any) -> None:
         for j in range(k + 1, HATS):
             work[v + k] -= work[k * HATS + j] * work[v + j]
         work[v + k] /= work[k * HATS + k]
+
+
+@kernel
+def _solve_slewing(work: Any, last: Any, limit: float, slew: Slew) -> None:
+    """Solve the normal equations in place for a driver whose slew rate is limited, and change the knots ``last``.
+
+    The unknowns are eliminated from the last one on, so that the first comes out first.  It is limited to what the
+    driver reaches, the others are the best given that, and so on: a plan of what could flow.  A plan that is cut only
+    when it is sent asks for ever more while the current is on its way, and swings between the ends of the slew.
+    """
+    v = HATS * HATS
+    for k in range(HATS - 1, 0, -1):
+        for i in range(k):
+            factor = work[i * HATS + k] / work[k * HATS + k]
+            for j in range(k):
+                work[i * HATS + j] -= factor * work[k * HATS + j]
+            work[v + i] -= factor * work[v + k]
+    centre, room = slew.flux, slew.first
+    for a in range(HATS):
+        for j in range(a):
+            work[v + a] -= work[a * HATS + j] * work[v + j]
+        if a > 0:
+            centre, room = last[a - 1], slew.rate * (KNOTS[a] - KNOTS[a - 1])
+        found = min(centre + room, max(centre - room, last[a] + work[v + a] / work[a * HATS + a]))
+        found = min(limit, max(-limit, found))
+        work[v + a] = found - last[a]
+        last[a] = found
