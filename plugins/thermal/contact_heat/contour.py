@@ -7,13 +7,8 @@ converges as 3.89**-N.  With 24 nodes the factor exp(Re z) stays below 61, so th
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
-
-from contact_heat.stack import Array
 
 Complex = NDArray[np.complex128]
 
@@ -33,10 +28,3 @@ def talbot(nodes: int) -> tuple[Complex, Complex]:
 
 
 Z, WEIGHTS = talbot(24)
-
-
-def invert(transform: Callable[[Complex], NDArray[Any]], times: Array) -> Array:
-    """Return f at times > 0 [s], shape (times,), of a transform that can be evaluated at points of any shape."""
-    points = Z / times[:, None]
-    values = transform(points.ravel()).reshape(points.shape)
-    return np.asarray((WEIGHTS * values).real.sum(axis=1) / times)
