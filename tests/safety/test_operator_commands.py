@@ -249,6 +249,18 @@ def test_a_safety_report_of_a_scene(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert main(["safety-report", str(tmp_path / "absent.xml")]) == 2
 
 
+def test_a_safety_report_tells_which_devices_are_optional(scenes: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from itouch_tools.cli import main
+
+    rig = scenes / "rigs" / "twin.xml"
+    rig.write_text(rig.read_text().replace('<device name="peltier" plugin="thermal">',
+                                           '<device name="peltier" plugin="thermal" optional="true">'))  # fmt: skip
+    assert main(["safety-report", str(scenes / "four_materials_hurried.xml"), "--no-run"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    rows = [line.strip("| ").split(" | ") for line in lines if "| simulated twin |" in line]
+    assert {row[0]: row[-1] for row in rows} == {"arm": "no", "table": "no", "peltier": "yes"}
+
+
 def test_a_safety_report_of_a_script_that_trips(tmp_path: Path) -> None:
     from itouch_tools.cli import main
 

@@ -346,6 +346,8 @@ def test_a_record_is_of_one_rigs_device_and_not_of_one_with_its_name(
         (["--kind", "colour"], "no device has a calibration 'colour'"),
         (["--kind", "mount-fit"], "several devices have a calibration 'mount-fit'"),
         (["--kind", "mount-fit", "--device", "arm"], "in whose frame"),
+        (["--kind", "mount-fit", "--device", "arm", "--to", "stool", "--samples", "PAIRS"], "in whose frame"),
+        (["--kind", "mount-fit", "--device", "arm", "--to", "arm", "--samples", "PAIRS"], "in whose frame"),
         (["--kind", "force-scale"], "as --samples: columns asked [N], given [N]"),
         (["--kind", "force-scale", "--samples", "/no/such"], "cannot be read"),
         (["--kind", "force-scale", "--samples", "BAD"], "sample 2 is '1 x'"),
@@ -357,7 +359,10 @@ def test_a_record_is_of_one_rigs_device_and_not_of_one_with_its_name(
 def test_what_is_wrong_is_told(
     scene: Path, tmp_path: Path, words: list[str], says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    files = {"BAD": "1 2\n1 x\n", "FEW": "1 1\n2 2\n", "GOOD": "1 1\n2 2\n3 3\n"}
+    files = {
+        "BAD": "1 2\n1 x\n", "FEW": "1 1\n2 2\n", "GOOD": "1 1\n2 2\n3 3\n",
+        "PAIRS": "0 0 0 1 0 0\n1 0 0 2 0 0\n0 1 0 1 1 0\n",
+    }  # fmt: skip
     for name, content in files.items():
         (tmp_path / name).write_text(content)
     words = [str(tmp_path / word) if word in files else word for word in words]

@@ -96,6 +96,13 @@ def test_the_range_of_temperatures_holds_all_and_never_shrinks(given_):
     assert shown.colour(math.nan) == colours.UNKNOWN
 
 
+@pytest.mark.parametrize("celsius", [20.0, 19.75, 20.25])
+def test_the_scale_is_no_wider_than_it_has_to_be(celsius):
+    """A quarter of a kelvin beyond a round number asks for no more of the scale."""
+    low, high = Range(itouch_model(celsius + 273.15)).ends
+    assert (low - 273.15, high - 273.15) == pytest.approx((15.0, 25.0))
+
+
 class itouch_model:  # noqa: N801 - stands for a Model: a world with a temperature, and nothing in it
     def __init__(self, ambient: float) -> None:
         world = type("World", (), {"temperature": ambient})
