@@ -22,9 +22,7 @@ def gone(parent: int) -> bool:
     return os.getppid() != parent
 
 
-def end_with(
-    parent: int, *, while_: Callable[[], bool] = lambda: True, first: Callable[[], None] | None = None
-) -> None:
+def end_with(parent: int, *, while_: Callable[[], bool] = lambda: True) -> None:
     """End this process at once when its parent has gone.
 
     Parameters
@@ -33,23 +31,20 @@ def end_with(
         The parent's id, as the parent gave it.
     while_
         Called again and again; once it returns false, the parent is no longer watched.
-    first
-        Called when the parent is gone; if it returns, this process ends.
     """
 
+    def watched() -> bool:
+        watches = while_()
+        if watches and gone(parent):
+            os._exit(1)
+        return watches
+
     def look() -> None:
-        while while_():
-            if gone(parent):
-                if first is not None:
-                    first()
-                os._exit(1)
+        while watched():
             time.sleep(LOOK)
 
-    if gone(parent) and while_():
-        if first is not None:
-            first()
-        os._exit(1)
-    threading.Thread(target=look, name="itouch-parent", daemon=True).start()
+    if watched():
+        threading.Thread(target=look, name="itouch-parent", daemon=True).start()
 
 
 class ProcessEnd:
