@@ -180,6 +180,23 @@ def test_the_turning_of_a_mesh_is_damped_as_that_of_the_box_which_it_is(axis: in
     np.testing.assert_allclose(starts[1], starts[0], rtol=1e-5, atol=1e-9)
 
 
+def test_a_mesh_that_is_askew_in_its_file_turns_as_the_box_which_it_is() -> None:
+    turned, rotation = np.array((0.5, -0.3, 0.6, 0.55)), np.zeros(9)
+    turned /= np.linalg.norm(turned)
+    mujoco.mju_quat2Mat(rotation, turned)
+    faces = slender_mesh().surface.faces
+    askew = Mesh(Surface(slender_mesh().surface.vertices @ rotation.reshape(3, 3).T, faces))
+    box = Body(Box(SLENDER), (0.0, 0.0, 1.0, *turned), FREE, 0.2, damping=5.0)
+    ends = []
+    for world in (World(box, gravity=(0, 0, 0)), World(free(askew, damping=5.0), gravity=(0, 0, 0))):
+        world.forces[0, 3:] = 1e-3, -2e-3, 1.5e-3
+        world.run(20)
+        world.forces[:] = 0
+        ends.append(world.run(100).twists[0, 3:].copy())
+    np.testing.assert_allclose(ends[1], ends[0], rtol=1e-3, atol=1e-6)
+    assert np.abs(ends[0]).min() > 0.01
+
+
 @pytest.mark.parametrize(
     ("shape", "height"),
     [
