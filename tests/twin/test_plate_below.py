@@ -12,6 +12,8 @@ from itouch.twin import frame_rotation, mechanics
 from itouch.twin import mechanics as at
 
 ORIGIN, RADIUS, PERIOD = np.array((0.3, -0.2, 0.1)), 0.008, 1e-3
+#: The middle of the plate's top from its carrier.
+OFFSET = np.array((0.004, -0.007, 0.02))
 #: Turned by a quarter about the vertical: the device's x is the world's y.
 QUARTER = np.array(((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
 
@@ -26,7 +28,7 @@ def python(monkeypatch: pytest.MonkeyPatch) -> None:
 def constants() -> Any:
     made = np.zeros(at.CONSTANTS)
     made[at.TABLE : at.TABLE + 3], made[at.TABLE + 3 : at.TABLE + 12] = ORIGIN, QUARTER.ravel()
-    made[at.OFFSET : at.OFFSET + 3] = 0.0, 0.0, 0.02  # the plate's top over its carrier
+    made[at.OFFSET : at.OFFSET + 3] = OFFSET
     made[at.EXTENT : at.EXTENT + 2], made[at.HEADING] = (0.02, 0.01), 1.0
     made[at.RADIUS], made[at.PERIOD], made[at.PAD_STIFFNESS] = RADIUS, PERIOD, 1000.0
     return made
@@ -49,7 +51,7 @@ def test_the_gap_between_finger_and_plate_is_where_the_plate_is(
 ) -> None:
     table, figures = np.array((0.05, 0.03, 0.01)), np.zeros(at.FIGURES)
     figures[at.DISTANCE] = gap  # at rest
-    middle = table + (0.0, 0.0, 0.02)
+    middle = table + OFFSET
     finger = ORIGIN + QUARTER @ (middle + (*away, height + RADIUS))
     found = python_of(mechanics.plate_force)(constants(), finger, table, figures)
     assert found == pytest.approx(gap, abs=1e-12) == figures[at.DISTANCE]
@@ -72,6 +74,6 @@ def test_the_edges_of_a_turned_plate_are_turned(heading: float) -> None:
         ((0.0, -0.011), True),
     ):
         figures = np.zeros(at.FIGURES)
-        finger = ORIGIN + QUARTER @ (table + (0.0, 0.0, 0.02) + turn @ (*away, RADIUS - 1e-3))
+        finger = ORIGIN + QUARTER @ (table + OFFSET + turn @ (*away, RADIUS - 1e-3))
         gap = python_of(mechanics.plate_force)(made, finger, table, figures)
         assert gap == pytest.approx(at.BESIDE if beside else -1e-3, abs=1e-12), (away, heading)
