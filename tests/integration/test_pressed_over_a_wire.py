@@ -12,7 +12,7 @@ from kernels_in_python import python_of
 
 from itouch.plugin.carried_surfaces import ABOUT, LEFT, TOUCH
 from itouch_encountered import over_wire
-from itouch_encountered.own import GOES, GONE_BY, HOISTS, LAG, LIFTS, PAST, RISE, SINCE, WAY
+from itouch_encountered.own import BEHIND, GOES, GONE_BY, HOISTS, HOLD, LAG, LIFTS, PAST, RISE, ROW_Z, SINCE, WAY
 
 STIFFNESS, RADIUS, TICK, AGE = 1000.0, 0.008, 200, 7
 LIGHT, FIRM = 0.5 * (LEFT + TOUCH), 1.0
@@ -76,3 +76,28 @@ def test_the_surface_is_foreseen_by_how_the_finger_goes_along_its_slope(
     goes = [0.10 * ahead + 2.0 * ahead**2 / 2.0, -0.05 * ahead + 4.0 * ahead**2 / 2.0]
     lifts = 0.03 * ahead - ahead**2 / 2.0
     assert own[RISE] == pytest.approx(float(np.dot(slopes, goes)) + lifts, rel=1e-12)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.004])
+def test_the_surface_has_gone_on_since_it_was_read_as_its_commands_have(
+    lag: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One command leaves in each tick, and each sends the surface further up: it follows by the device's lag."""
+    for name in ("_follow", "_follow_lift", "_watch_wire", "_learn"):
+        monkeypatch.setattr(over_wire, name, lambda *words: None)
+    for name in ("_height", "_commanded", "_since", "_pressed"):
+        monkeypatch.setattr(over_wire, name, python_of(getattr(over_wire, name)))
+    rise, size, period = 1e-4, 2 * AGE, 1e-3
+    gone = np.zeros((size, 4))
+    for tick in range(TICK - size, TICK):
+        gone[tick % size] = tick, 0.0, 0.0, rise * tick
+    own, frame = np.zeros(GONE_BY + 3 * PAST), np.zeros(12)
+    own[LAG], own[HOLD], frame[ROW_Z + 2] = lag, period, 1.0
+    w: Any = SimpleNamespace(
+        tick=(TICK,), measured=(TICK - AGE,), hip=(0.0, 0.0, 0.0), pose=np.zeros(7), frame=frame, lifts=(0.0,),
+        slope_x=(0.0,), slope_y=(0.0,), gone=gone, goings=(TICK,), load=np.zeros(6),
+    )  # fmt: skip
+    c = SimpleNamespace(period=period, radius=RADIUS, has_load=False, stiffness=STIFFNESS)
+    assert python_of(over_wire.look_over_wire)(c, w, own) == 0
+    assert own[SINCE] == pytest.approx(AGE * rise, rel=1e-9)
+    assert own[BEHIND] == pytest.approx(rise * (TICK - 1) - AGE * rise, rel=1e-9)  # what was read is at the origin
