@@ -346,14 +346,14 @@ def test_a_record_is_of_one_rigs_device_and_not_of_one_with_its_name(
         (["--kind", "colour"], "no device has a calibration 'colour'"),
         (["--kind", "mount-fit"], "several devices have a calibration 'mount-fit'"),
         (["--kind", "mount-fit", "--device", "arm"], "in whose frame"),
-        (["--kind", "mount-fit", "--device", "arm", "--to", "stool", "--samples", "PAIRS"], "in whose frame"),
-        (["--kind", "mount-fit", "--device", "arm", "--to", "arm", "--samples", "PAIRS"], "in whose frame"),
         (["--kind", "force-scale"], "as --samples: columns asked [N], given [N]"),
         (["--kind", "force-scale", "--samples", "/no/such"], "cannot be read"),
         (["--kind", "force-scale", "--samples", "BAD"], "sample 2 is '1 x'"),
         (["--kind", "force-scale", "--samples", "FEW"], "a line needs three samples"),
         (["--kind", "force-scale", "--samples", "GOOD", "--days", "-1"], "out of range"),
         (["--kind", "touch-off", "--device", "arm"], "no device has a calibration"),
+        (["--kind", "mount-fit", "--device", "arm", "--to", "stool", "--samples", "PAIRS"], "in whose frame"),
+        (["--kind", "mount-fit", "--device", "arm", "--to", "arm", "--samples", "PAIRS"], "in whose frame"),
     ],
 )
 def test_what_is_wrong_is_told(
