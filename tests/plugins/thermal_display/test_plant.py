@@ -123,6 +123,15 @@ def test_command_is_delayed_saturated_and_counted():
     assert state["memory"][at.CURRENT] == pytest.approx(2.0, abs=4.0 / 256)
 
 
+@pytest.mark.parametrize("differs", [-0.02, -5e-3, 4e-3])
+def test_a_command_takes_as_much_longer_as_the_delay_differs(differs):
+    twin, state, command = twin_of(delay=0.02, mismatch=Mismatch(delay=differs))
+    command["current"] = 1.0
+    for i in range(30):
+        twin.step(state, command, TwinInputs(), PERIOD)
+        assert (state["memory"][at.CURRENT] != 0.0) == (i >= round((0.02 + differs) / PERIOD))
+
+
 def test_the_driver_gives_whole_steps_of_its_range():
     twin, state, command = twin_of(max_current=2.0, current_bits=8)
     for wanted, given in ((0.0125, 1), (0.02, 1), (-0.3, -19)):
