@@ -186,6 +186,19 @@ def test_one_that_knows_no_request_for_several_is_asked_one_by_one(code: int) ->
         tec.close()
 
 
+@pytest.mark.parametrize(("parameter", "wanted"), [(2030, 2.0), (2032, 2.5)])
+def test_a_limit_of_the_current_that_is_below_nothing_is_set_anew(parameter: int, wanted: float) -> None:
+    """The one that the maker's program has left is no protection, however low it is."""
+    device = Controller(Plate())
+    device.floats[parameter] = -0.5
+    with on_a_line(device) as path:
+        driver(path).close()
+    assert device.floats[parameter] == pytest.approx(wanted)
+    said = pytest.raises(DeviceError, match=f"keeps parameter {parameter} at -0.5 where {wanted:g} was written")
+    with on_a_line(Controller(Plate(), reads={parameter: single(-0.5)})) as path, said:
+        driver(path)
+
+
 def test_a_watchdog_that_rounds_up_is_not_called_off() -> None:
     said = pytest.raises(DeviceError, match="at 1 where 0.5 was written: its own watchdog would come too late")
     with on_a_line(Controller(Plate(), reads={2060: single(1.0)})) as path, said:
