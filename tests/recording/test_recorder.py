@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -247,6 +248,34 @@ def test_what_is_lost_in_real_time_is_counted(tmp_path: Path, monkeypatch: pytes
     ticks = recording.ticks
     rows = recording["arm"]
     assert np.array_equal(rows["tick"], ticks)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="this system stops no processes")
+@pytest.mark.parametrize("real", [False, True])
+def test_marks_are_lost_in_real_time_alone(real: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """More of them come than there is room for, while the writing process is held until the loop waits for it."""
+    monkeypatch.setattr(recorder, "LETTERS", 1 << 12)
+    session = itouch.build(SCENES / "first_touch.xml")
+    recording = session.record(tmp_path / "r.mcap")
+    session.run(0.05)
+    if real:
+        session.clock = itouch.WallClock()
+    waits = list[float]()
+
+    def wait(seconds: float) -> None:
+        waits.append(seconds)
+        os.kill(recording.process_id, signal.SIGCONT)
+        time.sleep(seconds)
+
+    monkeypatch.setattr(recorder, "time", SimpleNamespace(sleep=wait, monotonic=time.monotonic))
+    os.kill(recording.process_id, signal.SIGSTOP)
+    for number in range(2000):
+        session.mark(f"m{number}", {"why": "x" * 480})
+    found = (recording.lost > 0, waits == [])
+    os.kill(recording.process_id, signal.SIGCONT)
+    session.close()
+    assert found == (real, real)
+    assert (len(itouch.read(tmp_path / "r.mcap").marks) < 2000) == real
 
 
 def test_a_full_disk_stops_recording_and_the_session_goes_on(tmp_path: Path) -> None:
