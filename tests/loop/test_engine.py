@@ -282,3 +282,17 @@ def test_the_layout_of_a_probe_is_that_of_the_compiled_tick() -> None:
         figures[index] = 123.5 + index
         assert float(state[f"finger.{name}"].reshape(-1)[0]) == 123.5 + index
     assert len(state.flat("finger.plate_force", "finger.total_force")) == mechanics.FIGURES
+
+
+def test_twins_that_were_closed_go_on_with_the_finger_s_speed() -> None:
+    """Nothing has moved meanwhile: only hardware is begun anew from rest."""
+    speeds = []
+    for closes in (False, True):
+        session = itouch.build(FIRST)
+        session.run(0.35)
+        if closes:
+            session.close()
+        session.run(session.model.period)
+        speeds.append((*session.state["finger.velocity"], session.state["finger.time_to_contact"].item()))
+    assert speeds[1] == speeds[0]
+    assert speeds[0][2] < -0.01
