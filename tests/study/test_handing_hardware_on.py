@@ -1,10 +1,12 @@
-"""A scene that follows another one has its hardware, and only that: each device by its name."""
+"""A scene that follows another one has its hardware, and only that; a trial begins when that gives its full force."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from itouch.plugin import Field, Record
@@ -37,3 +39,34 @@ def test_each_device_that_is_real_is_handed_to_the_next_session_when_all_else_ha
     lifecycles = {runner.model.name: runner.lifecycle for runner in before.runners}
     assert done == ["state", "settled", ("table", lifecycles["table"]), ("arm", lifecycles["arm"])]
     assert after.guarded == ("arm", "table")
+
+
+@pytest.mark.parametrize("ready", [False, True])
+def test_a_trial_begins_when_hardware_that_is_driven_gives_its_full_force(ready: bool) -> None:
+    """Nobody waits for a twin, for a device that takes no commands, or for one that is off."""
+    done = list[str]()
+    state = {"ready": np.array(ready)} | {
+        f"{name}.ramp": np.array(share) for name, share in (("arm", 0.4), ("virtual", 0.0), ("eye", 0.0), ("off", 0.0))
+    }
+    runners = [
+        SimpleNamespace(
+            model=SimpleNamespace(name=name, twin=name == "virtual", commands=() if name == "eye" else ("wrench",)),
+            latch=SimpleNamespace(enabled=name != "off"),
+        )
+        for name in ("arm", "virtual", "eye", "off")
+    ]
+
+    def run(until: Callable[[], bool]) -> None:
+        for _ in range(10):
+            if until():
+                return
+            done.append("tick")
+            state["ready"][...] = True
+            state["arm.ramp"] += 0.2
+        raise AssertionError("it would wait for ever")
+
+    rig: Any = SimpleNamespace(
+        session=SimpleNamespace(state=state, runners=runners), run=run, hold=lambda: done.append("held")
+    )
+    scene_switching.SceneSwitcher.begin(rig)
+    assert done == ["tick"] * 3 + ["held"]
