@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -144,6 +146,31 @@ def test_encoders_that_jump_are_believed_only_twice_over() -> None:
         assert falcon.read().encoders == (-200, -200, -200)
         emulator.encoders = (400, 300, 500)  # really there: both frames say so
         assert falcon.read().encoders == (400, 300, 500)
+
+
+@pytest.mark.parametrize("leg", range(3))
+@pytest.mark.parametrize("way", [-1, 1])
+def test_after_a_speed_that_no_arm_has_each_leg_is_expected_where_it_is(leg: int, way: int) -> None:
+    """As far to either side: what is further away is asked for again."""
+    now, emulator = [0.0], PlainFalcon(running=True)
+
+    def asked(by: int, after: float, legs: Sequence[int] = (0, 1, 2)) -> int:
+        now[0] += after
+        emulator.encoders = tuple(place + by * (axis in legs) for axis, place in enumerate(emulator.encoders))
+        before = len(emulator.motors)
+        assert falcon.read().encoders == emulator.encoders
+        return len(emulator.motors) - before
+
+    emulator.encoders = (-900, -1000, -800)
+    with Falcon(backend=emulator, clock=lambda: now[0]) as falcon:
+        falcon.home(1.0)
+        # a leg that rests is within 12 counts, and those to which 300 m/s2 take it: 2.9995
+        after = math.sqrt(2.9995 / 3.25e6)
+        for by, frames in ((14, 1), (15, 2)):
+            assert [asked(0, 1e-3) for _ in range(3)] == [1] * 3
+            assert [asked(50, 1e-3) for _ in range(2)] == [2] * 2  # 50 000 counts/s
+            assert asked(way * by, after, (leg,)) == frames
+            asked(-100, 0.1)
 
 
 #: How far [m] a wrong letter that stays a letter may move the arm, at rest and at 0.2 m/s.
