@@ -29,3 +29,15 @@ def test_a_slow_driver_renders_the_flux(scenes: Path, slew: str, off: float, mos
     found = {contact["object"]: contact["flux_error_rms"] for contact in session.report()["contacts"]}
     assert len(found) == 2
     assert max(found.values()) < most, found
+
+
+@pytest.mark.parametrize(("slew", "resistance", "most"), [("100 A/s", "6 ohm", 0.01), ("20 A/s", "12 ohm", 0.04)])
+def test_a_module_of_high_resistance_heats_as_fast_as_its_driver_can(
+    scenes: Path, slew: str, resistance: str, most: float
+) -> None:
+    """What its current costs helps to heat: it is not to be held back as where it cools."""
+    hardware = f'<thermal:hardware slew="{slew}" resistance="{resistance}"/>'
+    session = itouch.build(Display(hardware=hardware, wait="2.5 s", near="2.5 s", hold="1.5 s").write(scenes))
+    session.run()
+    found = {contact["object"]: contact["flux_error_rms"] for contact in session.report()["contacts"]}
+    assert found["right"] < most, found

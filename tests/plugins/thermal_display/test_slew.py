@@ -10,6 +10,7 @@ import pytest
 from itouch.plugin import Field, Record, TwinInputs
 from itouch_thermal.display.display_twin import DisplayTwin
 from itouch_thermal.display.params import DisplayParams, Mismatch
+from itouch_thermal.display.peltier import pumped_heat
 from itouch_thermal.display.plant import CURRENT
 from itouch_thermal.flux import observer as at
 from itouch_thermal.flux import slew
@@ -125,6 +126,28 @@ def test_the_mean_of_the_ramp_is_the_current_that_is_needed(change: float) -> No
     assert slew.reached(1.0 + change, 1.0, 0.0) == 1.0 + change
 
 
+@pytest.mark.parametrize("current", [-6.0, -2.0, 0.0, 2.0])
+def test_the_flux_may_change_as_fast_as_the_current_lets_it(current: float) -> None:
+    """By what the module pumps a little later, with the share that is used; while it heats at least as at rest."""
+    law, state = law_of(replace(PARAMS, resistance=6.0))
+    rate = slew.rate(law.constants, state["theta"], current, 296.15)
+    step = 1e-4 * slew.USED * SLEW
+    pumped = [
+        pumped_heat(PARAMS.seebeck, 6.0, PARAMS.conductance, some, 296.15, 296.15) / PARAMS.area
+        for some in (current, current + step, 0.0, step)
+    ]
+    here, rest = (pumped[1] - pumped[0]) / 1e-4, (pumped[3] - pumped[2]) / 1e-4
+    assert rate == pytest.approx(min(here, rest), rel=1e-2)
+
+
+@pytest.mark.parametrize("current", [2.6, 6.0])
+def test_a_slow_driver_is_never_planned_with_as_one_that_is_not(current: float) -> None:
+    """At the current with which the module pumps most the flux does not change; a rate of 0 would mean any."""
+    law, state = law_of(replace(PARAMS, resistance=6.0))
+    rates = [slew.rate(law.constants, state["theta"], some, 296.15) for some in (0.0, current)]
+    assert 0.0 < rates[1] < 0.2 * rates[0]
+
+
 @pytest.mark.parametrize("heat", [3.0, -30.0, 300.0, 3000.0])
 def test_heat_that_is_taken_away_is_not_taken_too_far(heat: float) -> None:
     """The flux changes no faster than the driver lets it, and yet the plate does not pass its target."""
@@ -139,7 +162,7 @@ def test_heat_that_is_taken_away_is_not_taken_too_far(heat: float) -> None:
     assert abs(left) < 2e-3 * abs(heat), "the way took much longer than the driver needs"
 
 
-@pytest.mark.parametrize("lag", [0.2, 0.3, 0.5, 1.0])
+@pytest.mark.parametrize("lag", [0.2, 0.3, 0.5, 1.0, 2.0])
 def test_a_plate_that_was_disturbed_is_known_again_when_learning_goes_on(lag: float) -> None:
     """However slow its sensor is: its reading is behind the plate by that lag."""
     law, state = law_of(replace(PARAMS, plate_lag=lag))

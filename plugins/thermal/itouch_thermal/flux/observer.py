@@ -548,7 +548,8 @@ def follow(c: Any, plate: Any, row: Any, periods: float, miss: float, o: int) ->
     The drift is a flux [W/m2] of unknown cause that takes the plate away from the model: without it the plate would lag
     behind its sensor by as much as it departs within the time constant of following.  ``periods`` have passed since the
     last reading.  A sensor that is slower than the plate follows it tells of the plate's errors later: the reading that
-    is expected and the drift are moved by less, so that all three errors fade within the sensor's lag, and none swings.
+    is expected and the drift are moved by less, so that from a lag of 0.2 s on all three errors fade within one to two
+    lags, with a damping ratio above a half.
     """
     slower = max(1.0, PLATE_RATE * c[O_PLATE_LAG])
     m = plate.shape[1]

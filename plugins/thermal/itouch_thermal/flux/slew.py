@@ -14,6 +14,8 @@ from itouch_thermal.flux import observer as at
 
 #: The share of the driver's slew rate that is planned with.
 USED = 0.8
+#: The least of the rate of a module without resistance that counts.  At the best current of a real one it is nothing.
+LEAST = 0.1
 
 
 @linked
@@ -21,10 +23,12 @@ def rate(c: Any, theta: Any, current: float, back: float) -> float:
     """Return how fast the pumped flux may change [W/m2 per second] around a current [A]; 0: at any rate.
 
     ``c`` (O_CONSTANTS,) and ``theta`` (p,) are the estimator's; ``back`` is the temperature [K] of the plate's back.
+    While heat is pumped into the plate, the flux changes faster with the current than at rest.  It counts as at rest:
+    so slowly it changes at the end of a way back to none.
     """
-    change = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]) * back
-    change -= c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC]) * abs(current)
-    return float(USED * c[at.O_SLEW] * max(0.0, change) / c[at.O_AREA])
+    change = pull = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]) * back
+    change -= c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC]) * max(0.0, current)
+    return float(USED * c[at.O_SLEW] * max(LEAST * pull, change) / c[at.O_AREA])
 
 
 @linked
