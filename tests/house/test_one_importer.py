@@ -33,6 +33,7 @@ REASONS = {
     "itouch_evidence.surface.reach": "a bound with a derivation, by which what was measured is judged",
     "itouch_evidence.viewer_web": "each kind of viewer that is measured has a file",
     "itouch_thermal.flux.curve_start": "what a display can follow is physics; its importer knows the scene and the names of State",
+    "itouch_thermal.flux.slew": "what a driver can follow is another idea than the law and the plan, which take it from here",
     "itouch_thermal.solver_stores": "it must be imported before anything of the solver",
     "itouch_thermal.identify.posterior": "integrating over several valleys is another idea than finding the most probable values",
     "itouch_thermal.plot": "loaded only where a plot is asked for",
