@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import itouch
@@ -41,3 +42,23 @@ def test_a_module_of_high_resistance_heats_as_fast_as_its_driver_can(
     session.run()
     found = {contact["object"]: contact["flux_error_rms"] for contact in session.report()["contacts"]}
     assert found["right"] < most, found
+
+
+def test_a_very_slow_driver_does_not_swing_in_a_touch(scenes: Path) -> None:
+    """It needs longer to bring its current back than the controller plans ahead."""
+    given = {"servo": "4 kHz", "wait": "1.5 s", "near": "1.5 s", "hold": "1.5 s"}
+    session = itouch.build(Display(hardware='<thermal:hardware slew="5 A/s"/>', **given).write(scenes))
+    session.run(until=lambda: bool(session.state["flux-control.on_plate"]))
+    found = []
+    session.run(1.4, each=lambda: found.append(float(session.state["peltier.command.current"][0])), every=40)
+    most = int(np.argmax(found))
+    assert found[most] > 1.0, "the driver was never hurried, so nothing was shown"
+    assert min(found[most:]) > 0.0
+
+
+def test_a_very_slow_driver_renders_what_it_can(scenes: Path) -> None:
+    hardware = '<thermal:hardware slew="1 A/s"/>'
+    session = itouch.build(Display(hardware=hardware, wait="2.5 s", near="2.5 s", hold="1.5 s").write(scenes))
+    session.run()
+    found = {contact["object"]: contact["flux_error_rms"] for contact in session.report()["contacts"]}
+    assert found["left"] < 0.09 and found["right"] < 0.125, found

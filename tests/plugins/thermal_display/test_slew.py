@@ -162,6 +162,17 @@ def test_heat_that_is_taken_away_is_not_taken_too_far(heat: float) -> None:
     assert abs(left) < 2e-3 * abs(heat), "the way took much longer than the driver needs"
 
 
+def test_a_plan_goes_only_as_far_as_its_flux_can_come_back() -> None:
+    """Back at rest by the time the heat is moved, or within half the plan."""
+    heat, most = 300.0, 1e4
+    flux, moved = slew.way(heat, 0.12, most), 0.0
+    while flux > 0.0:
+        flux, moved = flux - most * 1e-5, moved + flux * 1e-5
+    assert moved == pytest.approx(heat, rel=1e-3)
+    assert slew.way(-heat, 0.12, most) == slew.way(heat, 0.12, most)
+    assert slew.way(1e-3, 0.12, most) == pytest.approx(0.06 * most)
+
+
 @pytest.mark.parametrize("lag", [0.2, 0.3, 0.5, 1.0, 2.0])
 def test_a_plate_that_was_disturbed_is_known_again_when_learning_goes_on(lag: float) -> None:
     """However slow its sensor is: its reading is behind the plate by that lag."""

@@ -341,7 +341,11 @@ def _follow(fixed: Any, own: Any, bounds: Any, leaving: Any, scale: float, doubt
     if most > 0.0:
         before = _flowing(own.line, slots, leaving, memory[at.M_BEFORE], most)
     rate = slew.rate(c, theta, before, back)
-    allowed = planner.Slew(_pumped(c, theta, before, back, hot), 0.5 * leaving.hold * period * rate, rate)
+    missing = max(abs(own.wanted[0] - flux), abs(own.wanted[-1] - flux)) * planner.resistance(c, theta, scale)
+    allowed = planner.Slew(
+        _pumped(c, theta, before, back, hot), 0.5 * leaving.hold * period * rate, rate, coming,
+        slew.way(heat / gp * missing, planner.HORIZON, rate),
+    )  # fmt: skip
     planner.plan(
         fixed.coarse, theta, scale, planned, above, below, flux, bounds.flux_limit,
         (ticks + slots[1] + leaving.wait) * period, step, spill, allowed,

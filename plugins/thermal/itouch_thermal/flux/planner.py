@@ -59,15 +59,18 @@ class Joint(NamedTuple):
 
 
 class Slew(NamedTuple):
-    """What the driver's slew rate leaves of a plan: of what it begins with, and how fast it may change.
+    """What the driver's slew rate leaves of a plan: what it begins with, how fast it changes, and how far it goes.
 
     ``flux`` [W/m2] is pumped where the plan begins, ``first`` [W/m2] by how much its first knot may differ from that,
-    and ``rate`` [W/m2 per second] how fast the pumped flux may change; 0: at any rate.
+    and ``rate`` [W/m2 per second] how fast the pumped flux may change; 0: at any rate.  ``rest`` [W/m2] holds the
+    plate's face where it is, and no knot is to differ from that by more than ``way`` [W/m2].
     """
 
     flux: float
     first: float
     rate: float
+    rest: float
+    way: float
 
 
 class Planned(NamedTuple):
@@ -225,7 +228,7 @@ def plan(
     spill
         What air gives to the plate beside the finger [W/m2 of the plate].
     slew
-        The flux that is pumped where the plan begins [W/m2], and how fast it may change.
+        The flux that is pumped where the plan begins [W/m2], how fast it may change, and how far it may go.
     """
     c, tissue, plate = basis.c, basis.tissue, basis.plate
     wanted, band, response, hats = planned.wanted, planned.span, planned.response, planned.hats
@@ -301,7 +304,8 @@ def _solve_slewing(work: Any, last: Any, limit: float, slew: Slew) -> None:
             work[v + a] -= work[a * HATS + j] * work[v + j]
         if a > 0:
             centre, room = last[a - 1], slew.rate * (KNOTS[a] - KNOTS[a - 1])
-        found = min(centre + room, max(centre - room, last[a] + work[v + a] / work[a * HATS + a]))
+        found = min(slew.rest + slew.way, max(slew.rest - slew.way, last[a] + work[v + a] / work[a * HATS + a]))
+        found = min(centre + room, max(centre - room, found))
         found = min(limit, max(-limit, found))
         work[v + a] = found - last[a]
         last[a] = found

@@ -55,3 +55,14 @@ def braked(heat: float, within: float, most: float) -> float:
     if most <= 0.0 or abs(heat) <= most * within * within:
         return heat / within
     return float(math.copysign(math.sqrt(most * (2.0 * abs(heat) - most * within * within)), heat))
+
+
+@linked
+def way(heat: float, span: float, most: float) -> float:
+    """Return by how much a plan of the length ``span`` [s] may depart [W/m2] from the flux that holds a temperature.
+
+    ``heat`` [J/m2] is to be moved, at a flux that may change by ``most`` [W/m2 per second].  From further away the flux
+    could not be back when the heat is moved; a plan does not see that if it ends before.  What can be back within half
+    the plan is always allowed.
+    """
+    return float(max(0.5 * most * span, math.sqrt(2.0 * most * abs(heat))))
