@@ -12,12 +12,13 @@ from itouch_thermal.chip.program import Built
 from itouch_tools.cli.virtual_rig import main
 
 SCENE = Path(__file__).parents[3] / "scenes" / "four_materials_diy.xml"
-#: The first touch begins at 8.985 s, and is to be calm from then on [s] until the run ends.
-CALM, END = 9.45, 9.9
+#: How long the run takes [s], and how long after the first touch, which the plate awaits, it is to be calm [s].  The
+#: wire's clock is the machine's: when the touch comes differs from run to run.
+END, CALM = 10.2, 0.465
 ASKED = re.compile(r'^(?P<time>[\d.]+) peltier > "I \d+ (?P<current>-?[\d.]+)\*')
 
 
-@pytest.mark.parametrize("seed", ["0", "3"])
+@pytest.mark.parametrize("seed", ["0", "2", "3"])
 def test_the_current_comes_to_rest_after_the_finger_has_come(program: Built, tmp_path: Path, seed: str) -> None:
     """A loop that asks for more than the driver's slew allows swings by its whole range, for a second or for the touch."""
     trace = tmp_path / "wire.trace"
@@ -26,7 +27,9 @@ def test_the_current_comes_to_rest_after_the_finger_has_come(program: Built, tmp
     found = [match for match in map(ASKED.match, trace.read_text(encoding="utf-8").splitlines()) if match]
     asked = np.array([(float(match["time"]), float(match["current"])) for match in found])
     asked = asked[asked[:, 1] != 0.0]  # at the end the current is set to zero
-    rest = asked[asked[:, 0] > asked[-1, 0] - (END - CALM), 1]
+    late = asked[:, 0] > asked[-1, 0] - 1.3  # before that the plate is brought to its start temperature
+    begun = asked[late & (np.abs(asked[:, 1]) > 0.5), 0][0]
+    rest = asked[asked[:, 0] > begun + CALM, 1]
     assert len(rest) > 30
     assert np.ptp(asked[:, 1]) > 1.0, "the touch never asked for much, so nothing was shown"
     assert np.ptp(rest) < 0.5
