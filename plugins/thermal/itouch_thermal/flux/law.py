@@ -238,6 +238,16 @@ def _limits(band: Any, trace: Any, first: int, allowed: float, out: Any) -> None
         out[1, i] = min(band[1], before + allowed)
 
 
+@linked
+def _commanded(current: float, ceiling: float, known: float) -> float:
+    """Return a current [A] within the ceiling, or NaN where ``known``, the sum of what it is made of, is not a number.
+
+    Each limit on the way would make an end of its range of that, and the guard, which stops at NaN, would see a current
+    like any other.
+    """
+    return math.nan if known != known else float(min(ceiling, max(-ceiling, current)))
+
+
 @kernel
 def _approach(basis: Any, own: Any, bounds: Any, leaving: Any, target: float, within: float) -> Any:
     """Return the current [A] that brings the plate to a target [K], its flux [W/m2], and the error [K] as it acts.
@@ -276,7 +286,7 @@ def _approach(basis: Any, own: Any, bounds: Any, leaving: Any, target: float, wi
     flux = min(limit, max(-limit, braked + air))
     current = current_for(seebeck, ohmic, legs, (flux - theta[at.FLUX]) * c[at.O_AREA], mean, hot)
     current = slew.reached(current, before, most * leaving.hold)
-    return min(ceiling, max(-ceiling, current)), flux, error
+    return _commanded(current, ceiling, error + hot + seebeck + legs + ohmic + theta[at.FLUX]), flux, error
 
 
 @linked
@@ -361,7 +371,8 @@ def _follow(fixed: Any, own: Any, bounds: Any, leaving: Any, scale: float, doubt
     ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])
     current = current_for(seebeck, ohmic, legs, (flux - theta[at.FLUX]) * c[at.O_AREA], back, hot)
     current = slew.reached(current, before, most * leaving.hold)
-    return min(ceiling, max(-ceiling, current)), flux
+    known = face + back + hot + seebeck + legs + ohmic + theta[at.FLUX] + found
+    return _commanded(current, ceiling, known), flux
 
 
 @kernel
