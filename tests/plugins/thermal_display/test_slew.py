@@ -13,7 +13,7 @@ from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.display.peltier import pumped_heat
 from itouch_thermal.display.plant import CURRENT
 from itouch_thermal.flux import observer as at
-from itouch_thermal.flux import slew
+from itouch_thermal.flux import planner, slew
 from itouch_thermal.flux.law import FutureCurrent, ModelLaw
 from itouch_thermal.heat import FINGER
 
@@ -188,3 +188,12 @@ def test_a_plate_that_was_disturbed_is_known_again_when_learning_goes_on(lag: fl
         law.track(state, 0.0, flux, film, np.nan)
         flux, tick = state["x"][0, column + at.X_SEEN], tick + 1
     assert state["x"][0, column + at.X_FACE] == pytest.approx(plant["x"][0, column + at.X_FACE], abs=0.1)
+
+
+def test_no_knot_of_a_plan_is_further_from_the_one_before_than_the_driver_gets() -> None:
+    work = np.zeros(planner.HATS * (planner.HATS + 1))
+    work[: planner.HATS**2] = np.eye(planner.HATS).ravel()
+    work[planner.HATS**2 :] = 1e6
+    knots, limits = np.zeros(planner.HATS), planner.Slew(100.0, 5.0, 2e4, 0.0, 1e9)
+    planner._solve_slewing(work, knots, 1e9, limits)
+    assert knots == pytest.approx(105.0 + 2e4 * np.array(planner.KNOTS))
