@@ -124,12 +124,16 @@ def unwatched() -> Generator[None]:
 def together(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Generator[None]:
     """Compile nothing that another worker is compiling already, but wait for it."""
     from itouch.compiling import compile_together
+    from itouch.servo import prepare
 
-    if worker_id != "master":
-        place = Path(os.environ.get(TOGETHER) or tmp_path_factory.getbasetemp().parent / "compiling")
-        place.mkdir(exist_ok=True)
-        compile_together(place)
-    yield
+    with pytest.MonkeyPatch.context() as patched:
+        if worker_id != "master":
+            place = Path(os.environ.get(TOGETHER) or tmp_path_factory.getbasetemp().parent / "compiling")
+            place.mkdir(exist_ok=True)
+            compile_together(place)
+            # the workers are as many as the processors: who helps a start only takes from them, in a place of its own
+            patched.setattr(prepare, "_COMPANIONS", 0)
+        yield
     compile_together(None)
 
 

@@ -65,6 +65,7 @@ def test_a_start_that_gets_no_help_compiles_alone(
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setattr(f"itouch.servo.prepare.{what}", refused)
     monkeypatch.setattr(prepare, "_processors", lambda: 2)
+    monkeypatch.setattr(prepare, "_COMPANIONS", 1)
     with prepare._Companion([]) as companion:
         companion._start()
         assert not companion._processes
