@@ -130,7 +130,7 @@ def together(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Genera
         if worker_id != "master":
             place = Path(os.environ.get(TOGETHER) or tmp_path_factory.getbasetemp().parent / "compiling")
             place.mkdir(exist_ok=True)
-            compile_together(place)
+            patched.setattr(sys.modules[__name__], "_place", place)
             # the workers are as many as the processors: who helps a start only takes from them, in a place of its own
             patched.setattr(prepare, "_COMPANIONS", 0)
         yield
@@ -146,7 +146,18 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     _begun = True
 
 
+@pytest.fixture(autouse=True)
+def again_together(together: None) -> None:
+    """Compile together again, after a test in which this process has compiled with others, or alone."""
+    from itouch import compiling
+
+    if compiling._together != _place:
+        compiling.compile_together(_place)
+
+
 _begun = False
+#: The folder in which the workers say what they compile.
+_place: Path | None = None
 
 
 def _wait_for_most(place: Path) -> None:
