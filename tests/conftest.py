@@ -121,20 +121,30 @@ def unwatched() -> Generator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def together(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Generator[None]:
-    """Compile nothing that another worker is compiling already, but wait for it."""
+def together(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Generator[Path | None]:
+    """Compile nothing that another worker is compiling already, but wait for it; the folder in which they say what."""
     from itouch.compiling import compile_together
     from itouch.servo import prepare
 
+    place = None
     with pytest.MonkeyPatch.context() as patched:
         if worker_id != "master":
             place = Path(os.environ.get(TOGETHER) or tmp_path_factory.getbasetemp().parent / "compiling")
             place.mkdir(exist_ok=True)
-            patched.setattr(sys.modules[__name__], "_place", place)
+            compile_together(place)
             # the workers are as many as the processors: who helps a start only takes from them, in a place of its own
             patched.setattr(prepare, "_COMPANIONS", 0)
-        yield
+        yield place
     compile_together(None)
+
+
+@pytest.fixture(autouse=True)
+def again_together(together: Path | None) -> None:
+    """Compile together again, after a test in which this process has compiled with others, or alone."""
+    from itouch import compiling
+
+    if compiling._together != together:
+        compiling.compile_together(together)
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -146,18 +156,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     _begun = True
 
 
-@pytest.fixture(autouse=True)
-def again_together(together: None) -> None:
-    """Compile together again, after a test in which this process has compiled with others, or alone."""
-    from itouch import compiling
-
-    if compiling._together != _place:
-        compiling.compile_together(_place)
-
-
 _begun = False
-#: The folder in which the workers say what they compile.
-_place: Path | None = None
 
 
 def _wait_for_most(place: Path) -> None:
