@@ -58,14 +58,16 @@ UNCOMPILED = (
 #: The files that take longest, longest first, as a worker that began one of them last would be waited for; between them
 #: those that wait for clocks and wires, so that one worker waits while the others compute.
 LONGEST = (
-    "test_exchanged", "test_emulator_suites", "test_matrix", "test_four_materials", "test_bench_surface",
-    "test_every_entrance", "test_tmcl", "test_wires_in_use", "test_deaths", "test_protections", "test_outside_plugin",
-    "test_launch", "test_laws_of_a_stop", "test_laws", "test_shelves", "test_faults_in_flight",
-    "test_limits_everywhere", "test_live_window", "test_external_control", "test_harm_from_inside", "test_own_guardian",
-    "test_sweeping", "test_hanging_process", "test_restore", "test_thermal_drivers", "test_listeners_in_a_stop",
-    "test_irregular_timing", "test_compiling", "test_shipped", "test_outside_monitor", "test_sequence",
-    "test_operator_commands", "test_joined", "test_device_suite", "test_from_recordings", "test_reproduce",
-    "test_estimator", "test_layouts",
+    "test_exchanged", "test_emulator_suites", "test_matrix", "test_four_materials", "test_rearmed_anew",
+    "test_bench_surface", "test_every_entrance", "test_stopped_while_devices_open", "test_study_on_hardware",
+    "test_tmcl", "test_wires_in_use", "test_deaths", "test_recorder", "test_attack_findings", "test_protections",
+    "test_outside_plugin", "test_launch", "test_laws_of_a_stop", "test_laws", "test_shelves", "test_device_opening",
+    "test_progress", "test_faults_in_flight", "test_limits_everywhere", "test_stale_answers", "test_left_after_a_stop",
+    "test_live_window", "test_external_control", "test_harm_from_inside", "test_own_guardian", "test_changes_of_hands",
+    "test_commands_line", "test_sweeping", "test_hanging_process", "test_command_options", "test_restore",
+    "test_garbage", "test_memory", "test_thermal_drivers", "test_listeners_in_a_stop", "test_irregular_timing",
+    "test_compiling", "test_shipped", "test_sequence", "test_operator_commands", "test_joined", "test_device_suite",
+    "test_from_recordings", "test_reproduce", "test_estimator", "test_layouts",
 )  # fmt: skip
 
 
