@@ -12,6 +12,8 @@ costs count then, as coverage makes what runs in Python dearer than what is comp
 Everything else waits for the long form, with what waited there when the run was made: empty the list before that run to
 choose anew among all.  Costs are processor time, children that have ended included; lines that are
 reached in another process are not seen, so that a test of processes stays by its cost or by that list, or not at all.
+Measured with kernels at hand, they leave out what a test compiles for itself alone in a new clone: set that in the
+``.costs`` of FOLDER by hand.
 """
 
 from __future__ import annotations
