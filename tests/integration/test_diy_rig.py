@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import os
+import select
 import shutil
 import subprocess
 import sys
@@ -12,6 +13,8 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import needed
 import numpy as np
@@ -162,6 +165,25 @@ def test_when_the_wires_are_looked_at_changes_nothing_in_step(tmp_path: Path, mo
     assert seldom == often
     assert list(often[1]) == ["peltier"]
     assert len(often[1]["peltier"]) > 10
+
+
+def test_a_rig_that_gets_no_processor_for_seconds_is_not_asked_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Processes of real-time priority kept the thread of the wires waiting: a servo was asked twice, an arm was lost."""
+    path, waits = scene(tmp_path / "one", 6.0, 1.2), 0
+
+    def starved(*given: Any) -> Any:
+        nonlocal waits
+        waits += 1
+        if waits in (20, 60):
+            time.sleep(1.5)
+        return select.select(*given)
+
+    quiet = told(path, 0.1, ["arm", "table"])
+    monkeypatch.setattr(lockstep, "select", SimpleNamespace(select=starved))
+    assert told(path, 0.1, ["arm", "table"]) == quiet
+    assert waits > 60
 
 
 @pytest.mark.long

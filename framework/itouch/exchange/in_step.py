@@ -17,8 +17,10 @@ from itouch.exchange.exchanged import Exchanged
 from itouch.plugin import Device, Emulator, Field, Record, Stamps
 from itouch.plugin.stamps import ticks_of
 
-#: Factor on drivers' timeouts in step: the simulated world stands still while they wait.
-PATIENCE = 30.0
+#: Factor on drivers' timeouts in step: the simulated world stands still while they wait.  Other processes, above all
+#: some of real-time priority, can keep a simulated device from its answer for seconds: whoever asks again then does
+#: something else than on a quiet machine.
+PATIENCE = 300.0
 
 
 class EveryNth(Exchanged):

@@ -170,7 +170,7 @@ class Falcon:
         refused: FalconError | None = None
         for device in devices:
             try:
-                return link.Link(device, self._trace)
+                return link.Link(device, self._trace, patience=self._patience)
             except FalconError as error:
                 refused = refused or error
         raise refused or Disconnected("the arm was unplugged while it was opened")

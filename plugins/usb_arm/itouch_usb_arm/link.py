@@ -97,10 +97,11 @@ def kind_of(error: BaseException) -> str:
 
 
 class Link:
-    """An open arm: control requests, and bytes in both directions."""
+    """An open arm: control requests, and bytes in both directions; ``patience`` is a factor on its timeouts."""
 
-    def __init__(self, device: Any, trace: Trace | None = None) -> None:
+    def __init__(self, device: Any, trace: Trace | None = None, *, patience: float = 1.0) -> None:
         self._device, self._trace, self._detached = device, trace, False
+        self._write_ms, self._control_ms = round(_WRITE_MS * patience), round(_CONTROL_MS * patience)
         try:
             self._claim()
         except (OSError, NotImplementedError) as error:
@@ -158,7 +159,7 @@ class Link:
         if self._trace:
             self._trace.remark(f"{_NAMES.get(request, request)} 0x{value:04x}")
         try:
-            self._device.ctrl_transfer(_TO_CHIP, request, value, 0, None, _CONTROL_MS)
+            self._device.ctrl_transfer(_TO_CHIP, request, value, 0, None, self._control_ms)
         except OSError as error:
             raise self._failure(error, "a control request") from error
 
@@ -175,7 +176,7 @@ class Link:
         sent = 0
         while sent < len(data):  # a short write is legal: the rest follows
             try:
-                written = self._device.write(OUT, data[sent:], _WRITE_MS)
+                written = self._device.write(OUT, data[sent:], self._write_ms)
             except OSError as error:
                 raise self._failure(error, "writing") from error
             if not written:
