@@ -47,6 +47,25 @@ def test_a_touch_off_that_was_stopped_near_the_finger_rises_as_slowly_as_before(
         assert greatest < 0.35
 
 
+@pytest.mark.parametrize("high", [80, 300])
+def test_a_finger_that_is_led_down_to_the_plate_meets_one_that_rises_as_slowly_as_to_any_other(
+    scenes: Path, high: int
+) -> None:
+    """It was led onto a plate at the end of its travel, which it struck with a newton; the height was 0.1 mm wrong."""
+    path = scenes / "four_materials.xml"
+    begins = '<to pos="66 0 50 mm"  in="0.5 s" hold="2 s"/>'
+    assert begins in path.read_text()
+    path.write_text(path.read_text().replace(begins, begins.replace("66 0 50 mm", f"66 0 {high} mm")))
+    greatest = 0.0
+    with itouch.build(path, seed=1) as session:
+        while not session.state["ready"] and session.ticks < 12_000:
+            session.tick()
+            greatest = max(greatest, session.state["finger.plate_force"].item())
+        assert session.state["ready"].item() == 1
+        assert session.state["table.touch_off.offsets"] == pytest.approx(3e-3, abs=5e-6)
+        assert greatest < 0.35
+
+
 @pytest.mark.parametrize("compiled", [True, False])
 def test_a_plate_that_is_felt_where_it_can_go_no_lower_says_so(
     scenes: Path, compiled: bool, monkeypatch: pytest.MonkeyPatch

@@ -103,11 +103,16 @@ class Reach(NamedTuple):
 
 
 @linked
-def _lead(c: Floats, search: Any, reach: Any) -> None:
-    """Lead the operator twin's hand down to where the plate can reach it, if its path begins higher."""
+def _lead(c: Floats, search: Any, reach: Any) -> bool:
+    """Lead the operator twin's hand down to where the plate can reach it, if its path begins higher.
+
+    Return whether it is still on its way.
+    """
     r, z = render.TABLE + 3, reach.z + reach.high
     top = c[render.TABLE + 2] + c[r + 6] * reach.x + c[r + 7] * reach.y + c[r + 8] * z
-    lower(search.hand, min(0.0, top + reach.radius - ROOM - reach.start), LEAD_SPEED * reach.period)
+    goal = min(0.0, top + reach.radius - ROOM - reach.start)
+    lower(search.hand, goal, LEAD_SPEED * reach.period)
+    return bool(search.hand[2] != goal)
 
 
 #: What is summed of the samples of a touch: their number, force, height, and products of force with both.
@@ -126,8 +131,11 @@ def _at_zero_force(sums: Floats) -> float:
 
 
 @linked
-def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: float) -> int:
-    """Bring the plate below the finger; the sums' `_COUNT` is of the ticks in which it is felt and can go no lower."""
+def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: float, led: bool) -> int:
+    """Bring the plate below the finger; the sums' `_COUNT` is of the ticks in which it is felt and can go no lower.
+
+    There it waits for a finger that is still ``led``: it would not rise to this one, but be struck by it.
+    """
     target = search.target[0]
     if force > FORCE / 3:  # touched already: the table is mounted higher than the scene says
         search.target[0] = max(reach.low, target - DROP * 50 * reach.period)
@@ -135,7 +143,7 @@ def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: flo
             search.sums[_COUNT] += 1
             if search.sums[_COUNT] * reach.period > RESTS:
                 return TOO_HIGH
-    elif abs(pose[0] - x) < _ARRIVED and abs(pose[1] - y) < _ARRIVED and abs(pose[2] - target) < _ARRIVED:
+    elif not led and abs(pose[0] - x) < _ARRIVED and abs(pose[1] - y) < _ARRIVED and abs(pose[2] - target) < _ARRIVED:
         search.sums[:] = 0.0
         search.stage[0] = _RISE
     return 0
@@ -218,8 +226,7 @@ def seek(
     fixed
         Set to 0 when the calibration changes, because frames then change, too; shape (1,).
     """
-    if not math.isnan(reach.start):
-        _lead(c, search, reach)
+    led = not math.isnan(reach.start) and _lead(c, search, reach)
     force, target = abs(load[2]), search.target
     r, point = render.TABLE + 3, search.point[0]
     x, y = figures[render.HIP] - c[render.TABLE], figures[render.HIP + 1] - c[render.TABLE + 1]
@@ -228,9 +235,10 @@ def seek(
     under_y = c[r + 1] * x + c[r + 4] * y + c[r + 7] * z - reach.y + points[point, 1]
     under_z = c[r + 2] * x + c[r + 5] * y + c[r + 8] * z - reach.z
     if math.isnan(target[0]):
-        target[0] = min(max(reach.low, under_z - MARGIN), reach.high)
+        rests = min(under_z, reach.high - ROOM) if led else under_z  # where it is, or will be led to
+        target[0] = min(max(reach.low, rests - MARGIN), reach.high)
     if search.stage[0] == _PLACE:
-        if _place(search, reach, pose, under_x, under_y, force) == TOO_HIGH:
+        if _place(search, reach, pose, under_x, under_y, force, led) == TOO_HIGH:
             search.sums[:] = 0.0  # when it is enabled again, the finger has as long again
             return TOO_HIGH
     elif search.stage[0] == _RISE:
