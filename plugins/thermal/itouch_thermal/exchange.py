@@ -140,6 +140,14 @@ def resist(given: Given, kept: Kept, force: float) -> float:
 
 
 @linked
+def press_on(given: Given, kept: Kept) -> None:
+    """Let the press of a finger that has left the object beside go on: it began with the earlier touch of the two."""
+    index = kept.object[0]
+    if given.times[0] > 0.0 and index >= 0 and given.played[index] == 0:  # a curve goes on with its own touch
+        kept.since[0] = max(kept.since[0], kept.since_beside[0])
+
+
+@linked
 def settle(given: Given, kept: Kept, own: int, force: float, flux: float, resistance: float) -> None:
     """Let the objects that have been touched cool, all but ``own``, and write the outputs of the tick."""
     for other in range(given.known.shape[0]):
@@ -162,6 +170,8 @@ def exchange(given: Given, kept: Kept, skin: Skin, contact: Contact) -> int:
     force = contact.felt[0] if index >= 0 else 0.0
     if (index >= 0 and force > 0.0 and given.played[index] != 0) or overlaps(given, kept, contact):
         return PYTHON
+    if kept.since_beside[0] > 0:
+        press_on(given, kept)
     flux, resistance = 0.0, resist(given, kept, force) if force > 0.0 else math.inf
     own = -1
     if index >= 0 and given.known[index] != 0 and given.played[index] == 0 and math.isfinite(resistance):

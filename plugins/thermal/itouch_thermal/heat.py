@@ -365,6 +365,8 @@ class Heat(Modality):
         if part > 0.0 and beside == index:  # most of the disc is on it, but the contact is still with the other one
             beside, part = state[names.primary].item(), 1.0 - part
         if part == 0.0:
+            if model.press > 0.0 and index >= 0 and not model.playing.plays(index):  # as `exchange.press_on` does
+                state[names.since][...] = max(state[names.since].item(), state[names.since_beside].item())
             state[names.since_beside][...] = 0
             return -1, 0.0
         if index < 0 and state[names.skin_count].item():  # the exchange begins with the object beside
