@@ -21,7 +21,7 @@ _TRUTHS = {"true_flux": Role.HEAT_FLUX, "true_skin": Role.SKIN_TEMPERATURE}
 #: Fields that the framework keeps of every probe.
 _FINGER = ("near_object", "below", "normal_force", "felt_force", "plate")
 #: Fields of the modality `heat`: what the model finger on the virtual object is like now.
-_HEAT = {"resistance": "resistance", "finger": "finger", "bodies": "objects"}
+_HEAT = {"resistance": "resistance", "finger": "finger", "bodies": "objects", "beside_part": "beside_part"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +89,7 @@ class Names:
     resistance: str
     finger: str
     bodies: str
+    beside_part: str
     sent: str
     command: str
 

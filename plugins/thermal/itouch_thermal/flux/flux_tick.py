@@ -232,8 +232,11 @@ def _force(scene: Any) -> float:
 
 @linked
 def _scale(scene: Any, own: Any, models: Any, figures: Any, later: int) -> float:
-    """Return the resistance that the force explains ``later`` periods from now, as a multiple of the expected one."""
-    time = (scene.tick[0] - own.begun[0] + later + 1) * figures.period
+    """Return the resistance that the force explains ``later`` periods from now, as a multiple of the expected one.
+
+    A finger that slides to another object has been on the plate for longer than the contact lasts.
+    """
+    time = (scene.tick[0] - own.begun[0] + own.slid[0] + later + 1) * figures.period
     return float(scale_of(models.plate, _force(scene), figures.plate_full, figures.expected, time, figures.plate_press))
 
 
@@ -265,19 +268,21 @@ def _look_on(
     """Keep the preview a horizon ahead, with the resistance that is expected to last at the felt force."""
     index = course.preview_index[0]
     ahead = PreviewState(
-        models.finger, course.preview_finger, given.bodies[index], course.preview_object, future, course.reached
+        models.finger, course.preview_finger, given.bodies[index], course.preview_object, future, course.reached,
+        own.slid,
     )  # fmt: skip
     resistance = figures.alone if figures.steady else _resistance_at(models.law, scene.felt_force[0])
     press = figures.press / figures.period
+    shared = scene.beside_part.shape[0] > 0 and scene.beside_part[0] > 0.0
     if own.fresh[0] != 0:
         begin_ahead(
             ahead, scene.finger, scene.bodies[index], own.desired[0], resistance, press, ticks, figures.first,
-            figures.ahead,
+            figures.ahead, shared,
         )  # fmt: skip
     else:
         keep_ahead(
             ahead, scene.finger, scene.bodies[index], own.desired[0], resistance, press, ticks, figures.ahead,
-            figures.hold, figures.steady,
+            figures.hold, figures.steady, shared,
         )  # fmt: skip
 
 

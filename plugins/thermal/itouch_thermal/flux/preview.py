@@ -38,25 +38,35 @@ Numbers = NDArray[np.int64]
 
 @linked
 def run_ahead(
-    finger: Any, above: Any, body: Any, below: Any, resistance: float, press: float, out: Any, first: int, count: int
+    finger: Any,
+    above: Any,
+    body: Any,
+    below: Any,
+    resistance: float,
+    press: float,
+    out: Any,
+    first: int,
+    count: int,
+    slid: int,
 ) -> None:
     """Step the contact ``count`` times; write the flux [W/m2] to the ring buffer ``out`` from index ``first`` on.
 
     Index k is the end of step k of the touch; ``press`` is the time constant, in steps, of a resistance that is still
-    falling, 0 if it is not.
+    falling, 0 if it is not, and ``slid`` how many steps the finger had touched other objects before.
     """
     size = out.shape[0]
     for i in range(count):
         now = resistance
         if press > 0.0:
-            now = resistance / -math.expm1(-(first + i + 1) / press)
+            now = resistance / -math.expm1(-(slid + first + i + 1) / press)
         out[(first + i) % size] = live.contact_step(finger, above, body, below, now)
 
 
 class PreviewState(NamedTuple):
     """A contact that runs ahead of the touch: finger and object, packed, their modes, and a ring buffer of the flux.
 
-    ``reached`` (1,): up to which tick of the touch it has come.
+    ``reached`` (1,): up to which tick of the touch it has come; ``slid`` (1,): for how many ticks the finger had
+    touched others when it slid to this object.
     """
 
     finger: Array
@@ -65,6 +75,7 @@ class PreviewState(NamedTuple):
     below: Array
     future: Array
     reached: Numbers
+    slid: Numbers
 
 
 @linked
@@ -76,7 +87,8 @@ def go_on(ahead: Any, resistance: float, press: float, count: int) -> None:
     if math.isfinite(resistance):
         reached = ahead.reached[0]
         run_ahead(
-            ahead.finger, ahead.above, ahead.body, ahead.below, resistance, press, ahead.future, reached + 1, count
+            ahead.finger, ahead.above, ahead.body, ahead.below, resistance, press, ahead.future, reached + 1, count,
+            ahead.slid[0],
         )  # fmt: skip
         ahead.reached[0] = reached + count
 
@@ -103,12 +115,41 @@ def begin_at(ahead: Any, finger: Any, below: Any, desired: float, ticks: int) ->
 @linked
 def begin_ahead(
     ahead: Any, finger: Any, below: Any, desired: float, resistance: float, press: float, ticks: int, first: int,
-    horizon: int,
+    horizon: int, shared: bool,
 ) -> None:  # fmt: skip
-    """Begin at step ``ticks`` of the touch as in `begin_at`, run ``first`` steps ahead, and then hold the last flux."""
+    """Begin at step ``ticks`` of the touch as in `begin_at`, run ``first`` steps ahead, and then hold the last flux.
+
+    ``shared`` as in `keep_ahead`.
+    """
     begin_at(ahead, finger, below, desired, ticks)
     go_on(ahead, resistance, press, first)
     stay(ahead, ticks + horizon)
+    if shared:
+        size = ahead.future.shape[0]
+        ahead.future[ticks % size] = ahead.future[(ticks + 1) % size]
+
+
+@linked
+def _begin_level(
+    ahead: Any, finger: Any, below: Any, desired: float, resistance: float, press: float, ticks: int, steps: int,
+    horizon: int,
+) -> None:  # fmt: skip
+    """Begin anew as in `begin_at`, run ``steps`` ahead, and shift what was found before to where this begins.
+
+    The contact that runs ahead draws another flux than is desired where this is a mean of two objects'.  All of the
+    preview must be of one level, or its difference from what is desired would be another one in the next tick.
+    """
+    size = ahead.future.shape[0]
+    here, before = ahead.future[ticks % size], ahead.future[(ticks + 1) % size]
+    begin_at(ahead, finger, below, desired, ticks)
+    go_on(ahead, resistance, press, steps)
+    if ahead.reached[0] == ticks:  # there is no contact to run ahead
+        ahead.future[ticks % size] = here
+        return
+    shift = ahead.future[(ticks + 1) % size] - before
+    ahead.future[ticks % size] = here + shift
+    for k in range(ahead.reached[0] + 1, ticks + horizon + 1):
+        ahead.future[k % size] += shift
 
 
 def first_steps(horizon: int, period: float) -> int:
@@ -119,13 +160,13 @@ def first_steps(horizon: int, period: float) -> int:
 @linked
 def keep_ahead(
     ahead: Any, finger: Any, below: Any, desired: float, resistance: float, press: float, ticks: int, horizon: int,
-    hold: int, steady: bool,
+    hold: int, steady: bool, shared: bool,
 ) -> None:  # fmt: skip
     """Keep the contact a horizon ahead of tick ``ticks`` of the touch.
 
     Where the resistance is not ``steady`` it begins anew from now whenever it has reached its horizon.  An update,
     every ``hold`` ticks, advances it by a limited number of steps.  ``finger``, ``below`` and ``desired`` are those of
-    now, as in `begin_at`.
+    now, as in `begin_at`.  ``shared``: a part of the contact disc lies on another object, and ``desired`` is a mean.
     """
     reached, wanted = ahead.reached[0], ticks + horizon
     if reached < ticks:  # periods were left out
@@ -134,6 +175,10 @@ def keep_ahead(
         stay(ahead, wanted)
     elif steady:
         go_on(ahead, resistance, press, min(wanted - reached, CATCH_UP * hold))
+    elif reached >= wanted - hold and shared:
+        _begin_level(
+            ahead, finger, below, desired, resistance, press, ticks, min(horizon, STRIDE * hold), horizon
+        )  # fmt: skip
     elif reached >= wanted - hold:
         begin_at(ahead, finger, below, desired, ticks)
         go_on(ahead, resistance, press, min(horizon, STRIDE * hold))

@@ -43,6 +43,7 @@ class Scene(NamedTuple):
     resistance: Floats
     finger: Floats
     bodies: Floats
+    beside_part: Floats
     sent: Floats
     actual: Floats
     command: Floats
@@ -56,6 +57,8 @@ class OwnFields(NamedTuple):
     touching: Numbers
     object: Numbers
     begun: Numbers
+    ended: Numbers
+    slid: Numbers
     fresh: Numbers
     pressing: Numbers
     on_plate: Numbers
