@@ -237,7 +237,8 @@ class ProbeRig:
         self.toucher.stay_away(table.gate.device_monitors.withdrawn)
         self.toucher.carry()
         strayed = self._figures[render.TRACKING].item()
-        table.gate.actuation.closing = table.gate.device_monitors.closing(self._gap(), strayed)
+        gap = probe_steps.gap_of(self._figures, self._radius)
+        table.gate.actuation.closing = table.gate.device_monitors.closing(gap, strayed)
         if self.touch_off is not None and not self.touch_off.done and table.latch.enabled:
             self.touch_off.update()
         elif table.gate.device_monitors.withdrawn:

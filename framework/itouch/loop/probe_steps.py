@@ -16,6 +16,7 @@ from itouch.contact.distance_queries import beside
 from itouch.joining import SKIP
 from itouch.loop import render
 from itouch.loop.surface import force, ground, plate, surface_memory, taking_over
+from itouch.monitors.default_limits import SPEED_NEAR
 from itouch.monitors.surface_kernels import pace
 
 Floats = NDArray[np.float64]
@@ -24,6 +25,8 @@ Floats = NDArray[np.float64]
 PYTHON = 1
 #: A surface that is further away than this is as good as none [m].
 FURTHEST = 1.0
+#: By how much farther away [m] a surface still counts as near to a finger that goes away faster than it may follow.
+WIDER = 5e-3
 
 
 class ProbeArrays(NamedTuple):
@@ -187,6 +190,20 @@ def carried(
 
 
 @kernel
+def gap_of(figures: Floats, radius: float) -> float:
+    """Return the distance [m] between finger pad and plate, by their readings, for how fast that may come nearer.
+
+    From a finger that goes away faster than a near plate may follow, it counts as less by WIDER.  Where the plate is
+    near, and must be slow, the finger would leave it behind; where it is not, it would catch up: in and out in turn, it
+    would be as fast as the finger, which a near plate must not be.
+
+    ``figures`` (FIGURES,) of `render`; ``radius`` [m].
+    """
+    gap = figures[render.HIP + 2] - radius - figures[render.PLATE_TOP]
+    return float(gap - WIDER if figures[render.VELOCITY + 2] > SPEED_NEAR else gap)
+
+
+@kernel
 def close_in(
     figures: Floats, radius: float, tracking: float, near: float, close: float, far: float, closing: Floats,
     clamped: Any,
@@ -196,8 +213,7 @@ def close_in(
     ``figures`` (FIGURES,) of `render`, ``closing`` (1,) and ``clamped`` (1,) are written; ``radius`` [m], the other
     numbers as in `carried.pace`.
     """
-    gap = figures[render.HIP + 2] - radius - figures[render.PLATE_TOP]
-    closing[0] = pace(gap, figures[render.TRACKING], tracking, near, close, far)
+    closing[0] = pace(gap_of(figures, radius), figures[render.TRACKING], tracking, near, close, far)
     if closing[0] == 0.0:
         clamped[0] += 1
     return 0
