@@ -87,7 +87,7 @@ def _take_in(event: Any, scene: Any, own: Any, given: Any, figures: Any) -> int:
     elif kind == _BEGIN:
         own.account[:] = 0.0
         own.beside[:] = 0.0
-        own.slid[0] = own.slid[0] + tick - own.begun[0] if own.ended[0] == tick else 0
+        own.slid[0] = own.slid[0] + tick - own.begun[0] if own.last_end[0] == tick else 0
         own.object[0], own.begun[0], own.open[0] = index, tick, 1
         if turns(scene, own, given, index):
             if own.touching[0] != 0:
@@ -95,7 +95,7 @@ def _take_in(event: Any, scene: Any, own: Any, given: Any, figures: Any) -> int:
             else:
                 meet(scene, own)
     elif kind == _END:
-        own.open[0], own.ended[0] = 0, tick
+        own.open[0], own.last_end[0] = 0, tick
         part_from(scene, own, given, figures)
     return 0
 

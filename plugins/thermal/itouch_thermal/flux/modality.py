@@ -45,7 +45,7 @@ _BEGIN = (
 #: State fields of the touch, and of condensation.
 _TOUCH = (
     Field("begun", "i8", unit="tick", doc="when the contact began"),
-    Field("ended", "i8", unit="tick", doc="when the last one ended"),
+    Field("last_end", "i8", unit="tick", doc="when the last one ended"),
     Field("slid", "i8", low=0, unit="tick", doc="for how long the finger had touched others when it slid to this one"),
     Field("fresh", "i8", unit="1", doc="1 in the first update in which the plate renders"),
     Field(

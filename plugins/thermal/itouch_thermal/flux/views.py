@@ -57,7 +57,7 @@ class OwnFields(NamedTuple):
     touching: Numbers
     object: Numbers
     begun: Numbers
-    ended: Numbers
+    last_end: Numbers
     slid: Numbers
     fresh: Numbers
     pressing: Numbers
