@@ -143,6 +143,7 @@ def test_a_cell_through_threads_reaches_its_fault(found: tuple[Pair, Phases]) ->
 
 
 @pytest.mark.long
+@pytest.mark.punctual
 @pytest.mark.parametrize("ticks", [20, 23])
 def test_reversed_tables_that_lie_through_threads(ticks: int) -> None:
     """In real time, at whatever phase of its exchanges the fault comes; a busy machine stops some before it does."""
@@ -161,6 +162,7 @@ def test_reversed_tables_that_lie_through_threads(ticks: int) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.punctual
 @pytest.mark.parametrize("ticks", [20, 23])
 def test_the_whole_matrix_through_threads(ticks: int) -> None:
     """In real time: on a busy machine cells end early, because a device was silent; nothing may pass a limit then."""
