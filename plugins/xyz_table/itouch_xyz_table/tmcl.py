@@ -31,6 +31,8 @@ from itouch_xyz_table.servos import AXES, Goal, ServoError, ServoState
 PATIENCE, TRIES, QUIET = 0.05, 8, 5e-3
 #: The test of the heartbeat: greatest distance that a motor may turn without requests [m], and its speed [m/s].
 TRIED, SLOWLY = 5e-4, 2e-3
+#: By how much longer it is at most where time is simulated: a simulated module stops late on a busy machine.
+LONGER = 6.0
 #: How long the way back may take [s].
 BACK = 1.0
 #: Speeds of the search for an end and of leaving its switch [m/s], and time allowed beyond that of the travel [s].
@@ -203,7 +205,7 @@ class Steppers:
         # Towards the middle of the travel: a homed axis is at its low end.
         right = (began * lead < 0.0) == (lead > 0.0)
         self._ask(axis, tm.ROTATE_RIGHT if right else tm.ROTATE_LEFT, value=max(1, round(away)))
-        end = self._clock() + TRIED / SLOWLY * max(1.0, self._patience / 5.0)
+        end = self._clock() + TRIED / SLOWLY * min(max(1.0, self._patience / 5.0), LONGER)
         while self._clock() < end:
             time.sleep(_POLL)
         speed = self._ask(axis, tm.GET_AXIS, tm.ACTUAL_SPEED)
