@@ -32,6 +32,8 @@ LEARNS, MOST_GIVE, MOST_LAG, ASTRAY = 80.0, 1e-4, 0.005, 1e-4
 INERTIA_FIRST, MOST_INERTIA = 1.6e-5, 5e-5
 #: Damping ratio of such a control [1].
 DAMPING_RATIO = 0.9
+#: In what time half of a change of the finger's or object's acceleration is followed [s].
+HALVED = 1e-3
 #: A surface this far from where it was a tick ago [m] has not moved there: it is seen for the first time.
 ELSEWHERE = 5e-3
 #: Acceleration [m/s2] well below which a device's error is not due to its inertia.
@@ -77,7 +79,8 @@ def bend(c: Any, own: Any, turns: float, hastens: float, goes_on: bool) -> float
         # finger is there.
         rounds += turned * (0.5 * i * (i + 1) / ticks - max(0.0, i - c.ahead + 0.5))
     slope = _smoothed(c, own, own[BENDS] - own[HASTE], mean)
-    own[HASTE] += 0.5 * (hastens - own[HASTE])  # changes to and fro are noise; a finger's speed is smoothed already
+    # Changes to and fro are noise, for as long at every rate; a finger's speed is smoothed already.
+    own[HASTE] += (1.0 - 0.5 ** (c.period / HALVED)) * (hastens - own[HASTE])
     own[BENDS] = slope + own[HASTE]
     return float(rounds * c.period * c.period)
 

@@ -42,13 +42,10 @@ ROUNDING = 1e-12
 SETTLE = 0.02
 #: Time constant with which the plate's own speed, and the finger's acceleration, are smoothed [s].
 SMOOTHLY = 0.003
-#: Gains of the g-h filter on the finger's height, which forgets in about 5 ms at 1 kHz (Benedict and Bordner 1962), and
-#: the difference from which on it begins anew [m].
-G, H, LOST = 0.3, 0.3**2 / (2.0 - 0.3), 2e-3
-#: In how many ticks that filter forgets, and the period [s] from which on downwards the finger's acceleration is
-#: smoothed for as much longer as the filter is quicker: the steps in which an arm reads give more of it the shorter a
-#: tick is, and a finger that only trembles by them would be taken for one that turns.
-FORGETS, QUICKER = 5.0, 1e-3
+#: First gain of the g-h filter on the finger's height at a period of AT [s], where it forgets in about 5 ms (Benedict
+#: and Bordner 1962); and the difference from which on it begins anew [m].  It forgets in the same time at every period:
+#: the steps in which an arm reads last as long at each, and a plate that followed them would press in their rhythm.
+G, AT, LOST = 0.3, 1e-3, 2e-3
 #: How fast the force of a plate that safety takes away decreases [N/s]: the arm's has to follow it.
 LETS_GO = 25.0
 #: How far below the finger a plate that measures no force is surely no longer felt, however wrong its height [m].
@@ -66,11 +63,11 @@ def _smooth(c: Floats, memory: Floats, lowest: float) -> None:
     if abs(off) > LOST:
         memory[LEVEL], memory[SINK], memory[ACCELERATION] = lowest, 0.0, 0.0
         return
-    memory[LEVEL] = ahead + G * off
-    faster = H * off / c[PERIOD]
+    g = G * ((1.0 - (1.0 - G) ** (c[PERIOD] / AT)) / (1.0 - (1.0 - G)))  # exactly G at AT
+    memory[LEVEL] = ahead + g * off
+    faster = g * g / (2.0 - g) * off / c[PERIOD]
     memory[SINK] += faster
-    smoothly = SMOOTHLY + FORGETS * max(0.0, QUICKER - c[PERIOD])
-    memory[ACCELERATION] += c[PERIOD] / (smoothly + c[PERIOD]) * (faster / c[PERIOD] - memory[ACCELERATION])
+    memory[ACCELERATION] += c[PERIOD] / (SMOOTHLY + c[PERIOD]) * (faster / c[PERIOD] - memory[ACCELERATION])
 
 
 @linked

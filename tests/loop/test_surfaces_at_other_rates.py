@@ -1,0 +1,123 @@
+"""A surface keeps its laws at any rate of the servo loop: an arm reads in steps, which last as long at every rate."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from kernels_in_python import kernel_of
+from shipped import SCENES
+
+from itouch.loop import render
+from itouch.loop.surface import plate, surface_memory
+from itouch.plugin.carried_surfaces import AHEAD
+from itouch.session import build
+from itouch_encountered import feed_forward, own
+from itouch_evidence.surface.course import Course, Floats, follow
+from itouch_evidence.surface.scenes import Slope, ball
+
+_smooth, _bend = kernel_of(plate._smooth), kernel_of(feed_forward.bend)
+
+#: In what steps an arm reads [m].
+STEP = 30e-6
+
+
+class Numbers(NamedTuple):
+    """What of the surface's constants its feed-forward needs: period of a tick [s], and ticks of looking ahead."""
+
+    period: float
+    ahead: int
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("rates") / "scenes"
+    shutil.copytree(SCENES, path)
+    return path
+
+
+def at_rate(folder: Path, rate: int, slope: Slope, *changes: tuple[str, str]) -> Course:
+    """Run the scene of a slope at a rate [Hz]; ``changes``: what in its text is replaced by what."""
+    text, path = slope.text(), folder / "rate.xml"
+    for before, after in (*changes, ("  <safety", f'  <rates servo="{rate} Hz"/>\n  <safety')):
+        assert before in text
+        text = text.replace(before, after)
+    path.write_text(text, encoding="utf-8")
+    return follow(build(path, seed=0))
+
+
+def readings(rate: int, speed: float, seconds: float = 0.5) -> Floats:
+    """Return where a finger that goes at this speed [m/s] is read to be, at a rate [Hz]."""
+    read: Floats = np.rint(speed * np.arange(int(rate * seconds)) / rate / STEP) * STEP
+    return read
+
+
+def foreseen(rate: int) -> float:
+    """Return by how much the height to which a sinking finger is foreseen to come is off [m], as an rms."""
+    c, memory, speed = np.zeros(render.CONSTANTS), np.zeros(surface_memory.MEMORY), -0.013
+    c[render.PERIOD] = 1.0 / rate
+    off = []
+    for tick, read in enumerate(readings(rate, speed)):
+        _smooth(c, memory, read)
+        soon = memory[surface_memory.LEVEL] + AHEAD * memory[surface_memory.SINK]
+        off.append(soon - speed * (tick / rate + AHEAD))
+    return float(np.std(off[rate // 10 :]))
+
+
+def wrongly_shifted(rate: int) -> float:
+    """Return how much acceleration [m/s2] is taken to bend a slope by a finger that does not accelerate, as an rms."""
+    numbers, state = Numbers(1.0 / rate, round(3e-3 * rate)), np.zeros(100)
+    state[own.INERTIA] = feed_forward.INERTIA_FIRST
+    smooth, goes, bends = 0.0, 0.0, []
+    for moved in np.diff(readings(rate, 0.02)) * rate:
+        smooth += (1.0 - np.exp(-1.0 / (rate * 2e-3))) * (moved - smooth)
+        change = (smooth - goes) / (1.0 + 5e-3 * rate)
+        goes += change
+        _bend(numbers, state, 0.0, change * rate, True)
+        bends.append(state[own.HASTE])
+    return float(np.std(bends[rate // 10 :]))
+
+
+def followed(rate: int) -> float:
+    """Return in what time half of a change of the finger's speed is followed [s]."""
+    c, memory = np.zeros(render.CONSTANTS), np.zeros(surface_memory.MEMORY)
+    c[render.PERIOD] = 1.0 / rate
+    for tick in range(1, rate):
+        _smooth(c, memory, 1e-2 * tick / rate)
+        if memory[surface_memory.SINK] > 5e-3:
+            return tick / rate
+    return np.inf
+
+
+@pytest.mark.parametrize("rate", [250, 500, 2000, 4000])
+def test_a_finger_is_followed_in_the_same_time_as_at_1_khz(rate: int) -> None:
+    assert followed(rate) == pytest.approx(followed(1000), abs=0.4 * followed(1000) + 1.0 / rate)
+
+
+@pytest.mark.parametrize("rate", [2000, 4000])
+@pytest.mark.parametrize("found", [foreseen, wrongly_shifted])
+def test_the_steps_in_which_an_arm_reads_are_smoothed_as_well_as_at_1_khz(
+    found: Callable[[int], float], rate: int
+) -> None:
+    assert found(rate) < 1.5 * found(1000)
+
+
+def test_a_plate_that_presses_alone_stays_below_the_limit(folder: Path) -> None:
+    """At 4 kHz it pressed in the rhythm in which the arm read: 0.02 N above the limit."""
+    stroke = ball([23.74, 29.74, 23.74, 29.74], 0.65, 57.525, 1.94)
+    course = at_rate(folder, 4000, Slope(*stroke, stiffness=0.15, force=0.5))
+    assert course.pad.max() > 0.3
+    assert np.linalg.norm(course.total, axis=1).max() <= 0.5 * (1.0 + 1e-9)
+
+
+def test_a_plate_presses_a_stiff_pad_no_harder_than_the_limit(folder: Path) -> None:
+    world = '<box name="block" pos="0 0 0 mm" size="60 60 10 mm" material="stuff"/>'
+    motion = '<to pos="0 0 33 mm" in="0.1 s" hold="0.4 s"/><to pos="0 0 10.2 mm" in="0.5 s" hold="0.3 s"/>'
+    stiff = ("skin-temp", 'pad-stiffness="1.5 N/mm" pad-damping="1 N*s/m" skin-temp')
+    course = at_rate(folder, 4000, Slope(world, motion, force=0.3), stiff)
+    assert course.pad.max() > 0.1
+    assert np.linalg.norm(course.total, axis=1).max() <= 0.3 * (1.0 + 1e-9)
