@@ -15,6 +15,7 @@ from itouch_evidence.surface.scenes import RADIUS
 Floats = NDArray[np.float64]
 
 PAD, PAD_DAMPING = 1e3, 2.0  # stiffness [N/m] and damping [N s/m] of the operator twin's pad
+MEAN = 0.015  # time [s] over which forces on the pad are averaged
 PLATE_FORCE = 2.0  # force above which a plate yields (K4) [N]
 
 
@@ -99,16 +100,18 @@ class Course:
 
         ``given``: other forces on the pad (n,) [N], in place of those on the real plate.
         All have shape (n,).  They count where the plate renders a contact and is at the surface, at least 0.1 s after
-        first impact and changes, and where it need not yield.  Forces [N] are means over 15 ticks (15 ms), because the
-        arm reads in steps of 30 um.
+        first impact and changes, and where it need not yield.  Forces [N] are means over MEAN, because the arm reads in
+        steps of 30 um.
         """
         depth = np.where(np.isfinite(self.depth), self.depth, 0.0)  # beside a mesh nothing is below the finger
-        rate = np.r_[0.0, np.diff(depth)] / (self.time[1] - self.time[0])
+        period = self.time[1] - self.time[0]
+        rate = np.r_[0.0, np.diff(depth)] / period
         pad = np.where(depth > 0.0, np.maximum(0.0, PAD * depth + PAD_DAMPING * rate), 0.0)
         there = self.touching & self.plate & self.renders & self.settled
         there &= ~self.after([*self.begins(), *self.changes()], 0.1) & (pad < min(PLATE_FORCE, self.force - 0.15) - 0.1)
-        window = np.ones(15) / 15.0
-        there &= np.convolve(~there, np.ones(31), "same") < 1
+        ticks = 2 * round(0.5 * (MEAN / period - 1.0)) + 1
+        window = np.ones(ticks) / ticks
+        there &= np.convolve(~there, np.ones(2 * ticks + 1), "same") < 1
         return (
             np.convolve(pad, window, "same"),
             np.convolve(self.pad if given is None else given, window, "same"),

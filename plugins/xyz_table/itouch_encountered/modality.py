@@ -153,7 +153,7 @@ def _seen(model: EncounteredModel) -> tuple[str, ...]:
             f"{probe}.surface.{name}"
             for name in (
                 "upright", "climb", "turns", "hastens", "rises", "level", "sink", "acceleration", "off", "goes_x",
-                "goes_y", "pressed", "present",
+                "goes_y", "slope_x", "slope_y", "pressed", "present",
             )
         ),
         f"{probe}.object", f"{device}.surface.withdrawn", "ready",

@@ -36,6 +36,8 @@ from itouch_encountered.own import (
     COMING,
     DISTANCE,
     EVENED,
+    EVENED_X,
+    EVENED_Y,
     GAP,
     GIVE,
     INERTIA,
@@ -108,6 +110,9 @@ EVENED_FROM, EVENED_AT = math.cos(math.radians(30.0)), math.cos(math.radians(35.
 #: Time constant [s] with which the evened height follows what its speed did not foretell, and the difference from which
 #: on it begins anew [m].
 EVENLY, ANEW = 1.5e-3, 1e-3
+#: How long at least [s] the surface takes to follow a step in which an arm reads the finger's place.  A drive is told
+#: how fast its goal moves: in a shorter tick a step would ask for more than it can do, and it would be late.
+STEPS = 1e-3
 #: The rotation of a device that is sent upright, as a quaternion.
 UPRIGHT_POSE = (1.0, 0.0, 0.0, 0.0)
 
@@ -151,9 +156,10 @@ class Seen(NamedTuple):
     ``rises``: how fast the carried surface goes up [m/s].  ``level``, ``sink``, ``acceleration`` and ``off``: the
     height of the finger's lowest point, its speed upwards and how fast that changes, and how much deeper it seems to be
     in the carried surface than the force explains, smoothed [m], [m/s], [m/s2], [m].  ``goes_x``, ``goes_y``: the
-    finger's velocity, smoothed [m/s].  ``pressed``: how long the virtual contact has lasted [s]; ``present``: whether
-    the carried surface was at the finger a tick ago; ``object``: index of the touched object, -1: none;
-    ``withdrawn``: whether T4 keeps the surface away; ``ready``: 0 until a touch-off is done.
+    finger's velocity, smoothed [m/s]; ``slope_x``, ``slope_y``: the slope of the virtual surface [1].  ``pressed``: how
+    long the virtual contact has lasted [s]; ``present``: whether the carried surface was at the finger a tick ago;
+    ``object``: index of the touched object, -1: none; ``withdrawn``: whether T4 keeps the surface away; ``ready``: 0
+    until a touch-off is done.
     """
 
     frame: Any
@@ -174,6 +180,8 @@ class Seen(NamedTuple):
     off: Any
     goes_x: Any
     goes_y: Any
+    slope_x: Any
+    slope_y: Any
     pressed: Any
     present: Any
     object: Any
@@ -361,7 +369,7 @@ def _with(c: Any, frame: Any, goes_x: float, goes_y: float, axis: int) -> float:
 
 @linked
 def _command(
-    c: Any, frame: Any, sent: Any, hip: Any, goes_x: float, goes_y: float, goal: Any, height: float, felt: bool,
+    c: Any, own: Any, frame: Any, sent: Any, goes_x: float, goes_y: float, goal: Any, height: float, felt: bool,
     slides: bool,
 ) -> None:  # fmt: skip
     """Write the command (7,): the pose at which a finger on the face has its lowest point at ``height`` [m].
@@ -370,7 +378,8 @@ def _command(
     short for both, the sideways motion is shortened.  Where it is left behind, and ``slides`` past the finger to catch
     up, it does that slowly.  ``goes_x``, ``goes_y``: the finger's velocity [m/s].
     """
-    x, y, z = hip[0] - frame[ORIGIN], hip[1] - frame[ORIGIN + 1], height - _beside(c, frame) - frame[ORIGIN_Z]
+    x, y = own[EVENED_X] - frame[ORIGIN], own[EVENED_Y] - frame[ORIGIN + 1]
+    z = height - _beside(c, frame) - frame[ORIGIN_Z]
     for i, offset in enumerate((c.x, c.y, c.z)):
         goal[i] = frame[ROW_X + i] * x + frame[ROW_Y + i] * y + frame[ROW_Z + i] * z - offset
     if slides:
@@ -405,6 +414,20 @@ def _there(own: Any, before: bool, depth: float, pressed: float) -> bool:
 
 
 @linked
+def _ease(c: Any, own: Any, at: int, place: float, goes: float) -> float:
+    """Follow the finger's place along x or y [m], a step of its reading in STEPS; return how far that is beside it [m].
+
+    ``at``: EVENED_X or EVENED_Y; ``place``: the reading [m]; ``goes``: the finger's velocity there, smoothed [m/s].
+    """
+    ahead = own[at] + goes * c.period
+    if c.wire or c.period >= STEPS or not abs(place - ahead) < ANEW:
+        own[at] = place
+        return 0.0
+    own[at] = ahead + c.period / STEPS * (place - ahead)
+    return float(own[at] - place)
+
+
+@linked
 def _even(c: Any, own: Any, height: float, climb: float, upright: float) -> float:
     """Return the height of the virtual surface [m]; of a steep face that this one may render, without an arm's steps.
 
@@ -428,7 +451,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     """Decide who renders the virtual surface below the finger, and command the device; return 0.
 
     ``c``: `Numbers`; ``seen``: `Seen`, unpacked here, because passing a tuple of many arrays on is costly; ``goal``
-    (7,): the command; ``own``: the modality's own fields, (48,) without a wire.
+    (7,): the command; ``own``: the modality's own fields, (50,) without a wire.
     """
     frame, sent, hip = seen.frame, seen.sent, seen.hip
     height, climb, level, sink = seen.height[0], seen.climb[0], seen.level[0], seen.sink[0]
@@ -436,6 +459,8 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     pressed, touching, withdrawn = max(0.0, -seen.load[2]), seen.object[0] >= 0, seen.withdrawn[0] != 0
     if c.wire:
         here, pressed = here + own[SINCE], own[PRESSES]
+    height += seen.slope_x[0] * _ease(c, own, EVENED_X, hip[0], seen.goes_x[0])
+    height += seen.slope_y[0] * _ease(c, own, EVENED_Y, hip[1], seen.goes_y[0])
     if not c.wire:
         height = _even(c, own, height, climb, seen.upright[0])
     own[GAP] = height - here if height > -np.inf else np.inf
@@ -467,6 +492,6 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     elif rests or (not touching and pressed < LEFT and own[LOST] == 0.0):
         learn(c, own, last, here, pressed)
     felt, slides = touching or pressed > LEFT, pressed > LEFT or lowest - here < SOON
-    _command(c, frame, sent, hip, seen.goes_x[0], seen.goes_y[0], goal, min(wanted, most), felt, slides)
+    _command(c, own, frame, sent, seen.goes_x[0], seen.goes_y[0], goal, min(wanted, most), felt, slides)
     own[AT_FINGER] = 1.0 if touching and _there(own, seen.present[0] > 0.0, here - lowest, pressed) else 0.0
     return 0
