@@ -16,9 +16,9 @@ from shipped import SCENES
 from itouch.loop import render
 from itouch.loop.surface import plate, surface_memory
 from itouch.plugin.carried_surfaces import AHEAD
-from itouch.session import build
+from itouch.session import Session, build
 from itouch_encountered import feed_forward, own
-from itouch_evidence.surface.course import Course, Floats, follow
+from itouch_evidence.surface.course import Floats, follow
 from itouch_evidence.surface.scenes import Slope, ball
 
 _smooth, _bend = kernel_of(plate._smooth), kernel_of(feed_forward.bend)
@@ -41,14 +41,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def at_rate(folder: Path, rate: int, slope: Slope, *changes: tuple[str, str]) -> Course:
-    """Run the scene of a slope at a rate [Hz]; ``changes``: what in its text is replaced by what."""
+def at_rate(folder: Path, rate: int, slope: Slope, *changes: tuple[str, str]) -> Session:
+    """Build the scene of a slope at a rate [Hz]; ``changes``: what in its text is replaced by what."""
     text, path = slope.text(), folder / "rate.xml"
     for before, after in (*changes, ("  <safety", f'  <rates servo="{rate} Hz"/>\n  <safety')):
         assert before in text
         text = text.replace(before, after)
     path.write_text(text, encoding="utf-8")
-    return follow(build(path, seed=0))
+    return build(path, seed=0)
 
 
 def readings(rate: int, speed: float, seconds: float = 0.5) -> Floats:
@@ -110,7 +110,7 @@ def test_the_steps_in_which_an_arm_reads_are_smoothed_as_well_as_at_1_khz(
 def test_a_plate_that_presses_alone_stays_below_the_limit(folder: Path) -> None:
     """At 4 kHz it pressed in the rhythm in which the arm read: 0.02 N above the limit."""
     stroke = ball([23.74, 29.74, 23.74, 29.74], 0.65, 57.525, 1.94)
-    course = at_rate(folder, 4000, Slope(*stroke, stiffness=0.15, force=0.5))
+    course = follow(at_rate(folder, 4000, Slope(*stroke, stiffness=0.15, force=0.5)))
     assert course.pad.max() > 0.3
     assert np.linalg.norm(course.total, axis=1).max() <= 0.5 * (1.0 + 1e-9)
 
@@ -119,7 +119,7 @@ def test_a_plate_presses_a_stiff_pad_no_harder_than_the_limit(folder: Path) -> N
     world = '<box name="block" pos="0 0 0 mm" size="60 60 10 mm" material="stuff"/>'
     motion = '<to pos="0 0 33 mm" in="0.1 s" hold="0.4 s"/><to pos="0 0 10.2 mm" in="0.5 s" hold="0.3 s"/>'
     stiff = ("skin-temp", 'pad-stiffness="1.5 N/mm" pad-damping="1 N*s/m" skin-temp')
-    course = at_rate(folder, 4000, Slope(world, motion, force=0.3), stiff)
+    course = follow(at_rate(folder, 4000, Slope(world, motion, force=0.3), stiff))
     assert course.pad.max() > 0.1
     assert np.linalg.norm(course.total, axis=1).max() <= 0.3 * (1.0 + 1e-9)
 
@@ -137,8 +137,25 @@ def test_a_plate_presses_as_a_rigid_surface_would(
 ) -> None:
     """A drive that is told how fast its goal moves could not follow the arm's steps: 2 to 3 % too hard or too soft."""
     mount = ('mount pos="0 0 -30 mm"', f'mount pos="0 0 -30 mm" rpy="0 {tilt} 0 deg"')
-    course = at_rate(folder, rate, Slope(*stroke), mount, ('travel="200', f'{hardware} travel="200'))
+    course = follow(at_rate(folder, rate, Slope(*stroke), mount, ('travel="200', f'{hardware} travel="200')))
     course.depth *= math.cos(math.radians(tilt))  # along the plate's normal
     rigid, pad, there = course.rigid()
     assert there.sum() > rate
     assert np.percentile((np.abs(pad - rigid) / np.maximum(rigid, 0.5))[there], 95) < 0.01
+
+
+@pytest.mark.parametrize("hardware", ["", 'bandwidth="90 Hz"'])
+def test_a_plate_that_comes_down_with_a_finger_is_not_late(folder: Path, hardware: str) -> None:
+    """Below a finger it went down in the steps in which the arm reads, and was learned to be slower than it is."""
+    motion = (
+        '<to pos="0 0 33 mm" in="0.1 s" hold="0.2 s"/><to pos="0 0 14 mm" in="0.7 s"/><to pos="0 0 12 mm" in="1 s"/>'
+    )
+    world = '<box name="block" pos="0 0 0 mm" size="60 60 10 mm" material="stuff"/>'
+    session = at_rate(folder, 4000, Slope(world, motion), ('travel="200', f'{hardware} travel="200'))
+    behind = []
+    while not session.done:
+        session.tick()
+        behind.append(session.state["table.sent.pose_target"][2].item() - session.state["table.pose"][2].item())
+    down = behind[2000:3400]
+    assert abs(np.mean(down)) < 2e-5
+    assert abs(session.state["finger.surface.lag"].item() + 1.0 / 4000) < 2e-4

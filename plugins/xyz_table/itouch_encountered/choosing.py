@@ -53,7 +53,7 @@ def along(frame: Any, normal: Any) -> float:
 def choose(c: Any, own: Any, upright: float, touching: bool, withdrawn: bool) -> None:
     """Decide whether surface or arm renders the contact, with hysteresis: a contact that has begun changes hands late.
 
-    ``c``: `Numbers`; ``own``: the modality's fields, (50,) without a wire; ``upright``: the cosine of the angle between
+    ``c``: `Numbers`; ``own``: the modality's fields, (51,) without a wire; ``upright``: the cosine of the angle between
     the virtual surface and this one [1]; ``withdrawn``: safety keeps this one away (T4).
     """
     if touching:

@@ -38,6 +38,7 @@ from itouch_encountered.own import (
     EVENED,
     EVENED_X,
     EVENED_Y,
+    EVENED_Z,
     GAP,
     GIVE,
     INERTIA,
@@ -289,12 +290,27 @@ def _give_way(c: Any, own: Any, pressed: float) -> float:
 
 
 @linked
+def _ease(c: Any, own: Any, at: int, place: float, goes: float) -> float:
+    """Follow the finger's place along an axis [m], a step of a reading in STEPS; return how far it is beside that [m].
+
+    ``at``: EVENED_X, EVENED_Y, or EVENED_Z for its lowest point; ``place``: the reading [m]; ``goes``: the finger's
+    velocity along that axis, smoothed [m/s].
+    """
+    ahead = own[at] + goes * c.period
+    if c.wire or c.period >= STEPS or not abs(place - ahead) < ANEW:
+        own[at] = place
+        return 0.0
+    own[at] = ahead + c.period / STEPS * (place - ahead)
+    return float(own[at] - place)
+
+
+@linked
 def _wanted(
     c: Any, own: Any, height: float, climb: float, level: float, sink: float, lowest: float, here: float, last: float,
     pressed: float, touching: bool, begins: bool,
 ) -> float:  # fmt: skip
     """Return the height [m] at which the surface is wanted; note how far it has still to come or to go (COMING)."""
-    away = lowest - c.clearance
+    away = lowest + _ease(c, own, EVENED_Z, lowest, sink) - c.clearance
     ahead = own[RISE] if c.wire else climb * (c.period + own[LAG])
     goal = height + ahead + own[SHIFT] + (own[GIVE] * pressed if touching else 0.0)
     if own[TAKES] > 0.0:
@@ -414,20 +430,6 @@ def _there(own: Any, before: bool, depth: float, pressed: float) -> bool:
 
 
 @linked
-def _ease(c: Any, own: Any, at: int, place: float, goes: float) -> float:
-    """Follow the finger's place along x or y [m], a step of its reading in STEPS; return how far that is beside it [m].
-
-    ``at``: EVENED_X or EVENED_Y; ``place``: the reading [m]; ``goes``: the finger's velocity there, smoothed [m/s].
-    """
-    ahead = own[at] + goes * c.period
-    if c.wire or c.period >= STEPS or not abs(place - ahead) < ANEW:
-        own[at] = place
-        return 0.0
-    own[at] = ahead + c.period / STEPS * (place - ahead)
-    return float(own[at] - place)
-
-
-@linked
 def _even(c: Any, own: Any, height: float, climb: float, upright: float) -> float:
     """Return the height of the virtual surface [m]; of a steep face that this one may render, without an arm's steps.
 
@@ -451,7 +453,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     """Decide who renders the virtual surface below the finger, and command the device; return 0.
 
     ``c``: `Numbers`; ``seen``: `Seen`, unpacked here, because passing a tuple of many arrays on is costly; ``goal``
-    (7,): the command; ``own``: the modality's own fields, (50,) without a wire.
+    (7,): the command; ``own``: the modality's own fields, (51,) without a wire.
     """
     frame, sent, hip = seen.frame, seen.sent, seen.hip
     height, climb, level, sink = seen.height[0], seen.climb[0], seen.level[0], seen.sink[0]

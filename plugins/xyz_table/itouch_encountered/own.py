@@ -44,6 +44,7 @@ FIELDS += (
     ),
     Field("evened_x", unit="m", doc="x of the finger, a step of its reading in 1 ms", show="no"),
     Field("evened_y", unit="m", doc="y of it, likewise", show="no"),
+    Field("evened_z", unit="m", doc="height of its lowest point, likewise", show="no"),
     Field("kinks", "f8", MOST_KINKS, unit="m/s^2", doc="how fast a slope bends it, the newest tick first", show="no"),
 )
 
@@ -84,7 +85,8 @@ COMING, LOST, YIELDS, ARRIVED, PRESS = _at["coming"], _at["lost"], _at["yields"]
 FREE, UNFELT, GIVE, LAG, UNASKED = _at["free"], _at["unfelt"], _at["give"], _at["lag"], _at["unasked"]
 BENDS, HASTE, INERTIA, HERE, SPEED = _at["bends"], _at["haste"], _at["inertia"], _at["here"], _at["speed"]
 RUSHES, SHIFT, SLOWER, WAITED = _at["rushes"], _at["shift"], _at["slower"], _at["waited"]
-EVENED, EVENED_X, EVENED_Y, KINKS = _at["evened"], _at["evened_x"], _at["evened_y"], _at["kinks"]
+EVENED, KINKS = _at["evened"], _at["kinks"]
+EVENED_X, EVENED_Y, EVENED_Z = _at["evened_x"], _at["evened_y"], _at["evened_z"]
 GOES, LIFTED, LIFTS, HOISTS = _at["goes"], _at["lifts_before"], _at["lift_speed"], _at["lift_hastens"]
 WAY, HOLD, COMMANDS, READ_AT, RISE = _at["ahead"], _at["hold"], _at["commands"], _at["read_at"], _at["climbs_by"]
 SINCE, BEHIND, RESTS, PRESSES = _at["since"], _at["behind"], _at["rests"], _at["pressed_now"]
