@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from itouch.contact import layout as at
 from itouch.contact.effects import render_effects
 from itouch.contact.stated_contact import StatedContact, found, given
 from itouch.contact.step import step
@@ -161,7 +162,9 @@ class Toucher:
         )  # fmt: skip
         calls.append(touched)
         if len(model.objects) > 1:
-            place = (figures[render.POINT : render.POINT + 3], figures[render.NORMAL : render.NORMAL + 3])
+            # the normal in State is that of the whole force, which leans where a second object is touched, too
+            first = self.result[at.RESULT_CONTACTS : at.RESULT_CONTACTS + at.CONTACT_WIDTH]
+            place = (first[row : row + 3] for row in (at.CONTACT_POINT, at.CONTACT_NORMAL))
             beside = Bound(
                 probe_steps.look_beside,
                 world,

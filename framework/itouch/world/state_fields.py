@@ -146,7 +146,12 @@ def probe_fields(objects: int, *, carried: bool = True) -> tuple[Field, ...]:
             unit="1",
             doc="number of the object that begins beside the touched place, within the fingertip's radius, -1: none",
         ),
-        Field("beside_distance", unit="m", doc="how far that is along the surface, infinite if there is none"),
+        Field(
+            "beside_distance",
+            unit="m",
+            doc="how far that is along the surface, more if it is lower, below 0 if more of the finger is over it than "
+            "over the one that is touched, infinite if there is none",
+        ),
         Field(
             "plate",
             "i8",

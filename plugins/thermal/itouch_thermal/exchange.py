@@ -107,11 +107,15 @@ def knows(given: Given, index: int) -> bool:
 
 @linked
 def overlaps(given: Given, kept: Kept, contact: Contact) -> bool:
-    """Tell whether a part of the contact disc lies on a second object, and the heat of one of the two is known."""
+    """Tell whether a part of the contact disc lies on a second object, and the heat of one of the two is known.
+
+    So it is, too, while the contact still counts as one with the object that lies beside the place of contact.
+    """
     force, beside = contact.felt[0], contact.beside[0]
     if not force > 0.0 or beside < 0 or not (knows(given, kept.object[0]) or knows(given, beside)):
         return False
-    return bool(_beyond(contact.distance[0], _contact_area(force, given.area[0], given.area[1])) > 0.0)
+    area = _contact_area(force, given.area[0], given.area[1])
+    return bool(beside == kept.object[0] or _beyond(contact.distance[0], area) > 0.0)
 
 
 @linked

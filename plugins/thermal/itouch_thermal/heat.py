@@ -327,7 +327,7 @@ class Heat(Modality):
             return bool(force > 0.0)
         beside, distance = state[names.beside].item(), state[names.beside_distance].item()
         known = beside >= 0 and (knows(index) or knows(beside))
-        return known and beyond(distance, contact_area(force, *model.area)) > 0.0
+        return known and (beside == index or beyond(distance, contact_area(force, *model.area)) > 0.0)
 
     def _advance(self, model: HeatModel, state: Record, period: float) -> None:
         """Do the update in Python, for a curve that is played or two objects touched at once."""
@@ -362,7 +362,7 @@ class Heat(Modality):
         beside, distance = state[names.beside].item(), state[names.beside_distance].item()
         known = model.exchange.knows(index) or model.exchange.knows(beside)
         part = beyond(distance, contact_area(force, *model.area)) if force > 0.0 and beside >= 0 and known else 0.0
-        if part > 0.0 and beside == index:  # most of the disc is on it, but the contact is still with the other one
+        if force > 0.0 and known and beside == index:  # the contact is still with it, but most of the disc is not
             beside, part = state[names.primary].item(), 1.0 - part
         if part == 0.0:
             if model.press > 0.0 and index >= 0 and not model.playing.plays(index):  # as `exchange.press_on` does

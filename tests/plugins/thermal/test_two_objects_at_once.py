@@ -17,7 +17,7 @@ _SCENE = """<itouch version="1.0" xmlns:thermal="urn:itouch:plugin:thermal">
   <materials>{materials}</materials>
   <world temperature="23 degC">
     <box name="first"  pos="-25 0 9 mm" size="50 60 18 mm" material="aluminium"/>
-    <box name="second" pos="25 0 9 mm"  size="50 60 18 mm" material="{second}"/>
+    <box name="second" pos="25 0 {middle} mm"  size="50 60 {height} mm" material="{second}"/>
   </world>
   <devices><device name="arm" plugin="usb-arm"/></devices>
   <interaction>
@@ -36,9 +36,12 @@ BACK = '<to pos="-20 0 18 mm" in="0.9 s" hold="0.3 s"/><to pos="20 0 18 mm" in="
 
 def touched(
     folder: Path, motion: str, *names: str, servo: int = 1000, heat: int = 0, resistance: str = "0",
-    second: str = "wood",
+    second: str = "wood", step: float = 0.0,
 ) -> list[np.ndarray]:  # fmt: skip
-    """Return what the model finger underwent, at the ends of its own steps."""
+    """Return what the model finger underwent, at the ends of its own steps; the second object's top is a step lower.
+
+    ``step`` [mm].
+    """
     thermal = (
         f'<material name="{name}"><contact stiffness="1 N/mm" damping="2 N*s/m" static-friction="0.1" '
         f'dynamic-friction="0.1"/><thermal:material conductivity="{k}" density="{rho}" specific-heat="{c}"/></material>'
@@ -49,7 +52,7 @@ def touched(
     path.write_text(
         _SCENE.format(
             materials="".join(thermal) + bare, motion=motion, servo=servo, heat=heat or servo, resistance=resistance,
-            second=second,
+            second=second, middle=9.0 - 0.5 * step, height=18.0 - step,
         ),
         encoding="utf-8",
     )  # fmt: skip
@@ -99,3 +102,16 @@ def test_on_the_edge_of_an_object_without_heat_the_rest_of_the_finger_is_in_air(
         own, beside = FINGER[0].effusivity, 0.5 * math.sqrt(math.prod(MATERIALS["aluminium"]))
         expected = (own * skin[begin - 1] + beside * 296.15) / (own + beside)
         assert skin[begin : begin + round(0.05 * servo)] == pytest.approx(expected, abs=0.05), servo
+
+
+@pytest.mark.parametrize("step", [0.005, 0.01, 0.02, 0.05, 0.1, 0.3, 0.8])
+def test_the_flux_does_not_jump_where_the_tops_of_two_objects_differ(tmp_path: Path, step: float) -> None:
+    """A finger that slides up a step and down again is on both for a while, as on level tops."""
+    greatest = []
+    for height in (0.0, step):
+        motion, resistance = DOWN.format(x=20) + BACK, "1e-4 m^2*K/W"
+        (desired,) = touched(tmp_path, motion, "heat.desired", resistance=resistance, step=height)
+        change = np.abs(np.diff(desired[800:]))
+        greatest.append(change.max() / (desired[800:].max() - desired[800:].min()))
+    assert greatest[0] < 0.05  # a finger that goes over a rim is quicker
+    assert greatest[1] < 0.1
