@@ -19,7 +19,7 @@ from itouch_evidence.surface.course import Course, Floats, follow
 from itouch_evidence.surface.draw import draw
 from itouch_evidence.surface.edges import edge, rim
 from itouch_evidence.surface.laws import broken
-from itouch_evidence.surface.scenes import Slope, ball
+from itouch_evidence.surface.scenes import Slope, ball, ramp
 
 _part, _within, _lead = map(kernel_of, (force._part, force._within, force._lead))
 
@@ -181,6 +181,38 @@ def test_the_noise_of_a_force_sensor_is_no_plate_that_bounces(tmp_path: Path, se
     assert len(session.report()["contacts"]) == 1
     assert not [said for said in session.report()["notices"] if "still felt" in said]
     session.close()
+
+
+@pytest.mark.parametrize("noise", [20, 40])
+@pytest.mark.parametrize("degrees", [32.0, 45.0])
+def test_an_arm_gives_no_noise_of_a_plate_that_is_away(folder: Path, degrees: float, noise: int) -> None:
+    """What a plate 5 mm below the finger seemed to press was taken from the arm: up to 0.08 N."""
+    text, path = Slope(*ramp(degrees, 2.0), stiffness=1.0).text(), folder / "noisy.xml"
+    hardware = "<xyz-table:hardware"
+    assert hardware in text
+    path.write_text(text.replace(hardware, f'{hardware} force-noise="{noise} mN"'), encoding="utf-8")
+    course = follow(build(path, seed=3))
+    begin = int(np.flatnonzero(course.touching)[0])
+    on = course.touching & (np.arange(len(course.time)) > begin + 50)
+    assert on.sum() > 300
+    assert not course.pad.any()
+    assert np.linalg.norm(course.arm - course.virtual, axis=1)[on].max() < 1e-6
+
+
+def test_a_plate_that_seems_away_counts_as_far_as_noise_does_not_explain_its_force() -> None:
+    """Its height may be wrong by millimetres.  As it comes nearer it counts more, and nothing jumps."""
+    pressing = kernel_of(force.pressing)
+    readings = np.linspace(0.0, 1.0, 1001)
+    for depth in (1.0, 0.0, -3e-4):
+        assert [pressing(reading, depth) for reading in readings] == readings.tolist()
+    for depth in (-5e-4, -1e-3, -2e-3, -5e-3):
+        found = np.array([pressing(reading, depth) for reading in readings])
+        nearer = np.array([pressing(reading, depth + 2e-4) for reading in readings])
+        assert (np.diff(found) >= 0.0).all()
+        assert np.diff(found).max() < 2.1e-3
+        assert (nearer >= found).all()
+        assert found[readings >= 2.0 * force.LOUD] == pytest.approx(readings[readings >= 2.0 * force.LOUD])
+    assert pressing(0.12, -5e-3) == pressing(0.12, -2e-3) == surface_memory.NOTHING
 
 
 def part(share: float, normal: float, pressed: float = 0.0, *, renders: bool = False) -> float:

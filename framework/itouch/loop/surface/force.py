@@ -30,6 +30,7 @@ from itouch.loop.render import (
     TABLE,
 )
 from itouch.loop.surface.ground import along_plate
+from itouch.loop.surface.plate import CLEAR_OF
 from itouch.loop.surface.surface_memory import (
     CHANGING,
     CLEAR,
@@ -78,6 +79,9 @@ CATCHES_UP = 4e-3
 #: Greatest change per tick [N] of the arm's force while it is led over and a plate presses with LIGHT or more: the
 #: plate's reading is a tick old, and noise is in it.
 BESIDE = 0.07
+#: Reading [N] of a force sensor that noise seldom exceeds, by which a plate that seems away is told from one that
+#: presses although its height is wrong.
+LOUD = 0.15
 #: For how long [s] the sum is still kept to such steps after the plate has come or gone.
 AFTER = 0.05
 #: For how long [s] the plate sets out or turns round after a change of hands.
@@ -199,6 +203,18 @@ def on_plate(load: Floats, presses: Floats) -> float:
     return float(-presses[0] if presses[0] >= 0.0 else load[2])
 
 
+@linked
+def pressing(reading: float, depth: float) -> float:
+    """Return with what force [N] a plate presses, by its sensor's reading [N] and how deep the finger seems in it [m].
+
+    A plate that is away presses with nothing, whatever noise its sensor has; the arm would give that noise to the
+    finger.  One whose height is wrong by millimetres may press all the same, but soon harder than noise: the farther it
+    seems away, the more a reading must exceed `LOUD` to count in full.
+    """
+    away = min(1.0, max(0.0, (-depth - ABOUT) / (CLEAR_OF - ABOUT)))
+    return float(min(reading, max(NOTHING, 2.0 * (reading - away * LOUD))))
+
+
 @kernel
 def push(
     c: Floats, figures: Floats, memory: Floats, sent: Floats, wrench: Floats, load: Floats, presses: Floats,
@@ -227,7 +243,8 @@ def push(
     along = 0.0
     for i in range(3):
         along += figures[CONTACT_FORCE + i] * figures[NORMAL + i]
-    pressed = max(0.0, -on_plate(load, presses))
+    depth = figures[PLATE_TOP] - (figures[HIP + 2] - c[RADIUS])
+    pressed = pressing(max(0.0, -on_plate(load, presses)), depth)
     rise = pressed - memory[LOAD] if c[HAS_LOAD] > 0.0 else 0.0
     if memory[LOAD] <= NOTHING:
         # What a sensor reads without a touch is no rise; the pad's damping gives a force at once, and only once.
@@ -237,7 +254,6 @@ def push(
     force = scratch(3)
     for i in range(3):
         force[i] = figures[CONTACT_FORCE + i] - along * figures[NORMAL + i]
-    depth = figures[PLATE_TOP] - (figures[HIP + 2] - c[RADIUS])
     if c[HAS_TABLE] > 0.0 and c[FORCE_LIMIT] < np.inf:
         near = pressed > TOUCH or depth > -ABOUT
         spare = max(SPARE_LATE if guessed else SPARE, rise + 0.5 * SPARE)
