@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import itouch
 from itouch.loop import DeviceFaultError
 from itouch.loop.touchoff import TouchOffPhase
+from itouch_evidence.surface.scenes import Slope
+
+#: A finger that presses a block whose top is 5 mm high while the plate is looked for.
+MOTION = '<to pos="0 0 11 mm" in="0.1 s" hold="9 s"/><to pos="0 0 40 mm" in="0.4 s"/>'
 
 
 def test_a_plate_that_can_drop_no_further_between_points_is_felt_at_all_of_them(scenes: Path) -> None:
@@ -82,3 +87,22 @@ def test_a_plate_that_is_felt_where_it_can_go_no_lower_says_so(
         assert caught.value.trip.label == "calibration"
         assert session.state["table.touch_off.stage"].item() == TouchOffPhase.PLACE
         assert 5.0 < session.seconds < 8.0
+
+
+@pytest.mark.parametrize("error", [-2.5, 2.5])
+def test_an_arm_does_not_let_go_as_the_height_of_the_plate_is_found(scenes: Path, error: float) -> None:
+    """The correction was taken for a plate that rises by 2.5 mm in a tick, for which the arm made room at once."""
+    path = scenes / "pressed.xml"
+    slope = Slope(
+        '<box name="b" pos="0 0 0 mm" size="80 60 10 mm" material="stuff"/>', MOTION, error=error, touch_off=True
+    )
+    path.write_text(slope.text(), encoding="utf-8")
+    with itouch.build(path, seed=1) as session:
+        session.run(until=lambda: bool(session.state["ready"]) or session.ticks >= 9000)
+        assert session.state["ready"].item() == 1
+        assert session.state["finger.normal_force"].item() > 0.5
+        forces = [np.linalg.norm(session.state["arm.sent.wrench"][:3])]
+        for _ in range(20):
+            session.tick()
+            forces.append(np.linalg.norm(session.state["arm.sent.wrench"][:3]))
+    assert np.abs(np.diff(forces)).max() < 0.1

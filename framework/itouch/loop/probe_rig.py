@@ -178,7 +178,7 @@ class ProbeRig:
             frame = self.frame_of(runner)
             if self._placed.get(which) is not frame:
                 self._placed[which] = frame
-                self.toucher.place(which, frame)
+                self.toucher.place(which, frame, stands=not runner.model.carrier)
 
     @property
     def bound_follow(self) -> tuple[Bound, ...]:

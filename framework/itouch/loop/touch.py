@@ -286,8 +286,14 @@ class Toucher:
             figures[render.HIP : render.HIP + 3], figures[render.PLATE_TOP : render.PLATE_TOP + 1], self._constants
         )  # fmt: skip
 
-    def place(self, which: int, frame: Frame) -> None:
-        """Set the frame in the world of tracker, arm or table, as ``which`` says: `render.TRACKER`, ARM or TABLE."""
+    def place(self, which: int, frame: Frame, *, stands: bool) -> None:
+        """Set the frame in the world of tracker, arm or table, as ``which`` says: `render.TRACKER`, ARM or TABLE.
+
+        ``stands``: no other device carries it.  Where its frame changes all the same, a calibration has found where it
+        is: its surface has not risen by that, and presses no harder.
+        """
+        if which == render.TABLE and stands and self._frames[which].any():
+            self.figures[render.PLATE_TOP] += frame.z - self._frames[which][2]
         self._frames[which][:] = self._constants[which : which + 12] = (frame.x, frame.y, frame.z, *frame.r)
 
     @property
