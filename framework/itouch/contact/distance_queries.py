@@ -14,7 +14,7 @@ from itouch.contact.triangle import height
 from itouch.contact.vectors import Floats, Vector, along, cross, dot, norm, place_of, sub, vector
 
 #: Heights that differ by no more than this are level: it is rounding [m].
-_LEVEL = 1e-9
+_ROUNDED = 1e-9
 #: Greatest |cosine| between the surface's normal and the direction to an object that lies beside, not above.
 _ASIDE = 0.35
 #: How deep a step a fingertip bridges [m]: its pad is indented by about this where it is pressed.
@@ -155,25 +155,25 @@ def _over_a_step(
     t = along(c, -deep, m)
     way = sub(t, p)
     below = -dot(way, n)
-    if below > _LEVEL and _off(site, objects, mesh, now, own, along(t, 0.5 * below, n), reach)[0] < -_LEVEL:
+    if below > _ROUNDED and _off(site, objects, mesh, now, own, along(t, 0.5 * below, n), reach)[0] < -_ROUNDED:
         # what is nearest lies hidden
         return _to_its_rim(site, objects, mesh, now, ends, p, n, radius) if drop < BRIDGED else np.inf
     away = norm(along(from_edge, -drop, n)) + radius * drop / BRIDGED if drop > 0.0 else norm(from_edge)
     flat = along(way, below, n)
-    size = max(norm(flat), _LEVEL)
+    size = max(norm(flat), _ROUNDED)
     if _off(site, objects, mesh, now, own, along(p, _NEXT / size, flat), reach)[0] < _OFF:
         return away  # the touched surface goes on towards the other one
     # the finger rolls over the rim of the touched object: the boundary comes to it, as near as both are to its ball
     gap = deep - radius
-    away = min(away, gap * (2.0 * radius + gap) / max(norm(way), _LEVEL))
+    away = min(away, gap * (2.0 * radius + gap) / max(norm(way), _ROUNDED))
     flat = along(way, -dot(way, m), m)
-    size = max(norm(flat), _LEVEL)
+    size = max(norm(flat), _ROUNDED)
     if abs(_off(site, objects, mesh, now, other, along(t, -_NEXT / size, flat), reach)[0]) >= _OFF:
         return away
     # it is over the other one: where the ball touches that, the touched object is beside, as far away as its rim
     high = dot(from_edge, m)
     first = np.sqrt(max(0.0, radius * radius - norm(along(from_edge, -high, m)) ** 2)) + high - radius
-    left = min(1.0, max(0.0, gap) / max(first, _LEVEL))
+    left = min(1.0, max(0.0, gap) / max(first, _ROUNDED))
     behind = max(0.0, _off(site, objects, mesh, now, own, t, reach)[0])
     return float(left * away - (1.0 - left) * behind)
 
@@ -238,7 +238,7 @@ def beside(
         drop = dot(way, n)
         if drop < -_ASIDE * far:
             continue
-        if abs(drop) > _LEVEL:
+        if abs(drop) > _ROUNDED:
             far = _over_a_step(site, objects, mesh, now, (primary, obj), p, n, reach, way)
         if far < best:
             best, found = far, obj
