@@ -115,7 +115,7 @@ ALLOWED = {
     "twin": 0.15, "": 0.12,
 }  # fmt: skip
 #: What costs less [s] stays, whatever it is; how many lines that nothing else reaches a second has to buy.
-NOTHING, GAIN = 0.02, 30.0
+NOTHING, GAIN = 0.02, 80.0
 
 
 def allowed(test: str) -> float:
