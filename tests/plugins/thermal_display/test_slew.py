@@ -14,7 +14,8 @@ from itouch_thermal.display.peltier import pumped_heat
 from itouch_thermal.display.plant import CURRENT
 from itouch_thermal.flux import observer as at
 from itouch_thermal.flux import planner, slew
-from itouch_thermal.flux.law import FutureCurrent, ModelLaw
+from itouch_thermal.flux.current_command import FutureCurrent
+from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.heat import FINGER
 
 PERIOD, SLEW = 1e-3, 100.0

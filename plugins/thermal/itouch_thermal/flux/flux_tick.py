@@ -17,8 +17,9 @@ from itouch.plugin.kernels import inlined, kernel, linked
 from itouch_thermal.flux import approach, contact_events, flux_error, late_readings, observer, onset
 from itouch_thermal.flux import law as laws
 from itouch_thermal.flux.contact_events import PYTHON
+from itouch_thermal.flux.current_command import FutureCurrent, approach_current, plan_current
 from itouch_thermal.flux.curve import flux_at
-from itouch_thermal.flux.law import DEADBEAT, MISSED, PRIOR_ONSET, FutureCurrent, Memory
+from itouch_thermal.flux.law import DEADBEAT, MISSED, PRIOR_ONSET, Memory
 from itouch_thermal.flux.masking import masked
 from itouch_thermal.flux.preview import PreviewState, begin_ahead, extrapolate, keep_ahead, keep_past, look_ahead
 from itouch_thermal.flux.views import Course, Figures, Floats, Given, LawInputs, Models, OwnFields, Scene
@@ -383,14 +384,12 @@ def command(
         if not figures.plate_steady:
             scale = _scale(scene, own, models, figures, figures.delay + leaving.wait)
         doubt = 0.0 if figures.believes else memory.cover[observer.RESISTANCE, observer.RESISTANCE]
-        current, flux = laws._follow(  # noqa: SLF001
-            models.fixed, memory, figures.bounds, leaving, scale, doubt, figures.hold
-        )
+        current, flux = plan_current(models.fixed, memory, figures.bounds, leaving, scale, doubt, figures.hold)
     else:
         if scene.load.shape[0] > 0 and not figures.wire:
             course.force_before[0] = abs(scene.load[2])
         within = max(DEADBEAT, 1.5 * leaving.hold * figures.period)
-        current, flux, error = laws._approach(  # noqa: SLF001
+        current, flux, error = approach_current(
             models.fixed.fine, memory, figures.bounds, leaving, own.start_temperature[0], within
         )
         approach.judge(scene, own, figures, error)

@@ -10,15 +10,15 @@ import numpy as np
 
 from contact_heat.layers import Layer
 from itouch.plugin import Field, Record
-from itouch.plugin.kernels import kernel, linked
-from itouch_thermal.display.column import P_DECAY, P_EXCESS, P_MEAN, P_PORT, REACH, Array, column, plate_capacity
+from itouch.plugin.kernels import kernel
+from itouch_thermal.display.column import REACH, Array, column, plate_capacity
 from itouch_thermal.display.params import DisplayParams
-from itouch_thermal.display.peltier import current_for
 from itouch_thermal.display.sideways import Sideways
 from itouch_thermal.drivers.driver_params import SAMPLING
-from itouch_thermal.flux import late_readings, planner, slew
+from itouch_thermal.flux import late_readings, planner
 from itouch_thermal.flux import observer as at
-from itouch_thermal.flux.limits import RATE, RATE_OVER
+from itouch_thermal.flux.current_command import AT_ONCE, FutureCurrent, approach_current, plan_current
+from itouch_thermal.flux.limits import RATE_OVER
 
 
 class Memory(NamedTuple):
@@ -72,20 +72,6 @@ class Bounds(NamedTuple):
     capacity: float
 
 
-class FutureCurrent(NamedTuple):
-    """What will become of the current that is asked for now.
-
-    It leaves in ``wait`` periods and is held for ``hold`` periods.  ``out`` says what leaves before it: one current
-    [A], then another [A], and in how many periods the second takes the place of the first.
-    """
-
-    hold: int = 1
-    wait: int = 0
-    out: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
-#: A current that leaves at once and is held for one period, as without a wire.
-AT_ONCE = FutureCurrent()
 #: Length of the plan's coarse steps [s], as near as the period allows.
 COARSE = 5e-3
 #: How far a display may differ from its data sheet, before its first touch shows it: the standard deviation of each
@@ -104,15 +90,6 @@ DEADBEAT = 0.012
 MISSED = 250
 #: Temperature [K] from which the plate's modes are counted.
 REFERENCE = 296.15
-#: How often the plan's responses are recomputed in a touch [s].
-REFRESH = 16e-3
-#: The share of the plate's greatest rate that is used: more than `paper` and `hold` may, which see less far ahead.
-RATE_USED = 0.98
-#: A change of the contact resistance is acted upon as far as it exceeds this many standard deviations, and a standard
-#: deviation up to the second number is small enough to act upon any change.
-SURE, ENOUGH = 2.0, 0.015
-#: Time [s] in which the pump can stop the face at an end of its band, and how far inside that end it does so [K].
-STOPPING, SLACK = 0.05, 0.02
 
 #: Unit and meaning of each field of its State, in order.
 _MEANINGS = {
@@ -135,47 +112,6 @@ _MEANINGS = {
     "past": ("mixed", "what was expected to be read in the last periods, with its derivatives"),
     "kept": ("1", "the next row of `past`, how many rows count, and whether the plate is disturbed"),
 }
-
-
-@linked
-def _coming(line: Any, slot: int, delay: int, out: Any, i: int) -> float:
-    """Return the current [A] that will act ``i`` periods from now if no other leaves; ``out`` as in `FutureCurrent`."""
-    if i < delay:
-        return float(line[(slot + i) % delay])
-    return float(out[0] if i - delay < out[2] else out[1])
-
-
-@linked
-def _flowing(line: Any, slots: Any, leaving: Any, flows: float, most: float) -> float:
-    """Return the current [A] that flows where the one that is asked for begins to act.
-
-    ``flows`` is the current that flows now, ``most`` [A] by how much it may change in a period; ``leaving`` is a
-    `FutureCurrent`.
-    """
-    delay = int(slots[1])
-    for i in range(delay + leaving.wait):
-        flows = at.slewed(_coming(line, int(slots[0]), delay, leaving.out, i), flows, most)
-    return flows
-
-
-@linked
-def _queue(
-    line: Any, slot: int, delay: int, out: Any, size: int, fine: Any, coarse: Any, flows: float, most: float
-) -> None:
-    """Fill in the currents [A] on their way: the oldest, which make no whole coarse step, singly; then means per step.
-
-    ``flows`` is the current [A] that flows now, ``most`` [A] by how much it may change in a period; 0: by any amount.
-    """
-    first = fine.shape[0]
-    for i in range(first):
-        flows = at.slewed(_coming(line, slot, delay, out, i), flows, most)
-        fine[i] = flows
-    for g in range(coarse.shape[0]):
-        total = 0.0
-        for i in range(size):
-            flows = at.slewed(_coming(line, slot, delay, out, first + g * size + i), flows, most)
-            total += flows
-        coarse[g] = total / size
 
 
 @kernel
@@ -229,152 +165,6 @@ def _begin(fixed: Any, own: Any, flux: float, scale: float, onset: float) -> Non
     own.kept[late_readings.VALID] = 0.0  # what was measured before knows nothing of this finger
 
 
-@linked
-def _limits(band: Any, trace: Any, first: int, allowed: float, out: Any) -> None:
-    """Fill the band (2, steps) of the face [K] at the ends of the horizon's steps, by the plate's band and its rate."""
-    for i in range(out.shape[1]):
-        before = trace[(first + i) % trace.shape[0]]
-        out[0, i] = max(band[0], before - allowed)
-        out[1, i] = min(band[1], before + allowed)
-
-
-@linked
-def _commanded(current: float, ceiling: float, known: float) -> float:
-    """Return a current [A] within the ceiling, or NaN where ``known``, the sum of what it is made of, is not a number.
-
-    Each limit on the way would make an end of its range of that, and the guard, which stops at NaN, would see a current
-    like any other.
-    """
-    return math.nan if known != known else float(min(ceiling, max(-ceiling, current)))
-
-
-@kernel
-def _approach(basis: Any, own: Any, bounds: Any, leaving: Any, target: float, within: float) -> Any:
-    """Return the current [A] that brings the plate to a target [K], its flux [W/m2], and the error [K] as it acts.
-
-    ``leaving`` is a `FutureCurrent`: what leaves before the current that is asked for.
-    """
-    c, tissue, plate = basis.c, basis.tissue, basis.plate
-    x, theta, memory, line, slots = own.x, own.theta, own.memory, own.line, own.slots
-    limit, ceiling, wait = bounds.flux_limit, bounds.ceiling, leaving.wait
-    n, m = tissue.shape[1], plate.shape[1]
-    gp = 1.0 / (1.0 + theta[at.PLATE])
-    seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
-    ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])
-    delay, before = int(slots[1]), 0.0
-    shift, most = planner.later(theta) / c[at.O_PERIOD], c[at.O_SLEW] * c[at.O_PERIOD]
-    if shift != 0.0 or most > 0.0:
-        before = memory[at.M_BEFORE]
-    # If an earlier touch has left the plate warmer or colder under the finger than beside it, this fades by itself.
-    mean, excess, soon = c[at.O_REFERENCE], 0.0, delay + wait + within / c[at.O_PERIOD]
-    for i in range(m):
-        mean += plate[P_MEAN, i] * x[0, n + i]
-        if plate[P_EXCESS, i] != 0.0:
-            excess += plate[P_EXCESS, i] * x[0, n + i] * plate[P_DECAY, i] ** soon
-    back, hot = x[0, n + m + at.X_BACK], memory[at.M_SINK]
-    heat = bounds.capacity / gp
-    air = c[at.O_AIR] * (c[at.O_AMBIENT] - mean)
-    for i in range(delay + wait):
-        coming = at.slewed(_coming(line, int(slots[0]), delay, leaving.out, i), before, most)
-        current, square = at.shifted(coming, before, shift)
-        before = coming
-        pump = (seebeck * back * current - 0.5 * square * ohmic - legs * (hot - back)) / c[at.O_AREA]
-        change = c[at.O_PERIOD] * (air - pump - theta[at.FLUX]) / heat
-        mean += change
-    error = mean + excess - target
-    braked = slew.braked(heat * error, within, slew.rate(c, theta, before, mean))
-    flux = min(limit, max(-limit, braked + air))
-    current = current_for(seebeck, ohmic, legs, (flux - theta[at.FLUX]) * c[at.O_AREA], mean, hot)
-    current = slew.reached(current, before, most * leaving.hold)
-    return _commanded(current, ceiling, error + hot + seebeck + legs + ohmic + theta[at.FLUX]), flux, error
-
-
-@linked
-def _pumped(c: Any, theta: Any, current: float, back: float, hot: float) -> float:
-    """Return the flux [W/m2] that is pumped at a current [A], as estimated; ``back`` of plate and ``hot`` sink [K]."""
-    seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
-    ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])
-    pumped = seebeck * back * current - 0.5 * current * current * ohmic - legs * (hot - back)
-    return float(pumped / c[at.O_AREA] + theta[at.FLUX])
-
-
-@kernel
-def _follow(fixed: Any, own: Any, bounds: Any, leaving: Any, scale: float, doubt: float, every: int) -> Any:
-    """Return the current [A] that follows the plan, and the pumped flux [W/m2] that it is for.
-
-    ``leaving`` is a `FutureCurrent`: what leaves before the current that is asked for.
-    """
-    c, tissue, plate = fixed.coarse.c, fixed.coarse.tissue, fixed.coarse.plate
-    x, theta, memory, slots = own.x, own.theta, own.memory, own.slots
-    single, queue, last, work, span = own.single, own.queue, own.knots, own.work, own.span
-    size, ceiling, heat = bounds.size, bounds.ceiling, bounds.capacity
-    n, m = tissue.shape[1], plate.shape[1]
-    o = n + m
-    above, below, rest = work[:n], work[n:o], work[o:]
-    period, gp = c[at.O_PERIOD], 1.0 / (1.0 + theta[at.PLATE])
-    found = theta[at.RESISTANCE]
-    noise = SURE * SURE * max(0.0, doubt - ENOUGH * ENOUGH)
-    theta[at.RESISTANCE] = found * max(0.0, 1.0 - noise / max(found * found, 1e-12))
-    ticks = memory[at.M_TICKS]
-    if ticks % max(1.0, round(REFRESH / period)) < every:
-        planner.respond(fixed.coarse, theta, scale, fixed.hats, above, below, own.response, size * period)
-    memory[at.M_TICKS] = ticks + every
-    before = memory[at.M_BEFORE] if memory.shape[0] > at.M_BEFORE else 0.0
-    most = c[at.O_SLEW] * period
-    _queue(own.line, int(slots[0]), int(slots[1]), leaving.out, size, single, queue, before, most)
-    for i in range(n):
-        above[i] = x[0, i]
-    for i in range(n, o):
-        below[i - n] = x[0, i]
-    hot = memory[at.M_SINK]
-    spill = (1.0 - c[at.O_COVER]) * c[at.O_AIR] * (c[at.O_AMBIENT] - x[0, o + at.X_FACE])
-    flux, back = planner.arrive(
-        fixed.fine, theta, hot, scale, single, above, below, x[0, o + at.X_FLUX], x[0, o + at.X_BACK], spill, before,
-        period,
-    )  # fmt: skip
-    if single.shape[0] > 0:
-        before = single[-1]
-    flux, back = planner.arrive(
-        fixed.coarse, theta, hot, scale, queue, above, below, flux, back, spill, before, size * period
-    )
-    if queue.shape[0] > 0:
-        before = queue[-1]
-    face = c[at.O_REFERENCE]
-    coming, step = flux + spill, size * period
-    for i in range(m):
-        face += plate[P_PORT, i] * below[i]
-        # The pumped flux that holds the face's temperature: the contact's, less what spreads into the plate beside it.
-        coming -= heat / gp * plate[P_EXCESS, i] * (1.0 - plate[P_DECAY, i]) / step * below[i]
-    first = int(memory[at.M_AGE] / size) + single.shape[0] // size + queue.shape[0] + 1
-    _limits(fixed.band, own.trace, first, RATE * RATE_OVER * RATE_USED, span)
-    planned = planner.Planned(own.wanted, span, own.response, fixed.hats, last, rest)
-    if most > 0.0:
-        before = _flowing(own.line, slots, leaving, memory[at.M_BEFORE], most)
-    rate = slew.rate(c, theta, before, back)
-    missing = max(abs(own.wanted[0] - flux), abs(own.wanted[-1] - flux)) * planner.resistance(c, theta, scale)
-    allowed = planner.Slew(
-        _pumped(c, theta, before, back, hot), 0.5 * leaving.hold * period * rate, rate, coming,
-        slew.way(heat / gp * missing, planner.HORIZON, rate),
-    )  # fmt: skip
-    planner.plan(
-        fixed.coarse, theta, scale, planned, above, below, flux, bounds.flux_limit,
-        (ticks + slots[1] + leaving.wait) * period, step, spill, allowed,
-    )  # fmt: skip
-    # A current that is held for long gives the plan's mean over that time.
-    flux = last[0] + 0.5 * min(1.0, leaving.hold * period / planner.KNOTS[1]) * (last[1] - last[0])
-    # Near an end of the face's band, no more flux is pumped than stops the face there.
-    heat /= gp
-    flux = min(flux, coming + heat * (face - span[0, 0] - SLACK) / STOPPING)
-    flux = max(flux, coming - heat * (span[1, 0] - SLACK - face) / STOPPING)
-    theta[at.RESISTANCE] = found
-    seebeck, legs = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]), c[at.O_CONDUCTANCE] * (1.0 + theta[at.LEGS])
-    ohmic = c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC])
-    current = current_for(seebeck, ohmic, legs, (flux - theta[at.FLUX]) * c[at.O_AREA], back, hot)
-    current = slew.reached(current, before, most * leaving.hold)
-    known = face + back + hot + seebeck + legs + ohmic + theta[at.FLUX] + found
-    return _commanded(current, ceiling, known), flux
-
-
 @kernel
 def _rendered(
     fixed: Any, own: Any, plant: Any, bounds: Any, leaving: Any, flux: Any, press: Any, found: Any, fingers: Any
@@ -386,7 +176,7 @@ def _rendered(
         for k in range(offsets.shape[0]):
             own.wanted[k] = flux[i + offsets[k]]
         doubt = own.cover[at.RESISTANCE, at.RESISTANCE]
-        current, _ = _follow(fixed, own, bounds, leaving, press[i], doubt, leaving.hold)
+        current, _ = plan_current(fixed, own, bounds, leaving, press[i], doubt, leaving.hold)
         read, film = math.nan, math.nan
         for who in range(2):  # the plant first: the law takes in its readings; one call site is compiled only once
             some = plant if who == 0 else own
@@ -562,7 +352,7 @@ class ModelLaw:
     def approach(self, state: Record, target: float, coming: FutureCurrent = AT_ONCE) -> tuple[float, float, float]:
         """Return current [A] and flux [W/m2] that bring the plate to ``target`` [K], and its error [K] as they act."""
         within = max(DEADBEAT, 1.5 * coming.hold * self.period)
-        found: tuple[float, float, float] = _approach(
+        found: tuple[float, float, float] = approach_current(
             self.fixed.fine, self.memory(state), self.bounds, coming, target, within
         )
         return found
@@ -587,7 +377,7 @@ class ModelLaw:
         """
         own = self.memory(state, coming.wait)
         doubt = 0.0 if self.believes else own.cover[at.RESISTANCE, at.RESISTANCE].item()
-        found: tuple[float, float] = _follow(self.fixed, own, self.bounds, coming, scale, doubt, every)
+        found: tuple[float, float] = plan_current(self.fixed, own, self.bounds, coming, scale, doubt, every)
         return found
 
     def memory(self, state: Record, wait: int = 0) -> Memory:

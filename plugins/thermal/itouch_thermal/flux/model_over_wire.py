@@ -8,8 +8,9 @@ it will wait for that, and for how long it will stand then, is learnt from the l
 from __future__ import annotations
 
 from itouch.plugin import Field, Record
+from itouch_thermal.flux.current_command import FutureCurrent
 from itouch_thermal.flux.flux_model import FluxModel
-from itouch_thermal.flux.law import MISSED, FutureCurrent, ModelLaw
+from itouch_thermal.flux.law import MISSED, ModelLaw
 
 #: Weight of the newest departure in the estimate for the next one (exponential smoothing), and the greatest number of
 #: periods for which a current is expected to stand.

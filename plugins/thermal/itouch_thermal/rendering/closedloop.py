@@ -14,8 +14,9 @@ from itouch_thermal.display.device import ThermalDisplay
 from itouch_thermal.display.display_twin import DisplayTwin
 from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.display.peltier import current_for
+from itouch_thermal.flux.current_command import FutureCurrent
 from itouch_thermal.flux.flux_model import APPROACH
-from itouch_thermal.flux.law import FutureCurrent, ModelLaw
+from itouch_thermal.flux.law import ModelLaw
 from itouch_thermal.flux.limits import BAND, RATE, RATE_OVER
 from itouch_thermal.flux.preview import contact_course, rising
 from itouch_thermal.flux.proportional import proportional_integral
