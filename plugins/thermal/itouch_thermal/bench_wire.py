@@ -59,6 +59,10 @@ ADDS, SEEDS = 0.01, 3
 DIFFERS = {"contact-resistance": 0.2, "seebeck": -0.1}
 
 Mismatch = Mapping[str, float]
+#: A plant to try: its name, its differences from the data sheets, and the factor on the bound.
+Plant = tuple[str, Mismatch, float]
+#: Why nothing can be judged.
+UNTOUCHED = "the finger touched nothing, so there is no figure: give the run longer (--for), or a scene with touches"
 #: Element inside the hardware (empty: itself), attribute, and the value to write.
 Wire = tuple[str, str, str]
 
@@ -66,6 +70,21 @@ Wire = tuple[str, str, str]
 def main(argv: Sequence[str]) -> int:
     """Print the true error of the finger's flux per material, each beside its bound; 1 if one is passed."""
     parser = command_parser("itouch-py bench wire", main.__doc__)
+    options = _options(parser, argv)
+    if not options.scene.is_file():
+        print(
+            f"error: there is no scene '{options.scene}'; run this where the repository's scenes/ is", file=sys.stderr
+        )
+        return 2
+    most = bound_of(options.scene) if options.bound is None else 0.01 * options.bound
+    wanted = _wanted(options)
+    if not wanted:
+        parser.error(f"no plant has '{options.only}' in its name")
+    return _in_real_time(options, wanted, REAL * most) if options.real_time else _in_step(options, wanted, most)
+
+
+def _options(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.Namespace:
+    """Return what the command line asks for; what does not go together ends with a sentence and exit code 2."""
     parser.add_argument("scene", nargs="?", type=Path, default=Path("scenes/four_materials_wire.xml"), metavar="SCENE")
     parser.add_argument("--corners", action="store_true",
                         help="the corners, too: resistance, Seebeck, delay, lag of the sensors")  # fmt: skip
@@ -94,24 +113,22 @@ def main(argv: Sequence[str]) -> int:
         parser.error("--seed is for runs in step: leave it out in real time")
     if options.seed < 0:
         parser.error("--seed must be 0 or more")
-    if not options.scene.is_file():
-        print(
-            f"error: there is no scene '{options.scene}'; run this where the repository's scenes/ is", file=sys.stderr
-        )
-        return 2
-    most = bound_of(options.scene) if options.bound is None else 0.01 * options.bound
-    if options.real_time:
-        most *= REAL
-    rows, names = list[dict[str, Any]](), list[str]()
+    return options
+
+
+def _wanted(options: argparse.Namespace) -> list[Plant]:
+    """Return the plants that are asked for, or with ``--unsteady`` the wires; empty: none has such a name."""
     every = bool(options.only)
-    tried = [*plants(corners=options.corners or every), *(faster() if options.faster or every else ())]
-    wanted = [plant for plant in tried if _has(plant[0], options.only)]
     if options.unsteady:
-        wanted = [(name, {}, 1.0) for name in UNSTEADY if _has(name, options.only) or name == STEADY]
-    if not wanted or (options.unsteady and every and len(wanted) == 1):
-        parser.error(f"no plant has '{options.only}' in its name")
-    if options.real_time:
-        return _in_real_time(options, wanted, most)
+        wires: list[Plant] = [(name, {}, 1.0) for name in UNSTEADY if _has(name, options.only) or name == STEADY]
+        return [] if every and len(wires) == 1 else wires
+    tried = [*plants(corners=options.corners or every), *(faster() if options.faster or every else ())]
+    return [plant for plant in tried if _has(plant[0], options.only)]
+
+
+def _in_step(options: argparse.Namespace, wanted: Sequence[Plant], most: float) -> int:
+    """Run the plants in step, and print a line for each; return the exit code.  ``most``: the bound of the error."""
+    rows, names = list[dict[str, Any]](), list[str]()
     for name, mismatch, times in wanted:
         try:
             errors = [
@@ -183,7 +200,7 @@ def _percent(error: float | None) -> str:
     return "-" if error is None else f"{100.0 * error:.1f} %"
 
 
-def plants(*, corners: bool) -> Iterator[tuple[str, Mismatch, float]]:
+def plants(*, corners: bool) -> Iterator[Plant]:
     """Yield the name, the differences and the factor on the bound of every plant to try."""
     yield "as written", {}, 1.0
     yield "resistance +20 %, Seebeck -10 %", DIFFERS, 1.0
@@ -196,7 +213,7 @@ def plants(*, corners: bool) -> Iterator[tuple[str, Mismatch, float]]:
         yield ", ".join(words), corner, CORNER
 
 
-def faster() -> Iterator[tuple[str, Mismatch, float]]:
+def faster() -> Iterator[Plant]:
     """Yield the names of better wires, with the plant as written and the same bound."""
     for name in FASTER:
         yield name, {}, 1.0
@@ -219,7 +236,7 @@ def run(
     Raises
     ------
     RuntimeError
-        If the run ends in a fault; the message is the run's last line.
+        If the run ends in a fault, with the run's last line, or if nothing was touched in it.
     """
     with changed(scene, mismatch, wires) as there:
         named = [word for device in displays(there) for word in ("--only", device)] if alone else []
@@ -227,7 +244,9 @@ def run(
         found, said = _reported(asked, there.parent.parent)
         if found is None or said:
             raise RuntimeError(said)
-    return _true_errors(found)
+    if not (errors := _true_errors(found)):
+        raise RuntimeError(UNTOUCHED)
+    return errors
 
 
 @contextlib.contextmanager
@@ -339,7 +358,7 @@ def judged(report: Mapping[str, Any], twins: Mapping[str, Any]) -> Real:
     )  # fmt: skip
 
 
-def _in_real_time(options: argparse.Namespace, wanted: Sequence[tuple[str, Mismatch, float]], most: float) -> int:
+def _in_real_time(options: argparse.Namespace, wanted: Sequence[Plant], most: float) -> int:
     """Run each plant in real time and print it beside its bounds; 0 if all pass, 1 if one fails, 3 if undecided."""
     rows, names, verdicts = [], list[str](), list[str]()
     for name, mismatch, times in wanted:
@@ -359,6 +378,9 @@ def _in_real_time(options: argparse.Namespace, wanted: Sequence[tuple[str, Misma
             print(f"error: {name}: {error}", file=sys.stderr)
             return 2
         real, objects = judged(found, twins), [contact["object"] for contact in twins["contacts"]]
+        if not objects:
+            print(f"error: {name}: {UNTOUCHED}", file=sys.stderr)
+            return 2
         if not names:
             names = objects
             print(f"| plant | {' | '.join(names)} | at most | greatest force off | at most | tracking p99 | at most | "

@@ -89,6 +89,16 @@ def test_a_run_that_fails_and_a_scene_that_is_not_there_are_told(
     assert "error: as written: fault: the table is gone" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("words", [("--alone",), ("--real-time",)])
+def test_a_run_in_which_nothing_is_touched_passes_no_bound(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    untouched = {**reported(), "contacts": []}
+    monkeypatch.setattr(bench_wire, "_reported", lambda words, folder: (untouched, ""))
+    assert main([str(scenes / "four_materials_wire.xml"), "--only", "as written", "--for", "1s", *words]) == 2
+    assert "the finger touched nothing" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "seeds"), [(("--only", "as written"), ["4"]), (("--unsteady", "--only", "19 ms"), 2 * ["4", "5", "6"])]
 )
