@@ -23,6 +23,7 @@ from itouch_evidence.surface.draw import FAMILIES, LONGEST, SHORTEST, Wire, draw
 from itouch_evidence.surface.laws import LAWS, LAWS_WIRED, broken, judge, least
 from itouch_evidence.surface.reach import reach
 from itouch_evidence.surface.scenes import Slope, ball, ramp
+from itouch_evidence.surface.wide import WIDE, draw_wide, waiting, widths
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +44,21 @@ def test_a_seed_makes_the_same_scenes_on_every_machine(folder: Path) -> None:
     assert any(scene.warm for _, scene in drawn)
     assert {scene.friction for _, scene in drawn} == {0.0, 0.3, 0.8}
     assert digest.hexdigest() == "b840f636d0efcf5d89c865f80494623924174bed7c61d6ba3e5bc160eb011ca3"
+
+
+def test_a_seed_makes_the_same_wide_scenes_on_every_machine(folder: Path) -> None:
+    """Each of the dimensions is drawn, and left out; what a scene has of them is said beside its family."""
+    drawn = [draw_wide(number, 5, folder) for number in range(8 * len(WIDE))]
+    text = "".join(f"{widths(scene)}{scene.text()}" for _, scene in drawn)
+    assert {family for family, _ in drawn} == set(WIDE) == {*FAMILIES, "neighbours", "body"}
+    assert {scene.rate for _, scene in drawn} == {1000, 2000, 4000}
+    for name in ("clearance", "pad", "noise", "press", "heat", "touch_off"):
+        assert 0 < sum(bool(getattr(scene, name)) for _, scene in drawn) < len(drawn)
+    said = ("4000 Hz", "a finger of ", "a pad of ", "a clearance of ", "mN of noise", "a touch-off that", "a press of ")
+    assert all(words in text for words in said)
+    assert (
+        hashlib.sha256(text.encode()).hexdigest() == "217e06e07de970c1d15153fa8f0792db848a47a4cb49c3d1b0353e3a592ed349"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -150,6 +166,40 @@ def test_the_bench_prints_each_law_beside_its_bound(capsys: pytest.CaptureFixtur
     assert all(" 0 of " in line for line in said[2:-1])
 
 
+def test_the_bench_judges_scenes_of_a_wider_kind(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept = str(tmp_path / "wide.jsonl")
+    assert main(["--wide", "--random", "9", "--seed", "9", "--keep", kept]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].startswith("9 random scenes of seed 9 of a wider kind, ")
+    assert [line.split()[0] for line in said[2:-1]] == [law.name for law in LAWS]
+    assert main(["--wide", "--only", "7", "--seed", "9"]) == 0
+    (_, scene), said = draw_wide(7, 9, tmp_path), capsys.readouterr().out.splitlines()
+    assert said[0].startswith(f"--seed 9 --only 7 --wide (neighbours, {widths(scene)}): ")
+    with pytest.raises(SystemExit) as ended:
+        main(["--only", "0", "--seed", "9", "--keep", kept])
+    assert ended.value.code == 2
+    assert "has scenes of a wider kind: keep these in another file" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as ended:
+        main(["--only", "0", "--wide", "--wire"])
+    assert ended.value.code == 2
+
+
+def test_a_pad_is_judged_by_its_own_stiffness(folder: Path) -> None:
+    """A rigid surface presses a soft pad less, at the same depth."""
+    course = follow(Slope(*ramp(5.0), pad=(500.0, 3.0)).build(folder))
+    assert broken(judge(course)) == []
+    assert "plate" in broken(judge(dataclasses.replace(course, pad_stiffness=1000.0)))
+
+
+def test_a_touch_off_presses_no_harder_than_the_limit_and_is_judged_for_it_alone(folder: Path) -> None:
+    world, motion = ramp(5.0)
+    course = follow(Slope(world, waiting(motion), error=1.0, touch_off=True).build(folder))
+    assert course.time[0] > 3.0
+    assert 0.3 < course.before < 0.4
+    assert broken(judge(course)) == []
+    assert broken(judge(dataclasses.replace(course, before=course.force + 0.1))) == ["limit"]
+
+
 def test_a_seed_makes_the_same_wires_on_every_machine() -> None:
     """Each scene has one, and is the same scene: what it shows with and without is what the wire does."""
     wires = [draw_wire(number, 5) for number in range(400)]
@@ -219,7 +269,7 @@ def test_scenes_that_no_command_could_render_are_counted(
         row = {"seed": 1, "number": number, "family": "ball", "wire": "w", "changes": 0, "figures": {"plate": own}}
         with open(kept, "a", encoding="utf-8") as stream:
             stream.write(json.dumps({**row, "reach": {"know": know, "straight": straight}}) + "\n")
-    assert campaign([], 1, str(kept), wired=True) == 3
+    assert campaign([], 1, str(kept), kind="wire") == 3
     assert capsys.readouterr().out.splitlines()[-1] == (
         "plate: of 3 scenes that break it, 1 do with commands that know the finger's path, too, 2 with commands that take "
         "it to go on straight; at the median they are 2.0 x as far off as these"

@@ -17,6 +17,7 @@ from itouch_evidence.surface.course import follow
 from itouch_evidence.surface.draw import draw, draw_wire
 from itouch_evidence.surface.laws import LAWS, LAWS_WIRED, VIRTUAL, WIRED, Law, broken, judge, least
 from itouch_evidence.surface.reach import reach
+from itouch_evidence.surface.wide import draw_wide, widths
 
 
 def main(argv: Sequence[str]) -> int:
@@ -25,7 +26,11 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--random", type=int, default=56, metavar="N", help="number of random scenes (default 56)")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the scenes (default 0)")
     parser.add_argument("--only", type=int, metavar="K", help="the scene of this number alone, with all its figures")
-    parser.add_argument("--wire", action="store_true", help="the same scenes with a random wire between loop and table")
+    kinds = parser.add_mutually_exclusive_group()
+    kinds.add_argument("--wire", action="store_true", help="the same scenes with a random wire between loop and table")
+    kinds.add_argument("--wide", action="store_true", help="scenes of a wider kind: other rates of the loop, force "
+                       "sensors, fingers and clearances, laws of heat, a touch-off, neighbours of other heights, "
+                       "bodies that are pushed")  # fmt: skip
     parser.add_argument("--keep", metavar="FILE", help="add each result to this file, run only what it has not, and "
                         "sum up all that it has")  # fmt: skip
     options = parser.parse_args(argv)
@@ -36,17 +41,22 @@ def main(argv: Sequence[str]) -> int:
     numbers = range(options.random) if options.only is None else (options.only,)
     full = options.only is not None
     try:
-        return 1 if campaign(numbers, options.seed, options.keep, full=full, wired=options.wire) else 0
+        kind = "wire" if options.wire else "wide" if options.wide else ""
+        return 1 if campaign(numbers, options.seed, options.keep, full=full, kind=kind) else 0
     except MixedError as error:
         parser.error(str(error))
 
 
 class MixedError(ValueError):
-    """The file of results has scenes that were judged by other laws: behind wires or without one."""
+    """The file of results has scenes of another kind."""
+
+
+#: How scenes are called: of the kind that each option draws, and of the usual one.
+KINDS = {"": "of the usual kind", "wire": "behind wires", "wide": "of a wider kind"}
 
 
 def campaign(
-    numbers: Iterable[int], seed: int, keep: str | None = None, *, full: bool = False, wired: bool = False
+    numbers: Iterable[int], seed: int, keep: str | None = None, *, full: bool = False, kind: str = ""
 ) -> int:  # fmt: skip
     """Run the scenes with these numbers that have no result yet, and print a table of all results.
 
@@ -58,8 +68,8 @@ def campaign(
         A file of results, which this run extends; None: nothing is kept.
     full
         Whether to print all figures of each scene, not only those that break a law.
-    wired
-        Whether to run the scenes behind random wires.
+    kind
+        Which kind of scenes, one of `KINDS`.
 
     Returns
     -------
@@ -69,32 +79,32 @@ def campaign(
     Raises
     ------
     MixedError
-        If the file has scenes that ran behind wires and these are to run without, or the other way round.
+        If the file has scenes of another kind.
     """
     kept = Kept(keep)
-    if any(("wire" in row) != wired for row in kept.rows.values()):
-        raise MixedError(
-            f"'{keep}' has scenes {'without a wire' if wired else 'behind wires'}: keep these in another file"
-        )
+    for other in {_kind(row) for row in kept.rows.values()} - {kind}:
+        raise MixedError(f"'{keep}' has scenes {KINDS[other]}: keep these in another file")
     with tempfile.TemporaryDirectory(prefix="itouch-surface-") as made:
         folder = Path(made) / "scenes"
         shutil.copytree(shipped_scene().parent, folder)
         for number in numbers:
             if (seed, number) not in kept:
-                kept.add(seed, number, run(number, seed, folder, wired=wired))
+                kept.add(seed, number, run(number, seed, folder, kind=kind))
                 _tell(kept.rows[seed, number], full=full)
-    return _sum_up(list(kept.rows.values()), kept.seeds, wired=wired)
+    return _sum_up(list(kept.rows.values()), kept.seeds, kind)
 
 
-def run(number: int, seed: int, folder: Path, *, wired: bool = False) -> dict[str, Any]:
-    """Run a scene; return its family and wire, its figures by law, and how often the contact changed hands.
+def run(number: int, seed: int, folder: Path, *, kind: str = "") -> dict[str, Any]:
+    """Run a scene; return its family and what is special to its kind, its figures by law, and the changes of hands.
 
     If it was stopped by a trip, that is its only figure, with the ``cause``.  ``folder`` holds the shipped scenes, and
-    this one is written there; ``wired``: with a wire between loop and table.
+    this one is written there; ``kind``: one of `KINDS`.
     """
-    family, scene = draw(number, seed, folder)
-    wire = draw_wire(number, seed) if wired else None
-    row: dict[str, Any] = {"family": family, **({"wire": str(wire)} if wire else {})}
+    family, scene = draw_wide(number, seed, folder) if kind == "wide" else draw(number, seed, folder)
+    wire = draw_wire(number, seed) if kind == "wire" else None
+    row: dict[str, Any] = {"family": family}
+    if kind:
+        row[kind] = str(wire) if wire else widths(scene)
     session = scene.build(folder, catalog=wire.catalog() if wire else None)
     table = session.model.devices["table"]
     try:
@@ -103,22 +113,22 @@ def run(number: int, seed: int, folder: Path, *, wired: bool = False) -> dict[st
         return {**row, "figures": {"trip": 1.0}, "changes": 0, "cause": str(fault)}
     finally:
         session.close()
-    figures = judge(course, wired=wired)
-    if wired and "plate" in figures:
+    figures = judge(course, wired=wire is not None)
+    if wire and "plate" in figures:
         best = reach(course, table)
         row["reach"] = {"know": least(course, best.know), "straight": least(course, best.straight)}
     return {**row, "figures": figures, "changes": len(course.changes())}
 
 
 def _tell(row: dict[str, Any], *, full: bool) -> None:
-    wrong, figures, wire = broken(row["figures"]), row["figures"], row.get("wire")
+    wrong, figures, kind = broken(row["figures"]), row["figures"], _kind(row)
     if not wrong and not full:
         return
     shown = [law for law in (*LAWS, VIRTUAL) if law.name in (figures if full else wrong)]
     said = ", ".join(f"{law.name} {_figure(law, figures[law.name])}" for law in shown)
     cause = f" ({row['cause']})" if "cause" in row else ""
-    shown_as = f"--seed {row['seed']} --only {row['number']}{' --wire' * bool(wire)}"
-    what = f"{row['family']}, {wire}" if wire else row["family"]
+    shown_as = f"--seed {row['seed']} --only {row['number']}{f' --{kind}' if kind else ''}"
+    what = f"{row['family']}, {row[kind]}" if kind else row["family"]
     print(f"{shown_as} ({what}): {'WRONG: ' * bool(wrong)}{said}{_at_best(row, shown)}{cause}", flush=True)
 
 
@@ -136,18 +146,22 @@ def _figure(law: Law, value: float) -> str:
     return f"{value:.{min(3, digits)}f} {law.unit}".removesuffix(" 1")
 
 
-def _sum_up(rows: list[dict[str, Any]], seeds: list[int], *, wired: bool) -> int:
+def _kind(row: dict[str, Any]) -> str:
+    return next((kind for kind in KINDS if kind in row), "")
+
+
+def _sum_up(rows: list[dict[str, Any]], seeds: list[int], kind: str) -> int:
     wrong = [row for row in rows if broken(row["figures"])]
     changes = sum(row["changes"] for row in rows)
-    behind = " behind wires" if wired else ""
-    print(f"{len(rows)} random scenes of seed {', '.join(map(str, seeds))}{behind}, "
+    which = f" {KINDS[kind]}" if kind else ""
+    print(f"{len(rows)} random scenes of seed {', '.join(map(str, seeds))}{which}, "
           f"{changes} changes between arm and plate, {len(wrong)} scenes break a law")  # fmt: skip
     print(f"{'law':<8} {'bound':>8} {'worst':>10} {'broken':>14}")
-    for law in LAWS_WIRED if wired else LAWS:
+    for law in LAWS_WIRED if kind == "wire" else LAWS:
         print(_line(law, rows))
     itself = sum(row["figures"].get(VIRTUAL.name, 0.0) > VIRTUAL.bound for row in rows)
     print(f"{VIRTUAL.says}: {itself} scenes")
-    if wired:
+    if kind == "wire":
         print(_out_of_reach(rows))
     return len(wrong)
 

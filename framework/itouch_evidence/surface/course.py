@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -10,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.session import Session
-from itouch_evidence.surface.scenes import RADIUS
 
 Floats = NDArray[np.float64]
 
-PAD, PAD_DAMPING = 1e3, 2.0  # stiffness [N/m] and damping [N s/m] of the operator twin's pad
+PAD, PAD_DAMPING = 1e3, 2.0  # stiffness [N/m] and damping [N s/m] of the operator twin's pad, if none are said
 MEAN = 0.015  # time [s] over which forces on the pad are averaged
 PLATE_FORCE = 2.0  # force above which a plate yields (K4) [N]
 
@@ -27,7 +27,9 @@ class Course:
     plate renders the contact, otherwise the arm alone; ``settled``: the plate is where the virtual surface is;
     ``share``: the arm's share of the normal force; ``virtual``: the virtual force, ``arm``: the force sent to the arm,
     both (n, 3); ``normal``: of the touched surface (n, 3); ``pad``: the force of the plate on the pad (n,); ``flux``
-    out of the finger [W/m2] and temperature of its ``skin`` by the display's twin, 0 without a display.
+    out of the finger [W/m2] and temperature of its ``skin`` by the display's twin, 0 without a display.  Forces are
+    those that are felt, by the twins: what noisy sensors read of them is not judged.  ``pad_stiffness`` [N/m] and
+    ``pad_damping`` [N s/m] of the finger; ``before``: the greatest force on it while the table was calibrated [N].
     """
 
     time: Floats
@@ -47,6 +49,9 @@ class Course:
     report: dict[str, Any]
     force: float  # the scene's limit [N]
     warm: bool = False  # whether there is a thermal display
+    pad_stiffness: float = PAD
+    pad_damping: float = PAD_DAMPING
+    before: float = 0.0
 
     @property
     def total(self) -> Floats:
@@ -106,7 +111,7 @@ class Course:
         depth = np.where(np.isfinite(self.depth), self.depth, 0.0)  # beside a mesh nothing is below the finger
         period = self.time[1] - self.time[0]
         rate = np.r_[0.0, np.diff(depth)] / period
-        pad = np.where(depth > 0.0, np.maximum(0.0, PAD * depth + PAD_DAMPING * rate), 0.0)
+        pad = np.where(depth > 0.0, np.maximum(0.0, self.pad_stiffness * depth + self.pad_damping * rate), 0.0)
         there = self.touching & self.plate & self.renders & self.settled
         there &= ~self.after([*self.begins(), *self.changes()], 0.1) & (pad < min(PLATE_FORCE, self.force - 0.15) - 0.1)
         ticks = 2 * round(0.5 * (MEAN / period - 1.0)) + 1
@@ -120,28 +125,33 @@ class Course:
 
 
 def follow(session: Session, seconds: float | None = None) -> Course:
-    """Run a session to its end, or for ``seconds``, and record every tick."""
-    state, rows = session.state, []
+    """Run a session to its end, or for ``seconds``, and record every tick, from the end of its calibrations on."""
+    state, surface = session.state, session.model.surfaces["finger"]
+    radius, before, rows = session.scene.probes[0].radius, 0.0, []
     warm = "peltier.twin.true_flux" in state
     while not session.done and (seconds is None or session.seconds < seconds):
-        before = state["finger.hand.position"][2].item() - 1e-3 * RADIUS
+        lowest = state["finger.hand.position"][2].item() - radius
         session.tick()
         x, y, z = state["arm.sent.wrench"][:3].tolist()
+        if not state["ready"]:
+            before = max(before, math.hypot(x, y, z + state["finger.plate_force"].item()))
+            continue
         rows.append(
             (
                 session.seconds, int(state["finger.object"]) >= 0, bool(state["finger.plate"]),
                 state["finger.surface.renders"].item() > 0.0, state["finger.surface.settled"].item(),
                 state["finger.surface.share"].item(), *state["finger.contact_force"].tolist(),
                 *state["finger.normal"].tolist(), -x, -y, z, state["finger.plate_force"].item(),
-                state["finger.surface_height"].item() - before,
+                state["finger.surface_height"].item() - lowest,
                 state["peltier.twin.true_flux"].item() if warm else 0.0,
-                state["peltier.twin.true_skin"].item() if warm else 0.0, before,
+                state["peltier.twin.true_skin"].item() if warm else 0.0, lowest,
             )
         )  # fmt: skip
     a = np.array(rows)
     return Course(
         a[:, 0], a[:, 1] > 0, a[:, 2] > 0, a[:, 3] > 0, a[:, 4] > 0, a[:, 5], a[:, 6:9], a[:, 9:12], a[:, 12:15],
         a[:, 15], a[:, 16], a[:, 17], a[:, 18], a[:, 19], session.report(), session.scene.safety.force, warm,
+        surface.pad_stiffness, surface.pad_damping, before,
     )  # fmt: skip
 
 

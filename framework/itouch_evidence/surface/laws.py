@@ -69,7 +69,7 @@ def judge(course: Course, *, wired: bool = False) -> dict[str, float]:
         **_plate(course, _rms if wired else _most),
         "step": float(steps[changing & ~itself].max(initial=0.0)),
         "virtual": float(steps[changing & itself].max(initial=0.0)),
-        "limit": max(0.0, float(size.max()) - course.force * (1.0 + 1e-9)),
+        "limit": max(0.0, max(course.before, float(size.max())) - course.force * (1.0 + 1e-9)),
         "absent": float(course.pad[absent].max(initial=0.0)),
         "trip": 0.0,
     }

@@ -15,7 +15,7 @@ import numpy as np
 
 from itouch.plugin import Field, Record, Role, TwinInputs
 from itouch.world import DeviceModel
-from itouch_evidence.surface.course import PAD, PAD_DAMPING, Course, Floats
+from itouch_evidence.surface.course import Course, Floats
 
 #: Over how many ticks the speed of the virtual surface is taken.
 SPAN = 3
@@ -93,5 +93,6 @@ def _pressed(course: Course, height: Floats, plate: Floats, period: float) -> Fl
     """Return the force (n,) [N] on the finger's pad of a plate at these heights (n,) [m]."""
     depth = np.where(np.isfinite(course.depth), course.depth + plate - height, 0.0)
     rate = np.r_[0.0, np.diff(depth)] / period
-    force: Floats = np.where(depth > 0.0, np.maximum(0.0, PAD * depth + PAD_DAMPING * rate), 0.0)
+    pressed = np.maximum(0.0, course.pad_stiffness * depth + course.pad_damping * rate)
+    force: Floats = np.where(depth > 0.0, pressed, 0.0)
     return force

@@ -20,7 +20,7 @@ _SCENE = """<?xml version="1.0" encoding="utf-8"?>
     <material name="stuff" base="aluminium">
       <contact stiffness="{stiffness} N/mm" damping="2 N*s/m" static-friction="{friction}"
                dynamic-friction="{friction}"/>
-    </material>
+    </material>{materials}
   </materials>
   <defaults><mesh scale="1 mm"/></defaults>
   <world temperature="23 degC">{world}</world>
@@ -30,23 +30,23 @@ _SCENE = """<?xml version="1.0" encoding="utf-8"?>
     </device>
     <device name="table" plugin="xyz-table">
       <mount pos="0 0 {mount} mm" mount-error="0 0 {error} mm"/><limits speed="0.25 m/s"/>
-      {calibration}<xyz-table:hardware travel="200 140 80 mm"/>
+      {calibration}<xyz-table:hardware travel="200 140 80 mm"{noise}/>
     </device>
     {display}
   </devices>
   <interaction>
-    <probe name="finger" radius="8 mm" pose-from="arm" force-to="arm" surface-to="table"{probe}/>
-    <operator probe="finger" mass="80 g" stiffness="300 N/m" damping="6 N*s/m" skin-temperature="33 degC">
+    <probe name="finger" radius="{radius:g} mm" pose-from="arm" force-to="arm" surface-to="table"{probe}/>
+    <operator probe="finger" mass="80 g" stiffness="300 N/m" damping="6 N*s/m" skin-temperature="33 degC"{pad}>
       <motion>{motion}</motion>
     </operator>
     {heat}
   </interaction>
-  <safety force="{force} N" contact-time="{contact_time} s"/>
+  {rates}<safety force="{force} N" contact-time="{contact_time} s"/>
 </itouch>
 """
 _DISPLAY = """<device name="peltier" plugin="thermal"><mount on="table" pos="0 0 4 mm"/>
       <limits current="6 A" temperature="15 40 degC"/><thermal:hardware>{hardware}</thermal:hardware></device>"""
-_HEAT = """<thermal:heat probe="finger">{heat}</thermal:heat>
+_HEAT = """<thermal:heat probe="finger"{press}>{heat}</thermal:heat>
     <thermal:flux-control display="peltier" desired-from="heat"/>"""
 
 
@@ -57,6 +57,10 @@ class Slope:
     ``stiffness`` [N/mm] and ``friction`` of the material, the limit ``force`` [N], the ``error`` of the table's
     mounting height [mm] and ``contact_time`` [s]; ``warm`` puts a thermal display on the table, ``touch_off`` has its
     mount calibrated; ``probe``: more attributes of the probe; ``seed`` is that of the session.
+
+    ``rate`` of the loop [Hz], ``radius`` of the finger and ``clearance`` of the withdrawn plate [mm], stiffness [N/m]
+    and damping [N s/m] of the finger's ``pad``, ``noise`` of the plate's force sensor [mN] and time constant ``press``
+    of the heat [s]; None: what a scene has that does not say it.  ``materials``: XML of further ones.
     """
 
     world: str
@@ -71,15 +75,26 @@ class Slope:
     seed: int = 0
     contact_time: float = 10.0
     probe: str = ""
+    rate: int | None = None
+    radius: float = RADIUS
+    clearance: float | None = None
+    pad: tuple[float, float] | None = None
+    noise: float | None = None
+    press: float | None = None
+    materials: str = ""
 
     def text(self, hardware: str = "") -> str:
         """Return the text of the scene file; ``hardware``: XML inside the display's hardware element."""
+        stiffness, damping = self.pad or (0.0, 0.0)
+        heat = _HEAT.format(heat=self.heat, press=_said(self.press, ' press="{:g} s"'))
         return _SCENE.format(
             world=self.world, motion=self.motion, stiffness=self.stiffness, friction=self.friction, force=self.force,
             error=self.error, display=_DISPLAY.format(hardware=hardware) if self.warm else "",
-            heat=_HEAT.format(heat=self.heat) if self.warm else "", mount=-34 if self.warm else -30,
-            contact_time=self.contact_time, probe=f" {self.probe}" if self.probe else "",
-            calibration='<calibration method="touch-off"/>' if self.touch_off else "",
+            heat=heat if self.warm else "", mount=-34 if self.warm else -30, contact_time=self.contact_time,
+            probe=_said(self.clearance, ' clearance="{:g} mm"') + _said(self.probe or None, " {}"), radius=self.radius,
+            pad=_said(self.pad, f' pad-stiffness="{stiffness:g} N/m" pad-damping="{damping:g} N*s/m"'),
+            noise=_said(self.noise, ' force-noise="{:g} mN"'), rates=_said(self.rate, '<rates servo="{} Hz"/>\n  '),
+            calibration='<calibration method="touch-off"/>' if self.touch_off else "", materials=self.materials,
         )  # fmt: skip
 
     def build(self, folder: Path, hardware: str = "", catalog: Catalog | None = None) -> Session:
@@ -87,6 +102,11 @@ class Slope:
         path = folder / "slope.xml"
         path.write_text(self.text(hardware), encoding="utf-8")
         return build(path, seed=self.seed, catalog=catalog)
+
+
+def _said(value: object, text: str) -> str:
+    """Return the XML of a value, ``text`` with it; nothing if it is None."""
+    return "" if value is None else text.format(value)
 
 
 def ramp(degrees: float, deep: float = 5.0) -> tuple[str, str]:
