@@ -89,6 +89,22 @@ def test_a_plate_that_is_felt_where_it_can_go_no_lower_says_so(
         assert 5.0 < session.seconds < 8.0
 
 
+@pytest.mark.parametrize(("noise", "rate"), [(15, 4000), (20, 1000), (40, 1000), (40, 4000)])
+def test_the_noise_of_a_force_sensor_is_not_taken_for_a_touch(scenes: Path, noise: int, rate: int) -> None:
+    """It gave a height that was wrong by up to 2 mm, or a plate that was stopped because it slid past the finger (K5)."""
+    path, world = scenes / "loud.xml", '<box name="b" pos="0 0 0 mm" size="80 60 10 mm" material="stuff"/>'
+    motion = '<to pos="0 0 30 mm" in="0.1 s" hold="9 s"/><to pos="0 0 40 mm" in="0.4 s"/>'
+    path.write_text(Slope(world, motion, error=2.5, touch_off=True, noise=noise, rate=rate).text(), encoding="utf-8")
+    greatest = 0.0
+    with itouch.build(path, seed=1) as session:
+        while not session.state["ready"] and session.seconds < 9.0:
+            session.tick()
+            greatest = max(greatest, session.state["finger.plate_force"].item())
+        assert session.state["ready"].item() == 1
+        assert session.state["table.calibration"][2] == pytest.approx(-2.5e-3, abs=2e-5)
+        assert greatest < 0.4
+
+
 @pytest.mark.parametrize("error", [-2.5, 2.5])
 def test_an_arm_does_not_let_go_as_the_height_of_the_plate_is_found(scenes: Path, error: float) -> None:
     """The correction was taken for a plate that rises by 2.5 mm in a tick, for which the arm made room at once."""

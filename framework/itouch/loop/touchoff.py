@@ -24,6 +24,7 @@ from itouch.loop.rigid_transforms import Vector
 from itouch.loop.surface import plate
 from itouch.loop.touch import Toucher
 from itouch.plugin import Bound, Record, Role
+from itouch.plugin.carried_surfaces import LEFT
 from itouch.safety import Trip
 from itouch.safety.latch import ENABLED
 from itouch.twin.hand import LEAD_SPEED, Hand
@@ -33,6 +34,12 @@ Floats = NDArray[np.float64]
 
 #: Speed of the rising plate [m/s], force that ends the rise, and force from which samples count [N].
 RISE, FORCE, SAMPLE = 0.005, 0.3, 0.05
+#: A sensor whose noise has at least this rms [N] is loud: without a touch it often reads as much as a touch would; and
+#: the time constant with which its noise is measured [s].
+LOUD, LISTENS = 0.008, 0.05
+#: A loud sensor feels something from so many times its noise on, until it reads less than that; meanwhile the plate
+#: rises slower by this factor, so that noise averages out, and until it reads so many times its noise more than FORCE.
+BEGINS, SLOWER, BEYOND = 3.0, 0.25, 2.0
 #: How far below the finger the slow rise begins, and how far the plate drops between points, where the skin has time to
 #: lose what it was warmed [m].
 MARGIN, DROP = 0.0079, 0.003
@@ -72,7 +79,9 @@ _PLACE, _RISE, _RELEASE, DONE = (int(phase) for phase in TouchOffPhase)
 class Search(NamedTuple):
     """A touch-off's part of State: stage, point and target (1,), sums (5,), offsets (points,), calibration (7,).
 
-    ``hand`` (3,) is how far the operator twin's hand is led away from its path [m].
+    ``aside`` (2,): where the finger is to be on the plate [m]; ``noise`` (1,): mean square of the sensor's readings of
+    nothing [N^2]; ``squares`` (1,): sum of the squares of heights [m^2]; ``hand`` (3,): how far the operator twin's
+    hand is led away from its path [m].
     """
 
     stage: Any
@@ -82,6 +91,9 @@ class Search(NamedTuple):
     target: Floats
     calibration: Floats
     hand: Floats
+    aside: Floats
+    noise: Floats
+    squares: Floats
 
 
 class Reach(NamedTuple):
@@ -131,12 +143,69 @@ def _at_zero_force(sums: Floats) -> float:
 
 
 @linked
+def _at_no_force(sums: Floats, squares: float) -> float:
+    """Return the height [m] at zero force of the line through the samples of a loud sensor.
+
+    The force is fitted over the height, not the other way round: all noise is the force's, and would make the line of
+    the height flatter than it is.  ``squares``: sum of the heights' squares [m^2].
+    """
+    n, f, h, fh = sums[_COUNT], sums[_FORCE], sums[_HEIGHT], sums[_FORCE_HEIGHT]
+    spread, slope = n * squares - h * h, n * fh - f * h
+    if n < 5 or spread <= 0.0 or slope <= 0.0:
+        return float(h / n)
+    return float((h - f * spread / slope) / n)
+
+
+@linked
+def _begin(search: Any) -> None:
+    """Forget all samples."""
+    search.sums[:] = 0.0
+    search.squares[0] = 0.0
+
+
+@linked
+def _noise(search: Any) -> float:
+    """Return the rms of the sensor's noise [N] if it is loud, else 0."""
+    return math.sqrt(search.noise[0]) if search.noise[0] > LOUD * LOUD else 0.0
+
+
+@linked
+def _sample(search: Any, height: float, force: float) -> None:
+    """Add a height of the plate against the finger [m], and the force there [N], to the samples."""
+    sums = search.sums
+    sums[_COUNT] += 1
+    sums[_FORCE] += force
+    sums[_HEIGHT] += height
+    sums[_FORCE_HEIGHT] += force * height
+    sums[_FORCE_FORCE] += force * force
+    search.squares[0] += height * height
+
+
+@linked
+def _slide(search: Any, reach: Any, x: float, y: float) -> None:
+    """Bring the point at which the finger is touched to its place (x, y) on the plate [m].
+
+    By a loud sensor the finger may seem to touch all the time: past such a finger no plate slides fast (K5).
+    """
+    u, v = x - search.aside[0], y - search.aside[1]
+    way, most = math.sqrt(u * u + v * v), reach.near * reach.period
+    part = most / way if _noise(search) > 0.0 and way > most else 1.0
+    if part < 1.0:
+        search.aside[0] += part * u
+        search.aside[1] += part * v
+    else:
+        search.aside[0], search.aside[1] = x, y
+
+
+@linked
 def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: float, led: bool) -> int:
     """Bring the plate below the finger; the sums' `_COUNT` is of the ticks in which it is felt and can go no lower.
 
     There it waits for a finger that is still ``led``: it would not rise to this one, but be struck by it.
     """
     target = search.target[0]
+    if search.point[0] == 0 and force < FORCE / 3:
+        search.noise[0] += reach.period / (LISTENS + reach.period) * (force * force - search.noise[0])
     if force > FORCE / 3:  # touched already: the table is mounted higher than the scene says
         search.target[0] = max(reach.low, target - DROP * 50 * reach.period)
         if target <= reach.low and pose[2] - reach.low < _ARRIVED:
@@ -144,36 +213,36 @@ def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: flo
             if search.sums[_COUNT] * reach.period > RESTS:
                 return TOO_HIGH
     elif not led and abs(pose[0] - x) < _ARRIVED and abs(pose[1] - y) < _ARRIVED and abs(pose[2] - target) < _ARRIVED:
-        search.sums[:] = 0.0
+        _begin(search)
         search.stage[0] = _RISE
     return 0
 
 
 @linked
-def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, force: float) -> int:
+def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, pressed: float) -> int:
     """Raise the plate until it is felt; one that was stopped meanwhile drops first, then rises as slowly again."""
-    sums = search.sums
+    sums, force = search.sums, abs(pressed)
     if search.target[0] - pose[2] > _BEHIND:
         search.target[0] = max(reach.low, search.target[0] - DROP)
-        sums[:] = 0.0
+        _begin(search)
         search.stage[0] = _PLACE
         return 0
-    if force > SAMPLE:
+    noise = _noise(search)
+    if pressed < max(LEFT, noise):  # what was sampled was noise
+        _begin(search)
+    felt = noise > 0.0 and sums[_COUNT] > 0.0
+    if force > max(SAMPLE, BEGINS * noise) or felt:
         # By its own reading, not by what the modality says that carries it: it is the device that is calibrated.
-        height = plate.top(c, pose) - (figures[render.HIP + 2] - reach.radius)
-        sums[_COUNT] += 1
-        sums[_FORCE] += force
-        sums[_HEIGHT] += height
-        sums[_FORCE_HEIGHT] += force * height
-        sums[_FORCE_FORCE] += force * force
-    if force >= FORCE:
-        search.offsets[search.point[0]] = _at_zero_force(sums)
+        _sample(search, plate.top(c, pose) - (figures[render.HIP + 2] - reach.radius), force)
+    if force >= FORCE + BEYOND * noise:
+        found = _at_no_force(sums, search.squares[0]) if noise > 0.0 else _at_zero_force(sums)
+        search.offsets[search.point[0]] = found
         search.target[0] = max(reach.low, search.target[0] - DROP)  # but no lower than the end of its travel
         search.stage[0] = _RELEASE
         return 0
     if search.target[0] >= reach.high:
         return UNFELT
-    search.target[0] = min(reach.high, search.target[0] + RISE * reach.period)
+    search.target[0] = min(reach.high, search.target[0] + (SLOWER if felt else 1.0) * RISE * reach.period)
     return 0
 
 
@@ -184,7 +253,7 @@ def _release(search: Any, pose: Floats, fixed: Any) -> None:
         return
     if search.point[0] + 1 < search.offsets.shape[0]:
         search.point[0] += 1
-        search.sums[:] = 0.0
+        _begin(search)
         search.stage[0] = _PLACE
         return
     total = 0.0
@@ -229,10 +298,11 @@ def seek(
     led = not math.isnan(reach.start) and _lead(c, search, reach)
     force, target = abs(load[2]), search.target
     r, point = render.TABLE + 3, search.point[0]
+    _slide(search, reach, points[point, 0], points[point, 1])
     x, y = figures[render.HIP] - c[render.TABLE], figures[render.HIP + 1] - c[render.TABLE + 1]
     z = figures[render.HIP + 2] - reach.radius - c[render.TABLE + 2]
-    under_x = c[r] * x + c[r + 3] * y + c[r + 6] * z - reach.x + points[point, 0]
-    under_y = c[r + 1] * x + c[r + 4] * y + c[r + 7] * z - reach.y + points[point, 1]
+    under_x = c[r] * x + c[r + 3] * y + c[r + 6] * z - reach.x + search.aside[0]
+    under_y = c[r + 1] * x + c[r + 4] * y + c[r + 7] * z - reach.y + search.aside[1]
     under_z = c[r + 2] * x + c[r + 5] * y + c[r + 8] * z - reach.z
     if math.isnan(target[0]):
         rests = min(under_z, reach.high - ROOM) if led else under_z  # where it is, or will be led to
@@ -242,7 +312,7 @@ def seek(
             search.sums[:] = 0.0  # when it is enabled again, the finger has as long again
             return TOO_HIGH
     elif search.stage[0] == _RISE:
-        if _rise(c, search, reach, pose, figures, force) == UNFELT:
+        if _rise(c, search, reach, pose, figures, -load[2]) == UNFELT:
             return UNFELT
     else:
         _release(search, pose, fixed)
@@ -269,6 +339,7 @@ class TouchOff:
         search = Search(
             self.stage.reshape(1), self.point.reshape(1), state[f"{part}.sums"], state[f"{part}.offsets"],
             self._target.reshape(1), state[f"{name}.calibration"], hand.offset if hand is not None else np.zeros(3),
+            state[f"{part}.aside"], state[f"{part}.noise"].reshape(1), state[f"{part}.squares"].reshape(1),
         )  # fmt: skip
         start = hand.path.start[2] if hand is not None else math.nan
         near = table.model.limits.speed_near or 0.0

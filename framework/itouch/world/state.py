@@ -200,6 +200,9 @@ def _device(device: DeviceModel, framed: bool) -> list[Field]:
                 Field("sums", "f8", 5, unit="mixed", doc="sums of the readings at the point that is being felt"),
                 Field("offsets", "f8", device.touch_off, unit="m", doc="what was found at each point"),
                 Field("target", unit="m", doc="height that the surface is driven to"),
+                Field("aside", "f8", 2, unit="m", doc="where the finger is to be on the surface, from its middle"),
+                Field("noise", unit="N^2", doc="mean square of what the sensor reads where nothing touches"),
+                Field("squares", unit="m^2", doc="sum of the squares of heights at the point that is being felt"),
             ),
         )
     if device.twin:
