@@ -105,6 +105,22 @@ def test_the_noise_of_a_force_sensor_is_not_taken_for_a_touch(scenes: Path, nois
         assert greatest < 0.4
 
 
+@pytest.mark.parametrize("error", [0.4, 1.2])
+def test_a_finger_that_presses_is_not_handed_over_to_a_plate_that_is_looked_for(scenes: Path, error: float) -> None:
+    """It sank towards the plate, by whose height nothing was known: the pad's damping made that wrong by 30 um more."""
+    path, world = scenes / "pressed.xml", '<box name="b" pos="0 0 0 mm" size="80 60 10 mm" material="stuff"/>'
+    path.write_text(Slope(world, MOTION, error=error, touch_off=True, rate=4000).text(), encoding="utf-8")
+    lowest = np.inf
+    with itouch.build(path, seed=1) as session:
+        while not session.state["ready"] and session.seconds < 9.0:
+            session.tick()
+            if session.seconds > 1.0:
+                lowest = min(lowest, session.state["finger.hand.position"][2].item())
+        assert session.state["ready"].item() == 1
+        assert session.state["table.calibration"][2] == pytest.approx(-1e-3 * error, abs=1.5e-5)
+        assert lowest > session.state["finger.hand.position"][2].item() - 2e-4
+
+
 @pytest.mark.parametrize("error", [-2.5, 2.5])
 def test_an_arm_does_not_let_go_as_the_height_of_the_plate_is_found(scenes: Path, error: float) -> None:
     """The correction was taken for a plate that rises by 2.5 mm in a tick, for which the arm made room at once."""

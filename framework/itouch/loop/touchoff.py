@@ -21,7 +21,7 @@ from itouch.joining import SKIP, runner
 from itouch.loop import render
 from itouch.loop.device_runner import DeviceFaultError, Runner
 from itouch.loop.rigid_transforms import Vector
-from itouch.loop.surface import plate
+from itouch.loop.surface import plate, surface_memory
 from itouch.loop.touch import Toucher
 from itouch.plugin import Bound, Record, Role
 from itouch.plugin.carried_surfaces import LEFT
@@ -275,8 +275,8 @@ def sought(stage: Any, status: Any) -> int:
 
 @kernel
 def seek(
-    c: Floats, search: Any, reach: Any, points: Floats, pose: Floats, load: Floats, figures: Floats, goal: Floats,
-    closing: Floats, fixed: Any,
+    c: Floats, search: Any, reach: Any, points: Floats, pose: Floats, load: Floats, figures: Floats, kept: Floats,
+    goal: Floats, closing: Floats, fixed: Any,
 ) -> int:  # fmt: skip
     """Command the table for a tick of a touch-off that is not done; return UNFELT or TOO_HIGH at an end of its travel.
 
@@ -290,6 +290,8 @@ def seek(
         Where the finger is touched, in the plate's plane, shape (points, 2) [m].
     pose, load
         Readings of the table: (7,) [m; quaternion] and (6,) [N, N m].
+    kept
+        Memory (MEMORY,) of the surface: what is looked for renders no contact.
     goal, closing
         Written: its command (7,), and how fast it may approach the finger [m/s], shape (1,).
     fixed
@@ -319,6 +321,8 @@ def seek(
     goal[0], goal[1], goal[2], goal[3] = under_x, under_y, target[0], 1.0
     goal[4] = goal[5] = goal[6] = 0.0
     closing[0] = reach.near
+    if figures[render.PENETRATION] > 0.0:
+        kept[surface_memory.RENDERS] = 0.0  # no height that is not known yet hands a finger over to the plate
     return 0
 
 
@@ -349,7 +353,7 @@ class TouchOff:
         self._load = table.read_as(Role.CONTACT_FORCE)
         search_on = Bound(
             seek, toucher.constants, search, reach, points, table.read_as(Role.TRACKED_POSE),
-            self._load, toucher.figures, table.commanded(Role.SURFACE_POSE),
+            self._load, toucher.figures, toucher.surface, table.commanded(Role.SURFACE_POSE),
             table.gate.actuation.moving.closing, fixed,
         )  # fmt: skip
         #: One tick of it as compiled calls, which must be the last ones of their step.
