@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from itouch_evidence.surface.draw import FAMILIES, WARM
-from itouch_evidence.surface.scenes import RADIUS, Slope
+from itouch_evidence.surface.scenes import HIGHEST, RADIUS, Slope
 
 #: Rates of the loop [Hz].
 RATES = (1000, 2000, 4000)
@@ -150,7 +150,7 @@ def _along(rng: random.Random, tops: list[tuple[float, float]], beyond: float) -
 
 def _body(rng: random.Random, folder: Path) -> Slope:
     """Return a scene of a box or a ball that lies on a floor, and is pressed and pushed."""
-    wide, high, mass = rng.uniform(20.0, 50.0), rng.uniform(10.0, 25.0), rng.choice((20, 100, 500))
+    wide, high, mass = rng.uniform(20.0, 50.0), rng.uniform(10.0, 0.45 * HIGHEST), rng.choice((20, 100, 500))
     kind, shape, top = rng.choice((
         ("box", f'pos="0 0 {high / 2:.2f} mm" size="{wide:.1f} {wide:.1f} {high:.1f} mm"', high),
         ("sphere", f'pos="0 0 {high:.2f} mm" radius="{high:.2f} mm"', 2.0 * high),
