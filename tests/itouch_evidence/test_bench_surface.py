@@ -358,6 +358,7 @@ FOUND_WIDE = [
     pytest.param(20, 305, "plate", id="nor under a soft pad"),
     pytest.param(20, 91, "plate", id="a finger that presses does not sink to a plate that is looked for"),
     pytest.param(20, 442, "plate", id="nor one of another size"),
+    pytest.param(301126, 359, "plate", id="and rests on a light body: the arm follows the plate's force at once"),
 ]
 
 

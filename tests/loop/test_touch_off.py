@@ -124,10 +124,8 @@ def test_a_finger_that_presses_is_not_handed_over_to_a_plate_that_is_looked_for(
 @pytest.mark.parametrize("error", [-2.5, 2.5])
 def test_an_arm_does_not_let_go_as_the_height_of_the_plate_is_found(scenes: Path, error: float) -> None:
     """The correction was taken for a plate that rises by 2.5 mm in a tick, for which the arm made room at once."""
-    path = scenes / "pressed.xml"
-    slope = Slope(
-        '<box name="b" pos="0 0 0 mm" size="80 60 10 mm" material="stuff"/>', MOTION, error=error, touch_off=True
-    )
+    path, world = scenes / "pressed.xml", '<box name="b" pos="0 0 0 mm" size="80 60 10 mm" material="stuff"/>'
+    slope = Slope(world, MOTION.replace("11 mm", "10 mm"), error=error, touch_off=True)
     path.write_text(slope.text(), encoding="utf-8")
     with itouch.build(path, seed=1) as session:
         session.run(until=lambda: bool(session.state["ready"]) or session.ticks >= 9000)

@@ -100,7 +100,7 @@ class Reach(NamedTuple):
     """Lengths [m]: ends of the travel, the finger's radius, and the height at which the hand's path begins (NaN: none).
 
     ``x``, ``y``, ``z``: of the plate's top from the point whose pose the table reads; ``near``: greatest speed near a
-    finger [m/s]; ``period``: of a tick [s].
+    finger [m/s]; ``period``: of a tick [s]; ``damping``: of the finger's pad [N s/m].
     """
 
     low: float
@@ -112,6 +112,7 @@ class Reach(NamedTuple):
     z: float
     near: float
     period: float
+    damping: float
 
 
 @linked
@@ -170,6 +171,16 @@ def _noise(search: Any) -> float:
 
 
 @linked
+def _damped(reach: Any, figures: Floats, kept: Floats, speed: float) -> float:
+    """Return the force [N] of the pad's damping as the plate rises at ``speed`` [m/s] to a finger that presses.
+
+    A finger that rests on a virtual object stays where it is, as the arm gives the less, the more the plate gives; one
+    in the air gives way to the plate.
+    """
+    return reach.damping * max(0.0, speed - kept[surface_memory.SINK]) if figures[render.PENETRATION] > 0.0 else 0.0
+
+
+@linked
 def _sample(search: Any, height: float, force: float) -> None:
     """Add a height of the plate against the finger [m], and the force there [N], to the samples."""
     sums = search.sums
@@ -219,7 +230,7 @@ def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: flo
 
 
 @linked
-def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, pressed: float) -> int:
+def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, kept: Floats, pressed: float) -> int:
     """Raise the plate until it is felt; one that was stopped meanwhile drops first, then rises as slowly again."""
     sums, force = search.sums, abs(pressed)
     if search.target[0] - pose[2] > _BEHIND:
@@ -233,7 +244,8 @@ def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, pre
     felt = noise > 0.0 and sums[_COUNT] > 0.0
     if force > max(SAMPLE, BEGINS * noise) or felt:
         # By its own reading, not by what the modality says that carries it: it is the device that is calibrated.
-        _sample(search, plate.top(c, pose) - (figures[render.HIP + 2] - reach.radius), force)
+        held = _damped(reach, figures, kept, SLOWER * RISE if felt else RISE)
+        _sample(search, plate.top(c, pose) - (figures[render.HIP + 2] - reach.radius), force - held)
     if force >= FORCE + BEYOND * noise:
         found = _at_no_force(sums, search.squares[0]) if noise > 0.0 else _at_zero_force(sums)
         search.offsets[search.point[0]] = found
@@ -314,7 +326,7 @@ def seek(
             search.sums[:] = 0.0  # when it is enabled again, the finger has as long again
             return TOO_HIGH
     elif search.stage[0] == _RISE:
-        if _rise(c, search, reach, pose, figures, -load[2]) == UNFELT:
+        if _rise(c, search, reach, pose, figures, kept, -load[2]) == UNFELT:
             return UNFELT
     else:
         _release(search, pose, fixed)
@@ -322,7 +334,8 @@ def seek(
     goal[4] = goal[5] = goal[6] = 0.0
     closing[0] = reach.near
     if figures[render.PENETRATION] > 0.0:
-        kept[surface_memory.RENDERS] = 0.0  # no height that is not known yet hands a finger over to the plate
+        # No height that is not known yet hands a finger over to the plate; the arm follows its force at once.
+        kept[surface_memory.RENDERS] = kept[surface_memory.CHANGING] = 0.0
     return 0
 
 
@@ -347,7 +360,9 @@ class TouchOff:
         )  # fmt: skip
         start = hand.path.start[2] if hand is not None else math.nan
         near = table.model.limits.speed_near or 0.0
-        reach = Reach(*map(float, (low, high, toucher.probe.scene.radius, start, *offset, near, period)))
+        carried = toucher.model.surfaces.get(toucher.probe.name)
+        damping = carried.pad_damping if carried is not None else 0.0
+        reach = Reach(*map(float, (low, high, toucher.probe.scene.radius, start, *offset, near, period, damping)))
         angles = [math.pi / 2 + 2 * math.pi * point / count for point in range(count)]
         points = np.array([(SPREAD * math.cos(angle), SPREAD * math.sin(angle)) for angle in angles])
         self._load = table.read_as(Role.CONTACT_FORCE)
