@@ -189,7 +189,6 @@ def carried(
     return 0
 
 
-@kernel
 def gap_of(figures: Floats, radius: float) -> float:
     """Return the distance [m] between finger pad and plate, by their readings, for how fast that may come nearer.
 
@@ -197,10 +196,14 @@ def gap_of(figures: Floats, radius: float) -> float:
     near, and must be slow, the finger would leave it behind; where it is not, it would catch up: in and out in turn, it
     would be as fast as the finger, which a near plate must not be.
 
-    ``figures`` (FIGURES,) of `render`; ``radius`` [m].
+    ``figures`` (FIGURES,) of `render`; ``radius`` [m].  Plain Python, so that a tick in which Python carries the
+    surface has nothing to compile.
     """
     gap = figures[render.HIP + 2] - radius - figures[render.PLATE_TOP]
     return float(gap - WIDER if figures[render.VELOCITY + 2] > SPEED_NEAR else gap)
+
+
+_gap_of = kernel(gap_of)
 
 
 @kernel
@@ -213,7 +216,7 @@ def close_in(
     ``figures`` (FIGURES,) of `render`, ``closing`` (1,) and ``clamped`` (1,) are written; ``radius`` [m], the other
     numbers as in `carried.pace`.
     """
-    closing[0] = pace(gap_of(figures, radius), figures[render.TRACKING], tracking, near, close, far)
+    closing[0] = pace(_gap_of(figures, radius), figures[render.TRACKING], tracking, near, close, far)
     if closing[0] == 0.0:
         clamped[0] += 1
     return 0
