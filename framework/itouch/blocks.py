@@ -1,6 +1,6 @@
 """Flat blocks of numbers: where each of their parts begins, counted from the widths of the parts before it.
 
-What a compiled function needs of a thing stands in one array, because each array more costs time at every call.  Its
+A kernel's constants lie in one flat array, because each further array costs time at every call.  Its
 parts have names; a name's place is never written down as a number, so that a part that is put in or becomes wider
 moves all that follow.
 """

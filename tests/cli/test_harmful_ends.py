@@ -136,7 +136,7 @@ def test_what_the_end_of_a_run_needs_is_put_back_and_told_as_a_fault(
     assert "Traceback" not in complained
     assert report is not None
     (fault,) = report["faults"]
-    assert re.search(rf"a plugin had replaced( or closed)? {what} of Python", fault["cause"])
+    assert re.search(rf"a plugin had replaced( or closed)? {what} for the whole Python process", fault["cause"])
     assert fault["safe"]["reached"]
     assert fault["cause"] in said and "saved s.itouch" in said
     assert (tmp_path / "s.itouch").exists()

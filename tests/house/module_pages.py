@@ -17,8 +17,8 @@ from sources import ROOT, SHELVES, Module, modules, shelf
 PAGE = ROOT / "docs" / "reference" / "modules.md"
 HEAD = """# Modules and constants
 
-Every file of the program, by package and folder, with what it is for and the constants that stand in it, those of its inside (`_NAME`), too. Search this
-page for a number, a default or a word; the map in [Contributing](../contributing.md) says which rooms stand on which. After the modules come what is not
+This page lists every file of the program, by package and folder, with its purpose and its constants, internal ones (`_NAME`) included. Search this
+page for a number, a default or a word; the map in [Contributing](../contributing.md) says which rooms import which. After the modules come what is not
 Python (firmware, the page of a session, templates) and the scenes. Written by `python tests/house/rooms.py --write`.
 """
 #: Files that are no modules of the wheel's packages: how a first comment is found in each kind; templates end with ``.in``.

@@ -15,7 +15,7 @@ from sources import ROOT, modules
 PAGE = ROOT / "docs" / "reference" / "sentences.md"
 HEAD = """# Sentences
 
-What the program may say, by the file that says it: messages, notices, words in tables, windows and reports, help. An ellipsis (…) stands for
+This page lists all texts of the program by the file that has them: messages, notices, words in tables, windows and reports, help. An ellipsis (…) stands for
 what is filled in. Search this page for words that you have seen to find the file to change. Texts outside Python files are not here: the page of a
 session, the browser's window, templates and firmware, which stand at the end of [modules and constants](modules.md). Written by `python
 tests/house/rooms.py --write`.

@@ -141,8 +141,8 @@ REPLACED = ("isinstance", "len", "float", "bool", "type", "next", "BaseException
 
 #: What a plugin may do, and what is said of it; one of each kind is tried always.
 ACTS = [
-    *((f"builtins.{name} = None", f"a plugin had replaced '{name}' of Python") for name in REPLACED),
-    ("builtins.min = lambda *a: 3.0", "a plugin had replaced 'min' of Python"),
+    *((f"builtins.{name} = None", f"a plugin had replaced '{name}' for the whole Python process") for name in REPLACED),
+    ("builtins.min = lambda *a: 3.0", "a plugin had replaced 'min' for the whole Python process"),
     ("vars(builtins).clear()", "a plugin had replaced 'abs', "),
     ("vars(builtins).clear()\nraise ValueError", "a plugin had replaced 'abs', "),
     ("sys.setrecursionlimit(len(__import__('inspect').stack()) + 6)\nraise ValueError", "sys.setrecursionlimit"),

@@ -19,7 +19,7 @@ _ROUNDED = 1e-9
 _ASIDE = 0.35
 #: How deep a step a fingertip bridges [m]: its pad is indented by about this where it is pressed.
 BRIDGED = 1e-3
-#: How far from its place of contact it is tried whether a surface goes on there [m], and how far from it is off it.
+#: Distance [m] at which we test whether the surface continues, and that from which a point is off it.
 _NEXT, _OFF = 1e-5, 1e-6
 #: In how many directions it is looked where a surface ends, and how often the way there is halved.
 _DIRECTIONS, _HALVED = 8, 16

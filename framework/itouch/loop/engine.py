@@ -118,7 +118,7 @@ class Engine:
         self.stamps = np.zeros(1 + max(1, len(self.plan.steps)))
         #: The thread in which a run is under way, 0: none; and whether a tick is under way.
         self._runs_in, self._ticking = 0, False
-        #: Who is told what of this engine; and who is told of each tick, which is most of them.
+        #: Event listeners; and tick listeners, kept apart because they are called most.
         self.on = Notifications()
         self.taps: list[Callable[[int], None]] = self.on.tick
         self._operator.waiting = partial(tell, self.on.waiting)

@@ -69,7 +69,8 @@ def blamed(names: tuple[str, ...]) -> str:
     how = "replaced or closed" if any(name.startswith(("file ", "sys.std")) for name in names) else "replaced"
     listed = ", ".join(f"'{name}'" for name in names[:3])
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-    return f"a plugin had {how} {listed}{more} of Python for the whole program; that was put back"
+    back = "it was" if len(names) == 1 else "they were"
+    return f"a plugin had {how} {listed}{more} for the whole Python process; {back} restored"
 
 
 #: The modules and classes whose functions are needed to end a session.

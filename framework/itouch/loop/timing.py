@@ -91,7 +91,7 @@ def timing_fields(parts: int) -> tuple[Field, ...]:
             "u4",
             (3 + parts, BINS),
             unit="tick",
-            doc="histograms of lateness, tick time, each part, and what of a processor a tick and what follows it took",
+            doc="histograms of lateness, tick time, each part, and processor time per tick with what follows it",
         ),
     )
 

@@ -89,7 +89,7 @@ class Toucher:
         """Collect the views that the compiled tick works on."""
         nothing, self._moving = np.zeros(7), bool(model.moving)
         self._load = table.read_as(Role.CONTACT_FORCE) if table is not None else nothing
-        #: What who carries a surface says of the force on it now [N], shape (1,); below 0: nothing.
+        #: Surface force reported by the carrying modality [N], shape (1,); below 0: none reported.
         self._presses = np.full(1, -1.0)
         #: The fields of State that say that, and how much higher it is than is read.
         self.newer: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""Shared memory between the loop and the writing process: a ring of rows of fixed size, and one of letters of any size.
+"""Shared memory between the loop and the writing process: a ring of rows of fixed size, one of messages of any size.
 
 The loop writes, the other process reads; there are no locks.  Each side owns its counters, which only increase, and
 writes them after the data (stores keep their order on the processors that we run on).

@@ -1,4 +1,4 @@
-"""What of a scene with problems is not as it was meant, so that nothing that depends on it is told as wrong."""
+"""Parts of a faulty scene whose meaning is uncertain; problems that only follow from them are not reported."""
 
 from __future__ import annotations
 

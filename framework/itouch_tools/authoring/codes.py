@@ -189,7 +189,7 @@ HEADINGS: dict[str, tuple[Code, ...]] = {
     "Devices and limits": DEVICES,
     "Modalities, recordings, surfaces, motion": SCENE,
     "Mesh files": MESHES,
-    "Legal, but odd": ODD,
+    "Valid but unusual": ODD,
     "While running": RUNNING,
 }
 #: All codes by name.

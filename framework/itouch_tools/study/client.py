@@ -65,7 +65,7 @@ class Touch:
         try:
             self._line = socket.create_connection((host, port), timeout=timeout)
         except OSError as error:
-            raise ServedError("lost", f"nobody listens at {host}:{port}: the study is not served any more") from error
+            raise ServedError("lost", f"no study server at {host}:{port}") from error
         self._line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         told = self._exchange({"token": token}, timeout)
         if told.get("itouch") != LINES:

@@ -33,7 +33,7 @@ FIELDS = tuple(
         ("here", "m", "its height a tick ago"),
         ("speed", "m/s", "how fast it rose then"),
         ("rushes", "m/s^2", "how fast that changed, smoothed as its control does"),
-        ("shift", "m", "by how much it was sent higher than the virtual surface is, because that bends"),
+        ("shift", "m", "height offset commanded for the virtual surface's curvature"),
         ("slower", "m/s", "by how much slower it comes to the finger, because the finger accelerates downwards"),
         ("waited", "m", "by how much less it has therefore come since it set out"),
     )
@@ -57,7 +57,7 @@ OVER_WIRE: tuple[Field, ...] = (
     Field("lifts_before", unit="m/s", doc="how fast the object lifted the virtual surface a tick ago, smoothed"),
     Field("lift_speed", unit="m/s", doc="how fast it lifts that"),
     Field("lift_hastens", unit="m/s^2", doc="how fast that changes"),
-    Field("ahead", unit="s", doc="how long after a command the middle of the time is in which it acts, as observed"),
+    Field("ahead", unit="s", doc="observed delay from a command to the midpoint of its effect"),
     Field("hold", unit="s", doc="for how long a command acts, as observed"),
     Field("commands", unit="1", doc="how many commands had left"),
     Field("read_at", unit="tick", doc="when the newest reading was measured"),

@@ -49,7 +49,7 @@ def memory(model: FluxModel) -> tuple[Field, ...]:
             unit="1",
             doc="number of the object that runs ahead, -1: none",
         ),
-        Field("reached", "i8", unit="tick", doc="up to which tick of the touch the contact that runs ahead has come"),
+        Field("reached", "i8", unit="tick", doc="last tick of the touch simulated by the look-ahead contact"),
         Field("tracked", "i8", unit="tick", doc="up to when readings have been taken in"),
         Field("force_before", unit="N", doc="force on the plate in the update before", show="no"),
         Field("force_before_at", "i8", unit="tick", doc="when that was measured"),

@@ -125,7 +125,7 @@ def confused(work: Work) -> Claim:
     checks = (Check("PMMA over wood", flux["PMMA"] / flux["wood"], 1.0 / (1.0 + WEBER), 1.0 + WEBER),)
     return Claim("V", "There was often confusion between wood and plastic", "flux at 1 s; a Weber fraction of "
         "0.43", checks,
-                 "who confuses what is a question to a panel: `itouch-py study run`")  # fmt: skip
+                 "confusions between materials need participants: `itouch-py study run`")  # fmt: skip
 
 
 def told_apart(work: Work) -> Claim:
