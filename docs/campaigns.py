@@ -13,10 +13,10 @@ CASE = HERE / "explanation" / "safety-case.md"
 BEGIN, END = "<!-- table: docs/campaigns.toml -->\n", "<!-- end of the table -->"
 _HEAD = """# Campaigns and their figures
 
-What whole campaigns have measured on the simulated twins: of each command the newest run, with its date and the commit
-that it ran on. Below each table stands what earlier runs found, where that has changed something. Other figures that
-pages link stand [below](#FIRST); each leads to the page that says what it means. Written from `docs/campaigns.toml` by
-`python docs/reference_pages.py`, as is the table of [the safety case](safety-case.md).
+This page shows what campaigns measured on simulated twins: the newest run of each command, with its date and commit.
+Below each table stand the earlier runs whose findings changed something. Other figures that pages link stand
+[below](#FIRST); each links the page that explains it. `python docs/reference_pages.py` writes this page, and the table
+of [the safety case](safety-case.md), from `docs/campaigns.toml`.
 """
 
 
@@ -49,7 +49,7 @@ def page() -> str:
         lines.append("")
     for one in figures():
         page_of = os.path.relpath(one["page"], "explanation")
-        lines += [f"## {one['name']}\n", f"What this is: []({page_of}).\n", one["text"].strip("\n"), ""]
+        lines += [f"## {one['name']}\n", f"Background and method: []({page_of}).\n", one["text"].strip("\n"), ""]
     return "\n".join(lines)
 
 
