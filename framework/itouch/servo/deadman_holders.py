@@ -1,4 +1,4 @@
-"""The holders of the dead-man's switch: a memory word for each, none believed for longer than `monitors.limits.HOLD`.
+"""The holders of the dead-man's switch: a memory word for each, believed for `monitors.default_limits.HOLD` at most.
 
 The servo process believes a word for no longer than that from when it first sees it, whatever the word says, so that
 nothing written there can hold the switch for ever.  If a holder lets go or falls silent, the session stops, even if

@@ -92,7 +92,7 @@ class News:
         return found
 
     def marks(self, state: Record) -> list[dict[str, Any]]:
-        """Return the marks that are new, oldest first: time [s], tick, name, payload; at most `world.marks.MARKS`."""
+        """Return the new marks, oldest first: time [s], tick, name, payload; at most `world.mark_fields.MARKS`."""
         count = int(state["marks.count"])
         new, self._marks = count - self._marks, count
         listed = remembered(state)[-new:] if new > 0 else []
