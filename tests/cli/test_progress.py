@@ -22,7 +22,9 @@ from shipped import SCENES
 from test_command_options import Terminal, lines_on_screen
 
 import itouch
+import itouch_thermal.cli
 import itouch_tools.cli.check
+import itouch_tools.cli.explain
 import itouch_tools.cli.inspect
 import itouch_tools.cli.recover
 import itouch_tools.cli.replay
@@ -210,6 +212,35 @@ def test_other_commands_that_take_long_say_what_they_do(
         "checking 2 scenes", (0.0, scenes[0]), (0.5, scenes[1]), "end", f"reading {scenes[0]}", "end",
         f"recovering {recorded}", "end",
     ]  # fmt: skip
+
+
+def test_what_a_scene_needs_before_its_numbers_are_printed_is_told(tmp_path: Path) -> None:
+    """Nearly all of both commands is building the session: they printed nothing for two seconds."""
+    scene = str(SCENES / "four_materials_hurried.xml")
+    events: list[Any] = []
+    with listening(events):
+        assert itouch_thermal.cli.main(["switching", scene]) == 0
+        assert itouch_thermal.cli.main(["record-flux", scene, "-o", str(tmp_path / "flux.csv"), "--every", "10ms"]) == 0
+    said = [event for event in events if isinstance(event, str)]
+    assert said == [
+        f"preparing {scene}", "end", "computing the times of switches", "end",
+        f"preparing {scene}", "end", f"running {scene}", "end",
+    ]  # fmt: skip
+    told = [event for event in events if isinstance(event, tuple)]
+    shares = [share for share, _ in told]
+    assert len(told) > 10 and shares == sorted(shares) and 0.0 < shares[0] < shares[-1] <= 1.0
+    assert told[0][1] == "0.1 s simulated"
+
+
+def test_an_explanation_says_that_its_example_runs_and_what_it_prints_is_the_same(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    events: list[Any] = []
+    with listening(events):
+        assert itouch_tools.cli.explain.main(["plate-temperature"]) == 0
+    assert (events[0], events[-1]) == ("running the example of plate-temperature", "end")
+    printed = capsys.readouterr()
+    assert "fault[plate-temperature]" in printed.out and printed.err == ""
 
 
 def test_the_trials_of_an_audit_are_told_as_waits_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,10 @@ from program import program
 from shipped import SCENES
 
 import itouch
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "cli"))
+
+from test_command_options import Terminal, lines_on_screen
 
 DRAW = """
 import sys, numpy as np, itouch
@@ -147,6 +152,23 @@ def test_run_writes_a_screenshot_and_a_film(tmp_path: Path):
     with Image.open(film) as moving:
         assert moving.size == (320, 180)
         assert 20 <= moving.n_frames <= 30
+
+
+@pytest.mark.parametrize("words", [(), ("--for", "2s")])
+def test_a_film_says_how_far_it_is_and_how_long_it_takes_yet(tmp_path: Path, words: tuple[str, ...]) -> None:
+    need_graphics()
+    film = tmp_path / "film.gif"
+    terminal = Terminal(
+        "run", str(SCENES / "first_touch.xml"), "--film", str(film), "--size", "640x360", *words, env=without_display()
+    )
+    assert terminal.end() == 0, terminal.text
+    seen = list(lines_on_screen(terminal.text))
+    shares = [
+        int(found[1]) for line in seen if (found := re.match(r" *[\d.]+ s  (\d+)%(, about \d+ s left)?  f", line))
+    ]
+    assert len(shares) >= 2 and shares == sorted(shares) and shares[0] < 50 <= shares[-1] <= 99, terminal.text
+    assert any(re.search(r"%, about \d+ s left  finger ", line) for line in seen), terminal.text
+    assert film.exists()
 
 
 def test_run_writes_an_mp4(tmp_path: Path):

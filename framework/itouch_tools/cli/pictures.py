@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from itouch.schema import ItouchError
 from itouch.schema.extras import need
+from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import picture_size, seconds
 from itouch_tools.cli.output_files import Output, picture_file
 
@@ -76,4 +77,5 @@ def taking(session: Session, options: argparse.Namespace, *, end: float | None) 
         yield
     finally:
         session.taps.remove(filming.tap)
-        filming.close()
+        with waiting(f"writing {options.film or options.screenshot}"):
+            filming.close()

@@ -65,9 +65,9 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
         note(notice)
     deprecations.warn(session.model)
     windows.tell(options, opened=False)
-    screen = Screen(session, sys.stdout)
-    session.loss_hooks.append(lambda loss: screen.interrupt(told(loss)))
     end = None if options.duration is None else session.seconds + options.duration
+    screen = Screen(session, sys.stdout, left=_left(session, end) if options.film else None)
+    session.loss_hooks.append(lambda loss: screen.interrupt(told(loss)))
     with pictures.taking(session, options, end=end), sounds.keeping(session, options):
         with output_options.opened(session, options):
             code, lost = _run(session, options, stop.listened(screen.show), stop)
@@ -75,6 +75,13 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
         stop.listened(screen.finish)(report)
         _write(session, options, report, lost)
     return code
+
+
+def _left(session: Session, end: float | None) -> Callable[[], float] | None:
+    """Return a function of how long a run simulates yet [s], at the earliest; None if no motion of a finger tells."""
+    if end is not None:
+        return lambda: end - session.seconds
+    return (lambda: session.left * session.model.period) if session.left > 1 else None
 
 
 def _refuse_hardware(session: Session) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from itouch.loop.contact_report import status
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 #: Shortest time [s] between two updates of the live line.
 _EVERY = 0.1
+#: How long [s] a run must have taken before its rate tells how much time is left.
+_SETTLED = 1.0
 
 
 class Followed(Protocol):
@@ -49,8 +52,10 @@ class Followed(Protocol):
 class Screen:
     """Follows an engine; it reads, and never changes, what it shows."""
 
-    def __init__(self, engine: Followed, stream: TextIO) -> None:
-        self._engine, self._stream = engine, stream
+    def __init__(self, engine: Followed, stream: TextIO, *, left: Callable[[], float] | None = None) -> None:
+        """Begin to follow; ``left`` returns how long the run will simulate yet [s]: then its progress is shown, too."""
+        self._engine, self._stream, self._left = engine, stream, left
+        self._begun, self._whole = time.monotonic(), left() if left is not None else 0.0
         self._live = is_terminal(stream) and not VERBOSITY.quiet
         self._next = 0.0
         self._told = len(engine.statistics.contacts)
@@ -87,7 +92,7 @@ class Screen:
     def _parts(self) -> list[str]:
         """Return the parts of the live line, the most important first."""
         engine = self._engine
-        parts = [f"{engine.seconds:7.2f} s"]
+        parts = [f"{engine.seconds:7.2f} s", *self._progress()]
         for probe in engine.model.probes:
             index = int(engine.state[f"{probe.name}.contact.object"])
             near = int(engine.state[f"{probe.name}.near_object"])
@@ -107,6 +112,19 @@ class Screen:
             late = engine.times.lateness()["p99"] or 0.0
             parts.append(f"late p99 {late:.0f} us, {number_of(engine.times.overruns, 'overrun')}")
         return parts
+
+    def _progress(self) -> list[str]:
+        """Return the share that is done and the time left, if anybody asked for them and something is done."""
+        left = self._left() if self._left is not None else 0.0
+        done = self._whole - left
+        if self._left is None or done <= 0.0:
+            return []
+        share, took = min(0.99, done / self._whole), time.monotonic() - self._begun
+        if took < _SETTLED:
+            return [f"{share:.0%}"]
+        seconds = took * max(0.0, left) / done
+        shown = f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"
+        return [f"{share:.0%}, about {shown} left"]
 
     def _new_contacts(self) -> None:
         contacts = self._engine.statistics.contacts

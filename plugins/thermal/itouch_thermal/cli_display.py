@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 from typing import Any, TextIO
 
-from itouch.plugin import parse_quantity
+from itouch.plugin import parse_quantity, waiting
 from itouch.plugin.commands import framework, output_file
 from itouch_thermal.whole_file import write_whole
 
@@ -117,11 +117,13 @@ def _switching(options: argparse.Namespace) -> None:
     from itouch_thermal.flux.flux_report import switches
     from itouch_thermal.flux.modality import FluxControl
 
-    session = framework().build(options.scene, rig=options.rig)
+    with waiting(f"preparing {options.scene}"):
+        session = framework().build(options.scene, rig=options.rig)
     controls = [m for m in session.model.modalities if isinstance(m.instance, FluxControl)]
     if not controls:
         raise ValueError(f"{options.scene}: no <thermal:flux-control>, so no plate that switches")
-    rows = [{"modality": control.name, **row} for control in controls for row in switches(control.model)]
+    with waiting("computing the times of switches"):
+        rows = [{"modality": control.name, **row} for control in controls for row in switches(control.model)]
     if options.json:
         write_whole(Path(options.json), json.dumps(rows, indent=1) + "\n")
     for control in controls:

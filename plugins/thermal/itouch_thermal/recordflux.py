@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from itouch.plugin import waiting
 from itouch.plugin.commands import framework
 from itouch_thermal.flux.modality import FluxControl
 from itouch_thermal.heat import Heat
 
 #: What can be recorded: the flux out of the finger, the display's sensor reading, or the desired flux.
 KINDS = ("obtained", "sensor", "desired")
+#: After how many ticks it is told again how far the run is.
+_TOLD = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,14 +57,15 @@ def record_flux(
     ItouchError
         If the scene is wrong or a device fails.
     """
-    session = framework().build(scene, seed=seed, rig=rig, twin=twin)
-    with session:
+    with waiting(f"preparing {scene}"):
+        session = framework().build(scene, seed=seed, rig=rig, twin=twin)
+    with session, waiting(f"running {scene}") as wait:
         wanted = _wanted(session, object_name)
         probe, field = _source(session, kind)
         if seconds is None and not session.scripted:
             raise ValueError("the scene has no scripted motion: say for how long to run, with --for 30s")
         last = None if seconds is None else round(seconds / session.model.period)
-        rows, index = _follow(session, probe, field, wanted, last)
+        rows, index = _follow(session, probe, field, wanted, last, wait.part)
     if len(rows) < 2:
         what = f"'{object_name}'" if object_name else "nothing"
         raise ValueError(f"the finger touched {what if not object_name else what + ' never'}: no flux to record")
@@ -94,7 +99,9 @@ def _source(session: Any, kind: str) -> tuple[str, str]:
     raise ValueError(f"the scene has no modality that knows the flux ({kind})")
 
 
-def _follow(session: Any, probe: str, field: str, wanted: int, last: int | None) -> tuple[list[float], int]:
+def _follow(
+    session: Any, probe: str, field: str, wanted: int, last: int | None, tell: Callable[[float, str], None]
+) -> tuple[list[float], int]:
     """Tick until a touch has ended; return its fluxes while the finger pressed, and the object's index."""
     state = session.state
     current, force = state[f"{probe}.contact.object"], state[f"{probe}.normal_force"]
@@ -103,6 +110,9 @@ def _follow(session: Any, probe: str, field: str, wanted: int, last: int | None)
     while not (session.done if last is None else ticks >= last):
         session.tick()
         ticks += 1
+        if ticks % _TOLD == 0:
+            most = last if last is not None else ticks + session.left
+            tell(ticks / most, f"{session.seconds:.1f} s simulated")
         touched = current.item()
         if index >= 0 and touched != index:
             break

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from itouch.schema.wait_notices import waiting
 from itouch_tools.cli.arguments import Parser
 
 if TYPE_CHECKING:
@@ -57,8 +58,10 @@ def _explain(name: str) -> int:
     example = examples()[name]
     print(f"{name}: {code.wrong}.\nWhat to do: {code.remedy}.\n\nFor example\n")
     print(_indented(example.text))
-    print("\ngives\n")
-    print(_indented(play(example)))
+    print("\ngives\n", flush=True)
+    with waiting(f"running the example of {name}"):
+        printed = play(example)
+    print(_indented(printed))
     return 0
 
 
